@@ -1,0 +1,53 @@
+# Flags and helpers shared by all targets of the project.
+
+add_library(tvsgs_flags INTERFACE)
+target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
+# No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
+# and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
+target_compile_options(tvsgs_flags INTERFACE
+    $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wconversion -Werror
+        -fno-math-errno -fno-trapping-math>
+    $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
+        -Werror=all-warnings -diag-suppress=20012>)
+target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
+if(TVSGS_CUDA)
+    target_compile_definitions(tvsgs_flags INTERFACE TVSGS_WITH_CUDA=1)
+    # System headers for the C++ files: CUDA's own do not pass our warnings.
+    target_include_directories(tvsgs_flags SYSTEM INTERFACE ${CUDAToolkit_INCLUDE_DIRS})
+endif()
+if(TVSGS_NATIVE)
+    target_compile_options(tvsgs_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
+endif()
+if(TVSGS_ASAN)
+    target_compile_options(tvsgs_flags INTERFACE
+        $<$<COMPILE_LANGUAGE:CXX>:-fsanitize=address,undefined -fno-omit-frame-pointer>)
+    target_link_options(tvsgs_flags INTERFACE -fsanitize=address,undefined)
+endif()
+
+# tvsgs_library(NAME SOURCES a.cpp ... CUDA_SOURCES a.cu ... LINK lib ...)
+function(tvsgs_library name)
+    cmake_parse_arguments(ARG "" "" "SOURCES;CUDA_SOURCES;LINK;PRIVATE_LINK" ${ARGN})
+    if(TVSGS_CUDA)
+        list(APPEND ARG_SOURCES ${ARG_CUDA_SOURCES})
+    endif()
+    add_library(${name} STATIC ${ARG_SOURCES})
+    target_link_libraries(${name} PUBLIC tvsgs_flags ${ARG_LINK} PRIVATE ${ARG_PRIVATE_LINK})
+    if(TVSGS_CUDA)
+        target_link_libraries(${name} PUBLIC CUDA::cudart_static)
+    endif()
+endfunction()
+
+# tvsgs_test(NAME LABELS formula|twin|golden|smoke ... SOURCES ... LINK ...)
+function(tvsgs_test name)
+    cmake_parse_arguments(ARG "" "" "SOURCES;LINK;LABELS" ${ARGN})
+    add_executable(${name} ${ARG_SOURCES})
+    target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest_main)
+    target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
+    # Oracles and development scenes; tests that need them skip, and say so, where they are absent.
+    target_compile_definitions(${name} PRIVATE
+        TVSGS_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared"
+        TVSGS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+        TVSGS_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
+    add_test(NAME ${name} COMMAND ${name})
+    set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300)
+endfunction()

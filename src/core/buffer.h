@@ -1,0 +1,134 @@
+// Memory whose device is part of its type.
+#pragma once
+
+#include <cassert>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/device.h"
+
+namespace tvsgs {
+
+/// A view of contiguous elements; what a kernel body indexes.
+template <class T>
+struct Span {
+    T* data = nullptr;
+    std::size_t count = 0;
+
+    TVSGS_HD T& operator[](std::size_t i) const { return data[i]; }
+    TVSGS_HD int size() const { return static_cast<int>(count); }
+    TVSGS_HD bool empty() const { return count == 0; }
+    TVSGS_HD T* begin() const { return data; }
+    TVSGS_HD T* end() const { return data + count; }
+    TVSGS_HD operator Span<const T>() const { return {data, count}; }
+};
+
+/// Bytes held by all buffers of a device, now and at most so far.
+struct MemoryUse {
+    std::int64_t current_bytes, peak_bytes;
+};
+MemoryUse memory_use(Cpu);
+MemoryUse memory_use(Cuda);
+
+namespace detail {
+// Throw Error(ExitCode::memory) with the size asked for and the memory there is.
+void* allocate(Cpu, std::size_t bytes);
+void* allocate(Cuda, std::size_t bytes);
+void release(Cpu, void* data, std::size_t bytes);
+void release(Cuda, void* data, std::size_t bytes);
+void fill_zero(Cpu, void* data, std::size_t bytes);
+void fill_zero(Cuda, void* data, std::size_t bytes);
+// Host to device and back wait until the copy is done.
+void copy(Cpu, const void* from, Cpu, void* to, std::size_t bytes);
+void copy(Cpu, const void* from, Cuda, void* to, std::size_t bytes);
+void copy(Cuda, const void* from, Cpu, void* to, std::size_t bytes);
+void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes);
+}  // namespace detail
+
+/// Owns [size] elements on `Device`. Movable; copied only by name, with copy(). The only caller of
+/// the device's allocator. Growing loses the contents; shrinking keeps the memory.
+template <class T, class Device>
+class Buffer {
+    static_assert(std::is_trivially_copyable_v<T>);
+
+public:
+    Buffer() = default;
+    explicit Buffer(std::size_t size) { resize(size); }
+    Buffer(Buffer&& other) noexcept { swap(other); }
+    Buffer& operator=(Buffer&& other) noexcept {
+        swap(other);
+        return *this;
+    }
+    ~Buffer() { detail::release(Device{}, data_, capacity_ * sizeof(T)); }
+
+    /// Contents are undefined if the capacity had to grow, else kept.
+    void resize(std::size_t size) {
+        if (size > capacity_) {
+            // A quarter to spare on re-growth, so that slowly growing counts allocate rarely.
+            const std::size_t wanted = capacity_ == 0 ? size : size + size / 4;
+            detail::release(Device{}, std::exchange(data_, nullptr), std::exchange(capacity_, 0) * sizeof(T));
+            data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T)));
+            capacity_ = wanted;
+        }
+        size_ = size;
+    }
+    void fill_zero() { detail::fill_zero(Device{}, data_, size_ * sizeof(T)); }
+    void swap(Buffer& other) noexcept {
+        std::swap(data_, other.data_);
+        std::swap(size_, other.size_);
+        std::swap(capacity_, other.capacity_);
+    }
+
+    std::size_t size() const { return size_; }
+    bool empty() const { return size_ == 0; }
+    T* data() { return data_; }
+    const T* data() const { return data_; }
+    Span<T> span() { return {data_, size_}; }
+    Span<const T> span() const { return {data_, size_}; }
+
+    T& operator[](std::size_t i)
+        requires std::is_same_v<Device, Cpu>
+    {
+        assert(i < size_);
+        return data_[i];
+    }
+    const T& operator[](std::size_t i) const
+        requires std::is_same_v<Device, Cpu>
+    {
+        assert(i < size_);
+        return data_[i];
+    }
+
+private:
+    T* data_ = nullptr;
+    std::size_t size_ = 0, capacity_ = 0;
+};
+
+/// `to` is resized and overwritten.
+template <class T, class From, class To>
+void copy(const Buffer<T, From>& from, Buffer<T, To>& to) {
+    to.resize(from.size());
+    detail::copy(From{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
+}
+template <class T, class To>
+void copy(const std::vector<T>& from, Buffer<T, To>& to) {
+    to.resize(from.size());
+    detail::copy(Cpu{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
+}
+template <class T, class From>
+std::vector<T> to_host(const Buffer<T, From>& from) {
+    std::vector<T> host(from.size());
+    detail::copy(From{}, from.data(), Cpu{}, host.data(), from.size() * sizeof(T));
+    return host;
+}
+template <class Device, class T>
+Buffer<T, Device> to_device(const std::vector<T>& host) {
+    Buffer<T, Device> buffer;
+    copy(host, buffer);
+    return buffer;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "core/rigid.h"
+
+namespace tvsgs {
+
+/// Pinhole, undistorted; x right, y down, z forward. The centre of pixel (i, j) lies at (i + 0.5, j + 0.5),
+/// and (cx_px, cy_px) is the true principal point in that convention.
+struct Camera {
+    int width_px = 0, height_px = 0;
+    float fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+    Rigid3f camera_from_world;
+};
+
+/// World units.
+TVSGS_HD inline Vec3f camera_centre(const Camera& camera) {
+    return -transpose_times(camera.camera_from_world.R, camera.camera_from_world.t);
+}
+
+/// Ray through the centre of pixel (x, y), with z = 1, in the camera frame.
+TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
+    return {(static_cast<float>(x) + 0.5f - camera.cx_px) / camera.fx_px,
+            (static_cast<float>(y) + 0.5f - camera.cy_px) / camera.fy_px,
+            1};
+}
+
+/// The camera of the same view at another image size; the field of view is kept.
+inline Camera scaled_camera(Camera camera, int width_px, int height_px) {
+    const float sx = static_cast<float>(width_px) / static_cast<float>(camera.width_px);
+    const float sy = static_cast<float>(height_px) / static_cast<float>(camera.height_px);
+    camera.fx_px *= sx, camera.cx_px *= sx, camera.fy_px *= sy, camera.cy_px *= sy;
+    camera.width_px = width_px, camera.height_px = height_px;
+    return camera;
+}
+
+}  // namespace tvsgs

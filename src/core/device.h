@@ -1,0 +1,22 @@
+// The two devices as types, and the qualifier that lets one formula compile for both.
+#pragma once
+
+#if defined(__CUDACC__)
+#define TVSGS_HD __host__ __device__
+#else
+#define TVSGS_HD
+#endif
+
+namespace tvsgs {
+
+/// Tags: a container's device is part of its type, and overload resolution picks the twin.
+struct Cpu {};
+struct Cuda {};
+
+#if defined(TVSGS_WITH_CUDA)
+inline constexpr bool kHasCuda = true;
+#else
+inline constexpr bool kHasCuda = false;
+#endif
+
+}  // namespace tvsgs

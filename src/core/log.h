@@ -1,0 +1,13 @@
+// Messages for people, on standard error only. Not for CUDA sources.
+#pragma once
+
+#include <spdlog/spdlog.h>
+
+namespace tvsgs {
+
+enum class Verbosity { quiet, normal, verbose };
+
+/// Sends all messages to standard error as `level: text`; quiet keeps warnings and errors.
+void init_log(Verbosity verbosity);
+
+}  // namespace tvsgs

@@ -1,0 +1,21 @@
+// Options structs list their fields once, for JSON, --set, --help, range checks and the resolved
+// configuration alike. A struct offers
+//
+//     template <class Visitor> void fields(Visitor& field) {
+//         field("k", k, {4, 256}, "splats each splat votes for");       int, float, std::int64_t
+//         field("whiten", whiten, "votes in whitened space");           bool, std::string
+//         field.choice("vote_map", vote_map, {"covariant", "unit"}, "..."); enum class, in this order
+//         field.group("photometric", photometric, "...");               another options struct
+//     }
+//
+// The visitors live in io/config.*.
+#pragma once
+
+namespace tvsgs {
+
+/// Closed interval of allowed values.
+struct Range {
+    double min, max;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,33 @@
+// What the readers deliver and the trainer consumes.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/image.h"
+
+namespace tvsgs {
+
+/// One photograph with its camera; both have the same size.
+struct View {
+    std::string name;  // relative path as listed in the model
+    Camera camera;
+    ImageU8 photo;     // [H, W, 3]
+    ImageU8 mask;      // [H, W, 1], 255 = object; empty: none
+};
+
+struct PointCloud {
+    std::vector<Vec3f> positions;  // world units
+    std::vector<Vec3f> colors;     // [0, 1]; empty: grey
+    std::vector<Vec3f> normals;    // unit; empty: none
+};
+
+struct Scene {
+    std::string path;
+    std::vector<View> train, test;  // each sorted by name
+    PointCloud points;              // initial cloud
+    float extent = 0;               // 1.1 x the largest distance of a training camera from their mean
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,29 @@
+// Photographs and pictures on disk.
+#pragma once
+
+#include <string>
+
+#include "core/image.h"
+
+namespace tvsgs {
+
+/// 8-bit with `channels` (1, 3, 4) or as in the file (0). 16-bit files are scaled; palettes and grey are expanded; EXIF
+/// orientation is ignored, as COLMAP does. Throws Error(ExitCode::input) for unreadable or oversized files.
+ImageU8 read_image(const std::string& path, int channels = 0);
+
+/// Width and height without decoding the pixels.
+struct ImageSize {
+    int width, height, channels;
+};
+ImageSize read_image_size(const std::string& path);
+
+/// PNG with 1, 3 or 4 channels; temporary file, flushed, renamed.
+void write_png(const std::string& path, const ImageU8& image);
+
+/// Pillow's default: anti-aliased bicubic (a = -0.5), rounded once at the end.  [backbones specification, 1.1]
+ImageU8 resize_bicubic(const ImageU8& image, int width, int height);
+
+/// Nearest neighbour; for masks.
+ImageU8 resize_nearest(const ImageU8& image, int width, int height);
+
+}  // namespace tvsgs

@@ -1,0 +1,88 @@
+// What a splatting backbone offers: images of Gaussians, and the gradients back.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+#include "core/gaussians.h"
+
+namespace tvsgs {
+
+/// Which channels a render needs; kernels are compiled per set, so what is not asked for costs nothing.
+enum class Channels { color, color_plane, plane };
+
+constexpr bool has_color(Channels channels) {
+    return channels != Channels::plane;
+}
+constexpr bool has_plane(Channels channels) {
+    return channels != Channels::color;
+}
+
+/// Images of one render, pixel (x, y) at y * width + x. Buffers of channels not asked for are empty.
+template <class Device>
+struct RenderedImages {
+    int width = 0, height = 0;
+    Buffer<Vec3f, Device> color;          // [H W] not clamped
+    Buffer<float, Device> transmittance;  // [H W] left behind all splats; coverage is 1 - transmittance
+    Buffer<Vec3f, Device> normal;         // [H W] blended plane normals, camera frame, not normalised
+    Buffer<float, Device> distance;       // [H W] blended plane distances, world units
+    Buffer<float, Device> depth;          // [H W] z-depth of the blended plane; 0 where it is undefined
+};
+
+/// dL/d of the images; a buffer that no loss wrote to stays empty.
+template <class Device>
+struct ImageGradients {
+    Buffer<Vec3f, Device> color, normal;
+    Buffer<float, Device> distance;
+};
+
+/// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not visible.
+template <class Device>
+struct ScreenStatistics {
+    Buffer<float, Device> radii_px;       // [N] 3-sigma radius, rounded up; > 0 means visible
+    Buffer<Vec2f, Device> dL_dmeans2d;    // [N] per NDC unit, summed over pixels
+    Buffer<Vec2f, Device> abs_dL_dmeans2d;  // [N] the same with absolute values per pixel
+    Buffer<int, Device> front_pixels;     // [N] pixels where it was blended while T > 0.5 (PGSR's `observe`)
+};
+
+struct BackboneOptions {
+    float near = 0.2f;
+    float low_pass_px2 = 0.3f;
+    bool exact_clamp_grad = false;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("near", near, {1e-6, 1e6}, "splats nearer to the camera plane than this are not drawn, world units");
+        field("low_pass_px2", low_pass_px2, {0, 10}, "added to the projected covariance, px^2");
+        field("exact_clamp_grad", exact_clamp_grad, "exact gradient where the projection's Jacobian is clamped; "
+              "off: as the official code");
+    }
+};
+
+template <class Device>
+class Backbone {
+public:
+    virtual ~Backbone() = default;
+
+    /// Renders; the result stays valid until the next call. `sh_degree` is the degree in use, at most the stored one.
+    virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
+                                                  const Camera& camera,
+                                                  int sh_degree,
+                                                  Channels channels) = 0;
+
+    /// Gradients of the last forward(), added to `dL_dgaussians` (already of the same shape).
+    virtual void backward(const Gaussians<Device>& gaussians,
+                          const ImageGradients<Device>& dL_dimages,
+                          Gaussians<Device>& dL_dgaussians) = 0;
+
+    /// Of the last forward() (radii) and backward() (the rest).
+    virtual const ScreenStatistics<Device>& statistics() const = 0;
+};
+
+/// Throws Error(ExitCode::usage) naming the known ones when `name` is not among them.
+template <class Device>
+std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name, const BackboneOptions& options);
+
+}  // namespace tvsgs

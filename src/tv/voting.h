@@ -1,0 +1,98 @@
+// Tensor voting: splats vote for each other's tangent planes.  [tensor voting specification, docs/tensor_voting.md]
+#pragma once
+
+#include <cstdint>
+
+#include "core/gaussians.h"
+#include "core/options.h"
+
+namespace tvsgs {
+
+enum class NoiseMode { global, per_splat };
+enum class ScaleRule { ten_percent_at_median, median };
+enum class VoteMap { covariant, unit };
+enum class VoteStrength { relative, literal };
+
+struct TvOptions {
+    bool enabled = true;
+    int k = 100;
+    int start = 1;
+    int vote_every = 10;
+    int refresh_every = 100;
+    bool whiten = true;
+    NoiseMode whiten_noise_mode = NoiseMode::global;
+    ScaleRule scale_rule = ScaleRule::ten_percent_at_median;
+    VoteMap vote_map = VoteMap::covariant;
+    float flatness_limit = 0;
+    float flatness_limit_position = 0;
+    VoteStrength strength = VoteStrength::relative;
+    float virtual_range = 1;
+    float max_vote_angle_deg = 90;
+    int min_votes = 3;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("enabled", enabled, "vote at all; the two voting losses need it");
+        field("k", k, {1, 512}, "splats each splat votes for, chosen among 2k Euclidean neighbours");
+        field("start", start, {1, 1e9}, "first iteration that votes");
+        field("vote_every", vote_every, {1, 1e9}, "iterations between voting events");
+        field("refresh_every", refresh_every, {1, 1e9}, "iterations between neighbour searches");
+        field("whiten", whiten, "vote in the space where the voter's covariance is the unit sphere");
+        field.choice("whiten_noise_mode", whiten_noise_mode, {"global", "per_splat"},
+                     "what the regulariser of the whitening is measured by");
+        field.choice("scale_rule", scale_rule, {"ten_percent_at_median", "median"},
+                     "scale of voting from the median neighbour distance");
+        field.choice("vote_map", vote_map, {"covariant", "unit"},
+                     "covariant: votes keep the length that un-whitening gives them (paper); unit: length 1");
+        field("flatness_limit", flatness_limit, {0, 1},
+              "no scale counts as thinner than this times the middle one, votes at the centres");
+        field("flatness_limit_position", flatness_limit_position, {0, 1}, "the same, votes at the virtual receivers");
+        field.choice("strength", strength, {"relative", "literal"}, "relative: saliency / lambda_1; literal: the paper's");
+        field("virtual_range", virtual_range, {0.05, 20}, "reach of the virtual receivers, in largest scales");
+        field("max_vote_angle_deg", max_vote_angle_deg, {1, 90}, "votes at larger angles to the tangent plane are not cast");
+        field("min_votes", min_votes, {0, 1000}, "received votes of strength over 1e-3 that the position loss asks for");
+    }
+};
+
+/// Bits of TensorField::flags.
+enum TensorFlag : std::uint8_t {
+    kHasTensor = 1,       // at least one valid voting round has reached the splat
+    kNormalValid = 2,     // take part in the normal loss
+    kPositionValid = 4,   // take part in the position loss
+};
+
+/// Results of the last voting event, one entry per splat; constants of the losses until the next one.
+template <class Device>
+struct TensorField {
+    Buffer<Sym3f, Device> tensors;         // [N] accumulated votes, world frame
+    Buffer<Vec3f, Device> eigenvalues;     // [N] descending
+    Buffer<Vec3f, Device> normals;         // [N] unit; direction of the smallest eigenvalue, sign arbitrary
+    Buffer<Vec3f, Device> targets;         // [N] world point of largest surface saliency along the normal
+    Buffer<std::uint8_t, Device> flags;    // [N] TensorFlag bits
+};
+
+/// Owns the neighbour lists and all scratch memory of the votes.
+template <class Device>
+class TensorVoter {
+public:
+    explicit TensorVoter(const TvOptions& options);
+    ~TensorVoter();
+
+    /// True at the iterations that vote: `start`, and every `vote_every` after it, and after structure_changed().
+    bool due(int step) const;
+
+    /// One voting event on the current splats; searches neighbours when a refresh is due.  [specification, section 4]
+    /// With fewer than two splats nothing is valid and the field is cleared.
+    void vote(int step, const Gaussians<Device>& gaussians, TensorField<Device>& field);
+
+    /// After splats were added, removed or re-ordered: `parents[i]` is the old index of new splat i. Tensors are
+    /// inherited, and the next vote() searches neighbours anew.
+    void structure_changed(Span<const int> parents, TensorField<Device>& field);
+
+private:
+    struct State;
+    TvOptions options_;
+    State* state_;
+};
+
+}  // namespace tvsgs
