@@ -1,0 +1,51 @@
+// Pictures of triangle meshes: a z-buffer renderer on the CPU, for synthetic scenes and for
+// previews.
+#pragma once
+
+#include "core/camera.h"
+#include "core/image.h"
+#include "core/mesh.h"
+
+namespace tvsgs {
+
+struct MeshRenderOptions {
+    int supersampling =
+        1;  // colour is the mean of n x n samples per pixel; the maps sample pixel centres
+    Vec3f background{0, 0, 0};
+    bool smooth_normals = true;  // interpolated vertex normals; else the normal of the face
+};
+
+/// What a camera sees of a mesh. The maps hold the surface hit by the ray of each pixel centre.
+struct MeshRender {
+    ImageF color;  // [H W 3] perspective-correct vertex colours, white for a mesh without any
+    ImageF depth;  // [H W 1] z-depth, world units; 0: nothing hit
+    ImageF
+        normal;  // [H W 3] camera frame, unit, out of the surface (may face away); 0: nothing hit
+    Image<int> face;  // [H W 1] index of the face; -1: nothing hit
+};
+
+/// Both sides of a face are drawn. The result does not depend on the number of threads. A face is
+/// cut at the camera plane, not lost.
+MeshRender render_mesh(const TriangleMesh& mesh,
+                       const Camera& camera,
+                       const MeshRenderOptions& options = {});
+
+/// Area-weighted means of the normals of the faces around each vertex, unit length; 0 for unused
+/// vertices.
+std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh);
+
+/// Camera that frames the bulk of the vertices (outliers aside) from a three-quarter view, z up.
+Camera preview_camera(const TriangleMesh& mesh, int width, int height);
+
+/// RGB picture for people: vertex colours or grey, lit from the camera; the inner side of the
+/// surface is tinted red, so that holes and inverted parts show.
+ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera);
+ImageU8 preview_mesh(const TriangleMesh& mesh, int width, int height);
+
+/// Mean of n x n pixels each; the size must be a multiple of n.
+ImageF box_filter(const ImageF& image, int n);
+
+/// Values in [0, 1] to 8 bits, rounded and clamped.
+ImageU8 to_8bit(const ImageF& image);
+
+}  // namespace tvsgs
