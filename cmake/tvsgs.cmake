@@ -7,7 +7,7 @@ target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 target_compile_options(tvsgs_flags INTERFACE
     $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wconversion -Werror
         -fno-math-errno -fno-trapping-math>
-    $<$<COMPILE_LANGUAGE:CUDA>:-std=c++20 --expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
+    $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
         -Werror=all-warnings -diag-suppress=20012>)
 target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
 if(TVSGS_CUDA)

@@ -23,7 +23,11 @@ struct Span {
     TVSGS_HD bool empty() const { return count == 0; }
     TVSGS_HD T* begin() const { return data; }
     TVSGS_HD T* end() const { return data + count; }
-    TVSGS_HD operator Span<const T>() const { return {data, count}; }
+    template <class U>
+        requires(std::is_same_v<U, const T> && !std::is_const_v<T>)
+    TVSGS_HD operator Span<U>() const {
+        return {data, count};
+    }
 };
 
 /// Bytes held by all buffers of a device, now and at most so far.
