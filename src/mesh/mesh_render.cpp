@@ -220,7 +220,7 @@ Camera preview_camera(const TriangleMesh& mesh, int width, int height) {
         low[c] = at(0.02), high[c] = at(0.98);
     }
     const Vec3f centre = 0.5f * (low + high);
-    const float radius = std::max(0.55f * norm(high - low), 1e-6f);
+    const float radius = std::max(0.46f * norm(high - low), 1e-6f);
 
     Camera camera;
     camera.width_px = width, camera.height_px = height;
@@ -253,7 +253,8 @@ ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera) {
         const Vec3f color = inside                ? kInside
                             : mesh.colors.empty() ? kGrey
                                                   : interpolate(mesh, mesh.colors, hits, i);
-        return (0.3f + 0.7f * facing) * color;
+        // Vertex colours carry the light of the photographs already.
+        return (mesh.colors.empty() || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) * color;
     };
     return to_8bit(box_filter(shade_samples(hits, kBackground, shade), kSamples));
 }

@@ -1,0 +1,439 @@
+// Writes a small scene with exact ground truth: photographs, cameras, initial points, masks,
+// surface.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iomanip>
+
+#include "common.h"
+#include "core/scene.h"
+#include "io/atomic_file.h"
+#include "io/image_file.h"
+#include "io/ply.h"
+#include "mesh/mesh_render.h"
+#include "synth_object.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+constexpr int kSupersampling = 3;
+constexpr float kGroundRadius = 1.2f;
+constexpr float kMeshSpacing = 0.01f;  // a fifth of the texture's finest detail
+constexpr Vec3d kLookAt{0, 0, 0.85};
+
+struct SynthOptions {
+    std::string out, shape = "bust";
+    int views = 24, width = 160, height = 120;
+    double arc_deg = 360, noise = 0;
+    std::uint64_t seed = 1;
+    bool overwrite = false;
+};
+
+struct SynthView {
+    std::string name;
+    double azimuth_rad;
+    Quat<double> quat;  // camera_from_world
+    Vec3d translation;
+    Camera camera;
+};
+
+/// A surface point, and in which views it is seen.
+struct Sample {
+    Vec3f position, normal, color;
+    std::vector<int> views;
+};
+
+/// Unit quaternion of a rotation matrix.
+Quat<double> quaternion(const Mat3<double>& R) {
+    // The largest entry is taken from the diagonal, the others from it: no cancellation.
+    const double squares[4] = {1 + R[0][0] + R[1][1] + R[2][2], 1 + R[0][0] - R[1][1] - R[2][2],
+                               1 - R[0][0] + R[1][1] - R[2][2], 1 - R[0][0] - R[1][1] + R[2][2]};
+    const auto largest = std::max_element(squares, squares + 4) - squares;
+    const double a = R[2][1] - R[1][2], b = R[0][2] - R[2][0], c = R[1][0] - R[0][1];
+    const double d = R[1][0] + R[0][1], e = R[0][2] + R[2][0], f = R[2][1] + R[1][2];
+    const double s = squares[largest];
+    const Quat<double> q = largest == 0   ? Quat<double>{s, a, b, c}
+                           : largest == 1 ? Quat<double>{a, s, d, e}
+                           : largest == 2 ? Quat<double>{b, d, s, f}
+                                          : Quat<double>{c, e, f, s};
+    return normalize(q);
+}
+
+/// Cameras around the object at three heights in turn, all looking at its middle; the front is at
+/// azimuth 0.
+std::vector<SynthView> make_views(const SynthOptions& options) {
+    constexpr double kDegree = 3.14159265358979323846 / 180, kDistance = 4.5;
+    constexpr double kElevationsDeg[3] = {14, 32, 50};
+    const bool ring = options.arc_deg >= 360;
+    std::vector<SynthView> views;
+    for (int i = 0; i < options.views; ++i) {
+        SynthView view;
+        std::ostringstream name;
+        name << std::setw(4) << std::setfill('0') << i << ".png";
+        view.name = name.str();
+        const double fraction =
+            static_cast<double>(i) / (ring ? options.views : std::max(1, options.views - 1));
+        view.azimuth_rad = (fraction - 0.5) * options.arc_deg * kDegree;
+        const double elevation = kElevationsDeg[i % 3] * kDegree;
+        const Vec3d backward{std::cos(view.azimuth_rad) * std::cos(elevation),
+                             std::sin(view.azimuth_rad) * std::cos(elevation), std::sin(elevation)};
+        const Vec3d right = normalize(cross(Vec3d{0, 0, 1}, backward)),
+                    down = cross(right, backward);
+        Mat3<double> R;
+        for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
+        view.quat = quaternion(R);
+        R = rotation(view.quat);
+        view.translation = -(R * (kLookAt + kDistance * backward));
+        Camera& camera = view.camera;
+        camera.width_px = options.width, camera.height_px = options.height;
+        // Focal lengths and principal point as of a real camera: not quite equal, not quite
+        // central.
+        const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
+        camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
+        camera.cx_px = 0.506f * static_cast<float>(options.width);
+        camera.cy_px = 0.493f * static_cast<float>(options.height);
+        camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
+        views.push_back(view);
+    }
+    return views;
+}
+
+/// Independent points, uniform over the surface.
+std::vector<Sample> sample_surface(const TriangleMesh& mesh, int count, std::uint64_t seed) {
+    std::vector<double> area_up_to(mesh.faces.size());
+    std::vector<Vec3f> normals(mesh.faces.size());
+    double area = 0;
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        const Vec3f a = mesh.vertices[face.x];
+        const Vec3f n = cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a);
+        area_up_to[f] = area += 0.5 * static_cast<double>(norm(n));
+        normals[f] = normalize(n);
+    }
+    std::vector<Sample> samples(count);
+    parallel_for(Cpu{}, count, [&](int i) {
+        const Random4 r = random4(seed, RandomStream::sampling, i);
+        const auto at =
+            std::upper_bound(area_up_to.begin(), area_up_to.end() - 1, uniform(r.v[0]) * area);
+        const auto f = at - area_up_to.begin();
+        const float root = std::sqrt(uniform(r.v[1])), share = uniform(r.v[2]);
+        const float weights[3] = {1 - root, root * (1 - share), root * share};
+        Sample& sample = samples[i];
+        for (int c = 0; c < 3; ++c) {
+            sample.position += weights[c] * mesh.vertices[mesh.faces[f][c]];
+            sample.color += weights[c] * mesh.colors[mesh.faces[f][c]];
+        }
+        sample.normal = normals[f];
+    });
+    return samples;
+}
+
+/// Image position of a world point; false where it is behind the camera or outside the image.
+bool project(const Camera& camera, Vec3f point, Vec2f& pixel, float& depth) {
+    const Vec3f p = camera.camera_from_world * point;
+    depth = p.z;
+    pixel = {camera.fx_px * p.x / p.z + camera.cx_px, camera.fy_px * p.y / p.z + camera.cy_px};
+    return p.z > 0 && pixel.x >= 0 && pixel.y >= 0 &&
+           pixel.x < static_cast<float>(camera.width_px) &&
+           pixel.y < static_cast<float>(camera.height_px);
+}
+
+/// Z-buffer test. The farthest of 3 x 3 depths, so that slanted surfaces do not hide themselves.
+bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth) {
+    Vec2f pixel;
+    float z = 0;
+    if (!project(camera, sample.position, pixel, z)) return false;
+    if (dot(normalize(camera_centre(camera) - sample.position), sample.normal) < 0.05f)
+        return false;  // grazing
+    const int x = static_cast<int>(pixel.x), y = static_cast<int>(pixel.y);
+    float farthest = 0;
+    for (int v = std::max(0, y - 1); v <= std::min(depth.height - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(depth.width - 1, x + 1); ++u)
+            farthest = std::max(farthest, depth.at(u, v));
+    return z <= farthest + 0.1f * kMeshSpacing;
+}
+
+void mark_visible(std::vector<Sample>& samples,
+                  int view,
+                  const Camera& camera,
+                  const ImageF& depth) {
+    parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int i) {
+        if (is_visible(samples[i], camera, depth)) samples[i].views.push_back(view);
+    });
+}
+
+void add_noise(ImageF& image, float sigma, std::uint64_t seed, int view) {
+    if (sigma <= 0) return;
+    parallel_for(Cpu{}, image.width * image.height, [&](int i) {
+        const auto index = static_cast<std::uint64_t>(view) << 32 | static_cast<std::uint64_t>(i);
+        const Vec3f n = normal3(random4(seed, RandomStream::test, index));
+        for (int c = 0; c < 3; ++c)
+            image.pixels[3 * static_cast<std::size_t>(i) + c] += sigma / 255 * n[c];
+    });
+}
+
+/// Renders and writes one photograph and its mask, and marks what the view sees.
+void write_view(const std::string& out,
+                const TriangleMesh& mesh,
+                const SynthOptions& options,
+                const std::vector<SynthView>& views,
+                int i,
+                std::vector<Sample>& points,
+                std::vector<Sample>& truth) {
+    const Camera fine = scaled_camera(views[i].camera, options.width * kSupersampling,
+                                      options.height * kSupersampling);
+    const MeshRender render = render_mesh(mesh, fine, {.smooth_normals = false});
+    mark_visible(points, i, fine, render.depth);
+    mark_visible(truth, i, fine, render.depth);
+
+    ImageF hit(fine.width_px, fine.height_px, 1);
+    for (std::size_t k = 0; k < hit.pixels.size(); ++k) hit.pixels[k] = render.face.pixels[k] >= 0;
+    ImageU8 mask = to_8bit(box_filter(hit, kSupersampling));
+    for (std::uint8_t& value : mask.pixels) value = value > 127 ? 255 : 0;
+    ImageF photo = box_filter(render.color, kSupersampling);
+    add_noise(photo, static_cast<float>(options.noise), options.seed, i);
+    write_png(str(out, "/images/", views[i].name), to_8bit(photo));
+    write_png(str(out, "/masks/", views[i].name), mask);
+}
+
+/// COLMAP's text model. Points are seen slightly off, as triangulated ones are; their images are
+/// exact.
+void write_colmap(const std::string& folder,
+                  const std::vector<SynthView>& views,
+                  const std::vector<Sample>& points,
+                  std::uint64_t seed) {
+    std::ostringstream cameras, images, cloud;
+    cameras << std::setprecision(17) << "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
+    images << std::setprecision(17) << "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n"
+           << "# POINTS2D[] as (X, Y, POINT3D_ID)\n";
+    cloud << std::setprecision(9)
+          << "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
+
+    const Camera& camera = views.front().camera;
+    cameras << "1 PINHOLE " << camera.width_px << ' ' << camera.height_px << ' ' << camera.fx_px
+            << ' ' << camera.fy_px << ' ' << camera.cx_px << ' ' << camera.cy_px << '\n';
+
+    std::vector<std::ostringstream> observations(views.size());
+    std::vector<int> observation_count(views.size());
+    for (std::size_t k = 0; k < points.size(); ++k) {
+        const Sample& point = points[k];
+        const Vec3f p = point.position + 0.003f * normal3(random4(seed, RandomStream::init, k, 1));
+        cloud << k + 1 << ' ' << p.x << ' ' << p.y << ' ' << p.z;
+        for (int c = 0; c < 3; ++c) cloud << ' ' << std::lround(255 * point.color[c]);
+        cloud << " 0.5";
+        for (const int view : point.views) {
+            Vec2f pixel;
+            float depth = 0;
+            project(views[view].camera, point.position, pixel, depth);
+            cloud << ' ' << view + 1 << ' ' << observation_count[view]++;
+            observations[view] << (observation_count[view] > 1 ? " " : "") << pixel.x << ' '
+                               << pixel.y << ' ' << k + 1;
+        }
+        cloud << '\n';
+    }
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const SynthView& view = views[i];
+        images << i + 1 << ' ' << view.quat.w << ' ' << view.quat.x << ' ' << view.quat.y << ' '
+               << view.quat.z << ' ' << view.translation.x << ' ' << view.translation.y << ' '
+               << view.translation.z << " 1 " << view.name << '\n'
+               << observations[i].str() << '\n';
+    }
+    write_text_file(folder + "/cameras.txt", cameras.str());
+    write_text_file(folder + "/images.txt", images.str());
+    write_text_file(folder + "/points3D.txt", cloud.str());
+}
+
+struct Splits {
+    std::vector<int> train_3, train_9, train_all, test;
+};
+
+/// Every eighth view tests (the last of three or more where there are fewer than eight). train_3 is
+/// the three training views nearest the front, train_9 an even choice.
+Splits make_splits(const std::vector<SynthView>& views) {
+    const int count = static_cast<int>(views.size());
+    Splits splits;
+    for (int i = 0; i < count; ++i) {
+        const bool is_test = count < 8 ? count >= 3 && i == count - 1 : i % 8 == 7;
+        (is_test ? splits.test : splits.train_all).push_back(i);
+    }
+    splits.train_3 = splits.train_all;
+    const auto nearest_end =
+        splits.train_3.begin() + std::min<std::ptrdiff_t>(3, std::ssize(splits.train_3));
+    std::partial_sort(splits.train_3.begin(), nearest_end, splits.train_3.end(), [&](int a, int b) {
+        const double to_a = std::abs(views[a].azimuth_rad), to_b = std::abs(views[b].azimuth_rad);
+        return std::abs(to_a - to_b) > 1e-9 ? to_a < to_b : a < b;
+    });
+    splits.train_3.erase(nearest_end, splits.train_3.end());
+    std::sort(splits.train_3.begin(), splits.train_3.end());
+    const int all = static_cast<int>(splits.train_all.size());
+    for (int i = 0; all >= 9 && i < 9; ++i) splits.train_9.push_back(splits.train_all[i * all / 9]);
+    return splits;
+}
+
+std::string splits_json(const Splits& splits, const std::vector<SynthView>& views) {
+    std::ostringstream out;
+    const auto add = [&](const char* name, const std::vector<int>& list) {
+        if (list.empty() && std::string(name) != "test") return;
+        out << (out.tellp() == 0 ? "{\n" : ",\n") << "  \"" << name << "\": [";
+        for (std::size_t i = 0; i < list.size(); ++i)
+            out << (i ? ", " : "") << '"' << views[list[i]].name << '"';
+        out << ']';
+    };
+    add("train_3", splits.train_3);
+    add("train_9", splits.train_9);
+    add("train_all", splits.train_all);
+    add("test", splits.test);
+    out << "\n}\n";
+    return out.str();
+}
+
+/// The samples that at least two of `views` see.
+PointCloud seen_twice(const std::vector<Sample>& samples, const std::vector<int>& views) {
+    PointCloud cloud;
+    for (const Sample& sample : samples) {
+        const auto seen = std::count_if(sample.views.begin(), sample.views.end(), [&](int view) {
+            return std::binary_search(views.begin(), views.end(), view);
+        });
+        if (seen < 2) continue;
+        cloud.positions.push_back(sample.position);
+        cloud.normals.push_back(sample.normal);
+        cloud.colors.push_back(sample.color);
+    }
+    return cloud;
+}
+
+std::string info_json(const SynthOptions& options, std::size_t points, std::size_t points_train_3) {
+    std::ostringstream out;
+    out << "{\n"
+        << "  \"generator\": \"tvsgs-synth\",\n"
+        << "  \"shape\": \"" << options.shape << "\",\n"
+        << "  \"seed\": " << options.seed << ",\n"
+        << "  \"units\": \"1\",\n"
+        << "  \"crop_cylinder\": {\"center_xy\": [0, 0], \"radius\": " << kGroundRadius
+        << ", \"z_min\": -0.1, \"z_max\": 2.2},\n"
+        << "  \"ground_plane_z\": 0,\n"
+        << "  \"thresholds\": [0.01, 0.02, 0.05],\n"
+        << "  \"max_dist\": 0.2,\n"
+        << "  \"points\": " << points << ",\n"
+        << "  \"points_train_3\": " << points_train_3 << "\n}\n";
+    return out.str();
+}
+
+std::string readme(const SynthOptions& options) {
+    return str("# Synthetic scene '", options.shape, "', written by tvsgs-synth\n\n", options.views,
+               " views, ", options.width, "x", options.height, ", arc ", options.arc_deg,
+               " degrees, seed ", options.seed, ", sensor noise ", options.noise, R"( of 255.
+Units: the object is about 2 units high; the ground is the plane z = 0, z up, the object's front looks along +x.
+The light is baked into the colours: they do not change with the view point.
+
+- `images/`, `masks/` (object and ground disc against the empty background)
+- `sparse/0/`: COLMAP text model; exact poses, pixel centres at .5; points3D.txt are surface samples with a
+  little noise (standard deviation 0.003), their tracks the views that see them
+- `splits.json`: `train_3` (around the front), `train_9`, `train_all`, `test`; no test view is in a training list
+- `gt/mesh.ply`: the exact surface, hidden parts included (under the object)
+- `gt/points.ply`: uniform samples of what at least two views see; `gt/points_train_3.ply`: at least two of `train_3`
+- `gt/info.json`: crop cylinder for `tvsgs-eval geometry --crop`
+)");
+}
+
+void write_scene(const SynthOptions& options, const std::string& out) {
+    const synth::Shape shape = synth::make_shape(options.shape);
+    const TriangleMesh mesh =
+        synth::make_scene_mesh(shape, kGroundRadius, kMeshSpacing, options.seed);
+    const std::vector<SynthView> views = make_views(options);
+    std::vector<Sample> points = sample_surface(mesh, 8000, options.seed);
+    std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
+    for (int i = 0; i < options.views; ++i) write_view(out, mesh, options, views, i, points, truth);
+
+    std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
+    write_colmap(out + "/sparse/0", views, points, options.seed);
+    const Splits splits = make_splits(views);
+    write_text_file(out + "/splits.json", splits_json(splits, views));
+    std::vector<int> all(views.size());
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
+    const PointCloud seen = seen_twice(truth, all), seen_3 = seen_twice(truth, splits.train_3);
+    write_mesh_ply(out + "/gt/mesh.ply", mesh);
+    write_cloud_ply(out + "/gt/points.ply", seen);
+    if (!splits.train_3.empty()) write_cloud_ply(out + "/gt/points_train_3.ply", seen_3);
+    write_text_file(out + "/gt/info.json",
+                    info_json(options, seen.positions.size(), seen_3.positions.size()));
+    write_text_file(out + "/README.md", readme(options));
+    spdlog::info("{}: {} views of {}x{}, {} initial points, {} faces", options.out, options.views,
+                 options.width, options.height, points.size(), mesh.faces.size());
+}
+
+int run(const SynthOptions& options) {
+    synth::make_shape(options.shape);  // a wrong name is said before anything is touched
+    const fs::path out = fs::path(options.out).lexically_normal();
+    std::error_code failure;
+    if (fs::exists(out, failure) &&
+        !(fs::is_directory(out, failure) && fs::is_empty(out, failure))) {
+        if (!options.overwrite)
+            throw Error(
+                ExitCode::usage,
+                str("--out ", options.out,
+                    ": exists and is not an empty folder; choose another or pass --overwrite"));
+        if (!fs::exists(out / "gt/info.json") || !fs::exists(out / "splits.json"))
+            throw Error(ExitCode::usage,
+                        str("--out ", options.out,
+                            ": holds something else than a scene of tvsgs-synth; not overwritten"));
+    }
+    // The scene is complete before it gets its name.
+    std::string target = out.string();
+    while (target.size() > 1 && target.back() == '/') target.pop_back();
+    const std::string partial = str(target, ".partial-", ::getpid());
+    const auto move_in_place = [&] {
+        fs::remove_all(target, failure);
+        fs::rename(partial, target, failure);
+        if (failure)
+            throw Error(ExitCode::io, str(target, ": cannot be written: ", failure.message()));
+    };
+    try {
+        write_scene(options, partial);
+        move_in_place();
+    } catch (...) {
+        fs::remove_all(partial, failure);
+        throw;
+    }
+    return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    tvsgs::SynthOptions options;
+    CLI::App app("Writes a small scene with exact ground truth: images, cameras, masks, surface.");
+    app.option_defaults()->ignore_underscore();
+    app.add_option("-o,--out", options.out, "folder to write")->required();
+    app.add_option("--shape", options.shape, "bust, spheres or torus")->capture_default_str();
+    app.add_option("--views", options.views, "number of views")
+        ->check(CLI::Range(2, 9999))
+        ->capture_default_str();
+    app.add_option("--width", options.width, "pixels")
+        ->check(CLI::Range(16, 4096))
+        ->capture_default_str();
+    app.add_option("--height", options.height, "pixels")
+        ->check(CLI::Range(16, 4096))
+        ->capture_default_str();
+    app.add_option("--arc", options.arc_deg, "degrees of azimuth covered; 360: a ring")
+        ->check(CLI::Range(1.0, 360.0))
+        ->capture_default_str();
+    app.add_option("--noise", options.noise,
+                   "standard deviation of the sensor noise, in 8-bit steps")
+        ->check(CLI::Range(0.0, 100.0))
+        ->capture_default_str();
+    app.add_option("--seed", options.seed, "texture, samples and noise")->capture_default_str();
+    app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
+    bool quiet = false;
+    app.add_flag("--quiet", quiet, "warnings and errors only");
+    try {
+        app.parse(argc, argv);
+    } catch (const CLI::ParseError& error) {
+        return app.exit(error) == 0 ? 0 : static_cast<int>(tvsgs::ExitCode::usage);
+    }
+    tvsgs::init_log(quiet ? tvsgs::Verbosity::quiet : tvsgs::Verbosity::normal);
+    return tvsgs::run_command([&] { return tvsgs::run(options); });
+}
