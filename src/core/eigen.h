@@ -1,0 +1,92 @@
+// Eigenvalues and eigenvectors of symmetric 3x3 matrices by cyclic Jacobi rotations, for both devices.
+#pragma once
+
+#include <cmath>
+
+#include "core/vec.h"
+
+namespace tvsgs {
+
+template <class Real>
+struct SymEigen3 {
+    Vec3<Real> values;   // descending
+    Mat3<Real> vectors;  // column j belongs to value j; orthonormal, right-handed
+};
+
+namespace detail {
+
+/// Rotation in the plane (p, q) that zeroes A[p][q]; r is the third axis.
+template <class Real, bool kVectors>
+TVSGS_HD void jacobi_rotate(Real (&A)[3][3], Mat3<Real>& V, int p, int q, int r) {
+    const Real theta = (A[q][q] - A[p][p]) / (2 * A[p][q]);
+    // An off-diagonal zero makes theta infinite or NaN; there is nothing to rotate then.
+    Real t = (theta < 0 ? Real(-1) : Real(1)) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+    if (A[p][q] == 0) t = 0;
+    const Real c = 1 / std::sqrt(t * t + 1), s = t * c;
+    A[p][p] -= t * A[p][q];
+    A[q][q] += t * A[p][q];
+    A[p][q] = A[q][p] = 0;
+    const Real rp = A[r][p], rq = A[r][q];
+    A[r][p] = A[p][r] = c * rp - s * rq;
+    A[r][q] = A[q][r] = s * rp + c * rq;
+    if constexpr (kVectors) {
+        for (int i = 0; i < 3; ++i) {
+            const Real vp = V[i][p], vq = V[i][q];
+            V[i][p] = c * vp - s * vq;
+            V[i][q] = s * vp + c * vq;
+        }
+    }
+}
+
+template <class Real>
+TVSGS_HD void swap_if_ascending(Real& a, Real& b, Vec3<Real>& va, Vec3<Real>& vb) {
+    if (a < b) {
+        const Real value = a;
+        a = b, b = value;
+        const Vec3<Real> vector = va;
+        va = vb, vb = vector;
+    }
+}
+
+template <class Real, bool kVectors>
+TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
+    // Scaled first, so that squares neither overflow nor vanish: entries of 1e-30 to 1e30 work in float.
+    const Real entries[6] = {in.xx, in.xy, in.xz, in.yy, in.yz, in.zz};
+    Real scale = 0;
+    for (const Real entry : entries) scale = std::abs(entry) > scale ? std::abs(entry) : scale;
+    if (scale == 0) scale = 1;
+    Real A[3][3] = {{in.xx / scale, in.xy / scale, in.xz / scale},
+                    {in.xy / scale, in.yy / scale, in.yz / scale},
+                    {in.xz / scale, in.yz / scale, in.zz / scale}};
+    Mat3<Real> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    constexpr int kSweeps = sizeof(Real) > 4 ? 8 : 5;  // quadratic convergence, with one to spare
+    for (int sweep = 0; sweep < kSweeps; ++sweep) {
+        jacobi_rotate<Real, kVectors>(A, V, 0, 1, 2);
+        jacobi_rotate<Real, kVectors>(A, V, 0, 2, 1);
+        jacobi_rotate<Real, kVectors>(A, V, 1, 2, 0);
+    }
+    Real a = A[0][0], b = A[1][1], c = A[2][2];
+    Vec3<Real> va = column(V, 0), vb = column(V, 1), vc = column(V, 2);
+    swap_if_ascending(a, b, va, vb);
+    swap_if_ascending(a, c, va, vc);
+    swap_if_ascending(b, c, vb, vc);
+    if constexpr (kVectors) vc = cross(va, vb);
+    return {{a * scale, b * scale, c * scale}, {{{va.x, vb.x, vc.x}, {va.y, vb.y, vc.y}, {va.z, vb.z, vc.z}}}};
+}
+
+}  // namespace detail
+
+/// Eigenpairs; the error of a difference of values is a few rounding errors of the largest one, also when values
+/// coincide. The signs of the vectors are arbitrary. NaN or infinite entries give NaN values.
+template <class Real>
+TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& A) {
+    return detail::sym_eigen<Real, true>(A);
+}
+
+/// The values alone, descending; the same numbers as sym_eigen's.
+template <class Real>
+TVSGS_HD Vec3<Real> sym_eigenvalues(const Sym3<Real>& A) {
+    return detail::sym_eigen<Real, false>(A).values;
+}
+
+}  // namespace tvsgs

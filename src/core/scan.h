@@ -1,0 +1,11 @@
+#pragma once
+
+#include "core/buffer.h"
+
+namespace tvsgs {
+
+/// Exclusive prefix sum: out[i] = in[0] + ... + in[i-1]; `out` is resized. Returns the total (waits for the device).
+int exclusive_scan(const Buffer<int, Cpu>& in, Buffer<int, Cpu>& out);
+int exclusive_scan(const Buffer<int, Cuda>& in, Buffer<int, Cuda>& out);
+
+}  // namespace tvsgs

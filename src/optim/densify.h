@@ -1,0 +1,350 @@
+// Growing and pruning: clone, split, prune, trim, opacity reset.  [Kerbl23, Section 5], rules of [PGSR]
+#pragma once
+
+#include <algorithm>
+#include <functional>
+
+#include "core/options.h"
+#include "core/parallel.h"
+#include "core/rng.h"
+#include "core/scan.h"
+#include "optim/adam.h"
+#include "render/backbone.h"
+
+namespace tvsgs {
+
+struct DensifyOptions {
+    bool enabled = true;
+    int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000;
+    float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f, abs_gradient_threshold = 8e-4f;
+    int max_abs_split = 50000, trim_min_views = 2;
+    bool jitter_clones = true;
+    int max_gaussians = 6000000;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("enabled", enabled, "grow and prune at all");
+        field("from", from, {0, 1e9}, "no densification up to and including this iteration");
+        field("until", until, {0, 1e9}, "none from this iteration on");
+        field("every", every, {1, 1e9}, "iterations between densifications");
+        field("opacity_reset_every", opacity_reset_every, {1, 1e9}, "iterations between opacity resets");
+        field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
+        field("gradient_threshold", gradient_threshold, {0, 1e9}, "mean screen gradient that grows a splat, per NDC unit");
+        field("percent_dense", percent_dense, {0, 1e3}, "largest scale up to which a splat is cloned, not split, in scene extents");
+        field("min_opacity", min_opacity, {0, 1}, "splats below are pruned");
+        field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9}, "mean absolute screen gradient that splits a large splat");
+        field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
+        field("trim_min_views", trim_min_views, {0, 1e6}, "splats in front in fewer training views are trimmed; 0: no trim");
+        field("jitter_clones", jitter_clones, "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
+        field("max_gaussians", max_gaussians, {1, 2e9}, "growth stops there");
+    }
+};
+
+/// Running sums of what decides about growth.
+struct GrowthStatistics {
+    float gradient, abs_gradient, views, max_radius_px;
+};
+
+struct AccumulateBody {
+    Span<const float> radii_px;
+    Span<const Vec2f> gradient, abs_gradient;
+    Span<const int> front_pixels;
+    Span<GrowthStatistics> statistics;
+
+    TVSGS_HD void operator()(int i) const {
+        if (!(radii_px[i] > 0)) return;
+        GrowthStatistics& s = statistics[i];
+        s.gradient += std::sqrt(dot(gradient[i], gradient[i]));
+        s.abs_gradient += std::sqrt(dot(abs_gradient[i], abs_gradient[i]));
+        s.views += 1;
+        if (front_pixels[i] > 0 && radii_px[i] > s.max_radius_px) s.max_radius_px = radii_px[i];
+    }
+};
+
+enum class Growth : std::uint8_t { none, clone, split, abs_split };
+
+/// Proposes a growth per splat and the score by which a quota would choose.
+struct ProposeBody {
+    Span<const GrowthStatistics> statistics;
+    Span<const Vec3f> log_scales;
+    float gradient_threshold, abs_threshold, size_threshold;
+    Span<Growth> growth;
+    Span<float> score;
+
+    TVSGS_HD void operator()(int i) const {
+        const GrowthStatistics& s = statistics[i];
+        const float gradient = s.views > 0 ? s.gradient / s.views : 0, abs = s.views > 0 ? s.abs_gradient / s.views : 0;
+        const Vec3f l = log_scales[i];
+        const float largest = std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
+        const bool large = largest > size_threshold;
+        growth[i] = gradient >= gradient_threshold               ? (large ? Growth::split : Growth::clone)
+                    : large && s.max_radius_px > 20 && abs >= abs_threshold ? Growth::abs_split
+                                                                 : Growth::none;
+        score[i] = growth[i] == Growth::none ? 0 : growth[i] == Growth::abs_split ? abs : gradient;
+    }
+};
+
+/// How many splats come of splat i (0, 1 or 2), pruning included.
+struct CountBody {
+    Span<const Growth> growth;
+    Span<const Vec3f> log_scales;
+    Span<const float> opacity_logits;
+    float min_opacity_logit, max_scale;  // max_scale: infinite while large splats are not pruned
+    Span<int> counts;
+
+    TVSGS_HD void operator()(int i) const {
+        const bool split = growth[i] >= Growth::split;
+        const Vec3f l = log_scales[i];
+        const float largest = std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z)) / (split ? 1.6f : 1.0f);
+        const bool pruned = opacity_logits[i] < min_opacity_logit || largest > max_scale;
+        counts[i] = pruned ? 0 : growth[i] == Growth::none ? 1 : 2;
+    }
+};
+
+/// Where every new splat comes from, and what it is.
+struct SourceBody {
+    Span<const Growth> growth;
+    Span<const int> counts, first;
+    Span<int> parents;
+    Span<std::uint8_t> is_new, child_of_split;  // new: its moments start at 0
+
+    TVSGS_HD void operator()(int i) const {
+        for (int j = 0; j < counts[i]; ++j) {
+            const int at = first[i] + j;
+            const bool split = counts[i] == 2 && growth[i] >= Growth::split;
+            parents[at] = i;
+            child_of_split[at] = split;
+            is_new[at] = split || j == 1;
+        }
+    }
+};
+
+template <class T>
+struct GatherBody {
+    Span<const int> parents;
+    Span<const std::uint8_t> is_new;  // with `zero_new`
+    bool zero_new;
+    const T* from;
+    T* to;
+
+    TVSGS_HD void operator()(int i) const { to[i] = zero_new && is_new[i] ? T{} : from[parents[i]]; }
+};
+
+/// Moves the children of splits and jittered clones by a draw from their parent, and shrinks the former.
+struct ScatterChildrenBody {
+    Span<const std::uint8_t> is_new, child_of_split;
+    bool jitter_clones;
+    std::uint64_t seed;
+    std::uint32_t step;
+    Span<Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+
+    TVSGS_HD void operator()(int i) const {
+        if (!is_new[i] || !(child_of_split[i] || jitter_clones)) return;
+        const Vec3f xi = normal3(random4(seed, RandomStream::densify, static_cast<std::uint64_t>(i), step));
+        means[i] += rotation(normalize(quats[i])) * (exp(log_scales[i]) * xi);
+        if (!child_of_split[i]) return;
+        const float log_shrink = 0.47000363f;  // ln 1.6
+        log_scales[i] -= Vec3f{log_shrink, log_shrink, log_shrink};
+    }
+};
+
+struct ResetOpacityBody {
+    Span<float> logits, m, v;
+    TVSGS_HD void operator()(int i) const {
+        const float most = -4.59511985f;  // logit of 0.01
+        logits[i] = logits[i] < most ? logits[i] : most;
+        m[i] = v[i] = 0;
+    }
+};
+
+/// Quaternions are normalised on use; here only their stored length is brought back to 1.
+struct NormalizeQuatBody {
+    Span<Quatf> quats;
+    TVSGS_HD void operator()(int i) const { quats[i] = normalize(quats[i]); }
+};
+
+struct CountFrontViewsBody {
+    Span<const int> front_pixels;
+    Span<int> views;
+    TVSGS_HD void operator()(int i) const { views[i] += front_pixels[i] > 0; }
+};
+
+struct KeepSeenBody {
+    Span<const int> views;
+    int min_views;
+    Span<int> counts;
+    Span<Growth> growth;
+    TVSGS_HD void operator()(int i) const {
+        counts[i] = views[i] >= min_views;
+        growth[i] = Growth::none;
+    }
+};
+
+template <class Device>
+class Densifier {
+public:
+    Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
+        : options_(options), extent_(extent), seed_(seed) {}
+
+    /// What happened at a step.
+    struct Event {
+        bool structure_changed = false;  // parents() is valid
+        bool opacity_reset = false;
+    };
+
+    /// Adds the statistics of the last render and, when due, grows, prunes, trims and resets. `observe` renders every training view
+    /// and calls its argument with the statistics of each.  [order of events: backbones specification, 1.5]
+    template <class Observe>
+    Event step(int step, const ScreenStatistics<Device>& screen, Gaussians<Device>& g, Adam<Device>& adam, const Observe& observe) {
+        Event event;
+        if (!options_.enabled || step >= options_.until) return event;
+        if (statistics_.size() != g.means.size()) reset_statistics(g.size());
+        parallel_for(Device{}, g.size(),
+                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(), screen.abs_dL_dmeans2d.span(),
+                                    screen.front_pixels.span(), statistics_.span()});
+        if (step > options_.from && step % options_.every == 0) {
+            grow_and_prune(step, g);
+            event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
+        }
+        if (options_.trim_min_views > 0 && step % options_.trim_every == 0) {
+            trim(g, observe);
+            Buffer<int, Device> before;
+            if (event.structure_changed) before.swap(parents_);
+            const bool trimmed = rebuild(static_cast<std::uint32_t>(step), g, adam);
+            if (event.structure_changed) chain_parents(before, trimmed);
+            event.structure_changed |= trimmed;
+        }
+        if (step % options_.opacity_reset_every == 0) {
+            parallel_for(Device{}, g.size(),
+                         ResetOpacityBody{g.opacity_logits.span(), adam.first_moments().opacity_logits.span(),
+                                          adam.second_moments().opacity_logits.span()});
+            event.opacity_reset = true;
+        }
+        return event;
+    }
+
+    /// Old index of each splat after a step that changed the structure.
+    Span<const int> parents() const { return parents_.span(); }
+
+private:
+    void reset_statistics(int count) {
+        statistics_.resize(static_cast<std::size_t>(count));
+        statistics_.fill_zero();
+    }
+
+    /// Fills growth_ and counts_.
+    void grow_and_prune(int step, const Gaussians<Device>& g) {
+        const std::size_t n = g.means.size();
+        growth_.resize(n), score_.resize(n), counts_.resize(n);
+        parallel_for(Device{}, g.size(),
+                     ProposeBody{statistics_.span(), g.log_scales.span(), options_.gradient_threshold,
+                                 options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
+                                 options_.percent_dense * extent_, growth_.span(), score_.span()});
+        apply_quotas(g.size());
+        const float infinite = 3e38f;
+        parallel_for(Device{}, g.size(),
+                     CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
+                               std::log(options_.min_opacity / (1 - options_.min_opacity)),
+                               step > 3000 ? 0.1f * extent_ : infinite, counts_.span()});
+        reset_statistics(0);  // the next accumulation starts from zero at the new size
+    }
+
+    /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index. On the host: it is rare.
+    void apply_quotas(int n) {
+        std::vector<Growth> growth = to_host(growth_);
+        const std::vector<float> score = to_host(score_);
+        std::size_t room = options_.max_gaussians > n ? static_cast<std::size_t>(options_.max_gaussians - n) : 0;
+        bool changed = false;
+        for (Growth kind : {Growth::clone, Growth::split, Growth::abs_split}) {
+            std::vector<int> chosen;
+            for (int i = 0; i < n; ++i)
+                if (growth[static_cast<std::size_t>(i)] == kind) chosen.push_back(i);
+            std::size_t quota = room;
+            if (kind == Growth::abs_split) quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
+            if (chosen.size() > quota) {
+                std::nth_element(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(), [&](int a, int b) {
+                    const float sa = score[static_cast<std::size_t>(a)], sb = score[static_cast<std::size_t>(b)];
+                    return sa != sb ? sa > sb : a < b;
+                });
+                for (std::size_t j = quota; j < chosen.size(); ++j) growth[static_cast<std::size_t>(chosen[j])] = Growth::none;
+                changed = true;
+            }
+            room -= std::min(room, std::min(quota, chosen.size()));
+        }
+        if (changed) copy(growth, growth_);
+    }
+
+    template <class Observe>
+    void trim(const Gaussians<Device>& g, const Observe& observe) {
+        const std::size_t n = g.means.size();
+        front_views_.resize(n), growth_.resize(n), counts_.resize(n);
+        front_views_.fill_zero();
+        observe([&](const ScreenStatistics<Device>& screen) {
+            parallel_for(Device{}, static_cast<int>(n), CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
+        });
+        parallel_for(Device{}, g.size(), KeepSeenBody{front_views_.span(), options_.trim_min_views, counts_.span(), growth_.span()});
+    }
+
+    /// Carries out growth_ and counts_; false when nothing would be left, and then nothing is changed.
+    bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
+        const int total = exclusive_scan(counts_, first_);
+        if (total == 0) return false;
+        const std::size_t n = static_cast<std::size_t>(total);
+        parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
+        parallel_for(Device{}, g.size(),
+                     SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(), is_new_.span(), child_of_split_.span()});
+        gather(g, total, false);
+        gather(adam.first_moments(), total, true);
+        gather(adam.second_moments(), total, true);
+        parallel_for(Device{}, total,
+                     ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones, seed_, step, g.means.span(),
+                                         g.log_scales.span(), g.quats.span()});
+        parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
+        if (!statistics_.empty()) reset_statistics(0);
+        return true;
+    }
+
+    void gather(Gaussians<Device>& g, int total, bool zero_new) {
+        gather(g.means, g.size(), 1, total, zero_new, scratch3_);
+        gather(g.log_scales, static_cast<int>(g.log_scales.size()), 1, total, zero_new, scratch3_);
+        gather(g.quats, static_cast<int>(g.quats.size()), 1, total, zero_new, scratch4_);
+        gather(g.opacity_logits, static_cast<int>(g.opacity_logits.size()), 1, total, zero_new, scratch1_);
+        const int planes = sh_count(g.sh_degree);
+        gather(g.sh, static_cast<int>(g.sh.size()) / planes, planes, total, zero_new, scratch_sh_);
+    }
+
+    template <class T>
+    void gather(Buffer<T, Device>& values, int old_count, int planes, int total, bool zero_new, Buffer<T, Device>& scratch) {
+        scratch.resize(static_cast<std::size_t>(total) * static_cast<std::size_t>(planes));
+        for (int p = 0; p < planes; ++p)
+            parallel_for(Device{}, total,
+                         GatherBody<T>{parents_.span(), is_new_.span(), zero_new,
+                                       values.data() + static_cast<std::size_t>(p) * static_cast<std::size_t>(old_count),
+                                       scratch.data() + static_cast<std::size_t>(p) * static_cast<std::size_t>(total)});
+        values.swap(scratch);
+    }
+
+    /// parents_ <- before[parents_]: two changes of structure in one step read as one.
+    void chain_parents(Buffer<int, Device>& before, bool trimmed) {
+        if (!trimmed) return parents_.swap(before);
+        Buffer<int, Device> chained(parents_.size());
+        parallel_for(Device{}, static_cast<int>(parents_.size()),
+                     GatherBody<int>{parents_.span(), {}, false, before.data(), chained.data()});
+        parents_.swap(chained);
+    }
+
+    DensifyOptions options_;
+    float extent_;
+    std::uint64_t seed_;
+    Buffer<GrowthStatistics, Device> statistics_;
+    Buffer<Growth, Device> growth_;
+    Buffer<float, Device> score_;
+    Buffer<int, Device> counts_, first_, parents_, front_views_;
+    Buffer<std::uint8_t, Device> is_new_, child_of_split_;
+    Buffer<Vec3f, Device> scratch3_, scratch_sh_;
+    Buffer<Quatf, Device> scratch4_;
+    Buffer<float, Device> scratch1_;
+};
+
+}  // namespace tvsgs

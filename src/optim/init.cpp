@@ -1,0 +1,75 @@
+#include "optim/init.h"
+
+#include <nanoflann.hpp>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "core/parallel.h"
+#include "render/sh_math.h"
+
+namespace tvsgs {
+namespace {
+
+struct PointAdaptor {
+    const std::vector<Vec3f>& points;
+    std::size_t kdtree_get_point_count() const { return points.size(); }
+    float kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][static_cast<int>(axis)]; }
+    template <class Box>
+    bool kdtree_get_bbox(Box&) const { return false; }
+};
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>, PointAdaptor, 3, unsigned>;
+
+}  // namespace
+
+std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
+    std::vector<float> result(points.size(), 0);
+    if (points.size() < 2) return result;
+    const PointAdaptor adaptor{points};
+    const Tree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        unsigned index[16];
+        float squared[16];
+        const std::size_t found = tree.knnSearch(&points[static_cast<std::size_t>(i)].x, wanted, index, squared);
+        // The point itself is among them at distance 0, or another at the same place: either way one zero goes.
+        double sum = 0;
+        for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
+        result[static_cast<std::size_t>(i)] = static_cast<float>(sum / static_cast<double>(found - 1));
+    });
+    return result;
+}
+
+Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree) {
+    std::vector<Vec3f> positions, colors;
+    for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
+        const Vec3f p = scene.points.positions[i];
+        const bool at_camera = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& view) {
+            return norm(p - camera_centre(view.camera)) < 1e-2f;
+        });
+        if (at_camera) continue;
+        positions.push_back(p);
+        colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f} : scene.points.colors[i]);
+    }
+    if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
+        spdlog::warn("{} initial points lie within 0.01 world units of a camera and are left out", dropped);
+    if (positions.empty())
+        throw Error(ExitCode::input, str("E_NO_POINTS: ", scene.path, ": no initial points are left; expected at least one; "
+                                         "give a cloud with --init-ply"));
+
+    const std::vector<float> squared = mean_squared_neighbour_distance(positions, 3);
+    Gaussians<Cpu> g;
+    resize(g, static_cast<int>(positions.size()), sh_degree);
+    fill_zero(g);
+    const float logit = std::log(options.opacity / (1 - options.opacity));
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+        g.means[i] = positions[i];
+        const float log_scale = 0.5f * std::log(std::max(squared[i], 1e-7f));
+        g.log_scales[i] = {log_scale, log_scale, log_scale};
+        g.quats[i] = {1, 0, 0, 0};
+        g.opacity_logits[i] = logit;
+        g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / static_cast<float>(kShC0);
+    }
+    return g;
+}
+
+}  // namespace tvsgs

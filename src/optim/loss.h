@@ -1,0 +1,114 @@
+// The objective and its terms.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/options.h"
+#include "core/parallel.h"
+#include "core/scene.h"
+#include "render/backbone.h"
+#include "tv/voting.h"
+
+namespace tvsgs {
+
+/// A training view on the device.
+template <class Device>
+struct DeviceView {
+    Camera camera;
+    Buffer<std::uint8_t, Device> photo;  // [H W 3]
+    float edge_min = 0, edge_max = 1;    // range of the photo's edge strength, for the normal loss
+};
+
+/// Sum of the terms and its derivatives.
+template <class Device>
+struct Objective {
+    ImageGradients<Device> dL_dimages;
+    Gaussians<Device> dL_dgaussians;
+    Buffer<double, Device> values;   // [terms] weighted
+    Buffer<double, Device> partial;  // scratch of add_sum
+    Buffer<double, Device> count;    // [1] scratch: the size of what a mean is taken over
+};
+
+template <class Device>
+struct LossInputs {
+    const Gaussians<Device>& gaussians;
+    const RenderedImages<Device>& images;
+    const DeviceView<Device>& view;
+    const TensorField<Device>& field;
+    Span<const float> radii_px;  // [N] > 0: visible in this view
+    int step;
+};
+
+/// One term of the objective. It holds its own weight and schedule.
+template <class Device>
+class Loss {
+public:
+    virtual ~Loss() = default;
+
+    virtual const char* name() const = 0;
+
+    /// Whether the term acts at `step` at all; add_to() is only called then.
+    virtual bool active(int step) const = 0;
+
+    /// Whether it reads the plane channels of the render.
+    virtual bool needs_plane() const { return false; }
+
+    /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
+    virtual void add_to(Objective<Device>& objective, double* value, const LossInputs<Device>& in) = 0;
+};
+
+/// Term of a sum over an array.
+struct ReadValue {
+    Span<const float> values;
+    TVSGS_HD float operator()(int i) const { return values[i]; }
+};
+
+enum class Reduction { mean, sum, visible_mean };
+
+struct PhotometricOptions {
+    float weight = 1, ssim = 0.2f;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
+        field("ssim", ssim, {0, 1}, "share of the SSIM term");
+    }
+};
+
+/// For terms that need no more than a weight and a first iteration.
+struct ScheduledOptions {
+    float weight = 0;
+    int start = 1;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "0 switches the term off");
+        field("start", start, {1, 1e9}, "first iteration");
+    }
+};
+
+struct LossOptions {
+    PhotometricOptions photometric;
+    ScheduledOptions flatten;
+    ScheduledOptions normal{0, 7001};
+    ScheduledOptions tv_normal, tv_position;
+    Reduction tv_reduction = Reduction::mean;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field.group("photometric", photometric, "render against photograph");
+        field.group("flatten", flatten, "smallest scale of each visible splat, PGSR");
+        field.group("normal", normal, "blended normals against normals of the depth map, PGSR single view");
+        field.group("tv_normal", tv_normal, "splat normals against voted normals");
+        field.group("tv_position", tv_position, "splat centres against voted positions");
+        field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"}, "how the two voting terms add up splats");
+    }
+};
+
+/// The terms with a weight above 0.
+template <class Device>
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options);
+
+}  // namespace tvsgs

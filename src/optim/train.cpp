@@ -1,0 +1,10 @@
+#include "optim/losses_list.h"
+#include "optim/train_loop.h"
+
+namespace tvsgs {
+
+void synchronize(Cpu) {}
+
+template Gaussians<Cpu> train<Cpu>(const Scene&, const TrainOptions&, const TrainCallbacks&);
+
+}  // namespace tvsgs

@@ -1,0 +1,189 @@
+// The loop itself; included by one file per device.
+#pragma once
+
+#include <chrono>
+
+#include "core/error.h"
+#include "core/rng.h"
+#include "optim/loss_normal.h"
+#include "optim/train.h"
+
+namespace tvsgs {
+
+/// Training views without replacement: a new shuffled round whenever one is used up.
+class ViewSampler {
+public:
+    ViewSampler(int count, std::uint64_t seed) : order_(static_cast<std::size_t>(count)), seed_(seed) {}
+
+    int next() {
+        const std::size_t at = drawn_ % order_.size();
+        if (at == 0) shuffle(static_cast<std::uint32_t>(drawn_ / order_.size()));
+        ++drawn_;
+        return order_[at];
+    }
+
+private:
+    void shuffle(std::uint32_t round) {
+        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
+        for (std::size_t i = order_.size(); i > 1; --i) {
+            const auto pick = static_cast<std::size_t>(uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) * static_cast<float>(i));
+            std::swap(order_[i - 1], order_[std::min(pick, i - 1)]);
+        }
+    }
+
+    std::vector<int> order_;
+    std::uint64_t seed_;
+    std::size_t drawn_ = 0;
+};
+
+template <class Device>
+DeviceView<Device> upload(const View& view, bool with_edges) {
+    DeviceView<Device> result;
+    result.camera = view.camera;
+    copy(view.photo.pixels, result.photo);
+    if (!with_edges) return result;
+    float low = 1, high = 0;
+    for (int y = 1; y + 1 < view.photo.height; ++y)
+        for (int x = 1; x + 1 < view.photo.width; ++x) {
+            const float e = edge_strength(view.photo.pixels.data(), view.photo.width, x, y);
+            low = std::min(low, e), high = std::max(high, e);
+        }
+    result.edge_min = low, result.edge_max = std::max(low, high);
+    return result;
+}
+
+/// Times stages by waiting for the device around each; does nothing unless asked to.
+template <class Device>
+class StageClock {
+public:
+    explicit StageClock(bool on) : on_(on) {}
+
+    template <class Action>
+    decltype(auto) operator()(const char* name, Action&& action) {
+        const Lap lap(*this, name);
+        return action();
+    }
+    const std::vector<StageTime>& stages() const { return stages_; }
+
+private:
+    struct Lap {
+        Lap(StageClock& c, const char* n) : clock(c), name(n) {
+            if (clock.on_) begin = now();
+        }
+        ~Lap() {
+            if (clock.on_) clock.add(name, std::chrono::duration<double>(now() - begin).count());
+        }
+        static std::chrono::steady_clock::time_point now() {
+            synchronize(Device{});
+            return std::chrono::steady_clock::now();
+        }
+        StageClock& clock;
+        const char* name;
+        std::chrono::steady_clock::time_point begin;
+    };
+    void add(const char* name, double seconds) {
+        for (StageTime& stage : stages_)
+            if (stage.name == name) {
+                stage.seconds += seconds;
+                return;
+            }
+        stages_.push_back({name, seconds});
+    }
+
+    bool on_;
+    std::vector<StageTime> stages_;
+};
+
+/// Sizes and clears what the step adds to.
+template <class Device>
+void reset(Objective<Device>& objective, const Gaussians<Device>& gaussians, const RenderedImages<Device>& images) {
+    objective.dL_dimages.color.resize(images.color.size());
+    objective.dL_dimages.normal.resize(images.normal.size());
+    objective.dL_dimages.distance.resize(images.distance.size());
+    objective.dL_dimages.color.fill_zero();
+    objective.dL_dimages.normal.fill_zero();
+    objective.dL_dimages.distance.fill_zero();
+    resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+    fill_zero(objective.dL_dgaussians);
+    objective.values.fill_zero();
+}
+
+template <class Device>
+TrainReport make_report(int step, const Objective<Device>& objective, const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                        const Gaussians<Device>& gaussians, const StageClock<Device>& clock) {
+    TrainReport report{step, 0, {}, gaussians.size(), memory_use(Device{}), clock.stages()};
+    const std::vector<double> values = to_host(objective.values);
+    for (std::size_t i = 0; i < losses.size(); ++i) {
+        if (!(std::abs(values[i]) < 1e300))
+            throw Error(ExitCode::numerical, str("iteration ", step, ": the loss term '", losses[i]->name(), "' is ", values[i],
+                                                 "; expected a finite number; lower the learning rates (--set lr.*)"));
+        report.terms.emplace_back(losses[i]->name(), values[i]);
+        report.loss += values[i];
+    }
+    return report;
+}
+
+template <class Device>
+Gaussians<Device> train(const Scene& scene, const TrainOptions& options, const TrainCallbacks& callbacks) {
+    const auto seed = static_cast<std::uint64_t>(options.seed);
+    Gaussians<Device> gaussians;
+    copy(init_gaussians(scene, options.init, options.model.sh_degree), gaussians);
+    auto backbone = make_backbone<Device>(options.backbone, options.core);
+    auto losses = make_losses<Device>(options.loss);
+    TensorVoter<Device> voter(options.tv);
+    TensorField<Device> field;
+    Adam<Device> adam(options.lr, gaussians);
+    Densifier<Device> densifier(options.densify, scene.extent, seed);
+    ViewSampler sampler(static_cast<int>(scene.train.size()), seed);
+    Objective<Device> objective;
+    objective.values.resize(losses.size());
+    objective.partial.resize(kSumBlocks);
+    objective.count.resize(1);
+    std::vector<DeviceView<Device>> views;
+    for (const View& view : scene.train) views.push_back(upload<Device>(view, options.loss.normal.weight > 0));
+    StageClock<Device> clock(callbacks.profile);
+
+    for (int step = 1; step <= options.iterations; ++step) {
+        if (callbacks.stop_requested && callbacks.stop_requested()) break;
+        const int sh_degree = sh_degree_at(options.model, step);
+        const DeviceView<Device>& view = views[static_cast<std::size_t>(sampler.next())];
+        if (voter.due(step)) clock("voting", [&] { voter.vote(step, gaussians, field); });
+
+        bool plane = false;
+        for (const auto& term : losses) plane |= term->active(step) && term->needs_plane();
+        const RenderedImages<Device>& images = clock("forward", [&]() -> const RenderedImages<Device>& {
+            return backbone->forward(gaussians, view.camera, sh_degree, plane ? Channels::color_plane : Channels::color);
+        });
+        clock("losses", [&] {
+            reset(objective, gaussians, images);
+            for (std::size_t i = 0; i < losses.size(); ++i)
+                if (losses[i]->active(step))
+                    losses[i]->add_to(objective, objective.values.data() + i,
+                                      {gaussians, images, view, field, backbone->statistics().radii_px.span(), step});
+        });
+        clock("backward", [&] { backbone->backward(gaussians, objective.dL_dimages, objective.dL_dgaussians); });
+        if (callbacks.report_due && callbacks.report_due(step))
+            callbacks.on_report(make_report(step, objective, losses, gaussians, clock));
+
+        const auto event = clock("densify", [&] {
+            return densifier.step(step, backbone->statistics(), gaussians, adam, [&](const auto& count_views) {
+                resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+                for (const auto& other : views) {
+                    backbone->forward(gaussians, other.camera, 0, Channels::plane);
+                    backbone->backward(gaussians, {}, objective.dL_dgaussians);
+                    count_views(backbone->statistics());
+                }
+            });
+        });
+        if (event.structure_changed) voter.structure_changed(densifier.parents(), field);
+        // The gradients belong to the splats before the change; the official codes lose them here too.
+        if (!event.structure_changed && step < options.iterations)
+            clock("adam", [&] {
+                adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, gaussians,
+                          !(event.opacity_reset && options.optim.skip_step_on_structure_change));
+            });
+    }
+    return gaussians;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,104 @@
+// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbones `3dgs` and `pgsr`, which differ in the channels and losses
+// that a configuration asks for.
+#pragma once
+
+#include "core/parallel.h"
+#include "render/backbone.h"
+#include "render/blend.h"
+
+namespace tvsgs {
+
+template <class Device>
+class EwaBackbone final : public Backbone<Device> {
+public:
+    explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
+
+    const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
+                                          const Camera& camera,
+                                          int sh_degree,
+                                          Channels channels) override {
+        camera_ = camera;
+        channels_ = channels;
+        grid_ = tile_grid(camera.width_px, camera.height_px);
+        view_ = {pinhole<float>(camera),
+                 camera_centre(camera),
+                 grid_,
+                 sh_degree < gaussians.sh_degree ? sh_degree : gaussians.sh_degree,
+                 options_.near,
+                 options_.low_pass_px2,
+                 options_.exact_clamp_grad};
+        resize_images();
+        splats_.resize(gaussians.means.size());
+        statistics_.radii_px.resize(gaussians.means.size());
+        with_channels([&]<Channels kChannels>() { forward_as<kChannels>(gaussians); });
+        return images_;
+    }
+
+    void backward(const Gaussians<Device>& gaussians,
+                  const ImageGradients<Device>& dL_dimages,
+                  Gaussians<Device>& dL_dgaussians) override {
+        const std::size_t n = gaussians.means.size();
+        statistics_.dL_dmeans2d.resize(n);
+        statistics_.abs_dL_dmeans2d.resize(n);
+        statistics_.front_pixels.resize(n);
+        with_channels([&]<Channels kChannels>() { backward_as<kChannels>(gaussians, dL_dimages, dL_dgaussians); });
+    }
+
+    const ScreenStatistics<Device>& statistics() const override { return statistics_; }
+
+private:
+    template <class Action>
+    void with_channels(const Action& action) {
+        switch (channels_) {
+            case Channels::color: return action.template operator()<Channels::color>();
+            case Channels::color_plane: return action.template operator()<Channels::color_plane>();
+            case Channels::plane: return action.template operator()<Channels::plane>();
+        }
+    }
+
+    void resize_images() {
+        const std::size_t pixels = std::size_t(grid_.width) * grid_.height;
+        const std::size_t color = has_color(channels_) ? pixels : 0, plane = has_plane(channels_) ? pixels : 0;
+        images_.width = grid_.width, images_.height = grid_.height;
+        images_.color.resize(color);
+        images_.transmittance.resize(pixels);
+        images_.normal.resize(plane), images_.distance.resize(plane), images_.depth.resize(plane);
+        state_.stop.resize(pixels);
+    }
+
+    template <Channels kChannels>
+    void forward_as(const Gaussians<Device>& g) {
+        parallel_for(Device{}, g.size(),
+                     ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.opacity_logits.span(),
+                                            g.sh.span(), splats_.shapes.span(), splats_.features.span(), splats_.depths.span(),
+                                            splats_.rects.span(), splats_.touched.span(), statistics_.radii_px.span()});
+        build_tile_lists(splats_, grid_, lists_);
+        blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_);
+    }
+
+    template <Channels kChannels>
+    void backward_as(const Gaussians<Device>& g, const ImageGradients<Device>& dL_dimages, Gaussians<Device>& dL) {
+        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slot_gradients_);
+        const Buffer<SplatGradients<float>, Device>& slots = slot_gradients_;
+        parallel_for(Device{}, g.size(),
+                     ProjectBackwardBody<kChannels>{
+                         view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(), splats_.shapes.span(),
+                         splats_.features.span(), splats_.touched.span(), lists_.first_slot.span(), slots.span(), dL.means.span(),
+                         dL.log_scales.span(), dL.quats.span(), dL.opacity_logits.span(), dL.sh.span(),
+                         statistics_.dL_dmeans2d.span(), statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
+    }
+
+    BackboneOptions options_;
+    Camera camera_;
+    Channels channels_ = Channels::color;
+    TileGrid grid_{};
+    ViewParameters view_{};
+    ViewSplats<Device> splats_;
+    TileLists<Device> lists_;
+    BlendState<Device> state_;
+    RenderedImages<Device> images_;
+    ScreenStatistics<Device> statistics_;
+    Buffer<SplatGradients<float>, Device> slot_gradients_;
+};
+
+}  // namespace tvsgs

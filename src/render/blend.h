@@ -1,0 +1,81 @@
+// Compositing of all tiles, forward and backward.
+#pragma once
+
+#include "render/backbone.h"
+#include "render/tiles.h"
+
+namespace tvsgs {
+
+/// What the backward pass needs of the forward one: position in the tile's list behind the last blended splat.
+template <class Device>
+struct BlendState {
+    Buffer<std::uint32_t, Device> stop;  // [H W]
+};
+
+/// Overwrites the images of the channel set, background black. Depth only with plane channels, along the rays of `camera`.
+template <Channels kChannels>
+void blend_tiles(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid, const Camera& camera,
+                 RenderedImages<Cpu>& images, BlendState<Cpu>& state);
+template <Channels kChannels>
+void blend_tiles(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid, const Camera& camera,
+                 RenderedImages<Cuda>& images, BlendState<Cuda>& state);
+
+/// dL/d of the images to one gradient per slot; `slot_gradients` is resized and overwritten. Images without a gradient buffer count
+/// as zero. No floating-point atomics: bit-identical from run to run.
+template <Channels kChannels>
+void blend_tiles_vjp(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid,
+                     const RenderedImages<Cpu>& images, const BlendState<Cpu>& state, const ImageGradients<Cpu>& dL_dimages,
+                     Buffer<SplatGradients<float>, Cpu>& slot_gradients);
+template <Channels kChannels>
+void blend_tiles_vjp(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid,
+                     const RenderedImages<Cuda>& images, const BlendState<Cuda>& state, const ImageGradients<Cuda>& dL_dimages,
+                     Buffer<SplatGradients<float>, Cuda>& slot_gradients);
+
+/// Writes a finished pixel, shared by both devices.
+template <Channels kChannels>
+struct PixelWriter {
+    Span<Vec3f> color, normal;
+    Span<float> transmittance, distance, depth;
+    Camera camera;
+
+    PixelWriter(RenderedImages<Cpu>& i, const Camera& c) : PixelWriter(i, c, 0) {}
+    PixelWriter(RenderedImages<Cuda>& i, const Camera& c) : PixelWriter(i, c, 0) {}
+
+    TVSGS_HD void operator()(int x, int y, const PixelForward<float>& pixel) const {
+        const int at = y * camera.width_px + x;
+        transmittance[at] = pixel.T;
+        if constexpr (has_color(kChannels)) color[at] = pixel.sum.color;
+        if constexpr (has_plane(kChannels)) {
+            normal[at] = pixel.sum.normal;
+            distance[at] = pixel.sum.distance;
+            depth[at] = plane_depth(pixel.sum.normal, pixel.sum.distance, pixel_ray(camera, x, y), 1 - pixel.T);
+        }
+    }
+
+private:
+    template <class Images>
+    PixelWriter(Images& i, const Camera& c, int)
+        : color(i.color.span()), normal(i.normal.span()), transmittance(i.transmittance.span()), distance(i.distance.span()),
+          depth(i.depth.span()), camera(c) {}
+};
+
+/// Reads the gradients of a pixel's channels; missing images are zero.
+template <Channels kChannels>
+struct PixelGradientReader {
+    Span<const Vec3f> color, normal;
+    Span<const float> distance;
+
+    TVSGS_HD SplatFeatures<float> operator()(int at) const {
+        SplatFeatures<float> g{};
+        if constexpr (has_color(kChannels)) {
+            if (!color.empty()) g.color = color[at];
+        }
+        if constexpr (has_plane(kChannels)) {
+            if (!normal.empty()) g.normal = normal[at];
+            if (!distance.empty()) g.distance = distance[at];
+        }
+        return g;
+    }
+};
+
+}  // namespace tvsgs
