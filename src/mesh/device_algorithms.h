@@ -1,0 +1,42 @@
+// Sorting, scanning and free memory, once per device.
+#pragma once
+
+#include <cstdint>
+
+#include "core/buffer.h"
+
+namespace tvsgs {
+
+/// Sorts ascending and drops repetitions; the buffer is resized.
+void sort_unique(Buffer<std::uint64_t, Cpu>& keys);
+void sort_unique(Buffer<std::uint64_t, Cuda>& keys);
+
+/// Each count becomes the sum of those before it. Returns the total, in 64 bits: the sums themselves are
+/// of no use when it does not fit into 32.
+std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts);
+std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cuda>& counts);
+
+/// Memory that could be had now, in bytes.
+std::int64_t free_bytes(Cpu);
+std::int64_t free_bytes(Cuda);
+
+/// First i in the ascending `keys` with keys[i] >= key.
+TVSGS_HD inline int lower_bound(Span<const std::uint64_t> keys, std::uint64_t key) {
+    int first = 0, last = keys.size();
+    while (first < last) {
+        const int middle = first + (last - first) / 2;
+        if (keys[middle] < key)
+            first = middle + 1;
+        else
+            last = middle;
+    }
+    return first;
+}
+
+/// Place of `key` in the ascending `keys`, -1 when it is not there.
+TVSGS_HD inline int find_key(Span<const std::uint64_t> keys, std::uint64_t key) {
+    const int i = lower_bound(keys, key);
+    return i < keys.size() && keys[i] == key ? i : -1;
+}
+
+}  // namespace tvsgs

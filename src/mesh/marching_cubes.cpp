@@ -1,0 +1,9 @@
+#include "mesh/marching_cubes_impl.h"
+
+namespace tvsgs {
+
+TriangleMesh marching_cubes(const VoxelBlocks<Cpu>& blocks, float min_weight) {
+    return detail::marching_cubes_on(blocks, min_weight);
+}
+
+}  // namespace tvsgs

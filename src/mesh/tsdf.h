@@ -1,0 +1,76 @@
+// Fusion of depth maps into a sparse truncated signed distance volume.
+#pragma once
+
+#include <vector>
+
+#include "mesh/tsdf_math.h"
+
+namespace tvsgs {
+
+/// Voxels in blocks of 8^3, the blocks in chunks, so that a growing volume never moves or copies them.
+template <class Device>
+struct VoxelBlocks {
+    static constexpr int kChunkBlocks = 1024;
+    static constexpr std::int64_t kBytesPerBlock = kBlockVoxels * sizeof(Voxel);
+
+    float voxel_size = 0;                // world units
+    Buffer<std::uint64_t, Device> keys;  // [B] ascending block keys
+    Buffer<int, Device> slots;           // [B] where each block's voxels are
+    std::vector<Buffer<Voxel, Device>> chunks;
+    Buffer<Voxel*, Device> chunk_table;  // their addresses
+
+    int size() const { return static_cast<int>(keys.size()); }
+};
+
+TVSGS_HD inline Voxel& voxel_at(Span<Voxel* const> chunk_table, int slot, int local) {
+    constexpr int kChunk = VoxelBlocks<Cpu>::kChunkBlocks;
+    return chunk_table[slot / kChunk][(slot % kChunk) * kBlockVoxels + local];
+}
+
+/// Makes room for the voxels of `count` blocks; new ones are empty.
+template <class Device>
+void reserve_slots(VoxelBlocks<Device>& blocks, int count);
+
+struct TsdfOptions {
+    float voxel_size = 0;        // world units
+    float truncation = 0;        // world units
+    std::int64_t max_bytes = 0;  // voxels may take; 0: no limit
+};
+
+template <class Device>
+struct DepthView {
+    Camera camera;
+    Span<const float> depth;  // [H W] z-depth; 0: nothing there
+    Span<const Vec3f> color;  // [H W]
+};
+
+/// Fuses views one after the other by the rule of Open3D's legacy volume: blocks within the truncation
+/// of a view's depth points are made, and only those are updated by that view. The result depends on the
+/// views and, in the last bits, on their order; both devices give the same bits.
+template <class Device>
+class TsdfVolume {
+public:
+    /// Throws Error(ExitCode::usage) unless voxel size and truncation are positive.
+    explicit TsdfVolume(const TsdfOptions& options);
+
+    /// Throws Error(ExitCode::input) for points outside of the volume's reach and Error(ExitCode::memory), before
+    /// allocating, when the blocks would not fit into max_bytes. The volume is unchanged in both cases.
+    void integrate(const DepthView<Device>& view);
+
+    const VoxelBlocks<Device>& blocks() const { return blocks_; }
+    std::int64_t bytes() const { return blocks_.size() * VoxelBlocks<Device>::kBytesPerBlock; }
+
+private:
+    void mark_blocks(const DepthView<Device>& view);  // fills view_keys_
+    void add_blocks();                                // view_keys_ into blocks_; fills view_slots_
+    void check_memory(std::int64_t blocks) const;
+
+    TsdfOptions options_;
+    VoxelBlocks<Device> blocks_;
+    // Scratch.
+    Buffer<std::uint64_t, Device> view_keys_, merged_keys_, new_keys_;
+    Buffer<int, Device> view_slots_, merged_slots_;
+    Buffer<std::uint32_t, Device> offsets_;
+};
+
+}  // namespace tvsgs
