@@ -2,6 +2,8 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <vector>
 
 #include "core/gaussians.h"
 #include "core/options.h"
@@ -71,6 +73,20 @@ struct TensorField {
     Buffer<std::uint8_t, Device> flags;    // [N] TensorFlag bits
 };
 
+/// Intermediate results of the last event, on the host; for tests and reports.
+struct VotingDetails {
+    int k = 0;                             // receivers per voter
+    std::vector<std::uint32_t> receivers;  // [N, k] of voter i
+    std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
+    std::vector<std::uint32_t> voters;
+    std::vector<float> tau;                // [N] scale of voting; 0: silent
+    std::vector<float> variability;        // [N] radians; infinite where the tensor is not valid
+    std::vector<float> strength;           // [N] RMS of received votes; infinite where the tensor is not valid
+    std::vector<std::uint8_t> left_out;    // [N] in the top 5% of both
+};
+
+struct SplatSpans;
+
 /// Owns the neighbour lists and all scratch memory of the votes.
 template <class Device>
 class TensorVoter {
@@ -89,10 +105,17 @@ public:
     /// inherited, and the next vote() searches neighbours anew.
     void structure_changed(Span<const int> parents, TensorField<Device>& field);
 
+    VotingDetails details() const;
+
 private:
     struct State;
+
+    void refresh(int step, const Gaussians<Device>& gaussians);
+    void build_records(const SplatSpans& splats, float flatness_limit, bool keep_tau);
+    void orient_records(const SplatSpans& splats, float flatness_limit, bool position);
+
     TvOptions options_;
-    State* state_;
+    std::unique_ptr<State> state_;
 };
 
 }  // namespace tvsgs

@@ -1,0 +1,238 @@
+// Exact nearest neighbours by a flat hierarchy of boxes: points in Morton order, 32 to a leaf, 32 nodes to a node.
+// [GPU design, section 11]
+#pragma once
+
+#include <bit>
+#include <cstdint>
+#include <limits>
+
+#include "core/buffer.h"
+#include "core/vec.h"
+
+namespace tvsgs {
+
+struct TreePoint {
+    Vec3f position;
+    std::uint32_t index;  // of the splat
+};
+
+struct TreeNode {
+    Vec3f low;
+    std::uint32_t min_index;  // smallest splat index inside
+    Vec3f high;
+    std::uint32_t unused;
+};
+
+inline constexpr int kTreeFanout = 32;
+inline constexpr int kMaxTreeLevels = 7;  // 32^7 leaves
+
+/// Node j of a level covers nodes (level 0: points) 32 j ... 32 j + 31 below it.
+struct MortonTree {
+    Span<const TreePoint> points;
+    Span<TreeNode> nodes;  // all levels, leaves first
+    int level_begin[kMaxTreeLevels] = {};
+    int level_size[kMaxTreeLevels] = {};
+    int levels = 0;  // the top one has at most 32 nodes
+};
+
+/// The shape of a tree over `count` > 0 points; returns the number of nodes.
+inline int set_tree_shape(MortonTree& tree, int count) {
+    int total = 0;
+    tree.levels = 0;
+    for (int size = count; tree.levels == 0 || size > kTreeFanout;) {
+        size = (size + kTreeFanout - 1) / kTreeFanout;
+        tree.level_begin[tree.levels] = total;
+        tree.level_size[tree.levels++] = size;
+        total += size;
+    }
+    return total;
+}
+
+/// Box of node j of one level, from the points or the nodes below.
+struct TreeNodeBody {
+    MortonTree tree;
+    int level;
+
+    TVSGS_HD void operator()(int j) const {
+        constexpr float kInfinity = std::numeric_limits<float>::infinity();
+        TreeNode node{{kInfinity, kInfinity, kInfinity}, 0xffffffffu, {-kInfinity, -kInfinity, -kInfinity}, 0};
+        const int below = level == 0 ? tree.points.size() : tree.level_size[level - 1];
+        const int begin = j * kTreeFanout, end = begin + kTreeFanout < below ? begin + kTreeFanout : below;
+        for (int i = begin; i < end; ++i) {
+            if (level == 0) {
+                const TreePoint point = tree.points[i];
+                grow(node, point.position, point.position, point.index);
+            } else {
+                const TreeNode child = tree.nodes[tree.level_begin[level - 1] + i];
+                grow(node, child.low, child.high, child.min_index);
+            }
+        }
+        tree.nodes[tree.level_begin[level] + j] = node;
+    }
+
+private:
+    TVSGS_HD static void grow(TreeNode& node, Vec3f low, Vec3f high, std::uint32_t index) {
+        for (int axis = 0; axis < 3; ++axis) {
+            node.low[axis] = low[axis] < node.low[axis] ? low[axis] : node.low[axis];
+            node.high[axis] = high[axis] > node.high[axis] ? high[axis] : node.high[axis];
+        }
+        node.min_index = index < node.min_index ? index : node.min_index;
+    }
+};
+
+/// Every third bit: bit i of the low 21 bits goes to bit 3 i.
+TVSGS_HD inline std::uint64_t spread_bits(std::uint64_t x) {
+    x &= 0x1fffff;
+    x = (x | x << 32) & 0x1f00000000ffffull;
+    x = (x | x << 16) & 0x1f0000ff0000ffull;
+    x = (x | x << 8) & 0x100f00f00f00f00full;
+    x = (x | x << 4) & 0x10c30c30c30c30c3ull;
+    return (x | x << 2) & 0x1249249249249249ull;
+}
+
+/// Morton code of 3 x 42 bits inside a cube of edge `extent` at `origin`, in two words: coarse enough that far
+/// outliers do not matter (they are clamped, for the code alone), fine enough for clusters 10^6 apart.
+struct MortonCode {
+    std::uint64_t high, low;
+};
+TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
+    constexpr double kCells = 4398046511104.0;  // 2^42
+    MortonCode code{0, 0};
+    for (int axis = 0; axis < 3; ++axis) {
+        double cell = extent > 0 ? (double(p[axis]) - double(origin[axis])) / extent * kCells : 0;
+        cell = cell > 0 ? cell : 0;
+        cell = cell < kCells - 1 ? cell : kCells - 1;
+        const auto bits = static_cast<std::uint64_t>(cell);
+        code.high |= spread_bits(bits >> 21) << axis;
+        code.low |= spread_bits(bits) << axis;
+    }
+    return code;
+}
+
+/// Orders like (distance squared, index), distances that are not finite last.
+TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t index) {
+    const float ordered = squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
+    // Adding zero turns -0 into 0.
+    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | index;
+}
+TVSGS_HD inline std::uint32_t key_index(std::uint64_t key) {
+    return static_cast<std::uint32_t>(key);
+}
+
+/// A bound on the keys of all points in the node.
+TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q) {
+    Vec3f d;
+    for (int axis = 0; axis < 3; ++axis) {
+        const float below = node.low[axis] - q[axis], above = q[axis] - node.high[axis];
+        const float outside = below > above ? below : above;
+        d[axis] = outside > 0 ? outside : 0;
+    }
+    // Differences round monotonically; the factor covers the few roundings of the sum of squares.
+    return distance_key(dot(d, d) * 0.999999f, node.min_index);
+}
+
+/// Size in keys of the buffer that nearest() works in.
+inline int search_capacity(int wanted) {
+    return (2 * wanted + 64 + 31) / 32 * 32;
+}
+
+/// One query by one warp.
+template <class Warp>
+class NearestSearch {
+public:
+    /// `keys` has room for `capacity` = search_capacity(wanted) keys.
+    TVSGS_HD NearestSearch(const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
+        : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
+
+    /// The `wanted` points nearest to point `slot`, ties by index, itself excluded by index. Their keys come first in
+    /// the buffer, in no defined order; returns how many there are (fewer if the tree holds fewer).
+    TVSGS_HD int run(int slot) {
+        self_ = tree_.points[slot];
+        // 1. Neighbours in Morton order, enough of them to bound the distance of the wanted-th.
+        const int leaves = tree_.level_size[0];
+        const int window = min_of(leaves, (2 * wanted_ + 64) / kTreeFanout + 1);
+        window_begin_ = max_of(0, min_of(slot / kTreeFanout - window / 2, leaves - window));
+        window_end_ = window_begin_ + window;
+        for (int leaf = window_begin_; leaf < window_end_; ++leaf) scan_leaf(leaf);
+        shrink();
+        // 2. Whatever else may hold a nearer point: depth first, children in Morton order.
+        descend();
+        shrink();
+        return count_;
+    }
+
+private:
+    TVSGS_HD static int min_of(int a, int b) { return a < b ? a : b; }
+    TVSGS_HD static int max_of(int a, int b) { return a > b ? a : b; }
+
+    TVSGS_HD std::uint64_t point_key(int point) const {
+        const TreePoint p = tree_.points[point];
+        const Vec3f d = p.position - self_.position;
+        return distance_key(dot(d, d), p.index);
+    }
+
+    TVSGS_HD void scan_leaf(int leaf) {
+        if (count_ + kTreeFanout > capacity_) shrink();
+        const int begin = leaf * kTreeFanout;
+        const std::uint32_t mask = warp_.ballot32([&](int i) {
+            return begin + i < tree_.points.size() && tree_.points[begin + i].index != self_.index &&
+                   point_key(begin + i) < bound_;
+        });
+        warp_.for_each_bit(mask, [&](int i, int rank) { keys_[count_ + rank] = point_key(begin + i); });
+        count_ += Warp::bit_count(mask);
+    }
+
+    /// Keeps the wanted smallest keys; the largest of them bounds what may still enter.
+    TVSGS_HD void shrink() {
+        if (count_ < wanted_ || count_ == 0) return;
+        warp_.sync();
+        warp_.smallest_first(keys_, count_, wanted_);
+        warp_.sync();
+        bound_ = keys_[wanted_ - 1];
+        count_ = wanted_;
+        warp_.sync();  // all have read the bound before anyone appends
+    }
+
+    TVSGS_HD std::uint32_t children_in_reach(int level, int first) const {
+        return warp_.ballot32([&](int i) {
+            return first + i < tree_.level_size[level] &&
+                   node_key(tree_.nodes[tree_.level_begin[level] + first + i], self_.position) < bound_;
+        });
+    }
+
+    TVSGS_HD void descend() {
+        int first[kMaxTreeLevels];  // node that bit 0 stands for
+        std::uint32_t open[kMaxTreeLevels];
+        const int top = tree_.levels - 1;
+        int level = top;
+        first[top] = 0;
+        open[top] = children_in_reach(top, 0);
+        while (level <= top) {
+            if (open[level] == 0) {
+                ++level;
+                continue;
+            }
+            const int node = first[level] + Warp::lowest_bit(open[level]);
+            open[level] &= open[level] - 1;
+            // The bound may have shrunk since the test.
+            if (!(node_key(tree_.nodes[tree_.level_begin[level] + node], self_.position) < bound_)) continue;
+            if (level > 0) {
+                --level;
+                first[level] = node * kTreeFanout;
+                open[level] = children_in_reach(level, first[level]);
+            } else if (node < window_begin_ || node >= window_end_) {
+                scan_leaf(node);
+            }
+        }
+    }
+
+    const Warp& warp_;
+    const MortonTree& tree_;
+    std::uint64_t* keys_;
+    int capacity_, wanted_;
+    TreePoint self_{};
+    int count_ = 0, window_begin_ = 0, window_end_ = 0;
+    std::uint64_t bound_ = ~0ull;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,42 @@
+// The part of the Gaussians that tensor voting reads.
+#pragma once
+
+#include <type_traits>
+
+#include "core/gaussians.h"
+#include "tv/vote_math.h"
+
+namespace tvsgs {
+
+/// The CPU twin is the reference and computes in double; the GPU computes in float.
+template <class Device>
+using VoteReal = std::conditional_t<std::is_same_v<Device, Cpu>, double, float>;
+
+struct SplatSpans {
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+
+    TVSGS_HD int size() const { return means.size(); }
+    template <class Real>
+    TVSGS_HD Vec3<Real> scales(int i) const {
+        return exp(vec_cast<Real>(log_scales[i]));
+    }
+    /// Others neither vote nor receive.
+    TVSGS_HD bool usable(int i) const {
+        const Quatf q = quats[i];
+        const Vec3f s = scales<float>(i);
+        const float quat2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z, trace = dot(s, s);
+        return is_finite(means[i]) && trace * 0 == 0 && quat2 > 0 && quat2 * 0 == 0;
+    }
+    template <class Real>
+    TVSGS_HD Whitening<Real> whitening(int i, const WhitenRule& rule, double noise) const {
+        return tvsgs::whitening(quat_cast<Real>(quats[i]), scales<Real>(i), rule, Real(noise));
+    }
+};
+
+template <class Device>
+SplatSpans splat_spans(const Gaussians<Device>& g) {
+    return {g.means.span(), g.log_scales.span(), g.quats.span()};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,135 @@
+// The 32 threads that work on one splat together, and what they do in common. Searches and votes are written
+// once for a Warp type: CudaWarp (warp_cuda.h) is the real one, SerialWarp is one CPU thread in its place.
+#pragma once
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/buffer.h"
+#include "core/device.h"
+
+namespace tvsgs {
+
+struct SerialWarp {
+    static constexpr int kLanes = 1;
+
+    int lane() const { return 0; }
+    void sync() const {}  // also orders the lanes' accesses to memory
+    template <class T>
+    T sum(T x) const {
+        return x;
+    }
+    template <class T>
+    T from_lane(T x, int /*lane*/) const {
+        return x;
+    }
+    /// Bit i: predicate(i), i in [0, 32).
+    template <class Predicate>
+    std::uint32_t ballot32(const Predicate& predicate) const {
+        std::uint32_t mask = 0;
+        for (int i = 0; i < 32; ++i) mask |= predicate(i) ? 1u << i : 0u;
+        return mask;
+    }
+    /// action(i, rank) for the set bits i of a mask, each with the number of set bits below it.
+    template <class Action>
+    void for_each_bit(std::uint32_t mask, const Action& action) const {
+        int rank = 0;
+        for (; mask != 0; mask &= mask - 1) action(__builtin_ctz(mask), rank++);
+    }
+    static int lowest_bit(std::uint32_t mask) { return __builtin_ctz(mask); }
+    static int bit_count(std::uint32_t mask) { return __builtin_popcount(mask); }
+
+    /// Afterwards the `wanted` smallest keys come first, and keys[wanted - 1] is the largest of them.
+    template <class Key>
+    void smallest_first(Key* keys, int count, int wanted) const {
+        if (wanted > 0 && wanted <= count) std::nth_element(keys, keys + wanted - 1, keys + count);
+    }
+};
+
+/// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put the smaller key
+/// first, so that the missing keys up to the next power of two stay, unwritten, past the end.
+template <class Warp, class Key>
+TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
+    const auto compare_exchange = [keys, count](int i, int j) {
+        if (j >= count || !(keys[j] < keys[i])) return;
+        const Key key = keys[i];
+        keys[i] = keys[j], keys[j] = key;
+    };
+    int padded = 1;
+    while (padded < count) padded *= 2;
+    warp.sync();
+    for (int size = 2; size <= padded; size *= 2) {
+        for (int pair = warp.lane(); pair < padded / 2; pair += Warp::kLanes) {
+            const int rank = pair & (size / 2 - 1), block = 2 * (pair - rank);
+            compare_exchange(block + rank, block + size - 1 - rank);
+        }
+        warp.sync();
+        for (int stride = size / 4; stride > 0; stride /= 2) {
+            for (int pair = warp.lane(); pair < padded / 2; pair += Warp::kLanes) {
+                const int rank = pair & (stride - 1), i = 2 * (pair - rank) + rank;
+                compare_exchange(i, i + stride);
+            }
+            warp.sync();
+        }
+    }
+}
+
+/// Of values in scratch memory, which it re-orders; the mean of the two middle ones for an even count.
+template <class Warp, class Real>
+TVSGS_HD Real median(const Warp& warp, Real* values, int count) {
+    const int upper = count / 2;
+    warp.smallest_first(values, count, upper + 1);
+    if (count % 2 == 1) return values[upper];
+    Real below = values[upper - 1];
+    if constexpr (Warp::kLanes == 1)  // only partly sorted
+        for (int i = 0; i < upper; ++i) below = values[i] > below ? values[i] : below;
+    return (below + values[upper]) / 2;
+}
+
+/// action(0), ..., action(kCount - 1) with constants for arguments, so that small arrays stay in registers.
+template <int kCount, class Action>
+TVSGS_HD void unrolled(const Action& action) {
+    if constexpr (kCount > 0) {
+        unrolled<kCount - 1>(action);
+        action(std::integral_constant<int, kCount - 1>{});
+    }
+}
+
+/// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp, `scratch_bytes` large.
+template <class Body>
+void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
+#pragma omp parallel
+    {
+        std::vector<std::uint64_t> scratch(scratch_bytes / sizeof(std::uint64_t) + 1);
+#pragma omp for schedule(dynamic, 16)
+        for (int i = 0; i < count; ++i) body(SerialWarp{}, i, static_cast<void*>(scratch.data()));
+    }
+}
+
+/// Scratch memory of the sorts below.
+template <class Device>
+struct SortScratch {
+    Buffer<unsigned char, Device> temporary;
+    Buffer<std::uint64_t, Device> keys;
+    Buffer<std::uint32_t, Device> values;
+    Buffer<float, Device> floats;
+};
+
+/// Ascending; no NaN.
+inline void sort(Buffer<float, Cpu>& keys, SortScratch<Cpu>&) {
+    std::sort(keys.span().begin(), keys.span().end());
+}
+
+/// Ascending and stable.
+inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys, Buffer<std::uint32_t, Cpu>& values, SortScratch<Cpu>&) {
+    std::vector<std::pair<std::uint64_t, std::uint32_t>> pairs(keys.size());
+    for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i] = {keys[i], values[i]};
+    std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (std::size_t i = 0; i < pairs.size(); ++i) keys[i] = pairs[i].first, values[i] = pairs[i].second;
+}
+
+}  // namespace tvsgs
