@@ -38,9 +38,9 @@ TVSGS_HD inline Random4 random4(std::uint64_t seed, RandomStream stream, std::ui
                   static_cast<std::uint32_t>(seed >> 32));
 }
 
-/// In (0, 1), never 0: safe under a logarithm. 24 bits, exact in float.
+/// In (0, 1), never 0 or 1: safe under a logarithm and as a share of a count. 23 bits and a half are exact in float.
 TVSGS_HD inline float uniform(std::uint32_t bits) {
-    return (static_cast<float>(bits >> 8) + 0.5f) * (1.0f / 16777216.0f);
+    return (static_cast<float>(bits >> 9) + 0.5f) * (1.0f / 8388608.0f);
 }
 
 /// Three independent standard normal numbers.  [Box58]

@@ -1,0 +1,59 @@
+#include <gtest/gtest.h>
+#include <omp.h>
+
+#include <cmath>
+
+#include "core/parallel.h"
+
+namespace tvsgs {
+namespace {
+
+// Terms of very different size, so that another order of summation would show in the last bits.
+float term(int i) {
+    return std::sin(static_cast<float>(i)) * std::exp(static_cast<float>(i % 30) - 15);
+}
+
+double sum_with(int threads, int count) {
+    omp_set_num_threads(threads);
+    Buffer<double, Cpu> partial(kSumBlocks);
+    double sum = 0.25;
+    add_sum(Cpu{}, count, term, 0.5, partial.span(), &sum);
+    return sum;
+}
+
+class AddSum : public testing::TestWithParam<int> {
+protected:
+    const int threads_before_ = omp_get_max_threads();
+    void TearDown() override { omp_set_num_threads(threads_before_); }
+};
+
+TEST_P(AddSum, AddsTheScaledSum) {
+    double expected = 0, size = 0;
+    for (int i = 0; i < GetParam(); ++i) {
+        expected += static_cast<double>(term(i));
+        size += std::abs(static_cast<double>(term(i)));
+    }
+    // Double rounding of a sum in another order.
+    EXPECT_NEAR(sum_with(1, GetParam()), 0.25 + 0.5 * expected, 1e-13 * (1 + size));
+}
+
+TEST_P(AddSum, IsBitIdenticalForAnyNumberOfThreads) {
+    const double one = sum_with(1, GetParam());
+    for (const int threads : {2, 3, 8})
+        EXPECT_EQ(sum_with(threads, GetParam()), one) << threads << " threads";
+}
+
+INSTANTIATE_TEST_SUITE_P(Sizes, AddSum, testing::Values(0, 1, 31, 257, 100000));
+
+TEST(ParallelFor, VisitsEveryIndexOnce) {
+    for (const int count : {0, 1, 31, 257, 10000}) {
+        std::vector<int> visits(count), heavy_visits(count);
+        parallel_for(Cpu{}, count, [&](int i) { ++visits[i]; });
+        parallel_for_heavy(Cpu{}, count, [&](int i) { ++heavy_visits[i]; });
+        EXPECT_EQ(visits, std::vector<int>(count, 1));
+        EXPECT_EQ(heavy_visits, std::vector<int>(count, 1));
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
