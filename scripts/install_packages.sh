@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# Installs the Debian packages that the build needs and that are missing; touches nothing when all are there.
+# Usage: scripts/install_packages.sh [PACKAGE...]     further packages to install as well
+set -euo pipefail
+
+packages=(
+    cmake ninja-build g++ pkg-config
+    libopencv-core-dev libopencv-imgproc-dev libopencv-calib3d-dev libeigen3-dev
+    nlohmann-json3-dev libcli11-dev libstb-dev libspdlog-dev libfmt-dev libnanoflann-dev libzip-dev
+    libgtest-dev libgmock-dev libbenchmark-dev
+    "$@"
+)
+
+if ! command -v dpkg-query >/dev/null; then
+    echo "install_packages: this is not a Debian system; install the counterparts of: ${packages[*]}" >&2
+    exit 1
+fi
+
+missing=()
+for package in "${packages[@]}"; do
+    status=$(dpkg-query --show --showformat='${Status}' "$package" 2>/dev/null || true)
+    [[ $status == "install ok installed" ]] || missing+=("$package")
+done
+if ((${#missing[@]} == 0)); then
+    exit 0
+fi
+
+as_root=()
+if ((EUID != 0)); then
+    if ! command -v sudo >/dev/null; then
+        echo "install_packages: missing: ${missing[*]}" >&2
+        echo "install_packages: neither root nor sudo; as root: apt-get install ${missing[*]}" >&2
+        exit 1
+    fi
+    as_root=(sudo)
+fi
+echo "install_packages: installing ${missing[*]}" >&2
+export DEBIAN_FRONTEND=noninteractive
+# Old package lists are tried first: a refresh needs the network and is often not needed.
+"${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" >&2 || {
+    "${as_root[@]}" apt-get update >&2
+    "${as_root[@]}" apt-get install -y --no-install-recommends "${missing[@]}" >&2
+}
