@@ -1,17 +1,60 @@
 // What all commands share: the device switch, and one place where exceptions become messages and exit codes.
 #pragma once
 
+#include <CLI/CLI.hpp>
 #include <cstdio>
 #include <exception>
 #include <new>
 #include <string>
+#include <vector>
 
 #include "core/cuda_device.h"
 #include "core/device.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/nearest_name.h"
 
 namespace tvsgs {
+
+inline constexpr const char* kVersion = "tvsgs 0.1.0";
+
+/// Thrown after --help or --version has been printed.
+struct AskedAndAnswered {};
+
+/// Parses with '_' and '-' alike in long flags. Errors become Error(ExitCode::usage); an unknown flag names the nearest one.
+inline void parse_command_line(CLI::App& app, int argc, char** argv) {
+    std::vector<std::string> words;
+    for (int i = argc - 1; i > 0; --i) {  // CLI11 takes them last to first
+        std::string word = argv[i];
+        if (word.starts_with("--")) {
+            const std::size_t end = std::min(word.find('='), word.size());
+            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_', '-');
+        }
+        words.push_back(word);
+    }
+    std::vector<std::string> known;
+    const std::function<void(const CLI::App&)> collect = [&](const CLI::App& a) {
+        for (const CLI::Option* option : a.get_options())
+            for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; })) collect(*sub);
+    };
+    collect(app);
+    try {
+        app.parse(words);
+    } catch (const CLI::Success& success) {  // --help, --version
+        app.exit(success);
+        throw AskedAndAnswered{};
+    } catch (const CLI::ParseError& error) {
+        std::string hint;
+        for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
+            const std::string flag = word->substr(0, word->find('='));
+            if (!flag.starts_with("--") || std::find(known.begin(), known.end(), flag) != known.end()) continue;
+            const std::string near = nearest_name(flag, known);
+            hint = near.empty() ? str("; unknown flag ", flag) : str("; unknown flag ", flag, ", did you mean ", near, "?");
+        }
+        throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
+    }
+}
 
 /// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu"; "cuda"; "cuda:N".
 struct DeviceChoice {
@@ -53,6 +96,8 @@ template <class Command>
 int run_command(Command&& command) {
     try {
         return command();
+    } catch (const AskedAndAnswered&) {
+        return 0;
     } catch (const Error& error) {
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());

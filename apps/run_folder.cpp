@@ -1,0 +1,101 @@
+#include "run_folder.h"
+
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/config.h"
+#include "io/ply.h"
+
+namespace tvsgs {
+namespace fs = std::filesystem;
+
+RunFolder::RunFolder(const std::string& path, bool overwrite) : path_(path) {
+    const fs::path folder(path);
+    std::error_code code;
+    if (fs::exists(folder / "config.json", code)) {
+        if (!overwrite)
+            throw Error(ExitCode::usage, str(path, ": holds another run (config.json); expected an empty or new folder; "
+                                             "name another with --out, or replace that run with --overwrite"));
+        for (const char* name : {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints", "mesh", "eval",
+                                 "test", "report.json", "report.html"})
+            fs::remove_all(folder / name, code);
+    }
+    fs::create_directories(folder, code);
+    log_ = std::fopen((folder / "log.jsonl").c_str(), "w");
+    if (log_ == nullptr)
+        throw Error(ExitCode::io, str(path, ": cannot write there: ", std::strerror(errno), "; name a writable folder with --out"));
+}
+
+RunFolder::~RunFolder() {
+    if (log_ != nullptr) std::fclose(log_);
+}
+
+void RunFolder::save_config(const std::string& json) const {
+    write_text_file(path_ + "/config.json", json + "\n");
+}
+
+void RunFolder::save_cameras(const Scene& scene) const {
+    std::string text = "[";
+    int id = 0;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views) {
+            const Camera& c = view.camera;
+            const Vec3f centre = camera_centre(c);
+            const Mat3f R = transpose(c.camera_from_world.R);
+            JsonLine line;
+            const auto row = [](float x, float y, float z) {
+                char text[64];
+                std::snprintf(text, sizeof text, "[%.9g,%.9g,%.9g]", static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
+                return std::string(text);
+            };
+            line.add("id", id).add("img_name", view.name).add("width", c.width_px).add("height", c.height_px);
+            line.add_json("position", row(centre.x, centre.y, centre.z));
+            line.add_json("rotation", "[" + row(R[0][0], R[0][1], R[0][2]) + "," + row(R[1][0], R[1][1], R[1][2]) + "," +
+                                          row(R[2][0], R[2][1], R[2][2]) + "]");
+            line.add("fy", static_cast<double>(c.fy_px)).add("fx", static_cast<double>(c.fx_px));
+            line.add("cx", static_cast<double>(c.cx_px)).add("cy", static_cast<double>(c.cy_px));
+            text += (id++ ? ",\n" : "\n") + line.text();
+        }
+    write_text_file(path_ + "/cameras.json", text + "\n]\n");
+}
+
+void RunFolder::log(const std::string& json_line) {
+    if (std::fprintf(log_, "%s\n", json_line.c_str()) < 0 || std::fflush(log_) != 0)
+        throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
+}
+
+void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration) const {
+    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians);
+}
+
+std::string find_splats(const std::string& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return path;
+    const fs::path folder = fs::path(path) / "point_cloud";
+    int best = -1;
+    for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
+        const std::string name = it->path().filename().string(), prefix = "iteration_";
+        int iteration = -1;
+        if (name.starts_with(prefix))
+            std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
+        if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
+    }
+    if (best < 0)
+        throw Error(ExitCode::input, str(path, ": no splats found; expected a splat PLY or a run folder with "
+                                         "point_cloud/iteration_N/point_cloud.ply"));
+    return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
+}
+
+std::string run_config_path(const std::string& path) {
+    const std::string config = path + "/config.json";
+    std::error_code code;
+    if (!fs::is_regular_file(config, code))
+        throw Error(ExitCode::input, str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
+    return config;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,21 @@
+// What a run's config.json holds: read by every command that takes a run folder.
+#pragma once
+
+#include "io/config.h"
+#include "io/scene_reader.h"
+#include "optim/train.h"
+
+namespace tvsgs {
+
+struct RunOptions {
+    SceneOptions scene;
+    TrainOptions train;
+
+    /// The table refers to this object.
+    void add_to(OptionTable& table) {
+        table.add("", train);
+        table.add("scene", scene);
+    }
+};
+
+}  // namespace tvsgs
