@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <initializer_list>
+#include <map>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -79,6 +80,10 @@ private:
     };
     std::vector<Option> options_;
 };
+
+/// The lists of a JSON object such as splits.json, as text; values that are no lists of names or numbers are left out.
+/// Throws Error(ExitCode::input) when the file is not a JSON object.
+std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path);
 
 /// A JSON object of scalars in the given order, values by type; for log lines and reports written by the apps.
 class JsonLine {

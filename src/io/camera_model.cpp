@@ -1,0 +1,180 @@
+#include "io/camera_model.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/log.h"
+#include "core/parallel.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr CameraModel kModels[] = {
+    {0, "SIMPLE_PINHOLE", 3},
+    {1, "PINHOLE", 4},
+    {2, "SIMPLE_RADIAL", 4},
+    {3, "RADIAL", 5},
+    {4, "OPENCV", 8},
+    {5, "OPENCV_FISHEYE", 8},
+    {6, "FULL_OPENCV", 12},
+    {7, "FOV", 5},
+    {8, "SIMPLE_RADIAL_FISHEYE", 4},
+    {9, "RADIAL_FISHEYE", 5},
+    {10, "THIN_PRISM_FISHEYE", 12},
+    {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16},
+    {12, "SIMPLE_DIVISION", 4},
+    {13, "DIVISION", 5},
+    {14, "SIMPLE_FISHEYE", 3},
+    {15, "FISHEYE", 4},
+    {16, "EUCM", 6},
+    {17, "EQUIRECTANGULAR", 2},
+};
+
+// Half of the field of view that a pinhole can reasonably show: 60 degrees.
+const double kMaxFisheyeRadius = std::tan(1.0471975511965976);
+
+}  // namespace
+
+const CameraModel* find_camera_model(int id) {
+    const auto* const found =
+        std::find_if(std::begin(kModels), std::end(kModels), [&](auto& m) { return m.id == id; });
+    return found == std::end(kModels) ? nullptr : found;
+}
+
+const CameraModel* find_camera_model(std::string_view name) {
+    const auto* const found = std::find_if(std::begin(kModels), std::end(kModels),
+                                           [&](auto& m) { return m.name == name; });
+    return found == std::end(kModels) ? nullptr : found;
+}
+
+void throw_camera_model(const std::string& path,
+                        std::uint32_t camera_id,
+                        const std::string& model) {
+    throw input_error(
+        "E_CAMERA_MODEL: ", path, ": camera ", camera_id, " uses ", model,
+        "; tvsgs needs PINHOLE, SIMPLE_PINHOLE or a model it can undistort (SIMPLE_RADIAL, RADIAL, "
+        "OPENCV, FULL_OPENCV). Run \"colmap image_undistorter\" and pass its output folder.");
+}
+
+Intrinsics make_intrinsics(const std::string& path,
+                           std::uint32_t camera_id,
+                           const CameraModel& model,
+                           std::uint64_t width,
+                           std::uint64_t height,
+                           const std::vector<double>& params) {
+    const std::string where = str(path, ": camera ", camera_id);
+    if (width < 1 || height < 1 || width > 65535 || height > 65535 || width * height > (1u << 30))
+        throw input_error("E_CAMERA_SIZE: ", where, ": ", width, "x", height,
+                          " pixels; expected 1 to 65535 a side and at most 2^30 in all");
+    const bool two_focals =
+        model.id == 1 || model.id == 4 || model.id == 5 || model.id == 6 || model.id == 15;
+    const int first = two_focals ? 4 : 3;  // the first coefficient
+
+    Intrinsics in;
+    Distortion& d = in.distortion;
+    in.width_px = static_cast<int>(width), in.height_px = static_cast<int>(height);
+    in.fx_px = params[0], in.fy_px = params[two_focals ? 1 : 0];
+    switch (model.id) {
+        case 0:
+        case 1:
+            break;
+        case 2:
+        case 3:
+            d.kind = Distortion::Kind::radial;
+            std::copy(params.begin() + first, params.end(), d.k);
+            break;
+        case 4:
+        case 6:
+            d.kind = Distortion::Kind::radial;
+            d.k[0] = params[4], d.k[1] = params[5], d.p1 = params[6], d.p2 = params[7];
+            std::copy(params.begin() + 8, params.end(), d.k + 2);
+            break;
+        case 5:
+        case 8:
+        case 9:
+        case 14:
+        case 15:
+            d.kind = Distortion::Kind::fisheye;
+            std::copy(params.begin() + first, params.end(), d.k);
+            break;
+        default:
+            throw_camera_model(path, camera_id, model.name);
+    }
+    in.cx_px = params[static_cast<std::size_t>(first - 2)],
+    in.cy_px = params[static_cast<std::size_t>(first - 1)];
+
+    if (!(in.fx_px > 0 && in.fy_px > 0) || !std::isfinite(in.fx_px) || !std::isfinite(in.fy_px))
+        throw input_error("E_CAMERA_FOCAL: ", where, ": focal lengths ", in.fx_px, ", ", in.fy_px,
+                          "; expected positive numbers of pixels");
+    if (!std::all_of(params.begin(), params.end(), [](double p) { return std::isfinite(p); }))
+        throw input_error("E_CAMERA_PARAMS: ", where, ": a parameter is not a finite number");
+    const double size = static_cast<double>(std::max(width, height));
+    for (const double f : {in.fx_px, in.fy_px})
+        if (f < 0.05 * size || f > 100 * size) {
+            spdlog::warn("{}: focal length {} px is unusual for an image of {}x{}", where, f, width,
+                         height);
+            break;
+        }
+    if (in.cx_px < 0 || in.cx_px > in.width_px || in.cy_px < 0 || in.cy_px > in.height_px)
+        spdlog::warn("{}: principal point ({}, {}) lies outside the image", where, in.cx_px,
+                     in.cy_px);
+
+    const bool zero = d.p1 == 0 && d.p2 == 0 &&
+                      std::all_of(std::begin(d.k), std::end(d.k), [](double k) { return k == 0; });
+    if (d.kind == Distortion::Kind::radial && zero) d.kind = Distortion::Kind::none;
+    return in;
+}
+
+Intrinsics scaled(Intrinsics in, int width_px, int height_px) {
+    const double sx = static_cast<double>(width_px) / in.width_px;
+    const double sy = static_cast<double>(height_px) / in.height_px;
+    in.fx_px *= sx, in.cx_px *= sx, in.fy_px *= sy, in.cy_px *= sy;
+    in.width_px = width_px, in.height_px = height_px;
+    return in;
+}
+
+Vec2<double> distort(const Distortion& d, Vec2<double> uv) {
+    if (d.kind == Distortion::Kind::none) return uv;
+    if (d.kind == Distortion::Kind::fisheye) {
+        const double r = std::sqrt(dot(uv, uv));
+        if (r < 1e-12) return uv;
+        const double angle = std::atan(r), a2 = angle * angle;
+        return angle * (1 + a2 * (d.k[0] + a2 * (d.k[1] + a2 * (d.k[2] + a2 * d.k[3])))) / r * uv;
+    }
+    const double u = uv.x, v = uv.y, r2 = dot(uv, uv);
+    const double factor = (1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * d.k[2]))) /
+                          (1 + r2 * (d.k[3] + r2 * (d.k[4] + r2 * d.k[5])));
+    return {u * factor + 2 * d.p1 * u * v + d.p2 * (r2 + 2 * u * u),
+            v * factor + 2 * d.p2 * u * v + d.p1 * (r2 + 2 * v * v)};
+}
+
+ImageU8 undistorted(const Intrinsics& in, const ImageU8& image, ImageU8& valid) {
+    const int width = image.width, height = image.height;
+    ImageU8 out(width, height, image.channels);
+    valid = ImageU8(width, height, 1);
+    parallel_for_heavy(Cpu{}, height, [&](int y) {
+        for (int x = 0; x < width; ++x) {
+            const Vec2<double> uv{(x + 0.5 - in.cx_px) / in.fx_px, (y + 0.5 - in.cy_px) / in.fy_px};
+            const Vec2<double> from = distort(in.distortion, uv);
+            const double px = from.x * in.fx_px + in.cx_px, py = from.y * in.fy_px + in.cy_px;
+            const bool seen = in.distortion.kind != Distortion::Kind::fisheye ||
+                              dot(uv, uv) <= kMaxFisheyeRadius * kMaxFisheyeRadius;
+            if (!(seen && px >= 0 && px <= width && py >= 0 && py <= height)) continue;  // NaN too
+            valid.at(x, y) = 255;
+            // From corner-origin coordinates to the four pixel centres around; the border repeats.
+            const double qx = std::clamp(px - 0.5, 0.0, width - 1.0),
+                         qy = std::clamp(py - 0.5, 0.0, height - 1.0);
+            const int x0 = static_cast<int>(qx), y0 = static_cast<int>(qy);
+            const int x1 = std::min(x0 + 1, width - 1), y1 = std::min(y0 + 1, height - 1);
+            const double a = qx - x0, b = qy - y0;
+            for (int c = 0; c < image.channels; ++c)
+                out.at(x, y, c) = static_cast<std::uint8_t>(
+                    (1 - b) * ((1 - a) * image.at(x0, y0, c) + a * image.at(x1, y0, c)) +
+                    b * ((1 - a) * image.at(x0, y1, c) + a * image.at(x1, y1, c)) + 0.5);
+        }
+    });
+    return out;
+}
+
+}  // namespace tvsgs

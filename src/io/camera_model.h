@@ -1,0 +1,65 @@
+// COLMAP's camera models: which exist, what is read from them, and how lens distortion is removed.
+// [input specification, 1.4]
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/image.h"
+#include "core/vec.h"
+
+namespace tvsgs {
+
+struct CameraModel {
+    int id;
+    const char* name;
+    int params;
+};
+
+/// nullptr when COLMAP has no such model.
+const CameraModel* find_camera_model(int id);
+const CameraModel* find_camera_model(std::string_view name);
+
+/// Where a ray (u, v, 1) really lands on the plane z = 1; the coefficients of all models that we
+/// undo.
+struct Distortion {
+    enum class Kind { none, radial, fisheye };
+    Kind kind = Kind::none;
+    double k[6]{};  // radial: (1 + k0 r^2 + k1 r^4 + k2 r^6) / (1 + k3 r^2 + ...); fisheye: k0 ...
+                    // k3 of angle^2 ... angle^8
+    double p1 = 0, p2 = 0;  // tangential
+};
+Vec2<double> distort(const Distortion& distortion, Vec2<double> uv);
+
+/// A camera without its pose; the principal point counts from the corner of the first pixel.
+struct Intrinsics {
+    int width_px = 0, height_px = 0;
+    double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+    Distortion distortion;
+};
+
+/// Checks the camera and reads the model's parameters. Throws Error(ExitCode::input):
+/// E_CAMERA_MODEL, E_CAMERA_SIZE, E_CAMERA_FOCAL. `path` is for messages.
+Intrinsics make_intrinsics(const std::string& path,
+                           std::uint32_t camera_id,
+                           const CameraModel& model,
+                           std::uint64_t width,
+                           std::uint64_t height,
+                           const std::vector<double>& params);
+
+/// Throws E_CAMERA_MODEL: the model, or its number, is not one that we can use.
+[[noreturn]] void throw_camera_model(const std::string& path,
+                                     std::uint32_t camera_id,
+                                     const std::string& model);
+
+/// The camera of the same view at another image size.
+Intrinsics scaled(Intrinsics intrinsics, int width_px, int height_px);
+
+/// The image that the pinhole camera of the same focal lengths, centre and size would have taken,
+/// sampled bilinearly. `valid` [H, W, 1] becomes 0 where the image does not reach, and 255
+/// elsewhere. Fisheyes keep 120 degrees.
+ImageU8 undistorted(const Intrinsics& intrinsics, const ImageU8& image, ImageU8& valid);
+
+}  // namespace tvsgs

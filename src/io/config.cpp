@@ -1,0 +1,407 @@
+#include "io/config.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <numeric>
+#include <set>
+
+#include "core/error.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+/// Shortest text that reads back as the same number.
+template <class Number>
+std::string number_text(Number value) {
+    char text[64];
+    const auto result = std::to_chars(text, text + sizeof text, value);
+    return {text, result.ptr};
+}
+
+std::string json_text(std::string_view text) {
+    return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+std::string normalized(std::string_view key) {
+    std::string out(trimmed(key));
+    std::replace(out.begin(), out.end(), '-', '_');
+    return out;
+}
+
+int edit_distance(std::string_view a, std::string_view b) {
+    std::vector<int> row(b.size() + 1);
+    std::iota(row.begin(), row.end(), 0);
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        int diagonal = row[0]++;
+        for (std::size_t j = 0; j < b.size(); ++j) {
+            const int replace = diagonal + (a[i] != b[j]);
+            diagonal = row[j + 1];
+            row[j + 1] = std::min({replace, row[j] + 1, row[j + 1] + 1});
+        }
+    }
+    return row.back();
+}
+
+/// A JSON text without duplicate keys, which the library itself would accept silently.
+Json parse_json(const std::string& path, const std::string& text, ExitCode code) {
+    std::vector<std::set<std::string>> keys;  // one set per open object
+    const auto watch = [&](int /*depth*/, Json::parse_event_t event, Json& value) {
+        if (event == Json::parse_event_t::object_start) keys.emplace_back();
+        if (event == Json::parse_event_t::object_end) keys.pop_back();
+        if (event == Json::parse_event_t::key &&
+            !keys.back().insert(value.get<std::string>()).second)
+            throw Error(code, str(path, ": key '", value.get<std::string>(),
+                                  "' appears twice in one object; remove one"));
+        return true;
+    };
+    try {
+        Json json = Json::parse(text, watch);
+        if (!json.is_object())
+            throw Error(code, str(path, ": expected a JSON object, {\"key\": value, ...}"));
+        return json;
+    } catch (const Json::exception& error) {
+        throw Error(code, str(path, ": not valid JSON: ", error.what()));
+    }
+}
+
+/// Limits of float, so that a range such as 1e300 can be compared in float.
+float to_float(double value) {
+    constexpr double kMax = std::numeric_limits<float>::max();
+    return static_cast<float>(std::clamp(value, -kMax, kMax));
+}
+
+std::string join(const std::vector<std::string>& words) {
+    std::string out;
+    for (const std::string& word : words) out += str(out.empty() ? "" : ", ", word);
+    return out;
+}
+
+/// What may stand at a value, for help and for messages.
+std::string expectation(const Option& option) {
+    const auto range = [&] {
+        return str(" from ", number_text(option.range.min), " to ", number_text(option.range.max));
+    };
+    switch (option.kind) {
+        case Option::Kind::boolean:
+            return "true or false";
+        case Option::Kind::integer:
+            return str("an integer", range());
+        case Option::Kind::real:
+            return str("a number", range());
+        case Option::Kind::text:
+            return "a text";
+        case Option::Kind::choice:
+            return str("one of ", join(option.choices));
+    }
+    return {};
+}
+
+/// The text to hand to option.set, or nothing when `value` is not allowed.
+bool accepted(const Option& option, std::string_view value, std::string& text) {
+    text = trimmed(value);
+    switch (option.kind) {
+        case Option::Kind::boolean:
+            for (const char* yes : {"true", "1", "on", "yes"})
+                if (text == yes) return text = "true", true;
+            for (const char* no : {"false", "0", "off", "no"})
+                if (text == no) return text = "false", true;
+            return false;
+        case Option::Kind::integer: {
+            std::int64_t number = 0;
+            return parse_number(text, number) && static_cast<double>(number) >= option.range.min &&
+                   static_cast<double>(number) <= option.range.max;
+        }
+        case Option::Kind::real: {
+            // Compared in float, as ranges and values are both written with float literals.
+            float number = 0;
+            return parse_number(text, number) && std::isfinite(number) &&
+                   number >= to_float(option.range.min) && number <= to_float(option.range.max);
+        }
+        case Option::Kind::text:
+            text = value;
+            return true;
+        case Option::Kind::choice: {
+            const auto same = [&](const std::string& name) {
+                return normalized(name) == normalized(text);
+            };
+            const auto found = std::find_if(option.choices.begin(), option.choices.end(), same);
+            if (found == option.choices.end()) return false;
+            text = *found;
+            return true;
+        }
+    }
+    return false;
+}
+
+bool json_fits(const Json& value, Option::Kind kind) {
+    switch (kind) {
+        case Option::Kind::boolean:
+            return value.is_boolean();
+        case Option::Kind::integer:
+        case Option::Kind::real:
+            return value.is_number();
+        case Option::Kind::text:
+        case Option::Kind::choice:
+            break;
+    }
+    return value.is_string();
+}
+
+template <class Number>
+Number parsed(const std::string& text) {
+    Number number{};
+    parse_number(text, number);  // checked by accepted()
+    return number;
+}
+
+const Option* find_option(const std::vector<Option>& options, const std::string& key) {
+    for (const Option& option : options)
+        if (option.key == key) return &option;
+    return nullptr;
+}
+
+[[noreturn]] void throw_unknown(const std::vector<Option>& options,
+                                const std::string& key,
+                                const std::string& source) {
+    const Option* nearest = nullptr;
+    int best = std::max(3, static_cast<int>(key.size()) / 2);  // farther ones are no help
+    for (const Option& option : options)
+        if (const int distance = edit_distance(key, option.key); distance < best)
+            best = distance, nearest = &option;
+    throw Error(ExitCode::usage,
+                str(source, ": unknown key '", key, "'; ",
+                    nearest ? str("did you mean '", nearest->key, "'?") : "--help lists the keys"));
+}
+
+/// Appends every leaf below `json` with its dotted key.
+void flatten(const Json& json,
+             const std::string& prefix,
+             std::vector<std::pair<std::string, Json>>& out) {
+    for (const auto& [name, value] : json.items()) {
+        if (name == "comment" || (prefix.empty() && name == "info")) continue;
+        const std::string key = prefix + normalized(name);
+        if (value.is_object() && !value.empty())
+            flatten(value, key + ".", out);
+        else
+            out.emplace_back(key, value);
+    }
+}
+
+}  // namespace
+
+void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
+    const std::string name = normalized(key);
+    const Option* option = find_option(options_, name);
+    if (!option) throw_unknown(options_, name, source);
+    std::string text;
+    if (!accepted(*option, value, text))
+        throw Error(ExitCode::usage,
+                    str(source, ": ", name, " = '", value, "': expected ", expectation(*option)));
+    option->set(text);
+}
+
+void OptionTable::read_file(const std::string& path) {
+    std::string text;
+    try {
+        text = read_bytes(path);
+    } catch (const Error& error) {
+        throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
+    }
+    std::vector<std::pair<std::string, Json>> leaves;
+    flatten(parse_json(path, text, ExitCode::usage), "", leaves);
+    std::set<std::string> seen;
+    for (const auto& [key, value] : leaves) {
+        const auto in_group = [&, &name = key](const Option& option) {
+            return option.key.starts_with(name + ".");
+        };
+        if (value.is_object() && std::any_of(options_.begin(), options_.end(), in_group))
+            continue;  // an empty group
+        const Option* option = find_option(options_, key);
+        if (!option) throw_unknown(options_, key, path);
+        if (!seen.insert(key).second)
+            throw Error(ExitCode::usage, str(path, ": key '", key, "' appears twice; remove one"));
+        if (!json_fits(value, option->kind))
+            throw Error(ExitCode::usage,
+                        str(path, ": ", key, " = ",
+                            value.dump(-1, ' ', false, Json::error_handler_t::replace),
+                            ": expected ", expectation(*option)));
+        set(key, value.is_string() ? value.get<std::string>() : value.dump(), path);
+    }
+}
+
+void OptionTable::read_environment() {
+    std::map<std::string, std::string> variables;  // in a fixed order, for messages
+    for (char** entry = environ; entry && *entry; ++entry) {
+        const std::string_view text = *entry;
+        const std::size_t equals = text.find('=');
+        if (text.starts_with("TVSGS_") && equals != std::string_view::npos)
+            variables.emplace(text.substr(0, equals), text.substr(equals + 1));
+    }
+    for (const auto& [name, value] : variables) {
+        std::string key = name.substr(6);
+        for (std::size_t at; (at = key.find("__")) != std::string::npos;)
+            key[at] = '.', key.erase(at + 1, 1);
+        std::transform(key.begin(), key.end(), key.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        set(key, value, str("environment variable ", name));
+    }
+}
+
+std::string OptionTable::json(const std::string& info_json) const {
+    Json out = Json::object();
+    for (const Option& option : options_) {
+        Json* place = &out;
+        std::size_t begin = 0;
+        for (std::size_t dot; (dot = option.key.find('.', begin)) != std::string::npos;
+             begin = dot + 1)
+            place = &(*place)[option.key.substr(begin, dot - begin)];
+        Json& value = (*place)[option.key.substr(begin)];
+        const bool is_string =
+            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
+        value = is_string ? Json(option.get()) : Json::parse(option.get());
+    }
+    if (!info_json.empty()) out["info"] = Json::parse(info_json);
+    return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string OptionTable::help() const {
+    std::string out, last_group = "-";
+    std::size_t width = 0;
+    for (const Option& option : options_) width = std::max(width, option.key.size());
+    for (const Option& option : options_) {
+        const std::size_t dot = option.key.rfind('.');
+        const std::string group = dot == std::string::npos ? "" : option.key.substr(0, dot);
+        if (group != last_group)
+            out += str(out.empty() ? "" : "\n", group.empty() ? "" : group + ":\n");
+        last_group = group;
+        const bool is_string =
+            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
+        out += str("  ", option.key, std::string(width - option.key.size() + 2, ' '), option.help,
+                   " (", expectation(option), "; default ",
+                   is_string ? json_text(option.get()) : option.get(), ")\n");
+    }
+    return out;
+}
+
+void OptionTable::Collector::operator()(const char* key,
+                                        int& value,
+                                        Range range,
+                                        const char* help) {
+    range.min = std::max(range.min, static_cast<double>(std::numeric_limits<int>::min()));
+    range.max = std::min(range.max, static_cast<double>(std::numeric_limits<int>::max()));
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::integer,
+                              range,
+                              {},
+                              [&value] { return number_text(value); },
+                              [&value](const std::string& text) { value = parsed<int>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key,
+                                        std::int64_t& value,
+                                        Range range,
+                                        const char* help) {
+    table.options_.push_back(
+        {prefix + key,
+         help,
+         Option::Kind::integer,
+         range,
+         {},
+         [&value] { return number_text(value); },
+         [&value](const std::string& text) { value = parsed<std::int64_t>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key,
+                                        float& value,
+                                        Range range,
+                                        const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::real,
+                              range,
+                              {},
+                              [&value] { return number_text(value); },
+                              [&value](const std::string& text) { value = parsed<float>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key, bool& value, const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::boolean,
+                              {0, 0},
+                              {},
+                              [&value] { return value ? "true" : "false"; },
+                              [&value](const std::string& text) { value = text == "true"; }});
+}
+void OptionTable::Collector::operator()(const char* key, std::string& value, const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::text,
+                              {0, 0},
+                              {},
+                              [&value] { return value; },
+                              [&value](const std::string& text) { value = text; }});
+}
+void OptionTable::Collector::add_choice(const char* key,
+                                        std::vector<std::string> names,
+                                        std::function<int()> get,
+                                        std::function<void(int)> set,
+                                        const char* help) {
+    auto name_of = [names, get] { return names.at(static_cast<std::size_t>(get())); };
+    auto set_name = [names, set](const std::string& text) {
+        set(static_cast<int>(std::find(names.begin(), names.end(), text) - names.begin()));
+    };
+    table.options_.push_back(
+        {str(prefix, key), help, Option::Kind::choice, {0, 0}, names, name_of, set_name});
+}
+
+std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path) {
+    std::map<std::string, std::vector<std::string>> lists;
+    const Json json = parse_json(path, read_bytes(path), ExitCode::input);
+    for (const auto& [name, value] : json.items()) {
+        if (!value.is_array()) continue;
+        std::vector<std::string> list;
+        for (const Json& entry : value)
+            if (entry.is_string() || entry.is_number_integer())
+                list.push_back(entry.is_string() ? entry.get<std::string>() : entry.dump());
+        if (list.size() == value.size()) lists.emplace(name, std::move(list));
+    }
+    return lists;
+}
+
+void JsonLine::key_(std::string_view key) {
+    body_ += str(body_.empty() ? "" : ", ", json_text(key), ": ");
+}
+
+JsonLine& JsonLine::add(std::string_view key, double value) {
+    key_(key);
+    body_ += std::isfinite(value) ? number_text(value) : "null";
+    return *this;
+}
+JsonLine& JsonLine::add(std::string_view key, std::int64_t value) {
+    key_(key);
+    body_ += number_text(value);
+    return *this;
+}
+JsonLine& JsonLine::add(std::string_view key, bool value) {
+    key_(key);
+    body_ += value ? "true" : "false";
+    return *this;
+}
+JsonLine& JsonLine::add(std::string_view key, std::string_view value) {
+    key_(key);
+    body_ += json_text(value);
+    return *this;
+}
+JsonLine& JsonLine::add_json(std::string_view key, const std::string& json) {
+    key_(key);
+    body_ += json;
+    return *this;
+}
+
+}  // namespace tvsgs

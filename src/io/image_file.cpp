@@ -1,0 +1,181 @@
+#include "io/image_file.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <memory>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "io/atomic_file.h"
+#include "io/read_file.h"
+#include "io/stb.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::int64_t kMaxPixels = std::int64_t{1} << 30;
+
+struct StbFree {
+    void operator()(void* pixels) const { stbi_image_free(pixels); }
+};
+
+ImageSize checked_size(const std::string& path, int known, int width, int height, int channels) {
+    if (!known)
+        throw input_error("E_IMAGE_READ: ", path, ": not a readable image (", stbi_failure_reason(),
+                          "); expected JPEG, PNG, BMP or PNM: convert it");
+    if (width < 1 || height < 1 || std::int64_t{width} * height > kMaxPixels)
+        throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height,
+                          " pixels; at most 2^30 are supported");
+    return {width, height, channels};
+}
+
+/// Filter weights of one axis: output i is the sum of weights[i * taps + j] * input[first[i] + j].
+struct Resampling {
+    int taps = 0;
+    std::vector<int> first;
+    std::vector<float> weights;
+};
+
+/// Keys' cubic with a = -0.5.  [Keys81]
+double cubic(double x) {
+    x = std::abs(x);
+    if (x < 1) return (1.5 * x - 2.5) * x * x + 1;
+    if (x < 2) return ((-0.5 * x + 2.5) * x - 4) * x + 2;
+    return 0;
+}
+
+Resampling cubic_resampling(int input, int output) {
+    const double scale = static_cast<double>(input) / output;
+    const double filter_scale = std::max(scale, 1.0);  // widened when shrinking: anti-aliasing
+    const double support = 2 * filter_scale;
+    Resampling r;
+    r.taps = std::min(input, static_cast<int>(std::ceil(support)) * 2 + 1);
+    r.first.resize(static_cast<std::size_t>(output));
+    r.weights.assign(static_cast<std::size_t>(output) * r.taps, 0.0f);
+    std::vector<double> weights(static_cast<std::size_t>(r.taps));
+    for (int i = 0; i < output; ++i) {
+        const double centre = (i + 0.5) * scale;
+        const int begin = std::max(0, static_cast<int>(centre - support + 0.5));
+        const int end = std::min(input, static_cast<int>(centre + support + 0.5));
+        double sum = 0;
+        for (int j = 0; j < end - begin; ++j)
+            sum += weights[j] = cubic((begin + j - centre + 0.5) / filter_scale);
+        // The window may end before `taps` inputs; it then starts earlier, with zeros, to stay
+        // inside.
+        r.first[i] = std::min(begin, input - r.taps);
+        float* const out = &r.weights[static_cast<std::size_t>(i) * r.taps + (begin - r.first[i])];
+        for (int j = 0; j < end - begin; ++j) out[j] = static_cast<float>(weights[j] / sum);
+    }
+    return r;
+}
+
+std::uint8_t to_byte(float value) {
+    return static_cast<std::uint8_t>(std::clamp(value + 0.5f, 0.0f, 255.0f));
+}
+
+void append_bytes(void* out, void* data, int size) {
+    static_cast<std::string*>(out)->append(static_cast<const char*>(data),
+                                           static_cast<std::size_t>(size));
+}
+
+}  // namespace
+
+ImageSize read_image_size(const std::string& path) {
+    int width = 0, height = 0, channels = 0;
+    const int known = stbi_info(path.c_str(), &width, &height, &channels);
+    return checked_size(path, known, width, height, channels);
+}
+
+ImageU8 read_image(const std::string& path, int channels) {
+    const std::string bytes = read_bytes(path);
+    if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+        throw input_error("E_IMAGE_READ: ", path, ": the file is larger than 2 GiB");
+    const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
+    const int size = static_cast<int>(bytes.size());
+    int width = 0, height = 0, found = 0;
+    const int known = stbi_info_from_memory(data, size, &width, &height, &found);
+    checked_size(path, known, width, height, found);
+    if (channels == 0) channels = found == 2 ? 4 : found;
+
+    ImageU8 image;
+    image.width = width, image.height = height, image.channels = channels;
+    const std::size_t count = static_cast<std::size_t>(width) * height * channels;
+    const auto check = [&](const void* pixels) {
+        if (!pixels)
+            throw input_error("E_IMAGE_READ: ", path, ": decoding failed (", stbi_failure_reason(),
+                              "); the file may be cut off: copy it again");
+    };
+    if (stbi_is_16_bit_from_memory(data, size)) {
+        const std::unique_ptr<stbi_us, StbFree> pixels(
+            stbi_load_16_from_memory(data, size, &width, &height, &found, channels));
+        check(pixels.get());
+        image.pixels.resize(count);
+        // 65535 / 257 = 255: rounded to the nearest of 256 levels.
+        for (std::size_t i = 0; i < count; ++i)
+            image.pixels[i] = static_cast<std::uint8_t>((pixels.get()[i] + 128) / 257);
+    } else {
+        const std::unique_ptr<stbi_uc, StbFree> pixels(
+            stbi_load_from_memory(data, size, &width, &height, &found, channels));
+        check(pixels.get());
+        image.pixels.assign(pixels.get(), pixels.get() + count);
+    }
+    return image;
+}
+
+void write_png(const std::string& path, const ImageU8& image) {
+    std::string bytes;
+    if (!stbi_write_png_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
+                                image.pixels.data(), image.width * image.channels))
+        throw Error(ExitCode::internal, str(path, ": encoding a PNG of ", image.width, "x",
+                                            image.height, "x", image.channels, " failed"));
+    write_text_file(path, bytes);
+}
+
+ImageU8 resize_bicubic(const ImageU8& image, int width, int height) {
+    if (width == image.width && height == image.height) return image;
+    const int channels = image.channels;
+    const Resampling across = cubic_resampling(image.width, width);
+    const Resampling down = cubic_resampling(image.height, height);
+
+    ImageF rows(width, image.height, channels);
+    parallel_for_heavy(Cpu{}, image.height, [&](int y) {
+        for (int x = 0; x < width; ++x) {
+            const float* weights = &across.weights[static_cast<std::size_t>(x) * across.taps];
+            for (int c = 0; c < channels; ++c) {
+                float sum = 0;
+                for (int j = 0; j < across.taps; ++j)
+                    sum += weights[j] * image.at(across.first[x] + j, y, c);
+                rows.at(x, y, c) = sum;
+            }
+        }
+    });
+    ImageU8 out(width, height, channels);
+    parallel_for_heavy(Cpu{}, height, [&](int y) {
+        std::vector<float> sums(static_cast<std::size_t>(width) * channels, 0.0f);
+        for (int j = 0; j < down.taps; ++j) {
+            const float weight = down.weights[static_cast<std::size_t>(y) * down.taps + j];
+            const float* row = &rows.at(0, down.first[y] + j);
+            for (std::size_t i = 0; i < sums.size(); ++i) sums[i] += weight * row[i];
+        }
+        std::transform(sums.begin(), sums.end(), &out.at(0, y), to_byte);
+    });
+    return out;
+}
+
+ImageU8 resize_nearest(const ImageU8& image, int width, int height) {
+    if (width == image.width && height == image.height) return image;
+    ImageU8 out(width, height, image.channels);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            // The input pixel that holds the centre of the output pixel.
+            const auto from_x =
+                static_cast<int>((2 * std::int64_t{x} + 1) * image.width / (2 * width));
+            const auto from_y =
+                static_cast<int>((2 * std::int64_t{y} + 1) * image.height / (2 * height));
+            for (int c = 0; c < image.channels; ++c) out.at(x, y, c) = image.at(from_x, from_y, c);
+        }
+    return out;
+}
+
+}  // namespace tvsgs

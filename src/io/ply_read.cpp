@@ -1,0 +1,486 @@
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <limits>
+
+#include "core/log.h"
+#include "io/ply.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kSh0 = 0.28209479177387814f;  // the constant spherical harmonic
+
+enum class Type { i8, u8, i16, u16, i32, u32, f32, f64 };
+constexpr std::size_t kTypeBytes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+
+struct Property {
+    std::string name;
+    Type type = Type::f32, count_type = Type::u8;
+    bool is_list = false;
+};
+
+struct Element {
+    std::string name;
+    std::uint64_t count = 0;
+    std::vector<Property> properties;
+
+    int find(std::string_view wanted) const {
+        for (std::size_t i = 0; i < properties.size(); ++i)
+            if (properties[i].name == wanted) return static_cast<int>(i);
+        return -1;
+    }
+    /// The first of several spellings.
+    int find(std::initializer_list<const char*> spellings) const {
+        for (const char* spelling : spellings)
+            if (const int i = find(spelling); i >= 0) return i;
+        return -1;
+    }
+    bool has(std::initializer_list<const char*> all) const {
+        return std::all_of(all.begin(), all.end(),
+                           [&](std::string_view wanted) { return find(wanted) >= 0; });
+    }
+};
+
+/// Takes a PLY file apart. The elements must be read or skipped in the order of the file.
+class PlyReader {
+public:
+    explicit PlyReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {
+        read_header();
+    }
+
+    const std::vector<Element>& elements() const { return elements_; }
+
+    /// Reads a row of an element without lists into `values`, one number per property.
+    void read_row(const Element& element, std::vector<double>& values) {
+        values.resize(element.properties.size());
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = get(element.properties[i].type);
+    }
+
+    /// Calls on_list(property index, values) for each list in a row; scalars are skipped.
+    template <class OnList>
+    void read_lists(const Element& element, std::vector<double>& values, const OnList& on_list) {
+        for (std::size_t i = 0; i < element.properties.size(); ++i) {
+            const Property& property = element.properties[i];
+            if (!property.is_list) {
+                get(property.type);
+                continue;
+            }
+            const double count = get(property.count_type);
+            if (!(count >= 0 && count <= static_cast<double>(left())))
+                count_error(element, str("a list of ", count, " values"));
+            values.resize(static_cast<std::size_t>(count));
+            for (double& value : values) value = get(property.type);
+            on_list(static_cast<int>(i), values);
+        }
+    }
+
+    /// Fails unless the element can be in what is left of the file, so that nothing is allocated
+    /// for a wrong count.
+    void check_count(const Element& element) const {
+        std::uint64_t row = 0;
+        for (const Property& p : element.properties)
+            row += ascii_ ? 2 : kTypeBytes[static_cast<int>(p.is_list ? p.count_type : p.type)];
+        // The last number of a text file needs no separator after it.
+        if (row > 0 && element.count > (left() + (ascii_ ? 1 : 0)) / row)
+            count_error(element, str(element.count, " rows of ", row, " or more bytes"));
+    }
+
+    void skip(const Element& element) {
+        check_count(element);
+        if (element.properties.empty()) return;
+        std::vector<double> values;
+        for (std::uint64_t i = 0; i < element.count; ++i)
+            read_lists(element, values, [](int, auto&) {});
+    }
+
+    [[noreturn]] void header_error(const std::string& what) const {
+        throw input_error("E_PLY_HEADER: ", path_, ": ", what);
+    }
+    [[noreturn]] void count_error(const Element& element, const std::string& what) const {
+        throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_, ", element '", element.name,
+                          "': ", what, ", but ", left(),
+                          " bytes are left; the file is cut off: copy it again");
+    }
+    const std::string& path() const { return path_; }
+
+private:
+    std::size_t left() const { return bytes_.size() - offset_; }
+
+    void read_header() {
+        constexpr std::size_t kMaxHeader = 1 << 20;
+        bool has_format = false;
+        for (int number = 1;; ++number) {
+            const std::size_t end = bytes_.find('\n', offset_);
+            if (end == std::string::npos || end > kMaxHeader)
+                header_error("no end_header in the first MiB; is this a PLY file?");
+            std::string_view line =
+                trimmed(std::string_view(bytes_).substr(offset_, end - offset_));
+            offset_ = end + 1;
+            const std::string_view word = next_word(line);
+            if (number == 1) {
+                if (word != "ply") header_error("does not start with 'ply'");
+            } else if (word == "format") {
+                const std::string_view format = next_word(line);
+                ascii_ = format == "ascii";
+                big_endian_ = format == "binary_big_endian";
+                if (!ascii_ && !big_endian_ && format != "binary_little_endian")
+                    header_error(str("unknown format '", format, "'"));
+                has_format = true;
+            } else if (word == "element") {
+                Element element;
+                element.name = next_word(line);
+                if (!parse_number(next_word(line), element.count))
+                    header_error(
+                        str("line ", number, ": element '", element.name, "' has no valid count"));
+                elements_.push_back(element);
+            } else if (word == "property") {
+                if (elements_.empty())
+                    header_error(str("line ", number, ": a property before the first element"));
+                add_property(line, elements_.back(), number);
+            } else if (word == "end_header") {
+                break;
+            } else if (word != "comment" && word != "obj_info" && !word.empty()) {
+                header_error(str("line ", number, ": unknown keyword '", word.substr(0, 40), "'"));
+            }
+        }
+        if (!has_format) header_error("no format line");
+    }
+
+    void add_property(std::string_view line, Element& element, int number) const {
+        const auto type_of = [&](std::string_view word) {
+            constexpr std::array<std::array<std::string_view, 2>, 8> kNames = {
+                {{"char", "int8"},
+                 {"uchar", "uint8"},
+                 {"short", "int16"},
+                 {"ushort", "uint16"},
+                 {"int", "int32"},
+                 {"uint", "uint32"},
+                 {"float", "float32"},
+                 {"double", "float64"}}};
+            for (std::size_t i = 0; i < kNames.size(); ++i)
+                if (word == kNames[i][0] || word == kNames[i][1]) return static_cast<Type>(i);
+            header_error(str("line ", number, ": unknown type '", word.substr(0, 40), "'"));
+        };
+        Property property;
+        std::string_view word = next_word(line);
+        property.is_list = word == "list";
+        if (property.is_list) {
+            property.count_type = type_of(next_word(line));
+            if (property.count_type == Type::f32 || property.count_type == Type::f64)
+                header_error(str("line ", number, ": a list counted in floating point"));
+            word = next_word(line);
+        }
+        property.type = type_of(word);
+        property.name = next_word(line);
+        if (element.find(property.name) >= 0)
+            header_error(str("line ", number, ": property '", property.name, "' twice"));
+        element.properties.push_back(property);
+    }
+
+    template <class T>
+    double get_binary() {
+        if (left() < sizeof(T)) truncated();
+        std::array<char, sizeof(T)> raw;
+        std::memcpy(raw.data(), &bytes_[offset_], sizeof(T));
+        if (big_endian_ != (std::endian::native == std::endian::big))
+            std::reverse(raw.begin(), raw.end());
+        offset_ += sizeof(T);
+        return static_cast<double>(std::bit_cast<T>(raw));
+    }
+
+    double get(Type type) {
+        if (ascii_) {
+            std::string_view rest = std::string_view(bytes_).substr(offset_);
+            const std::string_view word = next_word(rest);
+            offset_ = bytes_.size() - rest.size();
+            double value = 0;
+            if (word.empty()) truncated();
+            if (!parse_number(word, value))
+                throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_ - word.size(), ": '",
+                                  word.substr(0, 40), "' is not a number");
+            return value;
+        }
+        switch (type) {
+            case Type::i8:
+                return get_binary<std::int8_t>();
+            case Type::u8:
+                return get_binary<std::uint8_t>();
+            case Type::i16:
+                return get_binary<std::int16_t>();
+            case Type::u16:
+                return get_binary<std::uint16_t>();
+            case Type::i32:
+                return get_binary<std::int32_t>();
+            case Type::u32:
+                return get_binary<std::uint32_t>();
+            case Type::f32:
+                return get_binary<float>();
+            case Type::f64:
+                break;
+        }
+        return get_binary<double>();
+    }
+
+    [[noreturn]] void truncated() const {
+        throw input_error("E_PLY_COUNT: ", path_, ": the file ends at byte ", bytes_.size(),
+                          " in the middle of its elements: copy it again");
+    }
+
+    std::string path_, bytes_;
+    std::size_t offset_ = 0;
+    bool ascii_ = false, big_endian_ = false;
+    std::vector<Element> elements_;
+};
+
+/// Checks the vertex element before its rows are read.
+void check_vertices(const PlyReader& in, const Element& vertex) {
+    for (const Property& property : vertex.properties)
+        if (property.is_list)
+            in.header_error(str("the list '", property.name, "' in the vertex element"));
+    if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
+    in.check_count(vertex);
+    if (vertex.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
+        in.count_error(vertex, "more than 2^31 - 1 rows are not supported");
+}
+
+const Element& vertex_element(const PlyReader& in) {
+    for (const Element& element : in.elements())
+        if (element.name == "vertex") return element;
+    in.header_error("no vertex element");
+}
+
+Vec3f pick(const std::vector<double>& row, const std::array<int, 3>& columns) {
+    Vec3f v;
+    for (int c = 0; c < 3; ++c)
+        v[c] =
+            static_cast<float>(row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])]);
+    return v;
+}
+
+Vec3f clamped_color(Vec3f color, float scale) {
+    for (int c = 0; c < 3; ++c) {
+        const float value = color[c] * scale;
+        color[c] = value > 0 ? std::min(value, 1.0f) : 0;  // NaN becomes 0
+    }
+    return color;
+}
+
+void read_cloud(PlyReader& in, const Element& vertex, PlyContents& out) {
+    check_vertices(in, vertex);
+    const std::array<int, 3> xyz{vertex.find("x"), vertex.find("y"), vertex.find("z")};
+    const std::array<int, 3> normal{vertex.find({"nx", "normal_x"}),
+                                    vertex.find({"ny", "normal_y"}),
+                                    vertex.find({"nz", "normal_z"})};
+    std::array<int, 3> color{vertex.find({"red", "r", "diffuse_red"}),
+                             vertex.find({"green", "g", "diffuse_green"}),
+                             vertex.find({"blue", "b", "diffuse_blue"})};
+    out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
+    const auto complete = [](const std::array<int, 3>& columns) {
+        return *std::min_element(columns.begin(), columns.end()) >= 0;
+    };
+    float scale = 1, offset = 0;
+    if (complete(color)) {
+        const Type type = vertex.properties[static_cast<std::size_t>(color[0])].type;
+        scale = type == Type::u8 ? 1.0f / 255 : type == Type::u16 ? 1.0f / 65535 : 1.0f;
+    } else if (vertex.has({"f_dc_0", "f_dc_1", "f_dc_2"})) {
+        color = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+        scale = kSh0, offset = 0.5f;
+    }
+    const auto count = static_cast<std::size_t>(vertex.count);
+    PointCloud& points = out.points;
+    points.positions.reserve(count);
+    // The normals of splat files are zeros that fill a column.
+    const bool has_normals = complete(normal) && !out.is_splats, has_colors = complete(color);
+    std::vector<double> row;
+    for (std::size_t i = 0; i < count; ++i) {
+        in.read_row(vertex, row);
+        points.positions.push_back(pick(row, xyz));
+        if (has_normals) points.normals.push_back(normalize(pick(row, normal)));
+        if (has_colors)
+            points.colors.push_back(
+                clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1));
+    }
+}
+
+/// Polygons become fans of triangles.
+void read_faces(PlyReader& in,
+                const Element& face,
+                double vertex_count,
+                std::vector<Vec3i>& faces) {
+    in.check_count(face);
+    const int indices = face.find({"vertex_indices", "vertex_index"});
+    if (indices < 0 || !face.properties[static_cast<std::size_t>(indices)].is_list)
+        in.header_error("the face element has no list vertex_indices");
+    std::vector<double> values;
+    for (std::uint64_t i = 0; i < face.count; ++i)
+        in.read_lists(face, values, [&](int property, const std::vector<double>& list) {
+            if (property != indices) return;
+            for (const double index : list)
+                if (!(index >= 0 && index < vertex_count) || index != std::floor(index))
+                    throw input_error("E_PLY_FACE: ", in.path(), ": face ", i, " refers to vertex ",
+                                      index, ", but there are ", vertex_count);
+            for (std::size_t k = 2; k < list.size(); ++k)
+                faces.push_back({static_cast<int>(list[0]), static_cast<int>(list[k - 1]),
+                                 static_cast<int>(list[k])});
+        });
+}
+
+/// Column numbers of the properties of a splat, in the vertex element.
+struct SplatColumns {
+    std::array<int, 3> mean, scale, dc;
+    std::array<int, 4> rot;
+    std::vector<int> rest;  // [3 (K - 1)], channel major, as in the file
+    int opacity, filter, file_coefficients;
+    int sh_degree = 0;
+};
+
+SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
+    if (!vertex.has({"opacity", "scale_0", "scale_1", "rot_0", "rot_1", "rot_2", "rot_3", "f_dc_0",
+                     "f_dc_1", "f_dc_2"}))
+        throw input_error(
+            "E_PLY_NOT_SPLAT: ", in.path(),
+            ": the vertices lack some of opacity, scale_*, rot_* and f_dc_*",
+            "; this is a cloud or a mesh: pass it to --init-ply or to the tools for meshes");
+    SplatColumns c;
+    c.mean = {vertex.find("x"), vertex.find("y"), vertex.find("z")};
+    c.scale = {vertex.find("scale_0"), vertex.find("scale_1"), vertex.find("scale_2")};
+    c.dc = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+    c.rot = {vertex.find("rot_0"), vertex.find("rot_1"), vertex.find("rot_2"),
+             vertex.find("rot_3")};
+    c.opacity = vertex.find("opacity"), c.filter = vertex.find("filter_3D");
+    for (int i = 0; vertex.find(str("f_rest_", i)) >= 0; ++i)
+        c.rest.push_back(vertex.find(str("f_rest_", i)));
+    const auto named = std::count_if(vertex.properties.begin(), vertex.properties.end(),
+                                     [](auto& p) { return p.name.starts_with("f_rest_"); });
+    const std::size_t rest = c.rest.size();
+    if (static_cast<std::size_t>(named) != rest ||
+        (rest != 0 && rest != 9 && rest != 24 && rest != 45 && rest != 72))
+        in.header_error(str(
+            named, " properties f_rest_*; expected f_rest_0 to f_rest_8, 23, 44 or 71, or none"));
+    c.file_coefficients = static_cast<int>(rest / 3);
+    while (c.sh_degree < 3 && sh_count(c.sh_degree) < c.file_coefficients + 1) ++c.sh_degree;
+    if (rest == 72)
+        spdlog::warn("{}: spherical harmonics of degree 4 are cut to degree 3", in.path());
+    return c;
+}
+
+}  // namespace
+
+PlyContents read_ply(const std::string& path) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    PlyContents contents;
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex)
+            read_cloud(in, element, contents);
+        else if (element.name == "face")
+            read_faces(in, element, static_cast<double>(vertex.count), contents.faces);
+        else
+            in.skip(element);
+    }
+    return contents;
+}
+
+Gaussians<Cpu> read_splat_ply(const std::string& path) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    check_vertices(in, vertex);
+    const SplatColumns columns = splat_columns(in, vertex);
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex) break;
+        in.skip(element);
+    }
+    in.check_count(vertex);
+
+    const std::size_t rows = static_cast<std::size_t>(vertex.count);
+    const int per_splat = sh_count(columns.sh_degree);
+    std::vector<Vec3f> means, log_scales,
+        sh;  // sh: [N, per_splat] until the number of splats is known
+    std::vector<Quatf> quats;
+    std::vector<float> opacities;
+    means.reserve(rows), log_scales.reserve(rows), quats.reserve(rows), opacities.reserve(rows);
+    sh.reserve(rows * static_cast<std::size_t>(per_splat));
+    bool looks_activated = rows > 0;
+    std::vector<double> row;
+    const auto value = [&](int column) {
+        return static_cast<float>(row[static_cast<std::size_t>(column)]);
+    };
+    for (std::size_t i = 0; i < rows; ++i) {
+        in.read_row(vertex, row);
+        Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
+        // 2DGS splats are flat; a scale of zero has no finite logarithm. Both become a millionth of
+        // the largest.
+        const bool flat = columns.scale[2] < 0;
+        if (!flat) log_scale.z = value(columns.scale[2]);
+        const float thin = std::max({log_scale.x, log_scale.y, flat ? log_scale.x : log_scale.z}) +
+                           std::log(1e-6f);
+        if (flat) log_scale.z = thin;
+        for (int c = 0; c < 3; ++c)
+            if (log_scale[c] == -std::numeric_limits<float>::infinity()) log_scale[c] = thin;
+        // Infinite logits are legal: fully opaque or transparent, which 30 is in float, too.
+        float opacity = value(columns.opacity);
+        if (std::isinf(opacity)) opacity = std::copysign(30.0f, opacity);
+        looks_activated =
+            looks_activated && opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
+        if (columns.filter >= 0) {
+            // mip-splatting's 3D filter, baked: wider scales, fainter in proportion.  [Yu24]
+            const float filter = value(columns.filter);
+            double shrink = 1;
+            for (int c = 0; c < 3; ++c) {
+                const double variance = std::exp(2.0 * log_scale[c]),
+                             filtered = variance + double{filter} * filter;
+                shrink *= std::sqrt(variance / filtered);
+                log_scale[c] = static_cast<float>(0.5 * std::log(filtered));
+            }
+            const double alpha = shrink / (1 + std::exp(-double{opacity}));
+            opacity = static_cast<float>(std::log(alpha / (1 - alpha)));
+        }
+        const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
+                         value(columns.rot[3])};
+        const Vec3f mean = pick(row, columns.mean);
+        const std::size_t begin = sh.size();
+        sh.push_back(pick(row, columns.dc));
+        bool finite = is_finite(mean) && is_finite(log_scale) && is_finite(sh.back()) &&
+                      std::isfinite(opacity);
+        finite = finite && is_finite(Vec3f{quat.x, quat.y, quat.z}) && std::isfinite(quat.w);
+        for (int k = 0; k < per_splat - 1; ++k) {
+            Vec3f coefficient;
+            for (int c = 0; c < 3; ++c)
+                coefficient[c] = value(
+                    columns.rest[static_cast<std::size_t>(c * columns.file_coefficients + k)]);
+            finite = finite && is_finite(coefficient);
+            sh.push_back(coefficient);
+        }
+        if (!finite || (quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0)) {
+            sh.resize(begin);
+            continue;
+        }
+        means.push_back(mean), log_scales.push_back(log_scale), quats.push_back(quat),
+            opacities.push_back(opacity);
+    }
+    const std::size_t count = means.size();
+    if (count < rows)
+        spdlog::warn("{}: {} of {} splats were dropped: not finite, or a zero quaternion", path,
+                     rows - count, rows);
+    if (looks_activated)
+        spdlog::warn(
+            "{}: opacities in [0, 1] and positive scales: were activated values saved instead of "
+            "logits and logarithms?",
+            path);
+
+    Gaussians<Cpu> out;
+    copy(means, out.means), copy(log_scales, out.log_scales), copy(quats, out.quats),
+        copy(opacities, out.opacity_logits);
+    out.sh_degree = columns.sh_degree;
+    out.sh.resize(sh.size());
+    for (std::size_t i = 0; i < count; ++i)
+        for (std::size_t k = 0; k < static_cast<std::size_t>(per_splat); ++k)
+            out.sh[k * count + i] = sh[i * static_cast<std::size_t>(per_splat) + k];
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,153 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/ply.h"
+
+namespace tvsgs {
+namespace {
+
+static_assert(std::endian::native == std::endian::little,
+              "PLY files are written in the machine's byte order");
+
+/// A file that is written in pieces of a MiB.
+class PlyWriter {
+public:
+    explicit PlyWriter(const std::string& path) : file_(path) {}
+
+    template <class T>
+    void put(const T& value) {
+        static_assert(std::is_arithmetic_v<T>);
+        buffer_.append(reinterpret_cast<const char*>(&value), sizeof value);
+        if (buffer_.size() >= 1 << 20) flush();
+    }
+    void put(const std::string& text) { buffer_ += text; }
+    void put(Vec3f v) { put(v.x), put(v.y), put(v.z); }
+    void put_color(Vec3f color) {
+        for (int c = 0; c < 3; ++c)
+            put(static_cast<std::uint8_t>(std::clamp(color[c], 0.0f, 1.0f) * 255 + 0.5f));
+    }
+    void commit() {
+        flush();
+        file_.commit();
+    }
+
+private:
+    void flush() {
+        file_.write(buffer_);
+        buffer_.clear();
+    }
+    AtomicFile file_;
+    std::string buffer_;
+};
+
+std::string header(std::size_t count) {
+    return str("ply\nformat binary_little_endian 1.0\nelement vertex ", count,
+               "\nproperty float x\nproperty float y\nproperty float z\n");
+}
+constexpr const char* kNormals = "property float nx\nproperty float ny\nproperty float nz\n";
+constexpr const char* kColors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+
+void check_finite(const std::string& path, const std::vector<Vec3f>& values, const char* what) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (!is_finite(values[i]))
+            throw Error(ExitCode::numerical,
+                        str(path, ": not written: ", what, " ", i, " is (", values[i].x, ", ",
+                            values[i].y, ", ", values[i].z, "); expected finite numbers"));
+}
+
+void check_size(const std::string& path,
+                std::size_t found,
+                std::size_t expected,
+                const char* what) {
+    if (found != 0 && found != expected)
+        throw Error(ExitCode::internal, str(path, ": not written: ", found, " ", what, " for ",
+                                            expected, " positions"));
+}
+
+}  // namespace
+
+void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g) {
+    const std::size_t count = g.means.size();
+    const int rest = sh_count(g.sh_degree) - 1;
+
+    std::vector<std::string> names = {"x",  "y",      "z",      "nx",    "ny",
+                                      "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+    for (int i = 0; i < 3 * rest; ++i) names.push_back(str("f_rest_", i));
+    for (const char* name :
+         {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
+        names.push_back(name);
+    std::string text = str("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+    for (const std::string& name : names) text += "property float " + name + "\n";
+
+    PlyWriter out(path);
+    out.put(text + "end_header\n");
+    std::vector<float> row(names.size(), 0.0f);
+    for (std::size_t i = 0; i < count; ++i) {
+        auto to = row.begin();
+        const auto put3 = [&](Vec3f v) { to = std::copy_n(&v.x, 3, to); };
+        put3(g.means[i]);
+        put3({});  // normals
+        put3(g.sh[i]);
+        for (int c = 0; c < 3; ++c)  // channel major
+            for (int k = 1; k <= rest; ++k)
+                *to++ = g.sh[static_cast<std::size_t>(k) * count + i][c];
+        *to++ = g.opacity_logits[i];
+        put3(g.log_scales[i]);
+        const Quatf q = g.quats[i];
+        for (const float value : {q.w, q.x, q.y, q.z}) *to++ = value;
+        for (std::size_t p = 0; p < row.size(); ++p) {
+            if (!std::isfinite(row[p]))
+                throw Error(ExitCode::numerical,
+                            str(path, ": not written: ", names[p], " of splat ", i, " is ", row[p],
+                                "; expected a finite number"));
+            out.put(row[p]);
+        }
+    }
+    out.commit();
+}
+
+void write_mesh_ply(const std::string& path, const TriangleMesh& mesh) {
+    check_finite(path, mesh.vertices, "vertex");
+    check_finite(path, mesh.colors, "colour");
+    check_size(path, mesh.colors.size(), mesh.vertices.size(), "colours");
+    const int count = static_cast<int>(mesh.vertices.size());
+    PlyWriter out(path);
+    out.put(str(header(mesh.vertices.size()), mesh.colors.empty() ? "" : kColors, "element face ",
+                mesh.faces.size(), "\nproperty list uchar int vertex_indices\nend_header\n"));
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+        out.put(mesh.vertices[i]);
+        if (!mesh.colors.empty()) out.put_color(mesh.colors[i]);
+    }
+    for (const Vec3i face : mesh.faces) {
+        out.put(std::uint8_t{3});
+        for (int c = 0; c < 3; ++c) {
+            if (face[c] < 0 || face[c] >= count)
+                throw Error(ExitCode::internal, str(path, ": not written: a face refers to vertex ",
+                                                    face[c], " of ", count));
+            out.put(face[c]);
+        }
+    }
+    out.commit();
+}
+
+void write_cloud_ply(const std::string& path, const PointCloud& points) {
+    check_finite(path, points.positions, "position");
+    check_finite(path, points.colors, "colour");
+    check_finite(path, points.normals, "normal");
+    check_size(path, points.colors.size(), points.positions.size(), "colours");
+    check_size(path, points.normals.size(), points.positions.size(), "normals");
+    PlyWriter out(path);
+    out.put(str(header(points.positions.size()), points.normals.empty() ? "" : kNormals,
+                points.colors.empty() ? "" : kColors, "end_header\n"));
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        out.put(points.positions[i]);
+        if (!points.normals.empty()) out.put(points.normals[i]);
+        if (!points.colors.empty()) out.put_color(points.colors[i]);
+    }
+    out.commit();
+}
+
+}  // namespace tvsgs

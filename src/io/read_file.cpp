@@ -1,0 +1,33 @@
+#include "io/read_file.h"
+
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+namespace tvsgs {
+
+std::string read_bytes(const std::string& path) {
+    std::error_code no_matter;
+    if (std::filesystem::is_directory(path, no_matter))
+        throw input_error(path, ": is a folder; expected a file");
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
+                                                               std::fclose);
+    if (!file) throw input_error(path, ": cannot be opened: ", std::strerror(errno));
+
+    std::string bytes;
+    const auto size = std::filesystem::file_size(path, no_matter);
+    if (!no_matter) bytes.reserve(size);
+    char chunk[1 << 16];
+    for (;;) {
+        const std::size_t count = std::fread(chunk, 1, sizeof chunk, file.get());
+        bytes.append(chunk, count);
+        if (count < sizeof chunk) break;
+    }
+    if (std::ferror(file.get()))
+        throw Error(ExitCode::io, str(path, ": reading failed: ", std::strerror(errno)));
+    return bytes;
+}
+
+}  // namespace tvsgs

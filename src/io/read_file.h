@@ -1,0 +1,47 @@
+// Reading whole files and numbers; what all readers share.
+#pragma once
+
+#include <algorithm>
+#include <charconv>
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "core/error.h"
+
+namespace tvsgs {
+
+/// The whole file. Throws Error(ExitCode::input) when there is none, Error(ExitCode::io) when
+/// reading fails.
+std::string read_bytes(const std::string& path);
+
+/// An error in what the user gave us.
+template <class... Parts>
+Error input_error(const Parts&... parts) {
+    return Error(ExitCode::input, str(parts...));
+}
+
+/// The whole of `text` as a number, whatever the locale; false when anything is left over or the
+/// number does not fit.
+template <class Number>
+bool parse_number(std::string_view text, Number& number) {
+    if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
+    const auto result = std::from_chars(text.data(), text.data() + text.size(), number);
+    return result.ec == std::errc{} && result.ptr == text.data() + text.size();
+}
+
+inline std::string_view trimmed(std::string_view text) {
+    const auto first = text.find_first_not_of(" \t\r\n");
+    if (first == std::string_view::npos) return {};
+    return text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
+}
+
+/// Takes the next word off the front of `text`; empty when there is none.
+inline std::string_view next_word(std::string_view& text) {
+    text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
+    const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));
+    text.remove_prefix(word.size());
+    return word;
+}
+
+}  // namespace tvsgs

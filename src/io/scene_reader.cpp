@@ -1,0 +1,457 @@
+#include "io/scene_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <exception>
+#include <filesystem>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <tuple>
+
+#include "core/log.h"
+#include "core/parallel.h"
+#include "io/colmap.h"
+#include "io/image_file.h"
+#include "io/ply.h"
+#include "io/read_file.h"
+#include "io/view_split.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_file(const fs::path& path) {
+    std::error_code error;
+    return fs::is_regular_file(path, error);
+}
+
+/// The COLMAP model of the scene.
+std::string find_model(const std::string& scene) {
+    std::string tried;
+    for (const char* folder : {"sparse/0", "sparse", "dense/sparse", "colmap/sparse/0", "."}) {
+        const std::string path = (fs::path(scene) / folder).string();
+        if (!is_colmap_folder(path)) {
+            tried += "\n  " + path;
+            continue;
+        }
+        if (std::string(folder) == "sparse/0" && fs::exists(fs::path(scene) / "sparse/1"))
+            spdlog::warn("{}: COLMAP split this scene into several models; only sparse/0 is used",
+                         scene);
+        return path;
+    }
+    std::string hint = " Pass the folder that holds sparse/ and the images.";
+    for (const char* other :
+         {"transforms_train.json", "transforms.json", "cameras_sphere.npz", "cameras.npz", "cams"})
+        if (fs::exists(fs::path(scene) / other))
+            hint = str(" The scene holds ", other,
+                       ", a layout that is not read yet: convert it to COLMAP.");
+    throw input_error("E_SCENE_LAYOUT: ", scene, fs::exists(scene) ? "" : " does not exist",
+                      ": no COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
+                      "\n ", hint);
+}
+
+/// The file of an image: as listed, else with another extension, else by its base name where that
+/// is unique.
+class ImageFinder {
+public:
+    ImageFinder(const fs::path& folder, const ColmapModel& model) : folder_(folder) {
+        for (const auto& image : model.images) ++uses_[fs::path(image.name).stem().string()];
+    }
+    std::optional<std::string> find(const std::string& name) const {
+        if (auto found = find_with_extensions(folder_ / name)) return found;
+        const fs::path base = fs::path(name).filename();
+        if (uses_.at(base.stem().string()) == 1) return find_with_extensions(folder_ / base);
+        return std::nullopt;
+    }
+
+private:
+    static std::optional<std::string> find_with_extensions(fs::path path) {
+        if (is_file(path)) return path.string();
+        for (const char* extension : {".png", ".jpg", ".jpeg", ".JPG", ".tif", ".tiff", ".exr"})
+            if (is_file(path.replace_extension(extension))) return path.string();
+        return std::nullopt;
+    }
+    fs::path folder_;
+    std::map<std::string, int> uses_;
+};
+
+/// The mask of an image, by the same name, else by the number in it (DTU: 000.png belongs to
+/// 000000.jpg).
+class MaskFinder {
+public:
+    explicit MaskFinder(const SceneOptions& options) {
+        const fs::path scene(options.path);
+        if (!options.masks.empty()) {
+            required_ = true;
+            folder_ = fs::is_directory(scene / options.masks) ? scene / options.masks
+                                                              : fs::path(options.masks);
+            if (!fs::is_directory(folder_))
+                throw input_error("E_MASKS: ", options.masks,
+                                  ": no such folder, neither in the scene nor here");
+        } else {
+            for (const char* name : {"mask", "masks"})
+                if (folder_.empty() && fs::is_directory(scene / name)) folder_ = scene / name;
+        }
+        if (folder_.empty()) return;
+        std::vector<fs::path> files;
+        for (const auto& entry : fs::recursive_directory_iterator(folder_))
+            if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder_));
+        std::sort(files.begin(), files.end());
+        for (const fs::path& file : files) {
+            const std::string stem = fs::path(file).replace_extension().string();
+            by_stem_.emplace(stem, file);
+            int number = 0;
+            if (parse_number(file.stem().string(), number)) {
+                const auto [entry, is_new] = by_number_.emplace(number, file);
+                if (!is_new) entry->second.clear();  // ambiguous
+            }
+        }
+    }
+    std::optional<std::string> find(const std::string& name) const {
+        if (folder_.empty()) return std::nullopt;
+        const fs::path path(name);
+        for (const std::string& stem :
+             {fs::path(path).replace_extension().string(), path.string(), path.stem().string()})
+            if (const auto found = by_stem_.find(stem); found != by_stem_.end())
+                return (folder_ / found->second).string();
+        int number = 0;
+        if (parse_number(path.stem().string(), number))
+            if (const auto found = by_number_.find(number);
+                found != by_number_.end() && !found->second.empty())
+                return (folder_ / found->second).string();
+        if (required_)
+            throw input_error("E_MASKS: ", folder_.string(), ": no mask for image '", name, "'");
+        return std::nullopt;
+    }
+
+private:
+    fs::path folder_;
+    bool required_ = false;
+    std::map<std::string, fs::path> by_stem_;
+    std::map<int, fs::path> by_number_;
+};
+
+/// What there is to know about a view before its pixels are read.
+struct ViewSource {
+    const ColmapImage* image = nullptr;
+    Intrinsics intrinsics;
+    std::string file;
+    std::optional<std::string> mask_file;
+};
+
+/// Are the two sizes one image at two scales, up to a pixel of rounding?
+bool same_shape(int w, int h, int camera_w, int camera_h) {
+    return std::abs(static_cast<double>(w) * camera_h / camera_w - h) <= 1 ||
+           std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
+}
+
+void check_size(const std::string& file, ImageSize found, const Intrinsics& camera) {
+    if (same_shape(found.width, found.height, camera.width_px, camera.height_px)) return;
+    const bool turned = same_shape(found.height, found.width, camera.width_px, camera.height_px);
+    throw input_error(
+        "E_IMAGE_SIZE: ", file, ": ", found.width, "x", found.height, " pixels; its camera has ",
+        camera.width_px, "x", camera.height_px,
+        turned ? " (turned, as by EXIF orientation 6: the poses were computed on rotated pixels; "
+                 "re-encode the images)"
+               : "; pass the folder of the images that the cameras were computed for (--images)");
+}
+
+void threshold(ImageU8& mask) {
+    for (auto& value : mask.pixels) value = value >= 128 ? 255 : 0;
+}
+
+/// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
+void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
+    const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
+    const std::size_t channels = static_cast<std::size_t>(image.channels);
+    photo = ImageU8(image.width, image.height, 3);
+    for (std::size_t i = 0; i < count; ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            photo.pixels[3 * i + c] = image.pixels[channels * i + (channels < 3 ? 0 : c)];
+    if (channels != 4) return;
+    alpha = ImageU8(image.width, image.height, 1);
+    for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
+}
+
+View load_view(const ViewSource& source, const SceneOptions& options) {
+    // 1. Pixels, and where there are masks, theirs.
+    const ImageSize file_size = read_image_size(source.file);
+    check_size(source.file, file_size, source.intrinsics);
+    ImageU8 photo, mask;
+    split_alpha(read_image(source.file), photo, mask);
+    if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
+        mask = {};
+    const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
+
+    // 2. Lens distortion, at the size of the file.
+    Intrinsics intrinsics = scaled(source.intrinsics, photo.width, photo.height);
+    ImageU8 valid;
+    const bool distorted = intrinsics.distortion.kind != Distortion::Kind::none;
+    if (source.mask_file) mask = read_image(*source.mask_file, 1);
+    if (distorted) {
+        if (!mask.empty())
+            mask = undistorted(intrinsics, resize_nearest(mask, photo.width, photo.height), valid);
+        photo = undistorted(intrinsics, photo, valid);
+    }
+
+    // 3. The training size.
+    View view;
+    view.name = source.image->name;
+    view.photo = resize_bicubic(photo, size.width_px, size.height_px);
+    if (!mask.empty()) {
+        view.mask = source.mask_file ? resize_nearest(mask, size.width_px, size.height_px)
+                                     : resize_bicubic(mask, size.width_px, size.height_px);
+        threshold(view.mask);
+    }
+    if (distorted) {
+        valid = resize_nearest(valid, size.width_px, size.height_px);
+        if (view.mask.empty()) {
+            view.mask = std::move(valid);
+        } else {
+            for (std::size_t i = 0; i < valid.pixels.size(); ++i)
+                view.mask.pixels[i] &= valid.pixels[i];
+        }
+    }
+
+    intrinsics = scaled(intrinsics, size.width_px, size.height_px);
+    Camera& camera = view.camera;
+    camera.width_px = size.width_px, camera.height_px = size.height_px;
+    camera.fx_px = static_cast<float>(intrinsics.fx_px),
+    camera.fy_px = static_cast<float>(intrinsics.fy_px);
+    camera.cx_px = static_cast<float>(intrinsics.cx_px),
+    camera.cy_px = static_cast<float>(intrinsics.cy_px);
+    if (options.center_principal_point)
+        camera.cx_px = static_cast<float>(size.width_px) / 2,
+        camera.cy_px = static_cast<float>(size.height_px) / 2;
+    camera.camera_from_world = {mat_cast<float>(source.image->camera_from_world.R),
+                                vec_cast<float>(source.image->camera_from_world.t)};
+    return view;
+}
+
+std::vector<View> load_views(const std::vector<ViewSource>& sources, const SceneOptions& options) {
+    std::vector<View> views(sources.size());
+    std::vector<std::exception_ptr> errors(sources.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(sources.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        try {
+            views[at] = load_view(sources[at], options);
+        } catch (...) {
+            errors[at] = std::current_exception();  // must not leave the parallel loop
+        }
+    });
+    for (const auto& error : errors)
+        if (error) std::rethrow_exception(error);
+    return views;
+}
+
+/// Drops points that are not finite and repeated positions, which would have no distance to their
+/// neighbours.
+void clean(PointCloud& cloud, const std::string& source) {
+    const std::size_t count = cloud.positions.size();
+    std::vector<std::size_t> order(count);
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    std::vector<char> keep(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const Vec3f p = cloud.positions[i];
+        keep[i] = std::abs(p.x) <= 1e9f && std::abs(p.y) <= 1e9f && std::abs(p.z) <= 1e9f;
+    }
+    const auto not_finite = std::count(keep.begin(), keep.end(), 0);
+    std::erase_if(order, [&](std::size_t i) { return !keep[i]; });
+    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+        const Vec3f p = cloud.positions[a], q = cloud.positions[b];
+        return std::tie(p.x, p.y, p.z, a) < std::tie(q.x, q.y, q.z, b);
+    });
+    std::size_t repeated = 0;
+    for (std::size_t i = 1; i < order.size(); ++i) {
+        const Vec3f p = cloud.positions[order[i - 1]], q = cloud.positions[order[i]];
+        if (p.x == q.x && p.y == q.y && p.z == q.z) keep[order[i]] = 0, ++repeated;
+    }
+    if (not_finite > 0)
+        spdlog::warn("{}: {} points were dropped: positions not finite or beyond 1e9", source,
+                     not_finite);
+    if (repeated > 0)
+        spdlog::warn("{}: {} points were dropped: repeated positions", source, repeated);
+    const auto compact = [&](std::vector<Vec3f>& values) {
+        if (values.empty()) return;
+        std::size_t kept = 0;
+        for (std::size_t i = 0; i < count; ++i)
+            if (keep[i]) values[kept++] = values[i];
+        values.resize(kept);
+    };
+    compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
+}
+
+PointCloud initial_points(const SceneOptions& options,
+                          const std::string& model_folder,
+                          const ColmapModel& model,
+                          const std::vector<ViewSource>& train) {
+    const auto from_ply = [](const std::string& path) {
+        PointCloud cloud = read_ply(path).points;
+        clean(cloud, path);
+        return cloud;
+    };
+    if (!options.init_ply.empty()) {
+        PointCloud cloud = from_ply(options.init_ply);
+        if (cloud.positions.empty())
+            throw input_error("E_NO_POINTS: ", options.init_ply, ": holds no usable point");
+        return cloud;
+    }
+
+    // Clouds beside the model do not say which images they come from, so a subset cannot use them:
+    // test views would leak in.
+    const bool subset = train.size() < model.images.size();
+    const std::string fused = (fs::path(options.path) / "dense/fused.ply").string();
+    if (!subset && is_file(fused)) return from_ply(fused);
+
+    const ColmapPoints points = read_colmap_points(model_folder);
+    std::set<std::uint32_t> train_ids;
+    for (const auto& view : train) train_ids.insert(view.image->id);
+    PointCloud cloud;
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        if (subset) {
+            std::set<std::uint32_t> seen_by;  // an image may be listed twice in a track
+            for (std::size_t j = points.track_begin[i]; j < points.track_begin[i + 1]; ++j)
+                if (train_ids.contains(points.track[j])) seen_by.insert(points.track[j]);
+            if (seen_by.size() < 2) continue;
+        }
+        cloud.positions.push_back(vec_cast<float>(points.positions[i]));
+        cloud.colors.push_back(points.colors[i]);
+    }
+    if (subset && !points.positions.empty())
+        spdlog::info("{} of the model's {} points are seen by two training views",
+                     cloud.positions.size(), points.positions.size());
+    clean(cloud, model_folder);
+    const std::string ply = (fs::path(model_folder) / "points3D.ply").string();
+    if (cloud.positions.empty() && !subset && is_file(ply)) cloud = from_ply(ply);
+    if (cloud.positions.empty())
+        throw input_error(
+            "E_NO_POINTS: ", model_folder, ": no initial points",
+            subset ? str(" (", points.positions.size(), " in the model, none seen by two of the ",
+                         train.size(), " training views)")
+                   : "",
+            "; pass --init-ply, for instance a cloud made by tvsgs-init");
+    return cloud;
+}
+
+float scene_extent(const Scene& scene) {
+    if (scene.train.empty()) return 1;
+    Vec3d mean;
+    for (const View& view : scene.train) mean += vec_cast<double>(camera_centre(view.camera));
+    mean = mean / static_cast<double>(scene.train.size());
+    double radius = 0;
+    for (const View& view : scene.train)
+        radius = std::max(radius, norm(vec_cast<double>(camera_centre(view.camera)) - mean));
+    if (1.1 * radius >= 1e-9) return static_cast<float>(1.1 * radius);
+
+    std::vector<float> distances;
+    for (const Vec3f p : scene.points.positions)
+        distances.push_back(norm(p - camera_centre(scene.train[0].camera)));
+    if (distances.empty()) return 1;
+    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    spdlog::warn(
+        "{}: all training cameras stand at one place; the extent is the median distance of the "
+        "points, {}",
+        scene.path, *middle);
+    return *middle;
+}
+
+}  // namespace
+
+PixelSize resized_size(int resolution, int width, int height) {
+    const double w = width, h = height;
+    const auto size = [](double x, double y) {
+        return PixelSize{std::max(1, static_cast<int>(x)), std::max(1, static_cast<int>(y))};
+    };
+    if (resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8)
+        return size(std::nearbyint(w / resolution),
+                    std::nearbyint(h / resolution));  // half to even
+    if (resolution == -1) {
+        if (width <= 1600) return {width, height};
+        const double scale = w / 1600.0;
+        return size(w / scale, h / scale);
+    }
+    if (resolution < 1 || resolution > 65535)
+        throw Error(ExitCode::usage, str("--resolution ", resolution,
+                                         ": expected -1, 1, 2, 4, 8 or a width in pixels"));
+    // The order of the operations is that of the official codes; it can lose a pixel.
+    const double scale = w / resolution;
+    return size(w / scale, h / scale);
+}
+
+Scene read_scene(const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path), [&] {
+        const std::string model_folder = find_model(options.path);
+        const ColmapModel model = read_colmap_model(model_folder);
+        resized_size(options.resolution, 1,
+                     1);  // a wrong value is an error before anything is loaded
+
+        // 1. Which images are there, and which of them train and test.
+        const fs::path image_folder = fs::path(options.path) / options.images;
+        const ImageFinder image_finder(image_folder, model);
+        std::vector<std::string> names;
+        std::vector<std::optional<std::string>> files;
+        std::vector<bool> exists;
+        for (const ColmapImage& image : model.images) {
+            names.push_back(image.name);
+            files.push_back(image_finder.find(image.name));
+            exists.push_back(files.back().has_value());
+        }
+        const auto missing = std::count(exists.begin(), exists.end(), false);
+        if (missing == static_cast<std::ptrdiff_t>(names.size()))
+            throw input_error(
+                "E_NO_IMAGES: ", image_folder.string(), ": ",
+                fs::is_directory(image_folder) ? "holds none of" : "no such folder for",
+                " the model's ", names.size(), " images",
+                names.empty() ? "" : str(", such as '", names[0], "'"),
+                "; name the folder with --images");
+        if (missing > 0)
+            spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
+                         image_folder.string(), missing, names.size());
+        const ViewSplit split = split_views(options, names, exists);
+
+        // 2. Their pixels.
+        const MaskFinder mask_finder(options);
+        const auto sources = [&](const std::vector<int>& indices) {
+            std::vector<ViewSource> out;
+            for (const int i : indices) {
+                const ColmapImage& image = model.images[static_cast<std::size_t>(i)];
+                const Intrinsics& intrinsics = model.cameras.at(image.camera_id);
+                if (intrinsics.distortion.kind == Distortion::Kind::fisheye &&
+                    !options.undistort_fisheye)
+                    throw_camera_model(
+                        model_folder, image.camera_id,
+                        "a fisheye model (--undistort-fisheye makes a pinhole of it)");
+                out.push_back({&image, intrinsics, *files[static_cast<std::size_t>(i)],
+                               mask_finder.find(image.name)});
+            }
+            return out;
+        };
+        const std::vector<ViewSource> train = sources(split.train);
+        Scene scene;
+        scene.path = options.path;
+        scene.train = load_views(train, options);
+        scene.test = load_views(sources(split.test), options);
+        double offset = 0;
+        for (const ViewSource& view : train)
+            offset =
+                std::max({offset, std::abs(view.intrinsics.cx_px / view.intrinsics.width_px - 0.5),
+                          std::abs(view.intrinsics.cy_px / view.intrinsics.height_px - 0.5)});
+        if (offset > 0.01 && !options.center_principal_point)
+            spdlog::info(
+                "{}: the principal point is used as given, {:.1f} % off the centre (the official "
+                "codes assume the centre)",
+                options.path, 100 * offset);
+
+        // 3. The initial cloud.
+        if (options.need_points) scene.points = initial_points(options, model_folder, model, train);
+        scene.extent = scene_extent(scene);
+        return scene;
+    });
+}
+
+}  // namespace tvsgs

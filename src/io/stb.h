@@ -1,0 +1,10 @@
+// The parts of stb that we use, configured the same wherever they are included.
+#pragma once
+
+#define STBI_ONLY_JPEG
+#define STBI_ONLY_PNG
+#define STBI_ONLY_BMP
+#define STBI_ONLY_PNM
+#define STBI_MAX_DIMENSIONS 65535  // [input specification, 1.5]
+#include <stb/stb_image.h>
+#include <stb/stb_image_write.h>

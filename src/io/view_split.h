@@ -1,0 +1,22 @@
+// Which views train and which test.  [input specification, 1.7]
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "io/scene_reader.h"
+
+namespace tvsgs {
+
+struct ViewSplit {
+    std::vector<int> train, test;  // indices into the names, ascending, no index in both
+};
+
+/// `names`: all images of the model, sorted; `exists`: which of them are on disk. Images that are
+/// missing are left out, but one that the user asked to train on by name is an error. Throws
+/// Error(ExitCode::input or usage).
+ViewSplit split_views(const SceneOptions& options,
+                      const std::vector<std::string>& names,
+                      const std::vector<bool>& exists);
+
+}  // namespace tvsgs
