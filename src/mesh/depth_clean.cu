@@ -1,0 +1,10 @@
+#include "mesh/depth_clean_body.h"
+
+namespace tvsgs {
+
+DepthCounts clean_depth(const RenderedImages<Cuda>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
+                        const DepthRules& rules, Buffer<float, Cuda>& depth, Buffer<std::uint8_t, Cuda>& fates) {
+    return clean_depth_on(rendered, camera, mask, rules, depth, fates);
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,120 @@
+#include "mesh/mesh_metrics.h"
+
+#include <algorithm>
+#include <limits>
+#include <nanoflann.hpp>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/rng.h"
+
+namespace tvsgs {
+namespace {
+
+/// What nanoflann asks of a point set.
+struct PointSet {
+    const std::vector<Vec3f>& points;
+
+    std::size_t kdtree_get_point_count() const { return points.size(); }
+    double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][static_cast<int>(axis)]; }
+    template <class Box>
+    bool kdtree_get_bbox(Box&) const {
+        return false;
+    }
+};
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointSet>, PointSet, 3, std::size_t>;
+
+double mean(const std::vector<double>& values) {
+    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
+}
+
+double median(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    if (values.size() % 2 == 1) return *middle;
+    return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+}
+
+/// Fraction of the distances strictly below tau.
+double fraction_below(const std::vector<double>& distances, double tau) {
+    const auto n = std::count_if(distances.begin(), distances.end(), [&](double d) { return d < tau; });
+    return static_cast<double>(n) / static_cast<double>(distances.size());
+}
+
+}  // namespace
+
+std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, std::uint64_t seed) {
+    const int vertices = static_cast<int>(mesh.vertices.size());
+    std::vector<double> area_before(mesh.faces.size() + 1, 0.0);
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        for (int k = 0; k < 3; ++k)
+            if (face[k] < 0 || face[k] >= vertices)
+                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", face[k], ", but the mesh has ", vertices));
+        const Vec3d a = vec_cast<double>(mesh.vertices[face.x]), b = vec_cast<double>(mesh.vertices[face.y]),
+                    c = vec_cast<double>(mesh.vertices[face.z]);
+        const double area = 0.5 * norm(cross(b - a, c - a));
+        area_before[f + 1] = area_before[f] + (area > 0 && std::isfinite(area) ? area : 0);
+    }
+    const double total = area_before.back();
+    if (!(total > 0))
+        throw Error(ExitCode::input, str("the mesh has no surface to sample: ", mesh.faces.size(), " faces with a total area of 0"));
+
+    std::vector<Vec3f> samples(count);
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        const Random4 random = random4(seed, RandomStream::sampling, static_cast<std::uint64_t>(i));
+        const double at = (i + static_cast<double>(uniform(random.v[0]))) / static_cast<double>(count) * total;
+        // The face whose share of the area `at` falls into; rounding at the very end stays on the last one with area.
+        auto next = std::upper_bound(area_before.begin(), area_before.end(), at);
+        if (next == area_before.end()) next = std::lower_bound(area_before.begin(), area_before.end(), total);
+        const Vec3i face = mesh.faces[static_cast<std::size_t>(next - area_before.begin()) - 1];
+        const float s = std::sqrt(uniform(random.v[1])), t = uniform(random.v[2]);
+        samples[i] = (1 - s) * mesh.vertices[face.x] + (s * (1 - t)) * mesh.vertices[face.y] + (s * t) * mesh.vertices[face.z];
+    });
+    return samples;
+}
+
+std::vector<double> nearest_distances(const std::vector<Vec3f>& points, const std::vector<Vec3f>& targets) {
+    const PointSet set{targets};
+    const Tree tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    std::vector<double> distances(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const Vec3d p = vec_cast<double>(points[i]);
+        const double query[3] = {p.x, p.y, p.z};
+        std::size_t index = 0;
+        double squared = std::numeric_limits<double>::infinity();
+        tree.knnSearch(query, 1, &index, &squared);
+        distances[i] = std::sqrt(squared);
+    });
+    return distances;
+}
+
+GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
+                                  const std::vector<Vec3f>& truth,
+                                  const std::vector<Vec3f>& visible_truth,
+                                  const GeometryOptions& options) {
+    if (prediction.empty() || truth.empty())
+        throw Error(ExitCode::input, str("nothing to compare: ", prediction.size(), " points of the prediction and ",
+                                         truth.size(), " of the truth are inside of the crop; both need at least one"));
+    std::vector<double> to_truth = nearest_distances(prediction, truth);
+    std::vector<double> to_prediction = nearest_distances(visible_truth.empty() ? truth : visible_truth, prediction);
+
+    GeometryMetrics metrics{};
+    for (const double tau : options.taus) {
+        const double precision = fraction_below(to_truth, tau), recall = fraction_below(to_prediction, tau);
+        const double sum = precision + recall;
+        metrics.thresholds.push_back({tau, precision, recall, sum > 0 ? 2 * precision * recall / sum : 0});
+    }
+    if (options.max_distance > 0)
+        for (std::vector<double>* distances : {&to_truth, &to_prediction})
+            for (double& d : *distances) d = std::min(d, options.max_distance);
+    metrics.accuracy = mean(to_truth);
+    metrics.completeness = mean(to_prediction);
+    metrics.chamfer = 0.5 * (metrics.accuracy + metrics.completeness);
+    metrics.median_accuracy = median(std::move(to_truth));
+    metrics.median_completeness = median(std::move(to_prediction));
+    return metrics;
+}
+
+}  // namespace tvsgs

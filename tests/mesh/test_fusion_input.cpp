@@ -1,0 +1,92 @@
+// What comes before fusion: the focus of the cameras and the rules that drop depths.
+#include <gtest/gtest.h>
+
+#include <limits>
+
+#include "core/cuda_device.h"
+#include "mesh/depth_clean.h"
+#include "mesh/focus.h"
+#include "mesh/sphere_views.h"
+
+namespace tvsgs {
+namespace {
+
+TEST(Focus, CamerasAroundAPoint) {
+    std::vector<Camera> cameras;
+    for (int i = 0; i < 5; ++i) cameras.push_back(test::sphere_view(i, 5, 2).camera);
+    const auto focus = find_focus(cameras);
+    ASSERT_TRUE(focus);
+    EXPECT_NEAR(norm(focus->point), 0, 1e-6);  // poses in float
+    EXPECT_NEAR(focus->radius, 3, 1e-6);
+}
+
+TEST(Focus, ParallelAxesHaveNone) {
+    std::vector<Camera> cameras(3);
+    cameras[1].camera_from_world.t = {-1, 0, 0};
+    cameras[2].camera_from_world.t = {-2, 0, 0};
+    EXPECT_FALSE(find_focus(cameras));
+    EXPECT_FALSE(find_focus({cameras[0]}));
+    const Focus focus = focus_at_depth(cameras, 4);
+    EXPECT_NEAR(norm(focus.point - Vec3d{1, 0, 4}), 0, 1e-12);
+    EXPECT_NEAR(focus.radius, 4, 1e-12);
+}
+
+template <class Device>
+std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_t>& mask_values, DepthRules rules) {
+    const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+    RenderedImages<Device> rendered;
+    copy(std::vector<float>{1, nan, inf, 0, -1, 2, 1.9f, 1, 1, 1}, rendered.depth);
+    copy(std::vector<float>{0, 0, 0, 0, 0, 0, 0, 0.6f, 0.5f, nan}, rendered.transmittance);
+    Camera camera;
+    camera.width_px = 10, camera.height_px = 1, camera.fx_px = camera.fy_px = 10;
+    camera.cx_px = 5, camera.cy_px = 0.5f;
+    Buffer<float, Device> depth;
+    Buffer<std::uint8_t, Device> fates;
+    const auto mask = to_device<Device>(mask_values);
+    const DepthCounts counts = clean_depth(rendered, camera, mask.span(), rules, depth, fates);
+    return {to_host(depth), counts};
+}
+
+template <class Device>
+void check_rules() {
+    DepthRules rules;
+    rules.depth_max = 2;
+    {
+        const auto [depth, counts] = cleaned<Device>({}, rules);
+        EXPECT_EQ(depth, (std::vector<float>{1, 0, 0, 0, 0, 0, 1.9f, 1, 1, 1}));  // exactly depth_max is dropped
+        EXPECT_EQ(counts.kept, 5);
+        EXPECT_EQ(counts.not_finite, 2);
+        EXPECT_EQ(counts.no_surface, 2);
+        EXPECT_EQ(counts.too_far, 1);
+    }
+    rules.alpha_min = 0.5f;
+    {
+        const auto [depth, counts] = cleaned<Device>({127, 0, 0, 0, 0, 0, 128, 255, 255, 255}, rules);
+        EXPECT_EQ(depth, (std::vector<float>{0, 0, 0, 0, 0, 0, 1.9f, 0, 1, 0}));
+        EXPECT_EQ(counts.transparent, 2);
+        EXPECT_EQ(counts.masked, 1);
+        EXPECT_EQ(counts.kept, 2);
+    }
+    rules.alpha_min = 0, rules.has_box = true;
+    rules.box_min = {-0.4f, -1, 0}, rules.box_max = {10, 10, 10};  // pixel 0 is at x = -0.45
+    const auto [depth, counts] = cleaned<Device>({}, rules);
+    EXPECT_EQ(depth[0], 0);
+    EXPECT_EQ(depth[6], 1.9f);
+    EXPECT_EQ(counts.outside, 1);
+}
+
+TEST(DepthClean, EachRule) {
+    check_rules<Cpu>();
+}
+
+TEST(DepthCleanTwin, EachRule) {
+    if constexpr (kHasCuda) {
+        if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+        check_rules<Cuda>();
+    } else {
+        GTEST_SKIP() << "build without CUDA";
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
