@@ -400,13 +400,12 @@ int run(const SynthOptions& options) {
     return static_cast<int>(ExitCode::done);
 }
 
-}  // namespace
-}  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    tvsgs::SynthOptions options;
-    CLI::App app("Writes a small scene with exact ground truth: images, cameras, masks, surface.");
-    app.option_defaults()->ignore_underscore();
+int command(int argc, char** argv) {
+    SynthOptions options;
+    bool quiet = false;
+    CLI::App app(
+        "Writes a small scene with exact ground truth: photographs, cameras, masks, surface.",
+        "tvsgs-synth");
     app.add_option("-o,--out", options.out, "folder to write")->required();
     app.add_option("--shape", options.shape, "bust, spheres or torus")->capture_default_str();
     app.add_option("--views", options.views, "number of views")
@@ -427,13 +426,16 @@ int main(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--seed", options.seed, "texture, samples and noise")->capture_default_str();
     app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
-    bool quiet = false;
     app.add_flag("--quiet", quiet, "warnings and errors only");
-    try {
-        app.parse(argc, argv);
-    } catch (const CLI::ParseError& error) {
-        return app.exit(error) == 0 ? 0 : static_cast<int>(tvsgs::ExitCode::usage);
-    }
-    tvsgs::init_log(quiet ? tvsgs::Verbosity::quiet : tvsgs::Verbosity::normal);
-    return tvsgs::run_command([&] { return tvsgs::run(options); });
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    init_log(quiet ? Verbosity::quiet : Verbosity::normal);
+    return run(options);
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
 }
