@@ -59,7 +59,7 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
                     {in.xy / scale, in.yy / scale, in.yz / scale},
                     {in.xz / scale, in.yz / scale, in.zz / scale}};
     Mat3<Real> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    constexpr int kSweeps = sizeof(Real) > 4 ? 8 : 5;  // quadratic convergence, with one to spare
+    constexpr int kSweeps = sizeof(Real) > 4 ? 6 : 5;  // quadratic convergence, with one to spare
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
         jacobi_rotate<Real, kVectors>(A, V, 0, 1, 2);
         jacobi_rotate<Real, kVectors>(A, V, 0, 2, 1);

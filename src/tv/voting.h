@@ -107,6 +107,9 @@ public:
 
     VotingDetails details() const;
 
+    /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next refresh.
+    void set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers);
+
 private:
     struct State;
 

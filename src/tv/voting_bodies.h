@@ -170,8 +170,10 @@ struct CentreRoundBody {
     }
 };
 
-/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both losses.
-template <class Real>
+inline constexpr std::uint8_t kValidNow = 128;  // this round reached the splat; cleared at the end of the event
+
+/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both losses. In double
+/// on both devices: a flat voter magnifies the error of its normal a hundredfold in the next round.
 struct EigenBody {
     bool ball_round;
     Span<const Sym3f> sums;
@@ -182,13 +184,12 @@ struct EigenBody {
     TVSGS_HD void operator()(int i) const {
         if (ball_round && (flags[i] & kHasTensor) != 0) return;
         const Sym3f T = sums[i];
-        const SymEigen3<Real> e =
-            sym_eigen(Sym3<Real>{Real(T.xx), Real(T.xy), Real(T.xz), Real(T.yy), Real(T.yz), Real(T.zz)});
-        const Real finite = (e.values.x + e.values.y + e.values.z) * 0;
+        const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
+        const double finite = (e.values.x + e.values.y + e.values.z) * 0;
         std::uint8_t flag = flags[i] & kHasTensor;
-        if (finite == 0 && e.values.x >= Real(kMinEigenvalue)) {
+        if (finite == 0 && e.values.x >= kMinEigenvalue) {
             flag = kHasTensor;
-            if ((e.values.y - e.values.z) / e.values.x >= Real(kMinNormalGap)) flag |= kNormalValid;
+            if ((e.values.y - e.values.z) / e.values.x >= kMinNormalGap) flag |= kNormalValid;
             tensors[i] = T;
             eigenvalues[i] = vec_cast<float>(e.values);
             normals[i] = vec_cast<float>(column(e.vectors, 2));
@@ -196,10 +197,7 @@ struct EigenBody {
         }
         flags[i] = flag;
     }
-
-    static constexpr std::uint8_t kValidNow = 128;  // this round reached the splat; cleared at the end of the event
 };
-inline constexpr std::uint8_t kValidNow = EigenBody<float>::kValidNow;
 
 /// Root mean square angle between a splat's normal and its receivers'; infinite where the tensor is not valid, so
 /// that both statistics sort such splats to the end.

@@ -141,10 +141,8 @@ void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, Ten
     using Real = typename State::Real;
     State& s = *state_;
     const int count = gaussians.size();
-    if (static_cast<int>(field.flags.size()) != count) {  // no structure_changed(): nothing to inherit
-        clear(count, field);
-        s.stale = true;
-    }
+    if (static_cast<int>(field.flags.size()) != count) clear(count, field);  // nothing was inherited
+    s.stale = s.stale || s.listed != count;
     s.changed = false;
     s.resize(count);
     const SplatSpans splats = splat_spans(gaussians);
@@ -157,7 +155,7 @@ void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, Ten
         parallel_for(Device{}, 1, NoiseBody{s.totals.data() + kUsable, s.totals.data() + noise});
 
     // 2. Lists, when they are due; scales of voting always.
-    if (s.stale || s.listed != count || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at) {
+    if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at) {
         refresh(step, gaussians);
         s.listed = count;
     }
@@ -185,7 +183,7 @@ void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, Ten
                       CentreRoundBody<Real>{ballot, ball_round, field.flags.span(), s.sums.span(),
                                             s.strengths.span(), s.strong_votes.span()});
         parallel_for(Device{}, count,
-                     EigenBody<Real>{ball_round, s.sums.span(), field.tensors.span(), field.eigenvalues.span(),
+                     EigenBody{ball_round, s.sums.span(), field.tensors.span(), field.eigenvalues.span(),
                                      field.normals.span(), field.flags.span()});
     }
 
@@ -229,6 +227,26 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
     inherit(field.targets, s.vectors);
     inherit(field.flags, s.flags);
     parallel_for(Device{}, count, detail::ClearPositionBody{field.flags.span()});
+}
+
+template <class Device>
+void TensorVoter<Device>::set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers) {
+    State& s = *state_;
+    const int count = static_cast<int>(receivers.size()) / k;
+    std::vector<std::int64_t> begin(std::size_t(count) + 1, 0);
+    for (const std::uint32_t receiver : receivers) ++begin[receiver + std::size_t(1)];
+    for (int i = 0; i < count; ++i) begin[i + 1] += begin[i];
+    std::vector<std::int64_t> next = begin;
+    std::vector<std::uint32_t> voters(receivers.size());
+    for (std::size_t e = 0; e < receivers.size(); ++e)
+        voters[next[receivers[e]]++] = static_cast<std::uint32_t>(e / k);
+    copy(receivers, s.neighbours.receivers);
+    copy(begin, s.neighbours.begin);
+    copy(voters, s.neighbours.voters);
+    s.neighbours.k = k;
+    s.neighbours.usable = s.listed = count;
+    s.refreshed_at = step;
+    s.stale = false;
 }
 
 template <class Device>

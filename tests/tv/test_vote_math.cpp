@@ -1,0 +1,212 @@
+// The closed form against the specification's own formulas, and its table of degenerate geometry.
+#include "tv/vote_math.h"
+
+#include "tv/tv_support.h"
+#include "tv/warp.h"
+
+namespace tvsgs::test {
+namespace {
+
+using Vec = Vec3<double>;
+
+struct Voter {
+    Quat<double> quat;
+    Vec scales, normal;
+    double tau, noise;
+    WhitenRule rule{};
+    Vec mean{0.3, -0.2, 0.1};
+
+    VoterRecord<double> record() const {
+        const auto w = whitening(quat, scales, rule, noise);
+        VoterRecord<double> r{};
+        r.mean = mean;
+        r.W = whitened_from_world(w);
+        r.inverse_tau2 = inverse_square_or_zero(tau);
+        set_orientation(r, w, normal, 0.7);
+        return r;
+    }
+    Vote<double> plate(Vec receiver, const VoteRule& vote_rule = {}) const {
+        const auto r = record();
+        return plate_vote(r, receiver - mean, r.W * (receiver - mean), vote_rule);
+    }
+    Vote<double> ball(Vec receiver, const VoteRule& vote_rule = {}) const {
+        auto r = record();
+        return ball_vote(r, receiver - mean, r.W * (receiver - mean), vote_rule);
+    }
+};
+
+Mat3<double> power(const Voter& v, double exponent) {  // Sigma'^exponent
+    const Mat3<double> R = rotation(v.quat);
+    Mat3<double> D;
+    for (int i = 0; i < 3; ++i) D[i][i] = std::pow(v.scales[i] * v.scales[i] + v.noise, exponent);
+    return R * D * transpose(R);
+}
+
+/// Word for word the specification's section 3, with symmetric matrices and the angle itself.
+Vec direct_plate_vote(const Voter& v, Vec receiver, double& decay) {
+    const Mat3<double> M = power(v, -0.5), M_inverse = power(v, 0.5);
+    const Vec d = M * (receiver - v.mean);
+    const double L = norm(d);
+    Vec n = transpose(M_inverse) * v.normal;
+    n = n / norm(n);
+    const double dn = dot(d, n);
+    const Vec dt = d - dn * n;
+    const double t = norm(dt), theta = std::atan2(std::abs(dn), t);
+    const double arc = theta < 1e-2 ? L * (1 + theta * theta / 6 + 7 * std::pow(theta, 4) / 360) : L * theta / std::sin(theta);
+    const double curvature = 2 * (std::abs(dn) / L) / L;
+    const double c = 16 * kLn10 * v.tau * v.tau / (kPi * kPi);
+    decay = std::exp(-(arc * arc + c * curvature * curvature) / (v.tau * v.tau));
+    const Vec in_plane = (t * t - dn * dn) / (L * L) * (dt / t);
+    return M_inverse * (in_plane + 2 * t * dn / (L * L) * n);
+}
+
+Voter random_voter(Random& random) {
+    Voter v{};
+    v.quat = normalize(quat_cast<double>(random.quat()));
+    v.scales = {std::exp(random.normal()), std::exp(random.normal()), 0.03 * std::exp(random.normal())};
+    v.noise = 1e-4 * dot(v.scales, v.scales);
+    v.normal = normalize(vec_cast<double>(random.normal3()));
+    v.tau = std::exp(0.5 * double(random.normal()));
+    return v;
+}
+
+TEST(VoteMath, ClosedFormIsTheSpecificationsVote) {
+    Random random(1);
+    int compared = 0;
+    for (int trial = 0; trial < 5000; ++trial) {
+        const Voter v = random_voter(random);
+        const Vec receiver = v.mean + 0.7 * vec_cast<double>(random.normal3());
+        const Vote<double> vote = v.plate(receiver);
+        double decay = 0;
+        const Vec direct = direct_plate_vote(v, receiver, decay);
+        if (!vote.cast || vote.decay == 0) {
+            EXPECT_LT(decay, 1e-11);
+            continue;
+        }
+        ++compared;
+        EXPECT_NEAR(vote.decay, decay, 1e-12 * std::max(decay, 0.01));
+        const double sign = dot(vote.v, direct) < 0 ? -1 : 1;  // v v^T does not see it
+        // The direct form multiplies by a matrix and its inverse: condition up to 100.
+        EXPECT_LT(norm(vote.v - sign * direct), 1e-12 * (1 + norm(v.scales))) << "trial " << trial;
+    }
+    EXPECT_GT(compared, 1000);
+}
+
+TEST(VoteMath, UnitVotesHaveLengthOne) {
+    Random random(2);
+    for (int trial = 0; trial < 100; ++trial) {
+        const Voter v = random_voter(random);
+        const Vec receiver = v.mean + 0.3 * vec_cast<double>(random.normal3());
+        const auto plate = v.plate(receiver, {.unit_length = true}), covariant = v.plate(receiver);
+        if (plate.decay == 0) continue;
+        EXPECT_NEAR(norm(plate.v), 1, 1e-14);
+        EXPECT_LT(norm(cross(plate.v, covariant.v)), 1e-12 * norm(covariant.v));
+        EXPECT_EQ(plate.decay, covariant.decay);
+    }
+}
+
+Voter unit_voter() {  // an isotropic unit ball with its normal along z
+    return {{1, 0, 0, 0}, {1, 1, 1}, {0, 0, 1}, 1, 0, {}, {0, 0, 0}};
+}
+
+TEST(VoteMath, ByHand) {
+    const Voter v = unit_voter();
+    // Straight ahead: exp(-L^2 / tau^2) along x.
+    const auto straight = v.plate({0.5, 0, 0});
+    EXPECT_NEAR(straight.decay, std::exp(-0.25), 1e-15);
+    EXPECT_NEAR(norm(straight.v - Vec{1, 0, 0}), 0, 1e-15);
+    // 45 degrees: the circle's tangent there is the normal; arc (pi / 4) / sin 45, curvature sqrt 2 / L.
+    const auto steep = v.plate({0.3, 0, 0.3});
+    const double l2 = 0.18, arc2 = l2 * kPi * kPi / 8, curvature2 = 2 / l2;
+    EXPECT_NEAR(steep.decay, std::exp(-arc2 - 16 * kLn10 / (kPi * kPi) * curvature2), 1e-15);
+    EXPECT_NEAR(norm(steep.v - Vec{0, 0, 1}), 0, 1e-14);
+    // A straight vote at the median distance has a tenth of full strength when tau = median / sqrt(ln 10).
+    EXPECT_NEAR(v.plate({std::sqrt(kLn10), 0, 0}).decay, 0.1, 1e-15);
+    // Balls: V = exp(-L^2 / tau^2) along d.
+    const auto ball = v.ball({0, 0.3, 0.4});
+    EXPECT_NEAR(ball.decay, std::exp(-0.25), 1e-15);
+    EXPECT_NEAR(norm(ball.v - Vec{0, 0.6, 0.8}), 0, 1e-15);
+}
+
+TEST(VoteMath, CoincidentPoints) {
+    const Voter v = unit_voter();
+    EXPECT_FALSE(v.plate({0.9e-6, 0, 0}).cast);
+    EXPECT_TRUE(v.plate({1.1e-6, 0, 0}).cast);
+    EXPECT_FALSE(v.ball({0, 0, 0.9e-6}).cast);
+    EXPECT_TRUE(v.ball({0, 0, 1.1e-6}).cast);
+    EXPECT_FALSE(v.plate({0, 0, 0}).cast);
+}
+
+TEST(VoteMath, ReceiverOnTheNormal) {
+    const Voter v = unit_voter();
+    EXPECT_FALSE(v.plate({0, 0, 0.5}).cast);
+    EXPECT_FALSE(v.plate({0.4e-6, 0, 0.5}).cast);
+    EXPECT_TRUE(v.plate({0.6e-6, 0, 0.5}).cast);
+    EXPECT_TRUE(v.ball({0, 0, 0.5}).cast);
+}
+
+TEST(VoteMath, SilentScalesOfVoting) {
+    for (const double tau : {0.0, std::nan(""), HUGE_VAL, -1.0, 1e-200}) {
+        Voter v = unit_voter();
+        v.tau = tau;
+        EXPECT_FALSE(can_vote(v.record())) << tau;
+        EXPECT_FALSE(v.plate({0.5, 0, 0}).cast) << tau;
+        EXPECT_FALSE(v.ball({0.5, 0, 0}).cast) << tau;
+    }
+}
+
+TEST(VoteMath, LargeAnglesAreWeakAndCanBeCut) {
+    const Voter v = unit_voter();
+    const auto vote = v.plate({0.5, 0, 0.6});  // 50 degrees
+    EXPECT_TRUE(vote.cast);
+    EXPECT_LT(vote.decay, 0.1 * v.plate({0.5, 0, 0}).decay);
+    const float sine = static_cast<float>(std::sin(45 * kPi / 180));
+    EXPECT_FALSE(v.plate({0.5, 0, 0.6}, {.unit_length = false, .max_sin2 = sine * sine}).cast);
+    EXPECT_TRUE(v.plate({0.5, 0, 0.4}, {.unit_length = false, .max_sin2 = sine * sine}).cast);
+}
+
+TEST(VoteMath, FarVotesAreZeroAndCounted) {
+    const Voter v = unit_voter();
+    const double cut = std::sqrt(28.0);
+    EXPECT_GT(v.plate({cut * 0.999, 0, 0}).decay, 0);
+    EXPECT_TRUE(v.plate({cut * 1.001, 0, 0}).cast);
+    EXPECT_EQ(v.plate({cut * 1.001, 0, 0}).decay, 0);
+    EXPECT_EQ(v.ball({cut * 1.001, 0, 0}).decay, 0);
+}
+
+TEST(VoteMath, NotANumberIsNotCast) {
+    const Voter v = unit_voter();
+    EXPECT_FALSE(v.plate({std::nan(""), 0, 0}).cast);
+    EXPECT_FALSE(v.ball({0, std::nan(""), 0}).cast);
+}
+
+TEST(VoteMath, NeedlesStayFinite) {
+    for (const Vec scales : {Vec{1, 1, 1e-6}, {1, 1e-6, 1e-6}}) {
+        Voter v = unit_voter();
+        v.scales = scales;
+        v.noise = kWhitenNoise * dot(scales, scales);
+        const auto r = v.record();
+        double largest = 0;
+        for (int i = 0; i < 3; ++i) largest = std::max(largest, r.W[i][i]);
+        // Condition of M: sqrt(1 + s_max^2 / eps), s_max = 1.
+        EXPECT_LE(largest / std::min({r.W[0][0], r.W[1][1], r.W[2][2]}), std::sqrt(1 + 1 / v.noise) * (1 + 1e-12));
+        EXPECT_TRUE(is_finite(r.normal) && is_finite(r.normal_world));
+    }
+}
+
+TEST(VoteMath, FlatnessLimitRaisesThinScalesToTheMiddleOne) {
+    EXPECT_EQ(limit_flatness(Vec{1, 0.1, 0.5}, 1.0).y, 0.5);
+    EXPECT_EQ(limit_flatness(Vec{0.1, 1, 0.5}, 0.5).x, 0.25);
+    EXPECT_EQ(limit_flatness(Vec{0.1, 1, 0.5}, 0.0).x, 0.1);
+    EXPECT_EQ(limit_flatness(Vec{0.5, 0.1, 1}, 1.0).z, 1);
+}
+
+TEST(VoteMath, MedianOfEvenCountsIsTheMeanOfTheMiddleTwo) {
+    std::vector<double> odd = {5, 1, 3}, even = {7, 1, 3, 5}, one = {4};
+    EXPECT_EQ(median(SerialWarp{}, odd.data(), 3), 3);
+    EXPECT_EQ(median(SerialWarp{}, even.data(), 4), 4);
+    EXPECT_EQ(median(SerialWarp{}, one.data(), 1), 4);
+}
+
+}  // namespace
+}  // namespace tvsgs::test
