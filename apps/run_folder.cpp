@@ -48,9 +48,9 @@ void RunFolder::save_cameras(const Scene& scene) const {
             const Mat3f R = transpose(c.camera_from_world.R);
             JsonLine line;
             const auto row = [](float x, float y, float z) {
-                char text[64];
-                std::snprintf(text, sizeof text, "[%.9g,%.9g,%.9g]", static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
-                return std::string(text);
+                char numbers[64];
+                std::snprintf(numbers, sizeof numbers, "[%.9g,%.9g,%.9g]", static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
+                return std::string(numbers);
             };
             line.add("id", id).add("img_name", view.name).add("width", c.width_px).add("height", c.height_px);
             line.add_json("position", row(centre.x, centre.y, centre.z));

@@ -15,7 +15,8 @@ volatile std::sig_atomic_t received_signal = 0;
 
 struct Arguments {
     std::string out, device = "auto", progress = "auto";
-    bool overwrite = false, quiet = false, verbose = false, profile = false, list_keys = false;
+    bool overwrite = false, quiet = false, verbose = false, profile = false, list_keys = false,
+         deterministic = true;
     int report_every = 50;
 };
 
@@ -49,7 +50,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flag("--seed", "seed", "of all random numbers");
     flag("--max-gaussians", "densify.max_gaussians", "growth stops there");
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
-    app.add_flag("--deterministic", "accepted for scripts: every run is reproducible bit for bit")->group(group);
+    app.add_flag("--deterministic", arguments.deterministic, "accepted for scripts: every run is reproducible bit for bit")->group(group);
     group = "Configuration";
     app.add_option("-c,--config", configs, "JSON file; later ones win")->group(group)->expected(1)->take_all();
     app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")->group(group)->expected(1)->take_all();
