@@ -23,7 +23,7 @@ struct StbFree {
 ImageSize checked_size(const std::string& path, int known, int width, int height, int channels) {
     if (!known)
         throw input_error("E_IMAGE_READ: ", path, ": not a readable image (", stbi_failure_reason(),
-                          "); expected JPEG, PNG, BMP or PNM: convert it");
+                          "); expected JPEG, PNG or BMP: convert it");
     if (width < 1 || height < 1 || std::int64_t{width} * height > kMaxPixels)
         throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height,
                           " pixels; at most 2^30 are supported");

@@ -8,7 +8,7 @@
 namespace tvsgs {
 
 /// 8-bit with `channels` (1, 3, 4) or as in the file (0). 16-bit files are scaled; palettes and grey are expanded; EXIF
-/// orientation is ignored, as COLMAP does. JPEG, PNG, BMP and PNM. Throws Error(ExitCode::input) for unreadable or oversized files.
+/// orientation is ignored, as COLMAP does. JPEG, PNG and BMP. Throws Error(ExitCode::input) for unreadable or oversized files.
 ImageU8 read_image(const std::string& path, int channels = 0);
 
 /// Width and height without decoding the pixels.

@@ -4,7 +4,6 @@
 #define STBI_ONLY_JPEG
 #define STBI_ONLY_PNG
 #define STBI_ONLY_BMP
-#define STBI_ONLY_PNM
 #define STBI_MAX_DIMENSIONS 65535  // [input specification, 1.5]
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>

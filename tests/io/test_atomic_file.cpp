@@ -1,0 +1,61 @@
+#include "io/atomic_file.h"
+#include "io/io_test.h"
+
+namespace tvsgs {
+namespace {
+
+using AtomicFileTest = IoTest;
+
+int files_in(const std::filesystem::path& folder) {
+    int count = 0;
+    for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder)) ++count;
+    return count;
+}
+
+TEST_F(AtomicFileTest, AppearsOnlyWhenCommitted) {
+    const std::string path = (folder / "new/folder/file.txt").string();
+    {
+        AtomicFile file(path);
+        file.write("abc");
+        EXPECT_FALSE(std::filesystem::exists(path));
+        file.commit();
+    }
+    EXPECT_EQ(read_bytes(path), "abc");
+    EXPECT_EQ(files_in(folder / "new/folder"), 1);
+}
+
+TEST_F(AtomicFileTest, LeavesTheOldFileWhenNotCommitted) {
+    const std::string path = write("file.txt", "old");
+    {
+        AtomicFile file(path);
+        file.write("half of the new");
+    }
+    EXPECT_EQ(read_bytes(path), "old");
+    EXPECT_EQ(files_in(folder), 1);
+}
+
+TEST_F(AtomicFileTest, OverwritesWhole) {
+    const std::string path = write("file.txt", "a longer old text");
+    write_text_file(path, "new");
+    EXPECT_EQ(read_bytes(path), "new");
+}
+
+TEST_F(AtomicFileTest, NamesPathAndReasonWhenItCannotWrite) {
+    const std::string file_as_folder = write("file", "");
+    expect_error(ExitCode::io, "file/below",
+                 [&] { write_text_file(file_as_folder + "/below", "x"); });
+    std::filesystem::create_directories(folder / "taken");
+    expect_error(ExitCode::io, "taken", [&] { write_text_file((folder / "taken").string(), "x"); });
+    expect_error(ExitCode::io, "/proc/no", [] { write_text_file("/proc/no/such/file", "x"); });
+}
+
+TEST_F(AtomicFileTest, UnwritableFolder) {
+    if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
+    std::filesystem::permissions(
+        folder, std::filesystem::perms::owner_read | std::filesystem::perms::owner_exec);
+    expect_error(ExitCode::io, "Permission denied",
+                 [&] { write_text_file((folder / "file").string(), "x"); });
+}
+
+}  // namespace
+}  // namespace tvsgs

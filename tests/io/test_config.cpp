@@ -1,0 +1,218 @@
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+
+#include "io/config.h"
+#include "io/io_test.h"
+
+namespace tvsgs {
+namespace {
+
+enum class Map { covariant, unit_length };
+
+struct Inner {
+    float weight = 0.05f, tiny = 1e-7f;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1}, "weight of the term");
+        field("tiny", tiny, {0, 1e30}, "a small number");
+    }
+};
+
+struct TestOptions {
+    int refresh_every = 100;
+    std::int64_t seed = 7;
+    float range = 0.1f;
+    bool whiten = true;
+    std::string name = "a \"name\"";
+    Map map = Map::covariant;
+    Inner photometric;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("refresh_every", refresh_every, {1, 1000}, "steps between votes");
+        field("seed", seed, {0, 9e15}, "seed");
+        field("range", range, {0.1f, 0.7f}, "reach");
+        field("whiten", whiten, "votes in whitened space");
+        field("name", name, "what to call it");
+        field.choice("map", map, {"covariant", "unit_length"}, "which map");
+        field.group("photometric", photometric, "colours");
+    }
+};
+
+class Config : public IoTest {
+protected:
+    TestOptions options;
+    OptionTable table;
+
+    void SetUp() override {
+        IoTest::SetUp();
+        table.add("tv", options);
+    }
+    void read(const std::string& json) { table.read_file(write("config.json", json)); }
+    void expect_usage_error(const std::string& text, const std::string& json) {
+        expect_error(ExitCode::usage, text, [&] { read(json); });
+    }
+};
+
+TEST_F(Config, NestedAndDottedKeys) {
+    read(R"({"comment": "any", "info": {"version": 1},
+             "tv": {"refresh-every": 5, "comment": [1], "photometric": {"weight": 1}},
+             "tv.seed": 9000000000000000, "tv.map": "unit-length"})");
+    EXPECT_EQ(options.refresh_every, 5);
+    EXPECT_EQ(options.photometric.weight, 1);
+    EXPECT_EQ(options.seed, 9000000000000000);
+    EXPECT_EQ(options.map, Map::unit_length);
+    EXPECT_EQ(options.range, 0.1f);
+}
+
+TEST_F(Config, LaterSourcesWin) {
+    read(R"({"tv": {"refresh_every": 5, "seed": 1, "whiten": false}})");
+    read(R"({"tv": {"refresh_every": 6, "seed": 2}})");
+    setenv("TVSGS_TV__REFRESH_EVERY", "8", 1);
+    setenv("TVSGS_TV__PHOTOMETRIC__WEIGHT", "0.5", 1);
+    table.read_environment();
+    unsetenv("TVSGS_TV__REFRESH_EVERY"), unsetenv("TVSGS_TV__PHOTOMETRIC__WEIGHT");
+    table.set("tv.refresh-every", "9", "--set");
+    EXPECT_EQ(options.refresh_every, 9);
+    EXPECT_EQ(options.seed, 2);
+    EXPECT_FALSE(options.whiten);
+    EXPECT_EQ(options.photometric.weight, 0.5f);
+}
+
+TEST_F(Config, UnknownKeysNameTheNearest) {
+    expect_usage_error(
+        "config.json: unknown key 'tv.refresh_evry'; did you mean 'tv.refresh_every'?",
+        R"({"tv": {"refresh_evry": 5}})");
+    expect_usage_error("unknown key 'tw.seed'; did you mean 'tv.seed'?", R"({"tw": {"seed": 5}})");
+    expect_usage_error("unknown key 'xyzzy'", R"({"xyzzy": {}})");
+    expect_usage_error("unknown key 'tv.info'", R"({"tv": {"info": 1}})");
+    expect_error(ExitCode::usage, "--set: unknown key 'tv.sed'",
+                 [&] { table.set("tv.sed", "1", "--set"); });
+    setenv("TVSGS_TV__SEDE", "8", 1);
+    expect_error(ExitCode::usage, "TVSGS_TV__SEDE: unknown key 'tv.sede'; did you mean 'tv.seed'?",
+                 [&] { table.read_environment(); });
+    unsetenv("TVSGS_TV__SEDE");
+}
+
+TEST_F(Config, DuplicateKeys) {
+    expect_usage_error("'seed' appears twice", R"({"tv": {"seed": 1, "seed": 2}})");
+    expect_usage_error("'tv' appears twice", R"({"tv": {"seed": 1}, "tv": {"range": 0.2}})");
+    expect_usage_error("'tv.seed' appears twice", R"({"tv": {"seed": 1}, "tv.seed": 2})");
+    expect_usage_error("appears twice", R"({"tv": {"refresh_every": 1, "refresh-every": 2}})");
+}
+
+TEST_F(Config, WrongTypesAndValues) {
+    for (const char* value : {"\"5\"", "5.5", "true", "null", "[5]", "0", "1001", "1e30", "-1"})
+        expect_usage_error("tv.refresh_every", str("{\"tv\": {\"refresh_every\": ", value, "}}"));
+    expect_usage_error("an integer from 1 to 1000", R"({"tv": {"refresh_every": 0}})");
+    for (const char* value : {"1", "\"true\""})
+        expect_usage_error("true or false", str("{\"tv.whiten\": ", value, "}"));
+    expect_usage_error("one of covariant, unit_length", R"({"tv.map": "other"})");
+    expect_usage_error("a text", R"({"tv.name": 3})");
+    expect_usage_error("tv.range", R"({"tv.range": 1e300})");
+    for (const char* value :
+         {"", " ", "0.2x", "nan", "inf", "1e99", "0x1p-2", "0,2", "0.09", "0.71"})
+        expect_error(ExitCode::usage, "--set: tv.range",
+                     [&] { table.set("tv.range", value, "--set"); });
+    for (const char* value : {"99999999999999999999", "5 6", "--5", "1e2"})
+        expect_error(ExitCode::usage, "--set: tv.seed",
+                     [&] { table.set("tv.seed", value, "--set"); });
+    EXPECT_EQ(options.seed, 7);
+    for (const char* value : {"0.1", "0.7", " 0.25 ", "+0.5"})
+        table.set("tv.range", value, "--set");  // both limits belong to the range
+    EXPECT_EQ(options.range, 0.5f);
+    table.set("tv.whiten", "off", "--set");
+    EXPECT_FALSE(options.whiten);
+}
+
+TEST_F(Config, WhatIsNoConfiguration) {
+    expect_usage_error("not valid JSON", "{\"tv\": ");
+    expect_usage_error("not valid JSON", "");
+    expect_usage_error("not valid JSON", "{\"tv.name\": \"\xFF\"}");
+    expect_usage_error("JSON object", "[1, 2]");
+    expect_error(ExitCode::usage, "no.json",
+                 [&] { table.read_file((folder / "no.json").string()); });
+}
+
+TEST_F(Config, TheResolvedConfigurationReproducesTheValues) {
+    options = {999,
+               8999999999999999,
+               0.333333343f,
+               false,
+               "k\xC3\xA4se \"\\\n",
+               Map::unit_length,
+               {0.1f, 1.17549435e-38f}};
+    const std::string json = table.json(R"({"version": "1.2"})");
+    EXPECT_NE(json.find("\"range\": 0.33333334"), std::string::npos) << json;  // shortest
+    TestOptions other;
+    OptionTable reader;
+    reader.add("tv", other);
+    reader.read_file(write("resolved.json", json));
+    EXPECT_EQ(other.refresh_every, options.refresh_every);
+    EXPECT_EQ(other.seed, options.seed);
+    EXPECT_EQ(other.range, options.range);
+    EXPECT_EQ(other.whiten, options.whiten);
+    EXPECT_EQ(other.name, options.name);
+    EXPECT_EQ(other.map, options.map);
+    EXPECT_EQ(other.photometric.weight, options.photometric.weight);
+    EXPECT_EQ(other.photometric.tiny, options.photometric.tiny);
+    EXPECT_EQ(reader.json(R"({"version": "1.2"})"), json);
+}
+
+TEST_F(Config, EveryFloatComesBack) {
+    for (int i = 0; i < 1000; ++i) {
+        options.photometric.tiny =
+            std::ldexp(1.0f + static_cast<float>(i * 7919 % 65537) / 65537.0f, i % 120 - 100);
+        const float written = options.photometric.tiny;
+        const std::string path = write("c.json", table.json());
+        options.photometric.tiny = 0;
+        table.read_file(path);
+        ASSERT_EQ(options.photometric.tiny, written);
+    }
+}
+
+TEST_F(Config, HelpNamesEveryOption) {
+    const std::string help = table.help();
+    for (const Option& option : table.options()) {
+        EXPECT_NE(help.find(option.key), std::string::npos);
+        EXPECT_NE(help.find(option.help), std::string::npos);
+    }
+    EXPECT_NE(help.find("from 1 to 1000; default 100"), std::string::npos) << help;
+    EXPECT_NE(help.find("one of covariant, unit_length; default \"covariant\""), std::string::npos)
+        << help;
+}
+
+TEST_F(Config, Lists) {
+    const auto lists = read_json_lists(
+        write("splits.json", R"({"train_3": ["a", 2], "note": "x", "bad": [[1]], "test": []})"));
+    ASSERT_EQ(lists.size(), 2u);
+    EXPECT_EQ(lists.at("train_3"), (std::vector<std::string>{"a", "2"}));
+    expect_error(ExitCode::input, "splits.json",
+                 [&] { read_json_lists(write("splits.json", "{")); });
+}
+
+TEST(JsonLine, TypesAndEscapes) {
+    JsonLine line;
+    line.add("i", 3)
+        .add("big", std::int64_t{1} << 60)
+        .add("b", true)
+        .add("t", "a\"\n\x01")
+        .add("d", 0.1)
+        .add("e", 1e-300);
+    line.add("n", std::nan(""))
+        .add("inf", -std::numeric_limits<double>::infinity())
+        .add_json("o", "{\"x\": [1]}")
+        .add("bad", "\xFF");
+    EXPECT_EQ(
+        line.text(),
+        R"({"i": 3, "big": 1152921504606846976, "b": true, "t": "a\"\n\u0001", "d": 0.1, "e": 1e-300, )"
+        R"("n": null, "inf": null, "o": {"x": [1]}, "bad": ")"
+        "\xEF\xBF\xBD"
+        R"("})");
+    EXPECT_EQ(JsonLine().text(), "{}");
+}
+
+}  // namespace
+}  // namespace tvsgs
