@@ -44,11 +44,14 @@ Bound parse_bound(const std::string& text) {
         bound.key.erase(bound.key.find_last_not_of(' ') + 1);
         const std::size_t number = text.find_first_not_of(' ', at + length);
         if (number != std::string::npos) {
-            const auto [rest, code] = std::from_chars(text.data() + number, text.data() + text.size(), bound.limit);
+            const auto [rest, code] =
+                std::from_chars(text.data() + number, text.data() + text.size(), bound.limit);
             if (code == std::errc{} && rest == text.data() + text.size()) return bound;
         }
     }
-    throw Error(ExitCode::usage, str("--require ", text, ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4"));
+    throw Error(ExitCode::usage,
+                str("--require ", text,
+                    ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4"));
 }
 
 /// Keys with a threshold, as f1@1, compare it as a number: f1@1.0 is the same.
@@ -56,7 +59,8 @@ bool same_key(const std::string& a, const std::string& b) {
     const auto split = [](const std::string& key) {
         const std::size_t at = key.find('@');
         double tau = std::nan("");
-        if (at != std::string::npos) std::from_chars(key.data() + at + 1, key.data() + key.size(), tau);
+        if (at != std::string::npos)
+            std::from_chars(key.data() + at + 1, key.data() + key.size(), tau);
         return std::pair{key.substr(0, at), tau};
     };
     const auto [name_a, tau_a] = split(a);
@@ -68,11 +72,14 @@ bool same_key(const std::string& a, const std::string& b) {
 int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics) {
     bool met = true;
     for (const Bound& bound : bounds) {
-        const auto metric = std::find_if(metrics.begin(), metrics.end(), [&](const Metric& m) { return same_key(m.key, bound.key); });
+        const auto metric = std::find_if(metrics.begin(), metrics.end(), [&](const Metric& m) {
+            return same_key(m.key, bound.key);
+        });
         if (metric == metrics.end()) {
             std::string known;
             for (const Metric& m : metrics) known += (known.empty() ? "" : ", ") + m.key;
-            throw Error(ExitCode::usage, str("--require ", bound.text, ": there is no '", bound.key, "'; there are ", known));
+            throw Error(ExitCode::usage, str("--require ", bound.text, ": there is no '", bound.key,
+                                             "'; there are ", known));
         }
         if (bound.holds(metric->value)) continue;
         spdlog::error("required {}, but {} is {:.6g}", bound.text, bound.key, metric->value);
@@ -88,8 +95,10 @@ std::vector<double> parse_numbers(const std::string& flag, const std::string& te
     while (at <= end) {
         double value = 0;
         const auto [rest, code] = std::from_chars(at, end, value);
-        if (code != std::errc{} || !(value > 0 && std::isfinite(value)) || (rest != end && *rest != ','))
-            throw Error(ExitCode::usage, str(flag, " ", text, ": expected positive numbers with commas between"));
+        if (code != std::errc{} || !(value > 0 && std::isfinite(value)) ||
+            (rest != end && *rest != ','))
+            throw Error(ExitCode::usage,
+                        str(flag, " ", text, ": expected positive numbers with commas between"));
         numbers.push_back(value);
         at = rest + 1;
     }
@@ -104,17 +113,23 @@ struct GeometryArguments {
     std::vector<std::string> require;
 };
 
-/// Points to measure from: even samples of a mesh, the points of a cloud, the centres of splats; those in the crop.
-std::vector<Vec3f> read_points(const std::string& path, const GeometryArguments& arguments, const Crop& crop) {
+/// Points to measure from: even samples of a mesh, the points of a cloud, the centres of splats;
+/// those in the crop.
+std::vector<Vec3f> read_points(const std::string& path,
+                               const GeometryArguments& arguments,
+                               const Crop& crop) {
     PlyContents ply = read_ply(path);
-    const char* kind = ply.is_splats ? "splat centres" : ply.faces.empty() ? "points" : "samples of the mesh";
+    const char* kind = ply.is_splats       ? "splat centres"
+                       : ply.faces.empty() ? "points"
+                                           : "samples of the mesh";
     std::vector<Vec3f> points;
     if (ply.faces.empty()) {
         points = std::move(ply.points.positions);
     } else {
         const TriangleMesh mesh{std::move(ply.points.positions), {}, std::move(ply.faces)};
         points = with_context("reading " + path, [&] {
-            return sample_surface(mesh, static_cast<std::size_t>(arguments.samples), arguments.seed);
+            return sample_surface(mesh, static_cast<std::size_t>(arguments.samples),
+                                  arguments.seed);
         });
     }
     const std::size_t before = points.size();
@@ -129,11 +144,14 @@ std::vector<Vec3f> read_points(const std::string& path, const GeometryArguments&
     });
     spdlog::info("{}: {} {}, {} of them used", path, before, kind, points.size());
     if (points.empty())
-        throw Error(ExitCode::input,
-                    before == 0 ? str(path, ": holds no points; nothing to compare")
-                                : str(path, ": none of its ", before, " ", kind, " is finite and inside of ",
-                                      arguments.crop.empty() ? std::string("space") : arguments.crop, "; they span (", lower.x, ", ", lower.y,
-                                      ", ", lower.z, ") to (", upper.x, ", ", upper.y, ", ", upper.z, "); are frame and units those of the crop?"));
+        throw Error(
+            ExitCode::input,
+            before == 0
+                ? str(path, ": holds no points; nothing to compare")
+                : str(path, ": none of its ", before, " ", kind, " is finite and inside of ",
+                      arguments.crop.empty() ? std::string("space") : arguments.crop,
+                      "; they span (", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x,
+                      ", ", upper.y, ", ", upper.z, "); are frame and units those of the crop?"));
     return points;
 }
 
@@ -159,7 +177,8 @@ int geometry(const GeometryArguments& arguments) {
     for (const Metric& metric : metrics) json.add(metric.key, metric.value);
     std::string thresholds;
     for (const auto& t : result.thresholds) {
-        const std::vector<Metric> at_tau = {{"precision", t.precision}, {"recall", t.recall}, {"f1", t.f1}};
+        const std::vector<Metric> at_tau = {
+            {"precision", t.precision}, {"recall", t.recall}, {"f1", t.f1}};
         JsonLine line;
         line.add("tau", t.tau);
         for (const Metric& metric : at_tau) {
@@ -170,7 +189,8 @@ int geometry(const GeometryArguments& arguments) {
     }
     json.add_json("thresholds", "[" + thresholds + "]");
     JsonLine counts;
-    counts.add("pred", static_cast<std::int64_t>(prediction.size())).add("gt", static_cast<std::int64_t>(truth.size()));
+    counts.add("pred", static_cast<std::int64_t>(prediction.size()))
+        .add("gt", static_cast<std::int64_t>(truth.size()));
     if (!visible.empty()) counts.add("visible_gt", static_cast<std::int64_t>(visible.size()));
     json.add_json("points", counts.text());
     JsonLine inputs;
@@ -205,9 +225,11 @@ int nvs(const NvsArguments& arguments) {
     const Gaussians<Cpu> splats = read_splat_ply(splat_path);
     const Scene scene = read_scene(options.scene);
     if (scene.test.empty())
-        throw Error(ExitCode::input, str(arguments.model, ": the run has no test views (scene ", options.scene.path,
-                                         "); train with --split, --test-list or --eval to have some"));
-    spdlog::info("{}: {} splats, {} test views, on {}", splat_path, splats.size(), scene.test.size(), device.description);
+        throw Error(ExitCode::input,
+                    str(arguments.model, ": the run has no test views (scene ", options.scene.path,
+                        "); train with --split, --test-list or --eval to have some"));
+    spdlog::info("{}: {} splats, {} test views, on {}", splat_path, splats.size(),
+                 scene.test.size(), device.description);
 
     const ViewScores scores = on_device(device, [&](auto tag) {
         Gaussians<decltype(tag)> gaussians;
@@ -215,9 +237,12 @@ int nvs(const NvsArguments& arguments) {
         return evaluate_views(gaussians, scene.test, options.train, arguments.model);
     });
     JsonLine json;
-    json.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim).add("views", static_cast<int>(scene.test.size()));
+    json.add("psnr", scores.mean_psnr)
+        .add("ssim", scores.mean_ssim)
+        .add("views", static_cast<int>(scene.test.size()));
     std::printf("%s\n", json.text().c_str());
-    spdlog::info("per view: {}/eval/nvs.json; renders, normal and depth maps: {}/test", arguments.model, arguments.model);
+    spdlog::info("per view: {}/eval/nvs.json; renders, normal and depth maps: {}/test",
+                 arguments.model, arguments.model);
     return check_bounds(bounds, {{"psnr", scores.mean_psnr}, {"ssim", scores.mean_ssim}});
 }
 
@@ -229,20 +254,29 @@ int command(int argc, char** argv) {
     app.require_subcommand(1);
     app.set_version_flag("--version", kVersion);
 
-    CLI::App* geometry_command = app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
+    CLI::App* geometry_command =
+        app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
     {
         GeometryArguments& a = geometry_arguments;
         geometry_command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
         geometry_command->add_option("--gt", a.gt, "mesh or cloud (PLY)")->required();
-        geometry_command->add_option("--visible-gt", a.visible_gt, "part of the truth that completeness and recall ask for");
-        geometry_command->add_option("--tau", a.taus, "thresholds T,T,... of precision, recall and F1");
-        geometry_command->add_option("--max-distance", a.max_distance, "distances are capped there")->check(CLI::PositiveNumber);
-        geometry_command->add_option("--crop", a.crop, "selection volume, {\"box\": ...} or a scene's gt/info.json");
-        geometry_command->add_option("--samples", a.samples, "points on a mesh [1000000]")->check(CLI::Range(1, 100000000));
+        geometry_command->add_option("--visible-gt", a.visible_gt,
+                                     "part of the truth that completeness and recall ask for");
+        geometry_command->add_option("--tau", a.taus,
+                                     "thresholds T,T,... of precision, recall and F1");
+        geometry_command->add_option("--max-distance", a.max_distance, "distances are capped there")
+            ->check(CLI::PositiveNumber);
+        geometry_command->add_option("--crop", a.crop,
+                                     "selection volume, {\"box\": ...} or a scene's gt/info.json");
+        geometry_command->add_option("--samples", a.samples, "points on a mesh [1000000]")
+            ->check(CLI::Range(1, 100000000));
         geometry_command->add_option("--seed", a.seed, "of the samples [0]");
         geometry_command->add_option("--out", a.out, "JSON file to write as well");
-        geometry_command->add_option("--require", a.require, "KEY<=X or KEY>=X, as chamfer<=2 or f1@1>=0.4; else exit code 8")
-            ->expected(1)->take_all();
+        geometry_command
+            ->add_option("--require", a.require,
+                         "KEY<=X or KEY>=X, as chamfer<=2 or f1@1>=0.4; else exit code 8")
+            ->expected(1)
+            ->take_all();
         geometry_command->add_flag("--quiet", quiet, "warnings and errors only");
     }
     CLI::App* nvs_command = app.add_subcommand("nvs", "PSNR and SSIM of a run's test views");
@@ -251,7 +285,9 @@ int command(int argc, char** argv) {
         nvs_command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
         nvs_command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
         nvs_command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
-        nvs_command->add_option("--require", a.require, "psnr>=X or ssim>=X; else exit code 8")->expected(1)->take_all();
+        nvs_command->add_option("--require", a.require, "psnr>=X or ssim>=X; else exit code 8")
+            ->expected(1)
+            ->take_all();
         nvs_command->add_flag("--quiet", quiet, "warnings and errors only");
     }
     parse_command_line(app, argc, argv);

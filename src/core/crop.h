@@ -15,12 +15,13 @@ struct Crop {
     // cylinder around a vertical axis
     double center_x = 0, center_y = 0, radius = 0;
     // prism over a polygon, as the selection volumes of Tanks and Temples
-    int axis = 2;                 // orthogonal to the polygon
+    int axis = 2;  // orthogonal to the polygon
     double axis_min = 0, axis_max = 0;
-    std::vector<Vec3d> polygon;   // entry `axis` is not used
+    std::vector<Vec3d> polygon;  // entry `axis` is not used
 };
 
-/// Bounds belong to the inside; of a polygon's edges, those at the smaller coordinate, as in Open3D.
+/// Bounds belong to the inside; of a polygon's edges, those at the smaller coordinate, as in
+/// Open3D.
 inline bool contains(const Crop& crop, Vec3d p) {
     switch (crop.kind) {
         case Crop::Kind::everything:
@@ -31,7 +32,8 @@ inline bool contains(const Crop& crop, Vec3d p) {
             return true;
         case Crop::Kind::cylinder: {
             const double dx = p.x - crop.center_x, dy = p.y - crop.center_y;
-            return p.z >= crop.min.z && p.z <= crop.max.z && dx * dx + dy * dy <= crop.radius * crop.radius;
+            return p.z >= crop.min.z && p.z <= crop.max.z &&
+                   dx * dx + dy * dy <= crop.radius * crop.radius;
         }
         case Crop::Kind::prism: {
             if (!(p[crop.axis] >= crop.axis_min && p[crop.axis] <= crop.axis_max)) return false;

@@ -2,27 +2,46 @@
 
 namespace tvsgs {
 
-DepthCounts clean_depth(const RenderedImages<Cpu>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
-                        const DepthRules& rules, Buffer<float, Cpu>& depth, Buffer<std::uint8_t, Cpu>& fates) {
+DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
+                        const Camera& camera,
+                        Span<const std::uint8_t> mask,
+                        const DepthRules& rules,
+                        Buffer<float, Cpu>& depth,
+                        Buffer<std::uint8_t, Cpu>& fates) {
     return clean_depth_on(rendered, camera, mask, rules, depth, fates);
 }
 
 DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
     DepthCounts counts;
     for (const std::uint8_t fate : fates) switch (static_cast<DepthFate>(fate)) {
-            case DepthFate::kept: ++counts.kept; break;
-            case DepthFate::not_finite: ++counts.not_finite; break;
-            case DepthFate::no_surface: ++counts.no_surface; break;
-            case DepthFate::too_far: ++counts.too_far; break;
-            case DepthFate::transparent: ++counts.transparent; break;
-            case DepthFate::masked: ++counts.masked; break;
-            case DepthFate::outside: ++counts.outside; break;
+            case DepthFate::kept:
+                ++counts.kept;
+                break;
+            case DepthFate::not_finite:
+                ++counts.not_finite;
+                break;
+            case DepthFate::no_surface:
+                ++counts.no_surface;
+                break;
+            case DepthFate::too_far:
+                ++counts.too_far;
+                break;
+            case DepthFate::transparent:
+                ++counts.transparent;
+                break;
+            case DepthFate::masked:
+                ++counts.masked;
+                break;
+            case DepthFate::outside:
+                ++counts.outside;
+                break;
         }
     return counts;
 }
 
 DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b) {
-    a.kept += b.kept, a.not_finite += b.not_finite, a.no_surface += b.no_surface, a.too_far += b.too_far;
+    a.kept += b.kept, a.not_finite += b.not_finite, a.no_surface += b.no_surface,
+        a.too_far += b.too_far;
     a.transparent += b.transparent, a.masked += b.masked, a.outside += b.outside;
     return a;
 }

@@ -2,8 +2,12 @@
 
 namespace tvsgs {
 
-DepthCounts clean_depth(const RenderedImages<Cuda>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
-                        const DepthRules& rules, Buffer<float, Cuda>& depth, Buffer<std::uint8_t, Cuda>& fates) {
+DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
+                        const Camera& camera,
+                        Span<const std::uint8_t> mask,
+                        const DepthRules& rules,
+                        Buffer<float, Cuda>& depth,
+                        Buffer<std::uint8_t, Cuda>& fates) {
     return clean_depth_on(rendered, camera, mask, rules, depth, fates);
 }
 

@@ -17,16 +17,25 @@ struct DepthRules {
 
 /// What became of the pixels; each is counted once, under the first rule that drops it.
 struct DepthCounts {
-    std::int64_t kept = 0, not_finite = 0, no_surface = 0, too_far = 0, transparent = 0, masked = 0, outside = 0;
+    std::int64_t kept = 0, not_finite = 0, no_surface = 0, too_far = 0, transparent = 0, masked = 0,
+                 outside = 0;
 };
 DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b);
 
-/// Renders' depth with 0 for what the rules drop; [H W], resized and overwritten. `mask` ([H W], 255 = object) may be
-/// empty. `fates` is scratch.
-DepthCounts clean_depth(const RenderedImages<Cpu>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
-                        const DepthRules& rules, Buffer<float, Cpu>& depth, Buffer<std::uint8_t, Cpu>& fates);
-DepthCounts clean_depth(const RenderedImages<Cuda>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
-                        const DepthRules& rules, Buffer<float, Cuda>& depth, Buffer<std::uint8_t, Cuda>& fates);
+/// Renders' depth with 0 for what the rules drop; [H W], resized and overwritten. `mask` ([H W],
+/// 255 = object) may be empty. `fates` is scratch.
+DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
+                        const Camera& camera,
+                        Span<const std::uint8_t> mask,
+                        const DepthRules& rules,
+                        Buffer<float, Cpu>& depth,
+                        Buffer<std::uint8_t, Cpu>& fates);
+DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
+                        const Camera& camera,
+                        Span<const std::uint8_t> mask,
+                        const DepthRules& rules,
+                        Buffer<float, Cuda>& depth,
+                        Buffer<std::uint8_t, Cuda>& fates);
 
 /// The counts of the fates that clean_depth wrote.
 DepthCounts count_fates(const std::vector<std::uint8_t>& fates);

@@ -7,7 +7,15 @@
 
 namespace tvsgs {
 
-enum class DepthFate : std::uint8_t { kept, not_finite, no_surface, too_far, transparent, masked, outside };
+enum class DepthFate : std::uint8_t {
+    kept,
+    not_finite,
+    no_surface,
+    too_far,
+    transparent,
+    masked,
+    outside
+};
 
 struct CleanDepthBody {
     Camera camera;
@@ -22,12 +30,14 @@ struct CleanDepthBody {
         if (!(d - d == 0)) return DepthFate::not_finite;
         if (!(d > 0)) return DepthFate::no_surface;
         if (!(d < rules.depth_max)) return DepthFate::too_far;
-        if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min)) return DepthFate::transparent;
+        if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min))
+            return DepthFate::transparent;
         if (!mask.empty() && mask[i] < 128) return DepthFate::masked;
         if (rules.has_box) {
             const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
             for (int axis = 0; axis < 3; ++axis)
-                if (!(p[axis] >= rules.box_min[axis] && p[axis] <= rules.box_max[axis])) return DepthFate::outside;
+                if (!(p[axis] >= rules.box_min[axis] && p[axis] <= rules.box_max[axis]))
+                    return DepthFate::outside;
         }
         return DepthFate::kept;
     }
@@ -39,13 +49,17 @@ struct CleanDepthBody {
 };
 
 template <class Device>
-DepthCounts clean_depth_on(const RenderedImages<Device>& rendered, const Camera& camera, Span<const std::uint8_t> mask,
-                           const DepthRules& rules, Buffer<float, Device>& depth, Buffer<std::uint8_t, Device>& fates) {
+DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
+                           const Camera& camera,
+                           Span<const std::uint8_t> mask,
+                           const DepthRules& rules,
+                           Buffer<float, Device>& depth,
+                           Buffer<std::uint8_t, Device>& fates) {
     depth.resize(rendered.depth.size());
     fates.resize(rendered.depth.size());
     parallel_for(Device{}, static_cast<int>(depth.size()),
-                 CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(), mask, depth.span(),
-                                fates.span()});
+                 CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
+                                mask, depth.span(), fates.span()});
     return count_fates(to_host(fates));
 }
 

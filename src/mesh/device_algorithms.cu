@@ -20,7 +20,8 @@ auto with_thrust_memory(const Action& action) {
         return action();
     } catch (const std::bad_alloc&) {
         throw Error(ExitCode::memory,
-                    "out of GPU memory while sorting voxel blocks; use smaller images (-r) or --device cpu");
+                    "out of GPU memory while sorting voxel blocks; use smaller images (-r) or "
+                    "--device cpu");
     }
 }
 

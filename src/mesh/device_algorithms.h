@@ -11,8 +11,8 @@ namespace tvsgs {
 void sort_unique(Buffer<std::uint64_t, Cpu>& keys);
 void sort_unique(Buffer<std::uint64_t, Cuda>& keys);
 
-/// Each count becomes the sum of those before it. Returns the total, in 64 bits: the sums themselves are
-/// of no use when it does not fit into 32.
+/// Each count becomes the sum of those before it. Returns the total, in 64 bits: the sums
+/// themselves are of no use when it does not fit into 32.
 std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts);
 std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cuda>& counts);
 

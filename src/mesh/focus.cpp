@@ -7,7 +7,8 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kMaxCondition = 1e8;  // beyond, the axes are parallel up to the rounding of the poses
+constexpr double kMaxCondition =
+    1e8;  // beyond, the axes are parallel up to the rounding of the poses
 
 Eigen::Vector3d centre(const Camera& camera) {
     const Vec3f c = camera_centre(camera);
@@ -34,7 +35,8 @@ std::optional<Focus> find_focus(const std::vector<Camera>& cameras) {
         const Eigen::Matrix3d M = Eigen::Matrix3d::Identity() - d * d.transpose();
         A += M, b += M * centre(camera);
     }
-    const Eigen::Vector3d eigenvalues = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(A).eigenvalues();
+    const Eigen::Vector3d eigenvalues =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(A).eigenvalues();
     if (!(eigenvalues[0] * kMaxCondition > eigenvalues[2])) return std::nullopt;
     return focus_of(cameras, A.ldlt().solve(b));
 }
@@ -42,7 +44,8 @@ std::optional<Focus> find_focus(const std::vector<Camera>& cameras) {
 Focus focus_at_depth(const std::vector<Camera>& cameras, double depth) {
     Eigen::Vector3d mean_centre = Eigen::Vector3d::Zero(), mean_axis = Eigen::Vector3d::Zero();
     for (const Camera& camera : cameras)
-        mean_centre += centre(camera) / static_cast<double>(cameras.size()), mean_axis += axis(camera);
+        mean_centre += centre(camera) / static_cast<double>(cameras.size()),
+            mean_axis += axis(camera);
     return focus_of(cameras, mean_centre + depth * mean_axis.normalized());
 }
 

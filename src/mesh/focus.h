@@ -7,13 +7,15 @@
 
 namespace tvsgs {
 
-/// What the cameras look at: the point closest to all optical axes, and the distance of the nearest camera to it.
+/// What the cameras look at: the point closest to all optical axes, and the distance of the nearest
+/// camera to it.
 struct Focus {
     Vec3d point;
     double radius;  // world units
 };
 
-/// Empty when the axes do not single out a point (all parallel, or one camera).  [2DGS, utils/mesh_utils]
+/// Empty when the axes do not single out a point (all parallel, or one camera).  [2DGS,
+/// utils/mesh_utils]
 std::optional<Focus> find_focus(const std::vector<Camera>& cameras);
 
 /// For such cameras: the point `depth` in front of their mean, along their mean axis.

@@ -1,5 +1,6 @@
-// Marching cubes for both devices; marching_cubes.cpp and marching_cubes.cu instantiate it. Every voxel
-// owns the cell above it and the three edges that start there, so vertices are unique without a search.
+// Marching cubes for both devices; marching_cubes.cpp and marching_cubes.cu instantiate it. Every
+// voxel owns the cell above it and the three edges that start there, so vertices are unique without
+// a search.
 #pragma once
 
 #include "core/error.h"
@@ -18,9 +19,11 @@ struct NeighboursBody {
 
     TVSGS_HD void operator()(int i) const {
         const int which = i % 27;
-        const Vec3i p = block_of_key(keys[i / 27]) + Vec3i{which % 3 - 1, which / 3 % 3 - 1, which / 9 - 1};
+        const Vec3i p =
+            block_of_key(keys[i / 27]) + Vec3i{which % 3 - 1, which / 3 % 3 - 1, which / 9 - 1};
         const auto in_reach = [](int c) { return c >= -kBlockReach && c < kBlockReach; };
-        neighbours[i] = in_reach(p.x) && in_reach(p.y) && in_reach(p.z) ? find_key(keys, block_key(p)) : -1;
+        neighbours[i] =
+            in_reach(p.x) && in_reach(p.y) && in_reach(p.z) ? find_key(keys, block_key(p)) : -1;
     }
 };
 
@@ -38,13 +41,16 @@ struct VoxelGrid {
         const auto wrap = [](int c) { return (c + kBlockEdge) % kBlockEdge; };
         const int which = (step(local.z) * 3 + step(local.y)) * 3 + step(local.x);
         const int block = neighbours[std::size_t(voxel / kBlockVoxels) * 27 + which];
-        return block < 0 ? -1 : block * kBlockVoxels + local_index({wrap(local.x), wrap(local.y), wrap(local.z)});
+        return block < 0 ? -1
+                         : block * kBlockVoxels +
+                               local_index({wrap(local.x), wrap(local.y), wrap(local.z)});
     }
     TVSGS_HD const Voxel& value(int voxel) const {
         return voxel_at(chunks, slots[voxel / kBlockVoxels], voxel % kBlockVoxels);
     }
     TVSGS_HD Vec3f centre(int voxel) const {
-        return voxel_centre(block_of_key(keys[voxel / kBlockVoxels]), local_of_index(voxel % kBlockVoxels), voxel_size);
+        return voxel_centre(block_of_key(keys[voxel / kBlockVoxels]),
+                            local_of_index(voxel % kBlockVoxels), voxel_size);
     }
 };
 
@@ -145,7 +151,8 @@ struct FacesBody {
     TVSGS_HD void operator()(int cell) const {
         const CubeCase& c = table[cases[cell]];
         for (int k = 0; k < c.triangles; ++k)
-            faces[triangle_offsets[cell] + k] = {vertex(cell, c.edges[3 * k]), vertex(cell, c.edges[3 * k + 1]),
+            faces[triangle_offsets[cell] + k] = {vertex(cell, c.edges[3 * k]),
+                                                 vertex(cell, c.edges[3 * k + 1]),
                                                  vertex(cell, c.edges[3 * k + 2])};
     }
 };
@@ -155,26 +162,33 @@ TriangleMesh marching_cubes_on(const VoxelBlocks<Device>& blocks, float min_weig
     TriangleMesh mesh;
     if (blocks.size() == 0) return mesh;
     const auto table_host = marching_cubes_table();
-    const auto table = to_device<Device>(std::vector<CubeCase>(table_host.begin(), table_host.end()));
+    const auto table =
+        to_device<Device>(std::vector<CubeCase>(table_host.begin(), table_host.end()));
     const int voxels = blocks.size() * kBlockVoxels;  // TsdfVolume keeps this within int
 
     Buffer<int, Device> neighbours(std::size_t(blocks.size()) * 27);
-    parallel_for(Device{}, blocks.size() * 27, NeighboursBody{blocks.keys.span(), neighbours.span()});
-    const VoxelGrid grid{blocks.keys.span(), blocks.slots.span(), neighbours.span(), blocks.chunk_table.span(),
-                         blocks.voxel_size};
+    parallel_for(Device{}, blocks.size() * 27,
+                 NeighboursBody{blocks.keys.span(), neighbours.span()});
+    const VoxelGrid grid{blocks.keys.span(), blocks.slots.span(), neighbours.span(),
+                         blocks.chunk_table.span(), blocks.voxel_size};
 
     Buffer<std::uint8_t, Device> cases(voxels), edges(voxels);
     Buffer<std::uint32_t, Device> triangle_offsets(voxels), vertex_offsets(voxels);
-    parallel_for(Device{}, voxels, CasesBody{grid, table.span(), min_weight, cases.span(), triangle_offsets.span()});
-    parallel_for(Device{}, voxels, EdgesBody{grid, cases.span(), edges.span(), vertex_offsets.span()});
+    parallel_for(Device{}, voxels,
+                 CasesBody{grid, table.span(), min_weight, cases.span(), triangle_offsets.span()});
+    parallel_for(Device{}, voxels,
+                 EdgesBody{grid, cases.span(), edges.span(), vertex_offsets.span()});
     const std::uint64_t triangle_count = exclusive_scan(triangle_offsets);
     const std::uint64_t vertex_count = exclusive_scan(vertex_offsets);
     if (triangle_count >= 1u << 31 || vertex_count >= 1u << 31)
-        throw Error(ExitCode::memory, str("the mesh has ", vertex_count, " vertices and ", triangle_count,
-                                          " faces, more than a PLY file's indices can number; raise --voxel-size"));
+        throw Error(ExitCode::memory,
+                    str("the mesh has ", vertex_count, " vertices and ", triangle_count,
+                        " faces, more than a PLY file's indices can number; raise --voxel-size"));
 
     Buffer<Vec3f, Device> positions(vertex_count), colors(vertex_count);
-    parallel_for(Device{}, voxels, VerticesBody{grid, edges.span(), vertex_offsets.span(), positions.span(), colors.span()});
+    parallel_for(
+        Device{}, voxels,
+        VerticesBody{grid, edges.span(), vertex_offsets.span(), positions.span(), colors.span()});
     mesh.vertices = to_host(positions);
     mesh.colors = to_host(colors);
     Buffer<Vec3i, Device> faces(triangle_count);

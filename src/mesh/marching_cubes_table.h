@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// Corner c of a cell is at (c & 1, c >> 1 & 1, c >> 2 & 1). Edge e runs along axis e / 4 from corner
-/// edge_corner(e); bit c of a case is set when corner c is inside of the surface.
+/// Corner c of a cell is at (c & 1, c >> 1 & 1, c >> 2 & 1). Edge e runs along axis e / 4 from
+/// corner edge_corner(e); bit c of a case is set when corner c is inside of the surface.
 inline constexpr int kCubeCorners = 8, kCubeEdges = 12;
 
 TVSGS_HD inline Vec3i corner_offset(int corner) {
@@ -33,8 +33,8 @@ struct CubeCase {
     std::int8_t edges[3 * kMaxTriangles] = {};
 };
 
-/// Contours are traced face by face, and a face with two crossing contours always separates its inside
-/// corners: neighbouring cells agree, so closed surfaces have no holes.
+/// Contours are traced face by face, and a face with two crossing contours always separates its
+/// inside corners: neighbouring cells agree, so closed surfaces have no holes.
 std::array<CubeCase, 256> marching_cubes_table();
 
 }  // namespace tvsgs

@@ -13,7 +13,9 @@ constexpr std::size_t kMinFaces = 50;  // smaller components are noise; the offi
 /// Disjoint sets; the smallest member represents a set.
 class UnionFind {
 public:
-    explicit UnionFind(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0); }
+    explicit UnionFind(std::size_t count) : parent_(count) {
+        std::iota(parent_.begin(), parent_.end(), 0);
+    }
     int find(int i) {
         while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
         return i;
@@ -40,9 +42,11 @@ std::vector<int> face_components(const TriangleMesh& mesh) {
         for (int k = 0; k < 3; ++k) {
             const auto a = static_cast<std::uint32_t>(mesh.faces[f][k]);
             const auto b = static_cast<std::uint32_t>(mesh.faces[f][(k + 1) % 3]);
-            edges.push_back({std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f)});
+            edges.push_back(
+                {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f)});
         }
-    std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.key < b.key; });
+    std::sort(edges.begin(), edges.end(),
+              [](const Edge& a, const Edge& b) { return a.key < b.key; });
     UnionFind sets(mesh.faces.size());
     for (std::size_t i = 1; i < edges.size(); ++i)
         if (edges[i].key == edges[i - 1].key) sets.unite(edges[i].face, edges[i - 1].face);
@@ -92,12 +96,14 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
         least = std::max(sorted[std::min<std::size_t>(clusters, sorted.size()) - 1], kMinFaces);
     }
     report.components = counts.size();
-    report.kept_components = std::count_if(counts.begin(), counts.end(), [&](std::size_t n) { return n >= least; });
+    report.kept_components =
+        std::count_if(counts.begin(), counts.end(), [&](std::size_t n) { return n >= least; });
 
     std::vector<bool> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f) {
         const Vec3i face = mesh.faces[f];
-        keep[f] = counts[component[f]] >= least && face.x != face.y && face.y != face.z && face.z != face.x;
+        keep[f] = counts[component[f]] >= least && face.x != face.y && face.y != face.z &&
+                  face.z != face.x;
     }
     const std::size_t faces_before = mesh.faces.size();
     report.removed_vertices = filter_faces(mesh, keep);

@@ -9,15 +9,17 @@ struct CleanReport {
     std::size_t removed_faces = 0, removed_vertices = 0;
 };
 
-/// Keeps the largest components, connected over shared edges: those with at least as many faces as the
-/// `clusters`-th largest (ties keep more), and at least 50. Then drops vertices no face uses and faces
-/// that repeat a vertex. clusters <= 0 keeps all components; an empty mesh stays as it is.
+/// Keeps the largest components, connected over shared edges: those with at least as many faces as
+/// the `clusters`-th largest (ties keep more), and at least 50. Then drops vertices no face uses
+/// and faces that repeat a vertex. clusters <= 0 keeps all components; an empty mesh stays as it
+/// is.
 CleanReport keep_largest_components(TriangleMesh& mesh, int clusters);
 
 /// Component of each face, numbered from 0 in the order of their first faces.
 std::vector<int> face_components(const TriangleMesh& mesh);
 
-/// Drops the faces for which keep[face] is false, and unused vertices. Returns the number of vertices dropped.
+/// Drops the faces for which keep[face] is false, and unused vertices. Returns the number of
+/// vertices dropped.
 std::size_t filter_faces(TriangleMesh& mesh, const std::vector<bool>& keep);
 
 }  // namespace tvsgs

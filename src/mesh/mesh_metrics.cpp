@@ -17,13 +17,18 @@ struct PointSet {
     const std::vector<Vec3f>& points;
 
     std::size_t kdtree_get_point_count() const { return points.size(); }
-    double kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][static_cast<int>(axis)]; }
+    double kdtree_get_pt(std::size_t i, std::size_t axis) const {
+        return points[i][static_cast<int>(axis)];
+    }
     template <class Box>
     bool kdtree_get_bbox(Box&) const {
         return false;
     }
 };
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointSet>, PointSet, 3, std::size_t>;
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointSet>,
+                                                 PointSet,
+                                                 3,
+                                                 std::size_t>;
 
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
@@ -38,7 +43,8 @@ double median(std::vector<double> values) {
 
 /// Fraction of the distances strictly below tau.
 double fraction_below(const std::vector<double>& distances, double tau) {
-    const auto n = std::count_if(distances.begin(), distances.end(), [&](double d) { return d < tau; });
+    const auto n =
+        std::count_if(distances.begin(), distances.end(), [&](double d) { return d < tau; });
     return static_cast<double>(n) / static_cast<double>(distances.size());
 }
 
@@ -51,31 +57,39 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
         const Vec3i face = mesh.faces[f];
         for (int k = 0; k < 3; ++k)
             if (face[k] < 0 || face[k] >= vertices)
-                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", face[k], ", but the mesh has ", vertices));
-        const Vec3d a = vec_cast<double>(mesh.vertices[face.x]), b = vec_cast<double>(mesh.vertices[face.y]),
+                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", face[k],
+                                                 ", but the mesh has ", vertices));
+        const Vec3d a = vec_cast<double>(mesh.vertices[face.x]),
+                    b = vec_cast<double>(mesh.vertices[face.y]),
                     c = vec_cast<double>(mesh.vertices[face.z]);
         const double area = 0.5 * norm(cross(b - a, c - a));
         area_before[f + 1] = area_before[f] + (area > 0 && std::isfinite(area) ? area : 0);
     }
     const double total = area_before.back();
     if (!(total > 0))
-        throw Error(ExitCode::input, str("the mesh has no surface to sample: ", mesh.faces.size(), " faces with a total area of 0"));
+        throw Error(ExitCode::input, str("the mesh has no surface to sample: ", mesh.faces.size(),
+                                         " faces with a total area of 0"));
 
     std::vector<Vec3f> samples(count);
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
         const Random4 random = random4(seed, RandomStream::sampling, static_cast<std::uint64_t>(i));
-        const double at = (i + static_cast<double>(uniform(random.v[0]))) / static_cast<double>(count) * total;
-        // The face whose share of the area `at` falls into; rounding at the very end stays on the last one with area.
+        const double at =
+            (i + static_cast<double>(uniform(random.v[0]))) / static_cast<double>(count) * total;
+        // The face whose share of the area `at` falls into; rounding at the very end stays on the
+        // last one with area.
         auto next = std::upper_bound(area_before.begin(), area_before.end(), at);
-        if (next == area_before.end()) next = std::lower_bound(area_before.begin(), area_before.end(), total);
+        if (next == area_before.end())
+            next = std::lower_bound(area_before.begin(), area_before.end(), total);
         const Vec3i face = mesh.faces[static_cast<std::size_t>(next - area_before.begin()) - 1];
         const float s = std::sqrt(uniform(random.v[1])), t = uniform(random.v[2]);
-        samples[i] = (1 - s) * mesh.vertices[face.x] + (s * (1 - t)) * mesh.vertices[face.y] + (s * t) * mesh.vertices[face.z];
+        samples[i] = (1 - s) * mesh.vertices[face.x] + (s * (1 - t)) * mesh.vertices[face.y] +
+                     (s * t) * mesh.vertices[face.z];
     });
     return samples;
 }
 
-std::vector<double> nearest_distances(const std::vector<Vec3f>& points, const std::vector<Vec3f>& targets) {
+std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
+                                      const std::vector<Vec3f>& targets) {
     const PointSet set{targets};
     const Tree tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(16));
     std::vector<double> distances(points.size());
@@ -95,16 +109,21 @@ GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
                                   const std::vector<Vec3f>& visible_truth,
                                   const GeometryOptions& options) {
     if (prediction.empty() || truth.empty())
-        throw Error(ExitCode::input, str("nothing to compare: ", prediction.size(), " points of the prediction and ",
-                                         truth.size(), " of the truth are inside of the crop; both need at least one"));
+        throw Error(
+            ExitCode::input,
+            str("nothing to compare: ", prediction.size(), " points of the prediction and ",
+                truth.size(), " of the truth are inside of the crop; both need at least one"));
     std::vector<double> to_truth = nearest_distances(prediction, truth);
-    std::vector<double> to_prediction = nearest_distances(visible_truth.empty() ? truth : visible_truth, prediction);
+    std::vector<double> to_prediction =
+        nearest_distances(visible_truth.empty() ? truth : visible_truth, prediction);
 
     GeometryMetrics metrics{};
     for (const double tau : options.taus) {
-        const double precision = fraction_below(to_truth, tau), recall = fraction_below(to_prediction, tau);
+        const double precision = fraction_below(to_truth, tau),
+                     recall = fraction_below(to_prediction, tau);
         const double sum = precision + recall;
-        metrics.thresholds.push_back({tau, precision, recall, sum > 0 ? 2 * precision * recall / sum : 0});
+        metrics.thresholds.push_back(
+            {tau, precision, recall, sum > 0 ? 2 * precision * recall / sum : 0});
     }
     if (options.max_distance > 0)
         for (std::vector<double>* distances : {&to_truth, &to_prediction})

@@ -7,7 +7,8 @@
 
 namespace tvsgs {
 
-/// Voxels in blocks of 8^3, the blocks in chunks, so that a growing volume never moves or copies them.
+/// Voxels in blocks of 8^3, the blocks in chunks, so that a growing volume never moves or copies
+/// them.
 template <class Device>
 struct VoxelBlocks {
     static constexpr int kChunkBlocks = 1024;
@@ -44,17 +45,19 @@ struct DepthView {
     Span<const Vec3f> color;  // [H W]
 };
 
-/// Fuses views one after the other by the rule of Open3D's legacy volume: blocks within the truncation
-/// of a view's depth points are made, and only those are updated by that view. The result depends on the
-/// views and, in the last bits, on their order; both devices give the same bits.
+/// Fuses views one after the other by the rule of Open3D's legacy volume: blocks within the
+/// truncation of a view's depth points are made, and only those are updated by that view. The
+/// result depends on the views and, in the last bits, on their order; both devices give the same
+/// bits.
 template <class Device>
 class TsdfVolume {
 public:
     /// Throws Error(ExitCode::usage) unless voxel size and truncation are positive.
     explicit TsdfVolume(const TsdfOptions& options);
 
-    /// Throws Error(ExitCode::input) for points outside of the volume's reach and Error(ExitCode::memory), before
-    /// allocating, when the blocks would not fit into max_bytes. The volume is unchanged in both cases.
+    /// Throws Error(ExitCode::input) for points outside of the volume's reach and
+    /// Error(ExitCode::memory), before allocating, when the blocks would not fit into max_bytes.
+    /// The volume is unchanged in both cases.
     void integrate(const DepthView<Device>& view);
 
     const VoxelBlocks<Device>& blocks() const { return blocks_; }

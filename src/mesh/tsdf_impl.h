@@ -19,7 +19,8 @@ inline constexpr int kMaxBlocks = (1 << 22) - 1;     // voxels are counted in in
 struct PixelBlocks {
     BlockRange own, left;
 
-    TVSGS_HD PixelBlocks(const Camera& camera, Span<const float> depth, float truncation, float block_size, int i) {
+    TVSGS_HD PixelBlocks(
+        const Camera& camera, Span<const float> depth, float truncation, float block_size, int i) {
         const int x = i % camera.width_px, y = i / camera.width_px;
         own = blocks_of_pixel(camera, x, y, depth[i], truncation, block_size);
         if (x > 0) left = blocks_of_pixel(camera, x - 1, y, depth[i - 1], truncation, block_size);
@@ -64,7 +65,8 @@ struct FlagNewBody {
     TVSGS_HD void operator()(int i) const { is_new[i] = find_key(keys, view_keys[i]) < 0 ? 1 : 0; }
 };
 
-/// Slots of a view's blocks; new blocks take the slots after the old ones, in the order of their keys.
+/// Slots of a view's blocks; new blocks take the slots after the old ones, in the order of their
+/// keys.
 struct AssignSlotsBody {
     Span<const std::uint64_t> keys, view_keys;
     Span<const int> slots;
@@ -108,9 +110,11 @@ struct IntegrateBody {
 
     TVSGS_HD void operator()(int i) const {
         const int block = i / kBlockVoxels, local = i % kBlockVoxels;
-        const Vec3f p = voxel_centre(block_of_key(view_keys[block]), local_of_index(local), voxel_size);
+        const Vec3f p =
+            voxel_centre(block_of_key(view_keys[block]), local_of_index(local), voxel_size);
         const Observation seen = observe(camera, depth, truncation, p);
-        if (seen.valid) fuse(voxel_at(chunks, view_slots[block], local), seen.tsdf, color[seen.pixel]);
+        if (seen.valid)
+            fuse(voxel_at(chunks, view_slots[block], local), seen.tsdf, color[seen.pixel]);
     }
 };
 
@@ -141,7 +145,8 @@ TsdfVolume<Device>::TsdfVolume(const TsdfOptions& options) : options_(options) {
     if (!(options.voxel_size > 0 && std::isfinite(options.voxel_size) && options.truncation > 0 &&
           std::isfinite(options.truncation)))
         throw Error(ExitCode::usage,
-                    str("the voxel size (", options.voxel_size, ") and the truncation (", options.truncation,
+                    str("the voxel size (", options.voxel_size, ") and the truncation (",
+                        options.truncation,
                         ") must be positive numbers; give --voxel-size and --truncation"));
     blocks_.voxel_size = options.voxel_size;
 }
@@ -151,16 +156,19 @@ void TsdfVolume<Device>::check_memory(std::int64_t count) const {
     const double bytes = static_cast<double>(count) * VoxelBlocks<Device>::kBytesPerBlock;
     const double limit = static_cast<double>(options_.max_bytes);
     if (count <= detail::kMaxBlocks && (options_.max_bytes <= 0 || bytes <= limit)) return;
-    // The number of blocks goes with the inverse square of the voxel size; 5 % to spare, two digits.
-    const double fit = options_.max_bytes > 0
-                           ? std::min(limit, double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock)
-                           : double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock;
+    // The number of blocks goes with the inverse square of the voxel size; 5 % to spare, two
+    // digits.
+    const double fit =
+        options_.max_bytes > 0
+            ? std::min(limit, double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock)
+            : double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock;
     const double voxel = 1.05 * options_.voxel_size * std::sqrt(bytes / fit);
     const double digit = std::pow(10.0, std::floor(std::log10(voxel)) - 1);
     throw Error(ExitCode::memory,
-                str("the volume needs at least ", detail::gib(bytes), " for ", count, " blocks (voxel size ",
-                    options_.voxel_size, ", truncation ", options_.truncation, "), but may use ",
-                    detail::gib(fit), "; try --voxel-size ", std::ceil(voxel / digit) * digit,
+                str("the volume needs at least ", detail::gib(bytes), " for ", count,
+                    " blocks (voxel size ", options_.voxel_size, ", truncation ",
+                    options_.truncation, "), but may use ", detail::gib(fit), "; try --voxel-size ",
+                    std::ceil(voxel / digit) * digit,
                     ", a smaller --depth-max or --bbox, or raise --memory"));
 }
 
@@ -171,12 +179,14 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
     const float block_size = options_.voxel_size * kBlockEdge;
     offsets_.resize(static_cast<std::size_t>(pixels));
     parallel_for(Device{}, pixels,
-                 detail::CountBlocksBody{camera, view.depth, options_.truncation, block_size, offsets_.span()});
+                 detail::CountBlocksBody{camera, view.depth, options_.truncation, block_size,
+                                         offsets_.span()});
     const std::uint64_t total = exclusive_scan(offsets_);
     if (total >= detail::kTooMany) {
         // Why? Look again on the host; only this message needs to know.
         std::vector<float> depth(view.depth.count);
-        tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(), depth.size() * sizeof(float));
+        tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(),
+                            depth.size() * sizeof(float));
         for (int i = 0; i < pixels; ++i) {
             const int x = i % camera.width_px, y = i / camera.width_px;
             const float d = depth[static_cast<std::size_t>(i)];
@@ -184,16 +194,18 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
                 throw Error(ExitCode::input,
                             str("pixel (", x, ", ", y, ") has depth ", d, ", which lies more than ",
                                 kBlockReach * static_cast<double>(block_size),
-                                " from the origin, beyond the volume's reach; lower --depth-max or raise --voxel-size"));
+                                " from the origin, beyond the volume's reach; lower --depth-max or "
+                                "raise --voxel-size"));
         }
-        throw Error(ExitCode::usage,
-                    str("a truncation of ", options_.truncation, " marks too many blocks of ", kBlockEdge,
-                        " voxels of ", options_.voxel_size, "; lower --truncation or raise --voxel-size"));
+        throw Error(
+            ExitCode::usage,
+            str("a truncation of ", options_.truncation, " marks too many blocks of ", kBlockEdge,
+                " voxels of ", options_.voxel_size, "; lower --truncation or raise --voxel-size"));
     }
     view_keys_.resize(total);
     parallel_for(Device{}, pixels,
-                 detail::EmitBlocksBody{camera, view.depth, options_.truncation, block_size, offsets_.span(),
-                                        view_keys_.span()});
+                 detail::EmitBlocksBody{camera, view.depth, options_.truncation, block_size,
+                                        offsets_.span(), view_keys_.span()});
     sort_unique(view_keys_);
 }
 
@@ -203,16 +215,18 @@ void TsdfVolume<Device>::add_blocks() {
     const int old_count = blocks_.size();
     offsets_.resize(view_keys_.size());
     view_slots_.resize(view_keys_.size());
-    parallel_for(Device{}, marked, detail::FlagNewBody{blocks_.keys.span(), view_keys_.span(), offsets_.span()});
+    parallel_for(Device{}, marked,
+                 detail::FlagNewBody{blocks_.keys.span(), view_keys_.span(), offsets_.span()});
     const int new_count = static_cast<int>(exclusive_scan(offsets_));
     check_memory(std::int64_t{old_count} + new_count);
     const int merged_count = old_count + new_count;
     reserve_slots(blocks_, merged_count);
 
     new_keys_.resize(static_cast<std::size_t>(new_count));
-    parallel_for(Device{}, marked,
-                 detail::AssignSlotsBody{blocks_.keys.span(), view_keys_.span(), blocks_.slots.span(),
-                                         offsets_.span(), view_slots_.span(), new_keys_.span()});
+    parallel_for(
+        Device{}, marked,
+        detail::AssignSlotsBody{blocks_.keys.span(), view_keys_.span(), blocks_.slots.span(),
+                                offsets_.span(), view_slots_.span(), new_keys_.span()});
     if (new_count == 0) return;
     merged_keys_.resize(static_cast<std::size_t>(merged_count));
     merged_slots_.resize(static_cast<std::size_t>(merged_count));
@@ -225,16 +239,18 @@ void TsdfVolume<Device>::add_blocks() {
 
 template <class Device>
 void TsdfVolume<Device>::integrate(const DepthView<Device>& view) {
-    const std::size_t pixels = static_cast<std::size_t>(view.camera.width_px) * static_cast<std::size_t>(view.camera.height_px);
+    const std::size_t pixels = static_cast<std::size_t>(view.camera.width_px) *
+                               static_cast<std::size_t>(view.camera.height_px);
     if (view.depth.count != pixels || view.color.count != pixels)
-        throw Error(ExitCode::internal, str("fusion: ", view.depth.count, " depths and ", view.color.count,
-                                            " colours for ", pixels, " pixels"));
+        throw Error(ExitCode::internal, str("fusion: ", view.depth.count, " depths and ",
+                                            view.color.count, " colours for ", pixels, " pixels"));
     mark_blocks(view);
     add_blocks();
     // Blocks that the view touches; few enough for int, see kMaxBlocks.
     parallel_for(Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
-                 detail::IntegrateBody{view.camera, view.depth, view.color, options_.voxel_size, options_.truncation,
-                                       view_keys_.span(), view_slots_.span(), std::as_const(blocks_.chunk_table).span()});
+                 detail::IntegrateBody{view.camera, view.depth, view.color, options_.voxel_size,
+                                       options_.truncation, view_keys_.span(), view_slots_.span(),
+                                       std::as_const(blocks_.chunk_table).span()});
 }
 
 }  // namespace tvsgs

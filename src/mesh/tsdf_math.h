@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-inline constexpr int kBlockEdge = 8;        // voxels
-inline constexpr int kBlockVoxels = 512;    // kBlockEdge^3
+inline constexpr int kBlockEdge = 8;         // voxels
+inline constexpr int kBlockVoxels = 512;     // kBlockEdge^3
 inline constexpr int kBlockReach = 1 << 20;  // block coordinates lie in [-kBlockReach, kBlockReach)
 
 struct Voxel {
@@ -45,7 +45,8 @@ TVSGS_HD inline Vec3f voxel_centre(Vec3i block, Vec3i local, float voxel_size) {
     const auto coordinate = [&](int b, int l) {
         return (static_cast<float>(b * kBlockEdge + l) + 0.5f) * voxel_size;
     };
-    return {coordinate(block.x, local.x), coordinate(block.y, local.y), coordinate(block.z, local.z)};
+    return {coordinate(block.x, local.x), coordinate(block.y, local.y),
+            coordinate(block.z, local.z)};
 }
 
 /// Blocks from `first` to `last`, both included; none when first > last.
@@ -77,13 +78,10 @@ TVSGS_HD inline Vec3f unproject(const Camera& camera, int x, int y, float depth)
     return transpose_times(camera.camera_from_world.R, p_camera - camera.camera_from_world.t);
 }
 
-/// Blocks that the axis-aligned box around a pixel's surface point overlaps, `truncation` to each side.
-TVSGS_HD inline BlockRange blocks_of_pixel(const Camera& camera,
-                                           int x,
-                                           int y,
-                                           float depth,
-                                           float truncation,
-                                           float block_size) {
+/// Blocks that the axis-aligned box around a pixel's surface point overlaps, `truncation` to each
+/// side.
+TVSGS_HD inline BlockRange blocks_of_pixel(
+    const Camera& camera, int x, int y, float depth, float truncation, float block_size) {
     BlockRange range;
     if (!(depth > 0)) return range;
     const Vec3f p = unproject(camera, x, y, depth);
@@ -108,12 +106,16 @@ struct Observation {
     float tsdf = 0;  // in units of the truncation, at most 1
 };
 
-/// The point projects into a pixel (nearest), whose depth gives its distance to the surface along the
-/// ray; points further behind the surface than the truncation are not observed.
-TVSGS_HD inline Observation observe(const Camera& camera, Span<const float> depth, float truncation, Vec3f p_world) {
+/// The point projects into a pixel (nearest), whose depth gives its distance to the surface along
+/// the ray; points further behind the surface than the truncation are not observed.
+TVSGS_HD inline Observation observe(const Camera& camera,
+                                    Span<const float> depth,
+                                    float truncation,
+                                    Vec3f p_world) {
     const Vec3f p = camera.camera_from_world * p_world;
     if (!(p.z > 0)) return {};
-    // The margin keeps rounding from leaving the image; with corner coordinates the pixel is the floor.
+    // The margin keeps rounding from leaving the image; with corner coordinates the pixel is the
+    // floor.
     constexpr float kMargin = 1e-4f;
     const float u = camera.fx_px * (p.x / p.z) + camera.cx_px;
     const float v = camera.fy_px * (p.y / p.z) + camera.cy_px;

@@ -22,8 +22,9 @@ double unit(float value) {
 template <class T>
 void require_same_shape(const Image<T>& a, const Image<T>& b) {
     if (a.empty() || a.width != b.width || a.height != b.height || a.channels != b.channels)
-        throw Error(ExitCode::input, str("cannot compare an image of ", a.width, "x", a.height, "x", a.channels,
-                                         " with one of ", b.width, "x", b.height, "x", b.channels));
+        throw Error(ExitCode::input,
+                    str("cannot compare an image of ", a.width, "x", a.height, "x", a.channels,
+                        " with one of ", b.width, "x", b.height, "x", b.channels));
 }
 
 template <class T>
@@ -44,16 +45,19 @@ using Plane = std::vector<double>;
 Plane blur(const Plane& in, int width, int height) {
     std::array<double, 2 * kRadius + 1> weights;
     double sum = 0;
-    for (int k = -kRadius; k <= kRadius; ++k) sum += weights[k + kRadius] = std::exp(-k * k / (2 * 1.5 * 1.5));
+    for (int k = -kRadius; k <= kRadius; ++k)
+        sum += weights[k + kRadius] = std::exp(-k * k / (2 * 1.5 * 1.5));
     for (double& w : weights) w /= sum;
-    const auto pass = [&](const Plane& from, Plane& to, int length, int stride, int lines, int line_stride) {
+    const auto pass = [&](const Plane& from, Plane& to, int length, int stride, int lines,
+                          int line_stride) {
         parallel_for_heavy(Cpu{}, lines, [&](int line) {
             const double* source = from.data() + static_cast<std::ptrdiff_t>(line) * line_stride;
             double* target = to.data() + static_cast<std::ptrdiff_t>(line) * line_stride;
             for (int i = 0; i < length; ++i) {
                 double value = 0;
                 for (int k = std::max(-kRadius, -i); k <= std::min(kRadius, length - 1 - i); ++k)
-                    value += weights[k + kRadius] * source[static_cast<std::ptrdiff_t>(i + k) * stride];
+                    value +=
+                        weights[k + kRadius] * source[static_cast<std::ptrdiff_t>(i + k) * stride];
                 target[static_cast<std::ptrdiff_t>(i) * stride] = value;
             }
         });
@@ -74,7 +78,8 @@ Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
     for (int channel = 0; channel < a.channels; ++channel) {
         Plane pa(pixels), pb(pixels), aa(pixels), bb(pixels), ab(pixels);
         for (std::size_t i = 0; i < pixels; ++i) {
-            pa[i] = unit(a.pixels[i * a.channels + channel]), pb[i] = unit(b.pixels[i * a.channels + channel]);
+            pa[i] = unit(a.pixels[i * a.channels + channel]),
+            pb[i] = unit(b.pixels[i * a.channels + channel]);
             aa[i] = pa[i] * pa[i], bb[i] = pb[i] * pb[i], ab[i] = pa[i] * pb[i];
         }
         for (Plane* plane : {&pa, &pb, &aa, &bb, &ab}) *plane = blur(*plane, width, height);
@@ -83,14 +88,18 @@ Ssim ssim_of(const Image<T>& a, const Image<T>& b) {
                 const std::size_t i = static_cast<std::size_t>(y) * width + x;
                 const double ma = pa[i], mb = pb[i];
                 const double va = aa[i] - ma * ma, vb = bb[i] - mb * mb, cov = ab[i] - ma * mb;
-                const double value = (2 * ma * mb + kC1) * (2 * cov + kC2) / ((ma * ma + mb * mb + kC1) * (va + vb + kC2));
+                const double value = (2 * ma * mb + kC1) * (2 * cov + kC2) /
+                                     ((ma * ma + mb * mb + kC1) * (va + vb + kC2));
                 sum += value;
-                if (x >= kRadius && x < width - kRadius && y >= kRadius && y < height - kRadius) valid_sum += value;
+                if (x >= kRadius && x < width - kRadius && y >= kRadius && y < height - kRadius)
+                    valid_sum += value;
             }
     }
-    const double valid = static_cast<double>(std::max(0, width - 2 * kRadius)) * std::max(0, height - 2 * kRadius);
-    return {sum / static_cast<double>(a.pixels.size()),
-            valid > 0 ? valid_sum / (valid * a.channels) : std::numeric_limits<double>::quiet_NaN()};
+    const double valid =
+        static_cast<double>(std::max(0, width - 2 * kRadius)) * std::max(0, height - 2 * kRadius);
+    return {
+        sum / static_cast<double>(a.pixels.size()),
+        valid > 0 ? valid_sum / (valid * a.channels) : std::numeric_limits<double>::quiet_NaN()};
 }
 
 }  // namespace

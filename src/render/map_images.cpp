@@ -9,7 +9,8 @@ namespace {
 
 /// Rounds half up; NaN is 0.
 std::uint8_t to_8bit(float value) {
-    return value > 0 ? static_cast<std::uint8_t>(std::min(value, 1.0f) * 255 + 0.5f) : std::uint8_t{0};
+    return value > 0 ? static_cast<std::uint8_t>(std::min(value, 1.0f) * 255 + 0.5f)
+                     : std::uint8_t{0};
 }
 
 template <class Color>
@@ -24,8 +25,11 @@ ImageU8 image_of(int width, int height, const Color& color) {
 
 /// Dark violet over green to yellow, ever brighter, so that it reads in grey as well; t in [0, 1].
 Vec3f ramp(float t) {
-    constexpr Vec3f kStops[] = {{0.27f, 0.00f, 0.33f}, {0.23f, 0.32f, 0.55f}, {0.13f, 0.57f, 0.55f},
-                                {0.37f, 0.79f, 0.38f}, {0.99f, 0.91f, 0.14f}};
+    constexpr Vec3f kStops[] = {{0.27f, 0.00f, 0.33f},
+                                {0.23f, 0.32f, 0.55f},
+                                {0.13f, 0.57f, 0.55f},
+                                {0.37f, 0.79f, 0.38f},
+                                {0.99f, 0.91f, 0.14f}};
     const float at = t * 4;
     const int i = std::min(static_cast<int>(at), 3);
     return kStops[i] + (at - static_cast<float>(i)) * (kStops[i + 1] - kStops[i]);
@@ -40,7 +44,8 @@ ImageU8 color_image(int width, int height, const std::vector<Vec3f>& colors) {
 ImageU8 normal_image(int width, int height, const std::vector<Vec3f>& normals) {
     return image_of(width, height, [&](std::size_t i) {
         if (!(norm(normals[i]) > 1e-6f)) return Vec3f{};
-        // Camera axes are x right, y down, z forward; a picture reads better with y up and z towards the eye.
+        // Camera axes are x right, y down, z forward; a picture reads better with y up and z
+        // towards the eye.
         const Vec3f n = normalize(normals[i]);
         return 0.5f * (Vec3f{n.x, -n.y, -n.z} + Vec3f{1, 1, 1});
     });
@@ -52,7 +57,8 @@ ImageU8 depth_image(int width, int height, const std::vector<float>& depths) {
     std::copy_if(depths.begin(), depths.end(), std::back_inserter(valid), is_valid);
     if (valid.empty()) return ImageU8(width, height, 3);
     const auto percentile = [&](double p) {
-        const auto at = valid.begin() + static_cast<std::ptrdiff_t>(p * static_cast<double>(valid.size() - 1));
+        const auto at =
+            valid.begin() + static_cast<std::ptrdiff_t>(p * static_cast<double>(valid.size() - 1));
         std::nth_element(valid.begin(), at, valid.end());
         return *at;
     };

@@ -1,4 +1,5 @@
-// A unit sphere seen by cameras all around it, with exact depth: what the fusion oracles were made from.
+// A unit sphere seen by cameras all around it, with exact depth: what the fusion oracles were made
+// from.
 #pragma once
 
 #include <cmath>
@@ -20,7 +21,8 @@ struct DepthMap {
     }
 };
 
-/// Camera at `centre` looking at the origin; focal length equal to the width, principal point in the middle.
+/// Camera at `centre` looking at the origin; focal length equal to the width, principal point in
+/// the middle.
 inline Camera look_at_origin(Vec3d centre, int size_px) {
     const Vec3d z = normalize(-centre);
     const Vec3d up = std::abs(z.z) < 0.9 ? Vec3d{0, 0, 1} : Vec3d{0, 1, 0};
@@ -34,15 +36,17 @@ inline Camera look_at_origin(Vec3d centre, int size_px) {
     return camera;
 }
 
-/// Unit sphere at the origin, camera `i` of `count` on a Fibonacci sphere of radius 3; colours by position.
+/// Unit sphere at the origin, camera `i` of `count` on a Fibonacci sphere of radius 3; colours by
+/// position.
 inline DepthMap sphere_view(int i, int count, int size_px) {
     const double theta = 3.14159265358979 * (1 + std::sqrt(5.0)) * (i + 0.5);
     const double cos_phi = 1 - 2 * (i + 0.5) / count, sin_phi = std::sqrt(1 - cos_phi * cos_phi);
     const Vec3d centre{3 * std::cos(theta) * sin_phi, 3 * std::sin(theta) * sin_phi, 3 * cos_phi};
     DepthMap map;
     map.camera = look_at_origin(centre, size_px);
-    const Rigid3d world_from_camera = inverse(
-        Rigid3d{mat_cast<double>(map.camera.camera_from_world.R), vec_cast<double>(map.camera.camera_from_world.t)});
+    const Rigid3d world_from_camera =
+        inverse(Rigid3d{mat_cast<double>(map.camera.camera_from_world.R),
+                        vec_cast<double>(map.camera.camera_from_world.t)});
     for (int y = 0; y < size_px; ++y)
         for (int x = 0; x < size_px; ++x) {
             // |centre + s * ray|^2 = 1, with s the z-depth.

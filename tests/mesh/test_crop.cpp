@@ -12,7 +12,8 @@ namespace tvsgs {
 namespace {
 
 Crop parsed(const std::string& json) {
-    const std::string path = testing::TempDir() + "tvsgs_crop_" + std::to_string(::getpid()) + ".json";
+    const std::string path =
+        testing::TempDir() + "tvsgs_crop_" + std::to_string(::getpid()) + ".json";
     std::ofstream(path) << json;
     struct Remove {
         std::string path;
@@ -31,7 +32,8 @@ TEST(Crop, Box) {
 }
 
 TEST(Crop, Cylinder) {
-    const Crop crop = parsed(R"({"units": "mm", "crop_cylinder": {"center_xy": [1, 2], "radius": 3, "z_min": -1, "z_max": 4}})");
+    const Crop crop = parsed(
+        R"({"units": "mm", "crop_cylinder": {"center_xy": [1, 2], "radius": 3, "z_min": -1, "z_max": 4}})");
     EXPECT_TRUE(contains(crop, {1, 5, 4}));
     EXPECT_FALSE(contains(crop, {1, 5.01, 0}));
     EXPECT_FALSE(contains(crop, {3.2, 4.2, 0}));
@@ -40,7 +42,8 @@ TEST(Crop, Cylinder) {
 
 TEST(Crop, PrismWithANotch) {
     // An arrow head in the plane of x and z; the axis is y.
-    const Crop crop = parsed(R"({"class_name": "SelectionPolygonVolume", "orthogonal_axis": "Y", "axis_min": 0, "axis_max": 1,
+    const Crop crop = parsed(
+        R"({"class_name": "SelectionPolygonVolume", "orthogonal_axis": "Y", "axis_min": 0, "axis_max": 1,
         "bounding_polygon": [[0, 0, 0], [4, 0, 0], [4, 0, 4], [2, 0, 1], [0, 0, 4]]})");
     EXPECT_TRUE(contains(crop, {0.5, 0.5, 2}));
     EXPECT_TRUE(contains(crop, {3.5, 0.5, 2}));
@@ -52,26 +55,32 @@ TEST(Crop, PrismWithANotch) {
 }
 
 TEST(Crop, BadFiles) {
-    for (const char* json :
-         {"", "[]", "{}", R"({"box": [[0, 0, 0]]})", R"({"box": [[0, 0, 0], [1, "a", 1]]})", R"({"box": [[0, 0, 2], [1, 1, 1]]})",
-          R"({"crop_cylinder": {"center_xy": [1], "radius": 3, "z_min": -1, "z_max": 4}})", R"({"crop_cylinder": 3})",
-          R"({"crop_cylinder": {"center_xy": [1, 2], "radius": -3, "z_min": -1, "z_max": 4}})", R"({"class_name": "Other"})",
-          R"({"class_name": "SelectionPolygonVolume", "axis_min": 0, "axis_max": 1, "bounding_polygon": [[0, 0, 0], [1, 0, 0]]})",
-          R"({"class_name": "SelectionPolygonVolume", "axis_min": 1, "axis_max": 0, "bounding_polygon": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]})",
-          R"({"class_name": "SelectionPolygonVolume", "orthogonal_axis": 3, "axis_min": 0, "axis_max": 1, "bounding_polygon": []})"})
+    for (
+        const char* json :
+        {"", "[]", "{}", R"({"box": [[0, 0, 0]]})", R"({"box": [[0, 0, 0], [1, "a", 1]]})",
+         R"({"box": [[0, 0, 2], [1, 1, 1]]})",
+         R"({"crop_cylinder": {"center_xy": [1], "radius": 3, "z_min": -1, "z_max": 4}})",
+         R"({"crop_cylinder": 3})",
+         R"({"crop_cylinder": {"center_xy": [1, 2], "radius": -3, "z_min": -1, "z_max": 4}})",
+         R"({"class_name": "Other"})",
+         R"({"class_name": "SelectionPolygonVolume", "axis_min": 0, "axis_max": 1, "bounding_polygon": [[0, 0, 0], [1, 0, 0]]})",
+         R"({"class_name": "SelectionPolygonVolume", "axis_min": 1, "axis_max": 0, "bounding_polygon": [[0, 0, 0], [1, 0, 0], [1, 1, 0]]})",
+         R"({"class_name": "SelectionPolygonVolume", "orthogonal_axis": 3, "axis_min": 0, "axis_max": 1, "bounding_polygon": []})"})
         try {
             parsed(json);
             ADD_FAILURE() << json;
         } catch (const Error& error) {
             EXPECT_EQ(error.code(), ExitCode::input) << json;
-            EXPECT_NE(std::string(error.what()).find("tvsgs_crop_"), std::string::npos) << error.what();
+            EXPECT_NE(std::string(error.what()).find("tvsgs_crop_"), std::string::npos)
+                << error.what();
         }
     EXPECT_THROW(read_crop("/nonexistent/crop.json"), Error);
 }
 
 TEST(Crop, FilesOfTheDevelopmentScenes) {
     const std::string shared = TVSGS_SHARED_DIR;
-    if (!std::ifstream(shared + "/spec/reference/example/tnt_crop.json")) GTEST_SKIP() << "no shared folder";
+    if (!std::ifstream(shared + "/spec/reference/example/tnt_crop.json"))
+        GTEST_SKIP() << "no shared folder";
     const Crop prism = read_crop(shared + "/spec/reference/example/tnt_crop.json");
     EXPECT_EQ(prism.polygon.size(), 5u);
     EXPECT_TRUE(contains(prism, {0.1, 0.5, 0}));

@@ -32,8 +32,10 @@ TEST(Focus, ParallelAxesHaveNone) {
 }
 
 template <class Device>
-std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_t>& mask_values, DepthRules rules) {
-    const float nan = std::numeric_limits<float>::quiet_NaN(), inf = std::numeric_limits<float>::infinity();
+std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_t>& mask_values,
+                                                   DepthRules rules) {
+    const float nan = std::numeric_limits<float>::quiet_NaN(),
+                inf = std::numeric_limits<float>::infinity();
     RenderedImages<Device> rendered;
     copy(std::vector<float>{1, nan, inf, 0, -1, 2, 1.9f, 1, 1, 1}, rendered.depth);
     copy(std::vector<float>{0, 0, 0, 0, 0, 0, 0, 0.6f, 0.5f, nan}, rendered.transmittance);
@@ -53,7 +55,8 @@ void check_rules() {
     rules.depth_max = 2;
     {
         const auto [depth, counts] = cleaned<Device>({}, rules);
-        EXPECT_EQ(depth, (std::vector<float>{1, 0, 0, 0, 0, 0, 1.9f, 1, 1, 1}));  // exactly depth_max is dropped
+        EXPECT_EQ(depth, (std::vector<float>{1, 0, 0, 0, 0, 0, 1.9f, 1, 1,
+                                             1}));  // exactly depth_max is dropped
         EXPECT_EQ(counts.kept, 5);
         EXPECT_EQ(counts.not_finite, 2);
         EXPECT_EQ(counts.no_surface, 2);
@@ -61,7 +64,8 @@ void check_rules() {
     }
     rules.alpha_min = 0.5f;
     {
-        const auto [depth, counts] = cleaned<Device>({127, 0, 0, 0, 0, 0, 128, 255, 255, 255}, rules);
+        const auto [depth, counts] =
+            cleaned<Device>({127, 0, 0, 0, 0, 0, 128, 255, 255, 255}, rules);
         EXPECT_EQ(depth, (std::vector<float>{0, 0, 0, 0, 0, 0, 1.9f, 0, 1, 0}));
         EXPECT_EQ(counts.transparent, 2);
         EXPECT_EQ(counts.masked, 1);

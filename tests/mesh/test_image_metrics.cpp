@@ -41,11 +41,13 @@ TEST(ImageMetrics, EqualAndDifferentShapes) {
 ImageF read_npy(const std::string& path) {
     std::ifstream file(path, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    const auto header = static_cast<std::size_t>(static_cast<unsigned char>(bytes[8]) + 256 * static_cast<unsigned char>(bytes[9]));
+    const auto header = static_cast<std::size_t>(static_cast<unsigned char>(bytes[8]) +
+                                                 256 * static_cast<unsigned char>(bytes[9]));
     ImageF image(64, 48, 3);
     EXPECT_NE(bytes.find("(48, 64, 3)"), std::string::npos);
     EXPECT_EQ(bytes.size(), 10 + header + image.pixels.size() * sizeof(float));
-    std::memcpy(image.pixels.data(), bytes.data() + 10 + header, image.pixels.size() * sizeof(float));
+    std::memcpy(image.pixels.data(), bytes.data() + 10 + header,
+                image.pixels.size() * sizeof(float));
     return image;
 }
 
@@ -62,23 +64,28 @@ TEST(ImageMetrics, AgreeWithTheOracle) {
 TEST(MapImages, Colors) {
     const float nan = std::nanf("");
     const ImageU8 image = color_image(2, 1, {{0.5f, -1, 2}, {nan, 1, 0.001f}});
-    EXPECT_EQ(image.pixels, (std::vector<std::uint8_t>{128, 0, 255, 0, 255, 0}));  // 127.5 rounds up
+    EXPECT_EQ(image.pixels,
+              (std::vector<std::uint8_t>{128, 0, 255, 0, 255, 0}));  // 127.5 rounds up
 }
 
 TEST(MapImages, Normals) {
     // Towards the camera, up, right, none, NaN.
-    const ImageU8 image = normal_image(5, 1, {{0, 0, -0.2f}, {0, -1, 0}, {1, 0, 0}, {}, {std::nanf(""), 0, 0}});
-    EXPECT_EQ(image.pixels, (std::vector<std::uint8_t>{128, 128, 255, 128, 255, 128, 255, 128, 128, 0, 0, 0, 0, 0, 0}));
+    const ImageU8 image =
+        normal_image(5, 1, {{0, 0, -0.2f}, {0, -1, 0}, {1, 0, 0}, {}, {std::nanf(""), 0, 0}});
+    EXPECT_EQ(image.pixels, (std::vector<std::uint8_t>{128, 128, 255, 128, 255, 128, 255, 128, 128,
+                                                       0, 0, 0, 0, 0, 0}));
 }
 
 TEST(MapImages, Depth) {
     std::vector<float> depths;
     for (int i = 0; i < 200; ++i) depths.push_back(1 + 0.005f * static_cast<float>(i));
-    depths[0] = 0;                                          // nothing there
+    depths[0] = 0;  // nothing there
     depths[5] = std::numeric_limits<float>::infinity();
-    depths[150] = 1e9f;                                     // an outlier does not spoil the range
+    depths[150] = 1e9f;  // an outlier does not spoil the range
     const ImageU8 image = depth_image(200, 1, depths);
-    const auto brightness = [&](int x) { return image.at(x, 0, 0) + image.at(x, 0, 1) + image.at(x, 0, 2); };
+    const auto brightness = [&](int x) {
+        return image.at(x, 0, 0) + image.at(x, 0, 1) + image.at(x, 0, 2);
+    };
     EXPECT_EQ(brightness(0), 0);
     EXPECT_EQ(brightness(5), 0);
     EXPECT_GT(brightness(10), brightness(100));

@@ -17,7 +17,8 @@ VoxelBlocks<Cpu> sampled(float voxel_size, int edge, const std::function<double(
     VoxelBlocks<Cpu> blocks;
     blocks.voxel_size = voxel_size;
     std::vector<std::uint64_t> keys;
-    for (int i = 0; i < edge * edge * edge; ++i) keys.push_back(block_key({i % edge, i / edge % edge, i / edge / edge}));
+    for (int i = 0; i < edge * edge * edge; ++i)
+        keys.push_back(block_key({i % edge, i / edge % edge, i / edge / edge}));
     copy(keys, blocks.keys);
     blocks.slots.resize(keys.size());
     reserve_slots(blocks, static_cast<int>(keys.size()));
@@ -28,7 +29,8 @@ VoxelBlocks<Cpu> sampled(float voxel_size, int edge, const std::function<double(
             // In double: the table's counts hang on exact positions.
             const auto at = [&](int p, int q) { return (p * kBlockEdge + q + 0.5) * voxel_size; };
             const Vec3d p{at(block.x, local.x), at(block.y, local.y), at(block.z, local.z)};
-            voxel_at(std::as_const(blocks.chunk_table).span(), blocks.slots[b], i) = {static_cast<float>(sdf(p)), 1, {0.5f, 0.5f, 0.5f}};
+            voxel_at(std::as_const(blocks.chunk_table).span(), blocks.slots[b], i) = {
+                static_cast<float>(sdf(p)), 1, {0.5f, 0.5f, 0.5f}};
         }
     }
     return blocks;
@@ -68,7 +70,8 @@ TEST_P(MarchingCubesSphere, SecondOrder) {
     const double c = 1.5 + 0.13 * expected.h;
     const Vec3d centre{c, c, c};
     const int edge = static_cast<int>(std::ceil(3.0 / expected.h / kBlockEdge)) + 1;
-    const TriangleMesh mesh = marching_cubes(sampled(expected.h, edge, [&](Vec3d p) { return norm(p - centre) - 1; }));
+    const TriangleMesh mesh =
+        marching_cubes(sampled(expected.h, edge, [&](Vec3d p) { return norm(p - centre) - 1; }));
     EXPECT_EQ(mesh.vertices.size(), expected.vertices);
     EXPECT_EQ(mesh.faces.size(), expected.faces);
     EXPECT_EQ(mesh.faces.size(), 2 * mesh.vertices.size() - 4);
@@ -80,7 +83,8 @@ TEST_P(MarchingCubesSphere, SecondOrder) {
     }
     const double n = static_cast<double>(mesh.vertices.size());
     for (const Vec3i f : mesh.faces) {
-        const Vec3d a = vec_cast<double>(mesh.vertices[f.x]), b = vec_cast<double>(mesh.vertices[f.y]),
+        const Vec3d a = vec_cast<double>(mesh.vertices[f.x]),
+                    b = vec_cast<double>(mesh.vertices[f.y]),
                     d = vec_cast<double>(mesh.vertices[f.z]), normal = cross(b - a, d - a);
         area += 0.5 * norm(normal);
         EXPECT_GT(dot(normal, a + b + d - 3 * centre), 0);
@@ -89,17 +93,20 @@ TEST_P(MarchingCubesSphere, SecondOrder) {
     EXPECT_NEAR(mean / n, expected.mean, 0.01 * std::abs(expected.mean));
     EXPECT_NEAR(std::sqrt(rms / n), expected.rms, 0.01 * expected.rms);
     EXPECT_NEAR(max, expected.max, 0.01 * expected.max);
-    EXPECT_NEAR(area / (4 * M_PI) - 1, expected.area, 0.02 * std::abs(expected.area));  // faces depend on the case table
+    EXPECT_NEAR(area / (4 * M_PI) - 1, expected.area,
+                0.02 * std::abs(expected.area));  // faces depend on the case table
 }
 
-INSTANTIATE_TEST_SUITE_P(Table,
-                         MarchingCubesSphere,
-                         testing::Values(SphereCase{0.125f, 1224, 2444, -6.32e-4, 8.17e-4, 1.92e-3, -4.92e-3},
-                                         SphereCase{0.0625f, 4848, 9692, -1.62e-4, 2.05e-4, 4.82e-4, -1.22e-3},
-                                         SphereCase{0.03125f, 19314, 38624, -4.04e-5, 5.13e-5, 1.21e-4, -3.06e-4}));
+INSTANTIATE_TEST_SUITE_P(
+    Table,
+    MarchingCubesSphere,
+    testing::Values(SphereCase{0.125f, 1224, 2444, -6.32e-4, 8.17e-4, 1.92e-3, -4.92e-3},
+                    SphereCase{0.0625f, 4848, 9692, -1.62e-4, 2.05e-4, 4.82e-4, -1.22e-3},
+                    SphereCase{0.03125f, 19314, 38624, -4.04e-5, 5.13e-5, 1.21e-4, -3.06e-4}));
 
 TEST(MarchingCubes, RandomValuesGiveClosedSurfaces) {
-    // All cases next to all others, the ambiguous ones too; a shell of outside voxels closes the surface.
+    // All cases next to all others, the ambiguous ones too; a shell of outside voxels closes the
+    // surface.
     const double edge = 3 * kBlockEdge;
     std::uint32_t state = 1;
     const TriangleMesh mesh = marching_cubes(sampled(1, 3, [&](Vec3d p) {
@@ -133,14 +140,16 @@ TEST(MarchingCubes, UnseenCornersLeaveHoles) {
 }
 
 TEST(MarchingCubes, ZeroIsOutside) {
-    // Values exactly 0 on a layer of voxels: strictly below zero is inside, and vertices lie on the layer.
+    // Values exactly 0 on a layer of voxels: strictly below zero is inside, and vertices lie on the
+    // layer.
     const TriangleMesh mesh = marching_cubes(sampled(1, 1, [](Vec3d p) { return p.z - 3.5; }));
     ASSERT_FALSE(mesh.vertices.empty());
     for (const Vec3f v : mesh.vertices) EXPECT_EQ(v.z, 3.5f);
 }
 
 TEST(DeviceAlgorithms, ScanAndSort) {
-    Buffer<std::uint32_t, Cpu> counts = to_device<Cpu>(std::vector<std::uint32_t>{3, 0, 5, 1u << 31, 1u << 31});
+    Buffer<std::uint32_t, Cpu> counts =
+        to_device<Cpu>(std::vector<std::uint32_t>{3, 0, 5, 1u << 31, 1u << 31});
     EXPECT_EQ(exclusive_scan(counts), 8 + (std::uint64_t{1} << 32));
     EXPECT_EQ(to_host(counts), (std::vector<std::uint32_t>{0, 3, 3, 8, 8 + (1u << 31)}));
     Buffer<std::uint64_t, Cpu> keys = to_device<Cpu>(std::vector<std::uint64_t>{9, 1, 9, 4, 1});

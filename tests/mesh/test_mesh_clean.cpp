@@ -9,7 +9,8 @@ namespace {
 void add_strip(TriangleMesh& mesh, int faces) {
     const int first = static_cast<int>(mesh.vertices.size());
     for (int i = 0; i < faces + 2; ++i) {
-        mesh.vertices.push_back({static_cast<float>(i), static_cast<float>(i % 2), static_cast<float>(first)});
+        mesh.vertices.push_back(
+            {static_cast<float>(i), static_cast<float>(i % 2), static_cast<float>(first)});
         mesh.colors.push_back({0, 0, static_cast<float>(first)});
     }
     for (int i = 0; i < faces; ++i) mesh.faces.push_back({first + i, first + i + 1, first + i + 2});

@@ -12,13 +12,15 @@ namespace {
 std::vector<Vec3f> grid(int columns, int rows, float z) {
     std::vector<Vec3f> points;
     for (int y = 0; y < rows; ++y)
-        for (int x = 0; x < columns; ++x) points.push_back({static_cast<float>(x), static_cast<float>(y), z});
+        for (int x = 0; x < columns; ++x)
+            points.push_back({static_cast<float>(x), static_cast<float>(y), z});
     return points;
 }
 
 // io-mesh-eval 7.1, A to C.
 TEST(MeshMetrics, ShiftedGrid) {
-    const GeometryMetrics m = evaluate_geometry(grid(10, 10, 0.5f), grid(10, 10, 0), {}, {{0.4, 0.5, 0.6}, 0});
+    const GeometryMetrics m =
+        evaluate_geometry(grid(10, 10, 0.5f), grid(10, 10, 0), {}, {{0.4, 0.5, 0.6}, 0});
     EXPECT_DOUBLE_EQ(m.accuracy, 0.5);
     EXPECT_DOUBLE_EQ(m.completeness, 0.5);
     EXPECT_DOUBLE_EQ(m.chamfer, 0.5);
@@ -40,7 +42,8 @@ TEST(MeshMetrics, HalfOfTheGrid) {
     EXPECT_EQ(m.thresholds[0].precision, 1);
     EXPECT_EQ(m.thresholds[0].recall, 0.5);
     EXPECT_DOUBLE_EQ(m.thresholds[0].f1, 2.0 / 3);
-    // Distances 0.25 (six columns' worth: 60 points would be below 0.3 only for five) and 1.03 ... 5.006.
+    // Distances 0.25 (six columns' worth: 60 points would be below 0.3 only for five) and 1.03
+    // ... 5.006.
     EXPECT_DOUBLE_EQ(m.median_completeness, 0.5 * (0.25 + std::sqrt(1 + 0.0625)));
 
     // The cap acts on distances, not on the fractions, even when it is below tau.
@@ -62,8 +65,8 @@ TEST(MeshMetrics, OnePoint) {
 
 TEST(MeshMetrics, EmptySetsAreInputErrors) {
     for (const bool empty_prediction : {true, false}) try {
-            evaluate_geometry(empty_prediction ? grid(0, 0, 0) : grid(1, 1, 0), empty_prediction ? grid(1, 1, 0) : grid(0, 0, 0),
-                              {}, {});
+            evaluate_geometry(empty_prediction ? grid(0, 0, 0) : grid(1, 1, 0),
+                              empty_prediction ? grid(1, 1, 0) : grid(0, 0, 0), {}, {});
             FAIL();
         } catch (const Error& error) {
             EXPECT_EQ(error.code(), ExitCode::input);
@@ -74,7 +77,8 @@ TEST(MeshMetrics, SamplesAreUniformOverTheArea) {
     // A square of two faces, a triangle of half its area, and what must not be drawn from.
     TriangleMesh mesh;
     const float nan = std::numeric_limits<float>::quiet_NaN();
-    mesh.vertices = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0}, {0, 0, 5}, {2, 0, 5}, {0, 2, 5}, {nan, 0, 0}};
+    mesh.vertices = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0},
+                     {0, 0, 5}, {2, 0, 5}, {0, 2, 5}, {nan, 0, 0}};
     mesh.faces = {{0, 0, 1}, {0, 1, 2}, {0, 1, 7}, {0, 2, 3}, {4, 5, 6}, {3, 3, 3}};
     constexpr std::size_t kCount = 60000;
     const std::vector<Vec3f> samples = sample_surface(mesh, kCount, 7);
@@ -99,7 +103,8 @@ TEST(MeshMetrics, SamplesAreUniformOverTheArea) {
     EXPECT_NEAR(sum.x / static_cast<double>(on_triangle), 2.0 / 3, 5 * 0.47 / std::sqrt(20000.0));
     EXPECT_NEAR(sum.y / static_cast<double>(on_triangle), 2.0 / 3, 5 * 0.47 / std::sqrt(20000.0));
 
-    const std::vector<Vec3f> again = sample_surface(mesh, kCount, 7), other = sample_surface(mesh, kCount, 8);
+    const std::vector<Vec3f> again = sample_surface(mesh, kCount, 7),
+                             other = sample_surface(mesh, kCount, 8);
     EXPECT_EQ(again[123].x, samples[123].x);
     EXPECT_NE(other[123].x, samples[123].x);
 }

@@ -46,7 +46,8 @@ bool is_closed(const TriangleMesh& mesh) {
 }
 
 TEST(Tsdf, KeysSortByZThenYThenX) {
-    for (const Vec3i p : {Vec3i{0, 0, 0}, Vec3i{-kBlockReach, kBlockReach - 1, -1}, Vec3i{5, -7, 1000}}) {
+    for (const Vec3i p :
+         {Vec3i{0, 0, 0}, Vec3i{-kBlockReach, kBlockReach - 1, -1}, Vec3i{5, -7, 1000}}) {
         const Vec3i q = block_of_key(block_key(p));
         EXPECT_TRUE(p.x == q.x && p.y == q.y && p.z == q.z);
     }
@@ -54,7 +55,8 @@ TEST(Tsdf, KeysSortByZThenYThenX) {
     EXPECT_LT(block_key({0, kBlockReach - 1, -1}), block_key({0, -kBlockReach, 0}));
 }
 
-// io-mesh-eval 3.8: Open3D 0.16.1's ScalableTSDF on the same depth maps; 3 % of the RMS, 1 % of the faces.
+// io-mesh-eval 3.8: Open3D 0.16.1's ScalableTSDF on the same depth maps; 3 % of the RMS, 1 % of the
+// faces.
 struct FusionCase {
     float voxel_size;
     int faces;
@@ -71,7 +73,8 @@ TEST_P(TsdfSphere, AgreesWithOpen3d) {
     const RadialError error = radial_error(mesh);
     EXPECT_NEAR(error.rms, expected.rms, 0.03 * expected.rms);
     EXPECT_NEAR(error.mean, expected.mean, 0.05 * expected.mean);  // printed with two digits
-    EXPECT_NEAR(error.max, expected.max, 0.10 * expected.max);     // one vertex, which depends on stride and block size
+    EXPECT_NEAR(error.max, expected.max,
+                0.10 * expected.max);  // one vertex, which depends on stride and block size
     EXPECT_NEAR(static_cast<double>(mesh.faces.size()), expected.faces, 0.01 * expected.faces);
     EXPECT_EQ(mesh.faces.size(), 2 * mesh.vertices.size() - 4);  // genus 0
     EXPECT_TRUE(is_closed(mesh));
@@ -109,8 +112,8 @@ DepthMap plane_view(float z, int width = 64, int height = 48) {
 }
 
 TEST(Tsdf, PlaneSeenFrontally) {
-    // A long lens: where the two voxels of an edge fall into different pixels, the lengths of their rays differ, and
-    // the rule is only exact to (change of length) x (distance) ~ 1e-4 x 0.002.
+    // A long lens: where the two voxels of an edge fall into different pixels, the lengths of their
+    // rays differ, and the rule is only exact to (change of length) x (distance) ~ 1e-4 x 0.002.
     DepthMap map = plane_view(1.2345f);
     map.camera.fx_px = map.camera.fy_px = 500;
     TsdfVolume<Cpu> volume(tsdf_options(0.002f, 0.01f));
@@ -120,7 +123,8 @@ TEST(Tsdf, PlaneSeenFrontally) {
     for (const Vec3f v : mesh.vertices) EXPECT_NEAR(v.z, 1.2345, 1e-6);
     for (const Vec3f c : mesh.colors) EXPECT_NEAR(norm(c - Vec3f{0.25f, 0.5f, 0.75f}), 0, 1e-6);
     for (const Vec3i f : mesh.faces) {
-        const Vec3f a = mesh.vertices[f.x], n = cross(mesh.vertices[f.y] - a, mesh.vertices[f.z] - a);
+        const Vec3f a = mesh.vertices[f.x],
+                    n = cross(mesh.vertices[f.y] - a, mesh.vertices[f.z] - a);
         ASSERT_LT(n.z, 0);  // towards the camera
     }
 }
@@ -132,8 +136,10 @@ TEST(Tsdf, OrderOfViewsHardlyMatters) {
     const TriangleMesh a = marching_cubes(forward.blocks()), b = marching_cubes(backward.blocks());
     ASSERT_EQ(a.vertices.size(), b.vertices.size());
     ASSERT_EQ(a.faces.size(), b.faces.size());
-    // Sums of six terms in another order; t = |Fa| / (|Fa| + |Fb|) divides their rounding by the gradient.
-    for (std::size_t v = 0; v < a.vertices.size(); ++v) EXPECT_NEAR(norm(a.vertices[v] - b.vertices[v]), 0, 2e-6);
+    // Sums of six terms in another order; t = |Fa| / (|Fa| + |Fb|) divides their rounding by the
+    // gradient.
+    for (std::size_t v = 0; v < a.vertices.size(); ++v)
+        EXPECT_NEAR(norm(a.vertices[v] - b.vertices[v]), 0, 2e-6);
 }
 
 TEST(Tsdf, EmptyDepthGivesAnEmptyMesh) {
@@ -158,7 +164,8 @@ TEST(Tsdf, OneVoxelByHand) {
     ASSERT_TRUE(seen.valid);
     EXPECT_EQ(seen.pixel, 5 * 10 + 5);  // floor(10 * 0.05 / 0.95 + 4.5) = 5
     EXPECT_NEAR(seen.tsdf, 0.05 * std::sqrt(1 + 2 * 0.01) / 0.2, 1e-6);
-    EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 1.2f}).valid);  // at minus the truncation: strict
+    EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 1.2f})
+                     .valid);  // at minus the truncation: strict
     EXPECT_TRUE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 1.19f}).valid);
     EXPECT_EQ(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 0.1f}).tsdf, 1);
     EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, -1}).valid);
@@ -191,8 +198,10 @@ TEST(Tsdf, RefusesWhatDoesNotFit) {
 
     // What it suggests does fit.
     const float suggested = std::stof(message.substr(message.find("--voxel-size") + 13));
-    TsdfVolume<Cpu> retry(tsdf_options(suggested, 5 * suggested, 100 * VoxelBlocks<Cpu>::kBytesPerBlock));
-    EXPECT_EQ(error_of([&] { retry.integrate(plane_view(1).view()); }).first, ExitCode::done) << suggested;
+    TsdfVolume<Cpu> retry(
+        tsdf_options(suggested, 5 * suggested, 100 * VoxelBlocks<Cpu>::kBytesPerBlock));
+    EXPECT_EQ(error_of([&] { retry.integrate(plane_view(1).view()); }).first, ExitCode::done)
+        << suggested;
 
     TsdfVolume<Cpu> volume(tsdf_options(0.001f, 0.005f));
     DepthMap far = plane_view(0);
@@ -204,7 +213,8 @@ TEST(Tsdf, RefusesWhatDoesNotFit) {
     EXPECT_EQ(error_of([&] { volume.integrate(far.view()); }).first, ExitCode::input);
 
     EXPECT_EQ(error_of([&] { TsdfVolume<Cpu>(tsdf_options(0, 1)); }).first, ExitCode::usage);
-    EXPECT_EQ(error_of([&] { TsdfVolume<Cpu>(tsdf_options(0.1f, std::nanf(""))); }).first, ExitCode::usage);
+    EXPECT_EQ(error_of([&] { TsdfVolume<Cpu>(tsdf_options(0.1f, std::nanf(""))); }).first,
+              ExitCode::usage);
     TsdfVolume<Cpu> wide(tsdf_options(1e-4f, 5));
     EXPECT_EQ(error_of([&] { wide.integrate(plane_view(1).view()); }).first, ExitCode::usage);
 }
@@ -241,7 +251,8 @@ TEST(TsdfTwin, SameBitsOnBothDevices) {
             int views, size_px;
             float voxel_size;
         };
-        for (const Case c : {Case{0, 8, 0.1f}, Case{1, 1, 0.1f}, Case{1, 31, 0.3f}, Case{3, 257, 0.05f}, Case{24, 400, 0.02f}}) {
+        for (const Case c : {Case{0, 8, 0.1f}, Case{1, 1, 0.1f}, Case{1, 31, 0.3f},
+                             Case{3, 257, 0.05f}, Case{24, 400, 0.02f}}) {
             const TriangleMesh cpu = fused_sphere<Cpu>(c.views, c.size_px, c.voxel_size);
             const TriangleMesh cuda = fused_sphere<Cuda>(c.views, c.size_px, c.voxel_size);
             ASSERT_EQ(cpu.vertices.size(), cuda.vertices.size());

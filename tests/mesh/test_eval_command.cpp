@@ -1,0 +1,97 @@
+// tvsgs-eval geometry as a user calls it: what it prints, and its exit codes.
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+
+namespace {
+
+namespace fs = std::filesystem;
+
+class EvalGeometry : public testing::Test {
+protected:
+    void SetUp() override {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_eval_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        write("truth.ply", "0 0 0\n1 0 0\n2 0 0\n3 0 0\n");
+        write("half.ply", "0 0 0.25\n1 0 0.25\n");
+    }
+    void TearDown() override { fs::remove_all(folder_); }
+
+    std::string path(const std::string& name) const { return (folder_ / name).string(); }
+    void write(const std::string& name,
+               const std::string& vertices,
+               const std::string& faces = "") const {
+        const auto lines = [](const std::string& text) {
+            return std::to_string(std::count(text.begin(), text.end(), '\n'));
+        };
+        std::ofstream(path(name))
+            << "ply\nformat ascii 1.0\nelement vertex " << lines(vertices)
+            << "\nproperty float x\nproperty float y\nproperty float z\nelement face "
+            << lines(faces) << "\nproperty list uchar int vertex_indices\nend_header\n"
+            << vertices << faces;
+    }
+    /// Exit code; standard output goes to `output_`, messages to `messages_`.
+    int eval(const std::string& arguments) {
+        const std::string command = std::string(TVSGS_BIN_DIR) + "/tvsgs-eval geometry " +
+                                    arguments + " >" + path("out") + " 2>" + path("err");
+        const int status = std::system(command.c_str());
+        output_ = read("out"), messages_ = read("err");
+        return WEXITSTATUS(status);
+    }
+    std::string read(const std::string& name) const {
+        std::ifstream file(path(name));
+        return {std::istreambuf_iterator<char>(file), {}};
+    }
+    std::string inputs() const {
+        return "--pred " + path("half.ply") + " --gt " + path("truth.ply");
+    }
+
+    fs::path folder_;
+    std::string output_, messages_;
+};
+
+TEST_F(EvalGeometry, PrintsAndWritesJson) {
+    ASSERT_EQ(eval(inputs() + " --tau 0.3,2 --out " + path("result.json")), 0) << messages_;
+    EXPECT_NE(output_.find("\"accuracy\": 0.25"), std::string::npos) << output_;
+    EXPECT_NE(output_.find("\"precision\": 1, \"recall\": 0.5"), std::string::npos) << output_;
+    EXPECT_NE(output_.find("\"points\": {\"pred\": 2, \"gt\": 4}"), std::string::npos) << output_;
+    EXPECT_EQ(read("result.json"), output_);
+}
+
+TEST_F(EvalGeometry, BoundsDecideTheExitCode) {
+    EXPECT_EQ(eval(inputs() + " --tau 0.30 --require 'accuracy<=0.25' --require 'recall@0.3>=0.5' "
+                              "--require 'f1@.3 > 0.6'"),
+              0)
+        << messages_;
+    EXPECT_EQ(eval(inputs() + " --require 'accuracy<0.25'"), 8);
+    EXPECT_NE(messages_.find("accuracy is 0.25"), std::string::npos) << messages_;
+    EXPECT_NE(output_.find("accuracy"), std::string::npos);  // the numbers are still there
+    EXPECT_EQ(eval(inputs() + " --require 'f1@1>=0'"), 2);   // no such threshold
+    EXPECT_EQ(eval(inputs() + " --require 'accuracy'"), 2);
+    EXPECT_EQ(eval(inputs() + " --tau 0.3,x"), 2);
+    EXPECT_EQ(eval(inputs() + " --max_distnce 3"), 2);
+    EXPECT_NE(messages_.find("--max-distance"), std::string::npos) << messages_;
+    EXPECT_EQ(eval(inputs() + " --max_distance 3"), 0);  // underscores are fine
+}
+
+TEST_F(EvalGeometry, BadInput) {
+    EXPECT_EQ(eval("--pred " + path("nope.ply") + " --gt " + path("truth.ply")), 3);
+    write("empty.ply", "");
+    EXPECT_EQ(eval("--pred " + path("empty.ply") + " --gt " + path("truth.ply")), 3) << messages_;
+    write("nan.ply", "nan 0 0\n0 nan 0\n1 0 0\n", "3 0 1 2\n");
+    EXPECT_EQ(eval("--pred " + path("nan.ply") + " --gt " + path("truth.ply")), 3) << messages_;
+    write("flat.ply", "0 0 0\n1 0 0\n2 0 0\n", "3 0 1 2\n3 1 1 1\n");
+    EXPECT_EQ(eval("--pred " + path("flat.ply") + " --gt " + path("truth.ply")), 3) << messages_;
+    std::ofstream(path("crop.json")) << R"({"box": [[10, 10, 10], [11, 11, 11]]})";
+    EXPECT_EQ(eval(inputs() + " --crop " + path("crop.json")), 3);
+    EXPECT_NE(messages_.find("they span"), std::string::npos) << messages_;
+}
+
+}  // namespace
