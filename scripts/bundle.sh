@@ -38,6 +38,7 @@ rm -rf "$out"
 mkdir -p "$out/bin" "$out/lib"
 cp "$build"/bin/tvsgs-* "$out/bin/"
 if $with_tests; then
+    compgen -G "$build/bin/test_*" >/dev/null || { echo "bundle: $build was configured without tests" >&2; exit 2; }
     cp "$build"/bin/test_* "$out/bin/"
 fi
 cp -r configs LICENSE README.md "$out/"

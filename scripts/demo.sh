@@ -60,5 +60,6 @@ Done in $SECONDS s after the build.
   renders of test views   $run/test/*.png
   splats                  $run/point_cloud/iteration_*/point_cloud.ply
   mesh                    $run/mesh/mesh.ply      (the true one: $scene/gt/mesh.ply)
+  picture of the mesh     $run/mesh/mesh.png
   numbers                 $run/eval/*.json, $run/log.jsonl
 END

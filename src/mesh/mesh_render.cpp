@@ -220,7 +220,7 @@ Camera preview_camera(const TriangleMesh& mesh, int width, int height) {
         low[c] = at(0.02), high[c] = at(0.98);
     }
     const Vec3f centre = 0.5f * (low + high);
-    const float radius = std::max(0.46f * norm(high - low), 1e-6f);
+    const float radius = std::max(0.52f * norm(high - low), 1e-6f);
 
     Camera camera;
     camera.width_px = width, camera.height_px = height;
