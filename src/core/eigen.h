@@ -1,4 +1,5 @@
-// Eigenvalues and eigenvectors of symmetric 3x3 matrices by cyclic Jacobi rotations, for both devices.
+// Eigenvalues and eigenvectors of symmetric 3x3 matrices by cyclic Jacobi rotations, for both
+// devices.
 #pragma once
 
 #include <cmath>
@@ -50,7 +51,8 @@ TVSGS_HD void swap_if_ascending(Real& a, Real& b, Vec3<Real>& va, Vec3<Real>& vb
 
 template <class Real, bool kVectors>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
-    // Scaled first, so that squares neither overflow nor vanish: entries of 1e-30 to 1e30 work in float.
+    // Scaled first, so that squares neither overflow nor vanish: entries of 1e-30 to 1e30 work in
+    // float.
     const Real entries[6] = {in.xx, in.xy, in.xz, in.yy, in.yz, in.zz};
     Real scale = 0;
     for (const Real entry : entries) scale = std::abs(entry) > scale ? std::abs(entry) : scale;
@@ -71,13 +73,15 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
     swap_if_ascending(a, c, va, vc);
     swap_if_ascending(b, c, vb, vc);
     if constexpr (kVectors) vc = cross(va, vb);
-    return {{a * scale, b * scale, c * scale}, {{{va.x, vb.x, vc.x}, {va.y, vb.y, vc.y}, {va.z, vb.z, vc.z}}}};
+    return {{a * scale, b * scale, c * scale},
+            {{{va.x, vb.x, vc.x}, {va.y, vb.y, vc.y}, {va.z, vb.z, vc.z}}}};
 }
 
 }  // namespace detail
 
-/// Eigenpairs; the error of a difference of values is a few rounding errors of the largest one, also when values
-/// coincide. The signs of the vectors are arbitrary. NaN or infinite entries give NaN values.
+/// Eigenpairs; the error of a difference of values is a few rounding errors of the largest one,
+/// also when values coincide. The signs of the vectors are arbitrary. NaN or infinite entries give
+/// NaN values.
 template <class Real>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& A) {
     return detail::sym_eigen<Real, true>(A);

@@ -17,7 +17,7 @@ namespace tvsgs {
 /// depend on the number of threads.
 template <class Body>
 void parallel_for(Cpu, int count, const Body& body) {
-#pragma omp parallel for schedule(dynamic, 256)
+#pragma omp parallel for schedule(dynamic, 256) if (count > 256)
     for (int i = 0; i < count; ++i) body(i);
 }
 
@@ -36,7 +36,7 @@ inline constexpr int kSumBlocks = 256;
 template <class Term>
 void add_sum(Cpu, int count, const Term& term, double scale, Span<double> partial, double* sum) {
     const int chunk = (count + kSumBlocks - 1) / kSumBlocks;
-#pragma omp parallel for schedule(dynamic, 1)
+#pragma omp parallel for schedule(dynamic, 1) if (count > 4096)
     for (int block = 0; block < kSumBlocks; ++block) {
         double s = 0;
         for (int i = block * chunk; i < std::min(count, (block + 1) * chunk); ++i) s += static_cast<double>(term(i));

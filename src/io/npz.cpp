@@ -15,13 +15,16 @@ namespace {
 
 constexpr std::int64_t kMaxShapeEntry = std::int64_t(1) << 31;
 constexpr std::uint64_t kMaxEntryBytes = std::uint64_t(1) << 30;
-constexpr std::uint64_t kMaxEntries = 65536, kMaxCompressionRatio = 1100;  // deflate cannot exceed 1032
+constexpr std::uint64_t kMaxEntries = 65536,
+                        kMaxCompressionRatio = 1100;  // deflate cannot exceed 1032
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
-    throw Error(ExitCode::input, str(name, ": ", what, "; save it anew with numpy.save or numpy.savez"));
+    throw Error(ExitCode::input,
+                str(name, ": ", what, "; save it anew with numpy.save or numpy.savez"));
 }
 
-/// The dict literal {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: just these keys, in any order.
+/// The dict literal {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: just these keys,
+/// in any order.
 struct Header {
     std::string descr;
     bool fortran_order = false;
@@ -63,7 +66,8 @@ private:
         return text_[at_];
     }
     void expect(char c) {
-        if (peek() != c) fail(name_, str("expected '", c, "' in the header, found '", text_[at_], "'"));
+        if (peek() != c)
+            fail(name_, str("expected '", c, "' in the header, found '", text_[at_], "'"));
         ++at_;
     }
     std::string quoted() {
@@ -77,7 +81,8 @@ private:
     }
     bool boolean() {
         peek();
-        for (const auto& [word, value] : {std::pair{std::string_view("True"), true}, {"False", false}})
+        for (const auto& [word, value] :
+             {std::pair{std::string_view("True"), true}, {"False", false}})
             if (text_.substr(at_, word.size()) == word) {
                 at_ += word.size();
                 return value;
@@ -94,7 +99,8 @@ private:
                 value = value * 10 + (text_[at_] - '0');
                 if (value >= kMaxShapeEntry) fail(name_, "a dimension is 2^31 or larger");
             }
-            if (at_ == start || shape.size() >= 32) fail(name_, "shape is not a tuple of up to 32 numbers");
+            if (at_ == start || shape.size() >= 32)
+                fail(name_, "shape is not a tuple of up to 32 numbers");
             shape.push_back(value);
             if (peek() == ',') ++at_;
         }
@@ -118,17 +124,27 @@ T load(const char* bytes, bool swap) {
 
 double number(char kind, std::size_t size, const char* bytes, bool swap) {
     switch (kind * 16 + static_cast<int>(size)) {
-        case 'f' * 16 + 4: return static_cast<double>(load<float>(bytes, swap));
-        case 'f' * 16 + 8: return load<double>(bytes, swap);
-        case 'i' * 16 + 1: return load<std::int8_t>(bytes, swap);
-        case 'i' * 16 + 2: return load<std::int16_t>(bytes, swap);
-        case 'i' * 16 + 4: return load<std::int32_t>(bytes, swap);
-        case 'i' * 16 + 8: return static_cast<double>(load<std::int64_t>(bytes, swap));
+        case 'f' * 16 + 4:
+            return static_cast<double>(load<float>(bytes, swap));
+        case 'f' * 16 + 8:
+            return load<double>(bytes, swap);
+        case 'i' * 16 + 1:
+            return load<std::int8_t>(bytes, swap);
+        case 'i' * 16 + 2:
+            return load<std::int16_t>(bytes, swap);
+        case 'i' * 16 + 4:
+            return load<std::int32_t>(bytes, swap);
+        case 'i' * 16 + 8:
+            return static_cast<double>(load<std::int64_t>(bytes, swap));
         case 'b' * 16 + 1:
-        case 'u' * 16 + 1: return load<std::uint8_t>(bytes, swap);
-        case 'u' * 16 + 2: return load<std::uint16_t>(bytes, swap);
-        case 'u' * 16 + 4: return load<std::uint32_t>(bytes, swap);
-        default: return static_cast<double>(load<std::uint64_t>(bytes, swap));
+        case 'u' * 16 + 1:
+            return load<std::uint8_t>(bytes, swap);
+        case 'u' * 16 + 2:
+            return load<std::uint16_t>(bytes, swap);
+        case 'u' * 16 + 4:
+            return load<std::uint32_t>(bytes, swap);
+        default:
+            return static_cast<double>(load<std::uint64_t>(bytes, swap));
     }
 }
 
@@ -147,7 +163,8 @@ void append_utf8(std::string& text, std::uint32_t c) {
     } else if (c < 0x10000) {
         byte(0xe0 | c >> 12), byte(0x80 | (c >> 6 & 63)), byte(0x80 | (c & 63));
     } else {
-        byte(0xf0 | (c >> 18 & 7)), byte(0x80 | (c >> 12 & 63)), byte(0x80 | (c >> 6 & 63)), byte(0x80 | (c & 63));
+        byte(0xf0 | (c >> 18 & 7)), byte(0x80 | (c >> 12 & 63)), byte(0x80 | (c >> 6 & 63)),
+            byte(0x80 | (c & 63));
     }
 }
 
@@ -174,7 +191,8 @@ std::int64_t NpyArray::size() const {
 
 NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     constexpr std::string_view kMagic("\x93NUMPY", 6);
-    if (bytes.size() < 10 || bytes.substr(0, 6) != kMagic) fail(name, "not a .npy array (wrong signature)");
+    if (bytes.size() < 10 || bytes.substr(0, 6) != kMagic)
+        fail(name, "not a .npy array (wrong signature)");
     const bool long_header = bytes[6] != 1;
     const std::size_t start = long_header ? 12 : 10;
     if (bytes[6] < 1 || bytes[6] > 3) fail(name, "unknown version of the .npy format");
@@ -187,14 +205,16 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     const std::string_view data = bytes.substr(start + length);
 
     const std::string& d = header.descr;
-    if (d.size() < 3 || d.size() > 8 || std::string_view("<>|=").find(d[0]) == std::string_view::npos ||
+    if (d.size() < 3 || d.size() > 8 ||
+        std::string_view("<>|=").find(d[0]) == std::string_view::npos ||
         d.find_first_not_of("0123456789", 2) != std::string::npos)
         fail(name, str("unsupported type '", d, "'"));
     const char kind = d[1];
     const std::size_t size = std::stoul(d.substr(2)) * (kind == 'U' ? 4 : 1);
     const bool text = kind == 'U' && header.shape.empty();
     if (!text && !known_type(kind, size))
-        fail(name, str("unsupported type '", d, "'; expected float32, float64, an integer or bool"));
+        fail(name,
+             str("unsupported type '", d, "'; expected float32, float64, an integer or bool"));
 
     NpyArray array{header.shape, {}, {}, text};
     std::size_t count = 1;
@@ -204,11 +224,13 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
         count *= n;
     }
     if (data.size() != count * size)
-        fail(name, str("the shape asks for ", count * size, " bytes of data, the file holds ", data.size()));
+        fail(name, str("the shape asks for ", count * size, " bytes of data, the file holds ",
+                       data.size()));
     const bool swap = d[0] == '>' ? !kBigHost : d[0] == '<' ? kBigHost : false;
     if (text) {
         for (std::size_t i = 0; i < size; i += 4)
-            if (const auto c = load<std::uint32_t>(data.data() + i, swap); c != 0) append_utf8(array.text, c);
+            if (const auto c = load<std::uint32_t>(data.data() + i, swap); c != 0)
+                append_utf8(array.text, c);
         return array;
     }
     array.numbers.resize(count);
@@ -227,21 +249,24 @@ NpyArray read_npy(const std::string& path) {
 
 NpzArchive read_npz(const std::string& path) {
     int code = 0;
-    const std::unique_ptr<zip_t, decltype(&zip_discard)> zip(zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code),
-                                                             zip_discard);
+    const std::unique_ptr<zip_t, decltype(&zip_discard)> zip(
+        zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code), zip_discard);
     if (!zip) {
         zip_error_t error;
         zip_error_init_with_code(&error, code);
         const std::string reason = zip_error_strerror(&error);
         zip_error_fini(&error);
-        throw Error(ExitCode::input, str(path, ": cannot be read as a .npz (ZIP) archive: ", reason));
+        throw Error(ExitCode::input,
+                    str(path, ": cannot be read as a .npz (ZIP) archive: ", reason));
     }
     const auto entries = static_cast<std::uint64_t>(zip_get_num_entries(zip.get(), 0));
-    if (entries > kMaxEntries) fail(path, str(entries, " entries; at most ", kMaxEntries, " are read"));
+    if (entries > kMaxEntries)
+        fail(path, str(entries, " entries; at most ", kMaxEntries, " are read"));
     NpzArchive archive;
     for (std::uint64_t i = 0; i < entries; ++i) {
         zip_stat_t stat;
-        if (zip_stat_index(zip.get(), i, 0, &stat) != 0 || stat.name == nullptr) fail(path, str("entry ", i, " is damaged"));
+        if (zip_stat_index(zip.get(), i, 0, &stat) != 0 || stat.name == nullptr)
+            fail(path, str("entry ", i, " is damaged"));
         const std::string name = stat.name, where = str(path, ": ", name);
         if (!name.ends_with(".npy")) fail(where, "the name does not end in .npy");
         constexpr unsigned kNeeded = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
@@ -250,11 +275,13 @@ NpzArchive read_npz(const std::string& path) {
             fail(where, "compressed by another method than deflate");
         if (stat.size > kMaxEntryBytes || stat.size / kMaxCompressionRatio > stat.comp_size)
             fail(where, str(stat.size, " bytes from ", stat.comp_size, " is more than is read"));
-        const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(zip_fopen_index(zip.get(), i, 0), zip_fclose);
+        const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(
+            zip_fopen_index(zip.get(), i, 0), zip_fclose);
         std::string bytes(stat.size, '\0');
         char end = 0;
         // Reading on to the end is what makes libzip compare the checksum.
-        if (!file || zip_fread(file.get(), bytes.data(), stat.size) != static_cast<zip_int64_t>(stat.size) ||
+        if (!file ||
+            zip_fread(file.get(), bytes.data(), stat.size) != static_cast<zip_int64_t>(stat.size) ||
             zip_fread(file.get(), &end, 1) != 0)
             fail(where, "the entry is truncated, or its checksum is wrong");
         if (!archive.emplace(name.substr(0, name.size() - 4), parse_npy(bytes, where)).second)

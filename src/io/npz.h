@@ -19,14 +19,15 @@ struct NpyArray {
     std::int64_t size() const;
 };
 
-/// Bytes of one .npy file: bool, 8- to 64-bit integers, float32 and float64 of either byte order, scalar Unicode strings.
-/// `name` is for messages. Throws Error(ExitCode::input), also for pickled objects and structured types.
+/// Bytes of one .npy file: bool, 8- to 64-bit integers, float32 and float64 of either byte order,
+/// scalar Unicode strings. `name` is for messages. Throws Error(ExitCode::input), also for pickled
+/// objects and structured types.
 NpyArray parse_npy(std::string_view bytes, const std::string& name);
 
 NpyArray read_npy(const std::string& path);
 
-/// All arrays of an archive by name, without ".npy". Checksums, sizes (1 GiB per entry, 65,536 entries) and compression
-/// ratios (1,100) are checked. Throws Error(ExitCode::input).
+/// All arrays of an archive by name, without ".npy". Checksums, sizes (1 GiB per entry, 65,536
+/// entries) and compression ratios (1,100) are checked. Throws Error(ExitCode::input).
 using NpzArchive = std::map<std::string, NpyArray>;
 NpzArchive read_npz(const std::string& path);
 

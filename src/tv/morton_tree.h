@@ -1,5 +1,5 @@
-// Exact nearest neighbours by a flat hierarchy of boxes: points in Morton order, 32 to a leaf, 32 nodes to a node.
-// [GPU design, section 11]
+// Exact nearest neighbours by a flat hierarchy of boxes: points in Morton order, 32 to a leaf, 32
+// nodes to a node. [GPU design, section 11]
 #pragma once
 
 #include <bit>
@@ -55,9 +55,13 @@ struct TreeNodeBody {
 
     TVSGS_HD void operator()(int j) const {
         constexpr float kInfinity = std::numeric_limits<float>::infinity();
-        TreeNode node{{kInfinity, kInfinity, kInfinity}, 0xffffffffu, {-kInfinity, -kInfinity, -kInfinity}, 0};
+        TreeNode node{{kInfinity, kInfinity, kInfinity},
+                      0xffffffffu,
+                      {-kInfinity, -kInfinity, -kInfinity},
+                      0};
         const int below = level == 0 ? tree.points.size() : tree.level_size[level - 1];
-        const int begin = j * kTreeFanout, end = begin + kTreeFanout < below ? begin + kTreeFanout : below;
+        const int begin = j * kTreeFanout,
+                  end = begin + kTreeFanout < below ? begin + kTreeFanout : below;
         for (int i = begin; i < end; ++i) {
             if (level == 0) {
                 const TreePoint point = tree.points[i];
@@ -90,8 +94,9 @@ TVSGS_HD inline std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// Morton code of 3 x 42 bits inside a cube of edge `extent` at `origin`, in two words: coarse enough that far
-/// outliers do not matter (they are clamped, for the code alone), fine enough for clusters 10^6 apart.
+/// Morton code of 3 x 42 bits inside a cube of edge `extent` at `origin`, in two words: coarse
+/// enough that far outliers do not matter (they are clamped, for the code alone), fine enough for
+/// clusters 10^6 apart.
 struct MortonCode {
     std::uint64_t high, low;
 };
@@ -111,7 +116,8 @@ TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
 
 /// Orders like (distance squared, index), distances that are not finite last.
 TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t index) {
-    const float ordered = squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
+    const float ordered =
+        squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
     // Adding zero turns -0 into 0.
     return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | index;
 }
@@ -141,11 +147,13 @@ template <class Warp>
 class NearestSearch {
 public:
     /// `keys` has room for `capacity` = search_capacity(wanted) keys.
-    TVSGS_HD NearestSearch(const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
+    TVSGS_HD NearestSearch(
+        const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
         : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
 
-    /// The `wanted` points nearest to point `slot`, ties by index, itself excluded by index. Their keys come first in
-    /// the buffer, in no defined order; returns how many there are (fewer if the tree holds fewer).
+    /// The `wanted` points nearest to point `slot`, ties by index, itself excluded by index. Their
+    /// keys come first in the buffer, in no defined order; returns how many there are (fewer if the
+    /// tree holds fewer).
     TVSGS_HD int run(int slot) {
         self_ = tree_.points[slot];
         // 1. Neighbours in Morton order, enough of them to bound the distance of the wanted-th.
@@ -175,10 +183,11 @@ private:
         if (count_ + kTreeFanout > capacity_) shrink();
         const int begin = leaf * kTreeFanout;
         const std::uint32_t mask = warp_.ballot32([&](int i) {
-            return begin + i < tree_.points.size() && tree_.points[begin + i].index != self_.index &&
-                   point_key(begin + i) < bound_;
+            return begin + i < tree_.points.size() &&
+                   tree_.points[begin + i].index != self_.index && point_key(begin + i) < bound_;
         });
-        warp_.for_each_bit(mask, [&](int i, int rank) { keys_[count_ + rank] = point_key(begin + i); });
+        warp_.for_each_bit(mask,
+                           [&](int i, int rank) { keys_[count_ + rank] = point_key(begin + i); });
         count_ += Warp::bit_count(mask);
     }
 
@@ -196,7 +205,8 @@ private:
     TVSGS_HD std::uint32_t children_in_reach(int level, int first) const {
         return warp_.ballot32([&](int i) {
             return first + i < tree_.level_size[level] &&
-                   node_key(tree_.nodes[tree_.level_begin[level] + first + i], self_.position) < bound_;
+                   node_key(tree_.nodes[tree_.level_begin[level] + first + i], self_.position) <
+                       bound_;
         });
     }
 
@@ -215,7 +225,8 @@ private:
             const int node = first[level] + Warp::lowest_bit(open[level]);
             open[level] &= open[level] - 1;
             // The bound may have shrunk since the test.
-            if (!(node_key(tree_.nodes[tree_.level_begin[level] + node], self_.position) < bound_)) continue;
+            if (!(node_key(tree_.nodes[tree_.level_begin[level] + node], self_.position) < bound_))
+                continue;
             if (level > 0) {
                 --level;
                 first[level] = node * kTreeFanout;

@@ -5,7 +5,9 @@
 namespace tvsgs {
 namespace detail {
 
-void reverse_lists(Span<const TreePoint> points, NeighbourScratch<Cpu>& scratch, Neighbours<Cpu>& out) {
+void reverse_lists(Span<const TreePoint> points,
+                   NeighbourScratch<Cpu>& scratch,
+                   Neighbours<Cpu>& out) {
     // A counting sort of the edges by receiver, voters in ascending order.
     const int count = static_cast<int>(out.begin.size()) - 1, k = out.k;
     scratch.cursors.resize(count);
@@ -14,13 +16,15 @@ void reverse_lists(Span<const TreePoint> points, NeighbourScratch<Cpu>& scratch,
     std::vector<std::int64_t> next(count + std::size_t(1), 0);
     for (int voter = 0; voter < count; ++voter)
         if (scratch.cursors[voter] == 1)
-            for (int r = 0; r < k; ++r) ++next[out.receivers[std::size_t(voter) * k + r] + std::size_t(1)];
+            for (int r = 0; r < k; ++r)
+                ++next[out.receivers[std::size_t(voter) * k + r] + std::size_t(1)];
     for (int i = 0; i < count; ++i) next[i + 1] += next[i];
     copy(next, out.begin);
     for (int voter = 0; voter < count; ++voter)
         if (scratch.cursors[voter] == 1)
             for (int r = 0; r < k; ++r)
-                out.voters[next[out.receivers[std::size_t(voter) * k + r]]++] = static_cast<std::uint32_t>(voter);
+                out.voters[next[out.receivers[std::size_t(voter) * k + r]]++] =
+                    static_cast<std::uint32_t>(voter);
 }
 
 }  // namespace detail

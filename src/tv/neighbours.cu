@@ -1,5 +1,4 @@
 #include "tv/neighbours.h"
-
 #include "tv/neighbours_impl.h"
 #include "tv/warp_cuda.h"
 
@@ -7,9 +6,11 @@ namespace tvsgs {
 namespace detail {
 namespace {
 
-// Integer atomics: the counts, and after the sort the lists, do not depend on the order of the threads.
+// Integer atomics: the counts, and after the sort the lists, do not depend on the order of the
+// threads.
 __device__ std::int64_t add_one(std::int64_t* counter) {
-    return static_cast<std::int64_t>(atomicAdd(reinterpret_cast<unsigned long long*>(counter), 1ull));
+    return static_cast<std::int64_t>(
+        atomicAdd(reinterpret_cast<unsigned long long*>(counter), 1ull));
 }
 
 struct CountBody {
@@ -20,7 +21,8 @@ struct CountBody {
 
     __device__ void operator()(const CudaWarp& warp, int slot, void*) const {
         const std::size_t row = std::size_t(points[slot].index) * k;
-        for (int r = warp.lane(); r < k; r += CudaWarp::kLanes) add_one(&counts[receivers[row + r]]);
+        for (int r = warp.lane(); r < k; r += CudaWarp::kLanes)
+            add_one(&counts[receivers[row + r]]);
     }
 };
 
@@ -53,16 +55,19 @@ struct SortListBody {
 
 }  // namespace
 
-void reverse_lists(Span<const TreePoint> points, NeighbourScratch<Cuda>& scratch, Neighbours<Cuda>& out) {
+void reverse_lists(Span<const TreePoint> points,
+                   NeighbourScratch<Cuda>& scratch,
+                   Neighbours<Cuda>& out) {
     const int count = static_cast<int>(out.begin.size()) - 1, k = out.k;
     out.begin.fill_zero();
-    for_each_warp(Cuda{}, points.size(), 0, CountBody{points, k, out.receivers.span(), out.begin.span()});
+    for_each_warp(Cuda{}, points.size(), 0,
+                  CountBody{points, k, out.receivers.span(), out.begin.span()});
     exclusive_scan(out.begin, scratch.sort);
     scratch.cursors.resize(count);
     scratch.cursors.fill_zero();
     for_each_warp(Cuda{}, points.size(), 0,
-                  FillBody{points, k, out.receivers.span(), out.begin.span(), scratch.cursors.span(),
-                           out.voters.span()});
+                  FillBody{points, k, out.receivers.span(), out.begin.span(),
+                           scratch.cursors.span(), out.voters.span()});
     for_each_warp(Cuda{}, count, 0, SortListBody{out.begin.span(), out.voters.span()});
 }
 

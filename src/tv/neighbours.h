@@ -13,11 +13,12 @@ namespace tvsgs {
 /// Lists of one search; they hold until the number or the order of the splats changes.
 template <class Device>
 struct Neighbours {
-    int k = 0;                                // receivers of each usable splat: min(asked for, usable splats - 1)
-    int usable = 0;                           // splats that take part
-    Buffer<std::uint32_t, Device> receivers;  // [N, k] of voter i; in no defined order, undefined for unusable splats
-    Buffer<std::int64_t, Device> begin;       // [N + 1] where receiver i's voters begin
-    Buffer<std::uint32_t, Device> voters;     // [usable * k] ordered by voter
+    int k = 0;       // receivers of each usable splat: min(asked for, usable splats - 1)
+    int usable = 0;  // splats that take part
+    Buffer<std::uint32_t, Device>
+        receivers;  // [N, k] of voter i; in no defined order, undefined for unusable splats
+    Buffer<std::int64_t, Device> begin;         // [N + 1] where receiver i's voters begin
+    Buffer<std::uint32_t, Device> voters;       // [usable * k] ordered by voter
     float largest_trace = 0, median_trace = 0;  // of the usable splats' covariances
 };
 
@@ -35,9 +36,10 @@ struct NeighbourScratch {
     Buffer<int, Device> cursors;
 };
 
-/// For each usable splat the 2k nearest others, and among them the k nearest in its whitened space; ties by index.
-/// Exact for all inputs; splats with values that are not finite are left out. `noise` points to the global
-/// regulariser of the whitening, on the device. With fewer than two usable splats k is 0.
+/// For each usable splat the 2k nearest others, and among them the k nearest in its whitened space;
+/// ties by index. Exact for all inputs; splats with values that are not finite are left out.
+/// `noise` points to the global regulariser of the whitening, on the device. With fewer than two
+/// usable splats k is 0.
 void find_neighbours(const SplatSpans& splats,
                      int k,
                      const WhitenRule& rule,

@@ -1,4 +1,5 @@
-// What both twins of find_neighbours() share: only the sorts, the loops and the reversal of the lists differ.
+// What both twins of find_neighbours() share: only the sorts, the loops and the reversal of the
+// lists differ.
 #pragma once
 
 #include <limits>
@@ -8,7 +9,8 @@
 
 namespace tvsgs::detail {
 
-inline constexpr float kLast = std::numeric_limits<float>::infinity();  // sorts unusable splats to the end
+inline constexpr float kLast =
+    std::numeric_limits<float>::infinity();  // sorts unusable splats to the end
 
 struct TraceBody {
     SplatSpans splats;
@@ -29,7 +31,9 @@ struct CoordinateBody {
     SplatSpans splats;
     int axis;
     Span<float> values;
-    TVSGS_HD void operator()(int i) const { values[i] = splats.usable(i) ? splats.means[i][axis] : kLast; }
+    TVSGS_HD void operator()(int i) const {
+        values[i] = splats.usable(i) ? splats.means[i][axis] : kLast;
+    }
 };
 
 /// Copies sorted values at two ranks; parallel_for over one element.
@@ -54,7 +58,8 @@ struct CodeBody {
             const double edge = double(quantiles[2 * axis + 1]) - double(quantiles[2 * axis]);
             extent = edge > extent ? edge : extent;
         }
-        const MortonCode code = morton_code(splats.means[i], {quantiles[0], quantiles[2], quantiles[4]}, extent);
+        const MortonCode code =
+            morton_code(splats.means[i], {quantiles[0], quantiles[2], quantiles[4]}, extent);
         codes[slot] = !splats.usable(i) ? ~0ull : high_word ? code.high : code.low;
     }
 };
@@ -68,7 +73,9 @@ struct TreePointBody {
     SplatSpans splats;
     Span<const std::uint32_t> order;
     Span<TreePoint> points;
-    TVSGS_HD void operator()(int slot) const { points[slot] = {splats.means[order[slot]], order[slot]}; }
+    TVSGS_HD void operator()(int slot) const {
+        points[slot] = {splats.means[order[slot]], order[slot]};
+    }
 };
 
 template <class Real>
@@ -100,8 +107,12 @@ struct QueryBody {
 };
 
 /// Fills out.begin and out.voters from out.receivers; a splat with traces[i] = kLast has no list.
-void reverse_lists(Span<const TreePoint> points, NeighbourScratch<Cpu>& scratch, Neighbours<Cpu>& out);
-void reverse_lists(Span<const TreePoint> points, NeighbourScratch<Cuda>& scratch, Neighbours<Cuda>& out);
+void reverse_lists(Span<const TreePoint> points,
+                   NeighbourScratch<Cpu>& scratch,
+                   Neighbours<Cpu>& out);
+void reverse_lists(Span<const TreePoint> points,
+                   NeighbourScratch<Cuda>& scratch,
+                   Neighbours<Cuda>& out);
 
 template <class Device>
 void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
@@ -110,14 +121,15 @@ void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbo
     s.sums.resize(kSumBlocks + 1);
     s.sums.fill_zero();
     parallel_for(Device{}, count, TraceBody{splats, s.values.span()});
-    add_sum(Device{}, count, UsableTerm{s.values.span()}, 1, Span<double>{s.sums.data(), kSumBlocks},
-            s.sums.data() + kSumBlocks);
+    add_sum(Device{}, count, UsableTerm{s.values.span()}, 1,
+            Span<double>{s.sums.data(), kSumBlocks}, s.sums.data() + kSumBlocks);
     // The one wait of a search: the shape of everything that follows depends on this number.
     out.usable = static_cast<int>(to_host(s.sums).back());
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
-    parallel_for(Device{}, 1, PickBody{s.values.span(), out.usable / 2, out.usable - 1, s.stats.data()});
+    parallel_for(Device{}, 1,
+                 PickBody{s.values.span(), out.usable / 2, out.usable - 1, s.stats.data()});
     const std::vector<float> stats = to_host(s.stats);
     out.median_trace = stats[0], out.largest_trace = stats[1];
 }
@@ -137,7 +149,8 @@ void sort_points(const SplatSpans& splats, int usable, NeighbourScratch<Device>&
     s.order.resize(count);
     parallel_for(Device{}, count, IotaBody{s.order.span()});
     for (const bool high_word : {false, true}) {  // least significant first: the sort is stable
-        parallel_for(Device{}, count, CodeBody{splats, quantiles, high_word, s.order.span(), s.codes.span()});
+        parallel_for(Device{}, count,
+                     CodeBody{splats, quantiles, high_word, s.order.span(), s.codes.span()});
         sort_by_key(s.codes, s.order, s.sort);
     }
     s.points.resize(usable);
@@ -167,8 +180,8 @@ void find_neighbours(const SplatSpans& splats,
     out.k = std::min(k, candidates);
     out.receivers.resize(std::size_t(splats.size()) * out.k);
     for_each_warp(Device{}, out.usable, capacity * sizeof(std::uint64_t),
-                  QueryBody<VoteReal<Device>>{
-                      splats, rule, noise, tree, candidates, out.k, capacity, out.receivers.span()});
+                  QueryBody<VoteReal<Device>>{splats, rule, noise, tree, candidates, out.k,
+                                              capacity, out.receivers.span()});
 
     out.begin.resize(std::size_t(splats.size()) + 1);
     out.voters.resize(std::size_t(out.usable) * out.k);

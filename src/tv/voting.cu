@@ -1,5 +1,4 @@
 #include "tv/voting.h"
-
 #include "tv/warp_cuda.h"
 // After the CUDA loops and sorts that it calls.
 #include "tv/voting_impl.h"

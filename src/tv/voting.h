@@ -1,4 +1,5 @@
-// Tensor voting: splats vote for each other's tangent planes.  [tensor voting specification, docs/tensor_voting.md]
+// Tensor voting: splats vote for each other's tangent planes.  [tensor voting specification,
+// docs/tensor_voting.md]
 #pragma once
 
 #include <cstdint>
@@ -35,42 +36,52 @@ struct TvOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("enabled", enabled, "vote at all; the two voting losses need it");
-        field("k", k, {1, 512}, "splats each splat votes for, chosen among 2k Euclidean neighbours");
+        field("k", k, {1, 512},
+              "splats each splat votes for, chosen among 2k Euclidean neighbours");
         field("start", start, {1, 1e9}, "first iteration that votes");
         field("vote_every", vote_every, {1, 1e9}, "iterations between voting events");
         field("refresh_every", refresh_every, {1, 1e9}, "iterations between neighbour searches");
-        field("whiten", whiten, "vote in the space where the voter's covariance is the unit sphere");
+        field("whiten", whiten,
+              "vote in the space where the voter's covariance is the unit sphere");
         field.choice("whiten_noise_mode", whiten_noise_mode, {"global", "per_splat"},
                      "what the regulariser of the whitening is measured by");
         field.choice("scale_rule", scale_rule, {"ten_percent_at_median", "median"},
                      "scale of voting from the median neighbour distance");
         field.choice("vote_map", vote_map, {"covariant", "unit"},
-                     "covariant: votes keep the length that un-whitening gives them (paper); unit: length 1");
+                     "covariant: votes keep the length that un-whitening gives them (paper); unit: "
+                     "length 1");
         field("flatness_limit", flatness_limit, {0, 1},
               "no scale counts as thinner than this times the middle one, votes at the centres");
-        field("flatness_limit_position", flatness_limit_position, {0, 1}, "the same, votes at the virtual receivers");
-        field.choice("strength", strength, {"relative", "literal"}, "relative: saliency / lambda_1; literal: the paper's");
-        field("virtual_range", virtual_range, {0.05, 20}, "reach of the virtual receivers, in largest scales");
-        field("max_vote_angle_deg", max_vote_angle_deg, {1, 90}, "votes at larger angles to the tangent plane are not cast");
-        field("min_votes", min_votes, {0, 1000}, "received votes of strength over 1e-3 that the position loss asks for");
+        field("flatness_limit_position", flatness_limit_position, {0, 1},
+              "the same, votes at the virtual receivers");
+        field.choice("strength", strength, {"relative", "literal"},
+                     "relative: saliency / lambda_1; literal: the paper's");
+        field("virtual_range", virtual_range, {0.05, 20},
+              "reach of the virtual receivers, in largest scales");
+        field("max_vote_angle_deg", max_vote_angle_deg, {1, 90},
+              "votes at larger angles to the tangent plane are not cast");
+        field("min_votes", min_votes, {0, 1000},
+              "received votes of strength over 1e-3 that the position loss asks for");
     }
 };
 
 /// Bits of TensorField::flags.
 enum TensorFlag : std::uint8_t {
-    kHasTensor = 1,       // at least one valid voting round has reached the splat
-    kNormalValid = 2,     // take part in the normal loss
-    kPositionValid = 4,   // take part in the position loss
+    kHasTensor = 1,      // at least one valid voting round has reached the splat
+    kNormalValid = 2,    // take part in the normal loss
+    kPositionValid = 4,  // take part in the position loss
 };
 
-/// Results of the last voting event, one entry per splat; constants of the losses until the next one.
+/// Results of the last voting event, one entry per splat; constants of the losses until the next
+/// one.
 template <class Device>
 struct TensorField {
-    Buffer<Sym3f, Device> tensors;         // [N] accumulated votes, world frame
-    Buffer<Vec3f, Device> eigenvalues;     // [N] descending
-    Buffer<Vec3f, Device> normals;         // [N] unit; direction of the smallest eigenvalue, sign arbitrary
-    Buffer<Vec3f, Device> targets;         // [N] world point of largest surface saliency along the normal
-    Buffer<std::uint8_t, Device> flags;    // [N] TensorFlag bits
+    Buffer<Sym3f, Device> tensors;      // [N] accumulated votes, world frame
+    Buffer<Vec3f, Device> eigenvalues;  // [N] descending
+    Buffer<Vec3f, Device>
+        normals;  // [N] unit; direction of the smallest eigenvalue, sign arbitrary
+    Buffer<Vec3f, Device> targets;  // [N] world point of largest surface saliency along the normal
+    Buffer<std::uint8_t, Device> flags;  // [N] TensorFlag bits
 };
 
 /// Intermediate results of the last event, on the host; for tests and reports.
@@ -79,10 +90,11 @@ struct VotingDetails {
     std::vector<std::uint32_t> receivers;  // [N, k] of voter i
     std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
     std::vector<std::uint32_t> voters;
-    std::vector<float> tau;                // [N] scale of voting; 0: silent
-    std::vector<float> variability;        // [N] radians; infinite where the tensor is not valid
-    std::vector<float> strength;           // [N] RMS of received votes; infinite where the tensor is not valid
-    std::vector<std::uint8_t> left_out;    // [N] in the top 5% of both
+    std::vector<float> tau;          // [N] scale of voting; 0: silent
+    std::vector<float> variability;  // [N] radians; infinite where the tensor is not valid
+    std::vector<float>
+        strength;  // [N] RMS of received votes; infinite where the tensor is not valid
+    std::vector<std::uint8_t> left_out;  // [N] in the top 5% of both
 };
 
 struct SplatSpans;
@@ -94,20 +106,23 @@ public:
     explicit TensorVoter(const TvOptions& options);
     ~TensorVoter();
 
-    /// True at the iterations that vote: `start`, and every `vote_every` after it, and after structure_changed().
+    /// True at the iterations that vote: `start`, and every `vote_every` after it, and after
+    /// structure_changed().
     bool due(int step) const;
 
-    /// One voting event on the current splats; searches neighbours when a refresh is due.  [specification, section 4]
-    /// With fewer than two splats nothing is valid and the field is cleared.
+    /// One voting event on the current splats; searches neighbours when a refresh is due.
+    /// [specification, section 4] With fewer than two splats nothing is valid and the field is
+    /// cleared.
     void vote(int step, const Gaussians<Device>& gaussians, TensorField<Device>& field);
 
-    /// After splats were added, removed or re-ordered: `parents[i]` is the old index of new splat i. Tensors are
-    /// inherited, and the next vote() searches neighbours anew.
+    /// After splats were added, removed or re-ordered: `parents[i]` is the old index of new splat
+    /// i. Tensors are inherited, and the next vote() searches neighbours anew.
     void structure_changed(Span<const int> parents, TensorField<Device>& field);
 
     VotingDetails details() const;
 
-    /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next refresh.
+    /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next
+    /// refresh.
     void set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers);
 
 private:

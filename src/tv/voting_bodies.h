@@ -1,4 +1,5 @@
-// One voting event, element by element; both twins run these.  [tensor voting specification, section 4]
+// One voting event, element by element; both twins run these.  [tensor voting specification,
+// section 4]
 #pragma once
 
 #include "core/eigen.h"
@@ -27,7 +28,9 @@ struct UsableSplatTerm {
 struct NoiseBody {
     const double* count;
     double* noise;
-    TVSGS_HD void operator()(int) const { *noise = kWhitenNoise * *noise / (*count > 1 ? *count : 1); }
+    TVSGS_HD void operator()(int) const {
+        *noise = kWhitenNoise * *noise / (*count > 1 ? *count : 1);
+    }
 };
 
 /// The part of voter i's record that does not depend on its tensor; tau from the current splats.
@@ -55,7 +58,8 @@ struct RecordBody {
                 // A splat may have become usable since the search, its list undefined.
                 const Vec3<Real> mean = vec_cast<Real>(splats.means[j < records.count ? j : 0]);
                 const Real distance = norm(record.W * (mean - record.mean));
-                distances[r] = distance >= 0 ? distance : Real(kFar);  // not NaN: it has to be sorted
+                distances[r] =
+                    distance >= 0 ? distance : Real(kFar);  // not NaN: it has to be sorted
             }
             scale = tau_per_median * median(warp, distances, k);
             record.inverse_tau2 = inverse_square_or_zero(scale);
@@ -69,12 +73,14 @@ private:
     static constexpr float kFar = std::numeric_limits<float>::infinity();
 };
 
-/// Saliency of the splats that have a tensor, and their number, for the common rescale of literal strengths.
+/// Saliency of the splats that have a tensor, and their number, for the common rescale of literal
+/// strengths.
 struct SaliencyTerm {
     Span<const Vec3f> eigenvalues;
     Span<const std::uint8_t> flags;
     TVSGS_HD double operator()(int i) const {
-        return (flags[i] & kHasTensor) != 0 ? double(eigenvalues[i].y) - double(eigenvalues[i].z) : 0;
+        return (flags[i] & kHasTensor) != 0 ? double(eigenvalues[i].y) - double(eigenvalues[i].z)
+                                            : 0;
     }
 };
 struct FlagTerm {
@@ -83,7 +89,8 @@ struct FlagTerm {
     TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
 };
 
-/// How splat i votes this round: with the plate of the tensor it has, else (strength 1, normal 0) as a ball.
+/// How splat i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
+/// as a ball.
 struct StrengthBody {
     bool literal;
     const double* saliency_sum;  // and the number of terms after it
@@ -100,7 +107,8 @@ struct StrengthBody {
             return;
         }
         const Vec3f l = eigenvalues[i];
-        const double mean = literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : double(l.x);
+        const double mean =
+            literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : double(l.x);
         const double strength = mean > 0 ? (double(l.y) - double(l.z)) / mean : 0;
         voter_strengths[i] = strength > 0 ? static_cast<float>(strength) : 0.0f;
     }
@@ -118,10 +126,11 @@ struct OrientBody {
     TVSGS_HD void operator()(int i) const {
         VoterRecord<Real>& record = records[i];
         if (!can_vote(record)) return;
-        set_orientation(record, splats.whitening<Real>(i, rule, *noise), vec_cast<Real>(voter_normals[i]),
-                        Real(voter_strengths[i]));
+        set_orientation(record, splats.whitening<Real>(i, rule, *noise),
+                        vec_cast<Real>(voter_normals[i]), Real(voter_strengths[i]));
         // What is not finite cannot vote: a single such vote would spoil its receivers' sums.
-        Real finite = (dot(record.normal, record.normal) + dot(record.normal_world, record.normal_world)) * 0;
+        Real finite =
+            (dot(record.normal, record.normal) + dot(record.normal_world, record.normal_world)) * 0;
         for (int row = 0; row < 3; ++row)
             for (int c = 0; c < 3; ++c) finite += record.W[row][c] * 0;
         if (!(finite == 0)) record.inverse_tau2 = 0;
@@ -142,7 +151,7 @@ struct Ballot {
 template <class Real>
 struct CentreRoundBody {
     Ballot<Real> ballot;
-    bool ball_round;                  // only splats without a tensor cast and receive
+    bool ball_round;  // only splats without a tensor cast and receive
     Span<const std::uint8_t> flags;
     Span<Sym3f> sums;
     Span<float> strengths, strong_votes;
@@ -152,12 +161,14 @@ struct CentreRoundBody {
         if (ball_round && (flags[i] & kHasTensor) != 0) return;
         const Vec3<Real> mean = vec_cast<Real>(ballot.means[i]);
         VoteSums<Real> s;
-        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1]; e += Warp::kLanes) {
+        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1];
+             e += Warp::kLanes) {
             const VoterRecord<Real>& voter = ballot.records[ballot.voters[e]];
             if (!can_vote(voter) || is_ball(voter) != ball_round) continue;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d;
             add_vote(s, voter.strength,
-                     ball_round ? ball_vote(voter, d, dw, ballot.rule) : plate_vote(voter, d, dw, ballot.rule));
+                     ball_round ? ball_vote(voter, d, dw, ballot.rule)
+                                : plate_vote(voter, d, dw, ballot.rule));
         }
         Sym3<Real>& T = s.tensor;
         T.xx = warp.sum(T.xx), T.xy = warp.sum(T.xy), T.xz = warp.sum(T.xz);
@@ -170,10 +181,12 @@ struct CentreRoundBody {
     }
 };
 
-inline constexpr std::uint8_t kValidNow = 128;  // this round reached the splat; cleared at the end of the event
+inline constexpr std::uint8_t kValidNow =
+    128;  // this round reached the splat; cleared at the end of the event
 
-/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both losses. In double
-/// on both devices: a flat voter magnifies the error of its normal a hundredfold in the next round.
+/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both
+/// losses. In double on both devices: a flat voter magnifies the error of its normal a hundredfold
+/// in the next round.
 struct EigenBody {
     bool ball_round;
     Span<const Sym3f> sums;
@@ -199,8 +212,8 @@ struct EigenBody {
     }
 };
 
-/// Root mean square angle between a splat's normal and its receivers'; infinite where the tensor is not valid, so
-/// that both statistics sort such splats to the end.
+/// Root mean square angle between a splat's normal and its receivers'; infinite where the tensor is
+/// not valid, so that both statistics sort such splats to the end.
 struct VariabilityBody {
     int k;
     Span<const std::uint32_t> receivers;
@@ -221,7 +234,8 @@ struct VariabilityBody {
             const std::uint32_t j = receivers[std::size_t(i) * k + r];
             if (j >= flags.count || (flags[j] & kHasTensor) == 0) continue;
             // The angle from sine and cosine: arccos alone loses the small ones in float.
-            const float angle = std::atan2(norm(cross(n, normals[j])), std::abs(dot(n, normals[j])));
+            const float angle =
+                std::atan2(norm(cross(n, normals[j])), std::abs(dot(n, normals[j])));
             sum += angle * angle;
             count += 1;
         }
@@ -234,7 +248,8 @@ struct VariabilityBody {
 TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
     const double rank = 0.95 * (count - 1);
     const auto low = static_cast<int>(rank), high = low + 1 < count ? low + 1 : low;
-    return static_cast<float>(sorted[low] + (double(sorted[high]) - double(sorted[low])) * (rank - low));
+    return static_cast<float>(sorted[low] +
+                              (double(sorted[high]) - double(sorted[low])) * (rank - low));
 }
 
 /// Who takes part in the position loss.
@@ -279,7 +294,8 @@ struct VirtualBody {
         Real best = -1;
         int best_m = 0;
         if (valid) {
-            // 0, -1, 1, -2, ...: with a strict comparison a tie keeps the centre, then the nearer, then the negative.
+            // 0, -1, 1, -2, ...: with a strict comparison a tie keeps the centre, then the nearer,
+            // then the negative.
             group<0>(warp, i, mean, step, best, best_m);
             group<kGroup>(warp, i, mean, step, best, best_m);
         }
@@ -297,13 +313,15 @@ private:
         const Warp& warp, int i, Vec3<Real> mean, Vec3<Real> step, Real& best, int& best_m) const {
         constexpr int kCount = kFirst + kGroup > 11 ? 11 - kFirst : kGroup;
         Sym3<Real> T[kCount]{};
-        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1]; e += Warp::kLanes) {
+        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1];
+             e += Warp::kLanes) {
             const VoterRecord<Real>& voter = ballot.records[ballot.voters[e]];
             if (!can_vote(voter) || is_ball(voter)) continue;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d, step_w = voter.W * step;
             unrolled<kCount>([&](auto j) {
                 const Real m = position(kFirst + j);
-                const Vote<Real> vote = plate_vote(voter, d + m * step, dw + m * step_w, ballot.rule);
+                const Vote<Real> vote =
+                    plate_vote(voter, d + m * step, dw + m * step_w, ballot.rule);
                 if (vote.cast) add_outer(T[j], voter.strength * vote.decay, vote.v);
             });
         }

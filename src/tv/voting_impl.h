@@ -21,10 +21,10 @@ template <class Device>
 struct TensorVoter<Device>::State {
     using Real = VoteReal<Device>;
 
-    bool stale = true;          // lists do not fit the splats
-    bool changed = false;       // since the last event
+    bool stale = true;     // lists do not fit the splats
+    bool changed = false;  // since the last event
     int refreshed_at = 0;
-    int listed = -1;            // splats at the last search
+    int listed = -1;  // splats at the last search
     bool warned_few = false, warned_giant = false;
 
     Neighbours<Device> neighbours;
@@ -47,7 +47,8 @@ struct TensorVoter<Device>::State {
         add_sum(Device{}, count, term, 1, partial.span(), totals.data() + which);
     }
     void resize(int count) {
-        records.resize(count), tau.resize(count), strengths.resize(count), variability.resize(count);
+        records.resize(count), tau.resize(count), strengths.resize(count),
+            variability.resize(count);
         strong_votes.resize(count), voter_strengths.resize(count), voter_normals.resize(count);
         sums.resize(count), left_out.resize(count);
         partial.resize(kSumBlocks), totals.resize(detail::kSums);
@@ -83,12 +84,15 @@ inline WhitenRule whiten_rule(const TvOptions& o, float flatness_limit) {
 
 inline VoteRule vote_rule(const TvOptions& o) {
     const double sine = std::sin(o.max_vote_angle_deg * kPi / 180);
-    return {o.vote_map == VoteMap::unit, o.max_vote_angle_deg < 90 ? static_cast<float>(sine * sine) : 2.0f};
+    return {o.vote_map == VoteMap::unit,
+            o.max_vote_angle_deg < 90 ? static_cast<float>(sine * sine) : 2.0f};
 }
 
 /// Copies without another allocation per call, then sorts.
 template <class Device>
-void sorted_copy(const Buffer<float, Device>& from, Buffer<float, Device>& to, SortScratch<Device>& scratch) {
+void sorted_copy(const Buffer<float, Device>& from,
+                 Buffer<float, Device>& to,
+                 SortScratch<Device>& scratch) {
     tvsgs::copy(from, to);
     sort(to, scratch);
 }
@@ -104,9 +108,12 @@ void TensorVoter<Device>::refresh(int step, const Gaussians<Device>& gaussians) 
     s.refreshed_at = step;
     s.stale = false;
     const Neighbours<Device>& found = s.neighbours;
-    if (found.k == 0 && !std::exchange(s.warned_few, true)) detail::warn_too_few(found.usable, splats.size());
-    constexpr double kGiant = 1e4;  // in standard deviations: the global regulariser is then as large as most splats
-    const double ratio = std::sqrt(double(found.largest_trace) / std::max(double(found.median_trace), 1e-300));
+    if (found.k == 0 && !std::exchange(s.warned_few, true))
+        detail::warn_too_few(found.usable, splats.size());
+    constexpr double kGiant =
+        1e4;  // in standard deviations: the global regulariser is then as large as most splats
+    const double ratio =
+        std::sqrt(double(found.largest_trace) / std::max(double(found.median_trace), 1e-300));
     if (found.k > 0 && ratio > kGiant && options_.whiten_noise_mode == NoiseMode::global &&
         !std::exchange(s.warned_giant, true))
         detail::warn_giant(ratio);
@@ -114,19 +121,24 @@ void TensorVoter<Device>::refresh(int step, const Gaussians<Device>& gaussians) 
 
 /// Records of all voters for votes with one flatness limit; orient_records() completes them.
 template <class Device>
-void TensorVoter<Device>::build_records(const SplatSpans& splats, float flatness_limit, bool keep_tau) {
+void TensorVoter<Device>::build_records(const SplatSpans& splats,
+                                        float flatness_limit,
+                                        bool keep_tau) {
     State& s = *state_;
     using Real = typename State::Real;
     const double per_median = options_.scale_rule == ScaleRule::median ? 1 : 1 / std::sqrt(kLn10);
     const double* noise = s.totals.data() + (keep_tau ? detail::kNoise : detail::kPositionNoise);
-    for_each_warp(Device{}, splats.size(), s.neighbours.k * sizeof(Real),
-                  detail::RecordBody<Real>{splats, detail::whiten_rule(options_, flatness_limit), noise,
-                                           Real(per_median), s.neighbours.k, s.neighbours.receivers.span(),
-                                           s.records.span(), keep_tau ? s.tau.span() : Span<float>{}});
+    for_each_warp(
+        Device{}, splats.size(), s.neighbours.k * sizeof(Real),
+        detail::RecordBody<Real>{splats, detail::whiten_rule(options_, flatness_limit), noise,
+                                 Real(per_median), s.neighbours.k, s.neighbours.receivers.span(),
+                                 s.records.span(), keep_tau ? s.tau.span() : Span<float>{}});
 }
 
 template <class Device>
-void TensorVoter<Device>::orient_records(const SplatSpans& splats, float flatness_limit, bool position) {
+void TensorVoter<Device>::orient_records(const SplatSpans& splats,
+                                         float flatness_limit,
+                                         bool position) {
     State& s = *state_;
     parallel_for(Device{}, splats.size(),
                  detail::OrientBody<typename State::Real>{
@@ -136,12 +148,15 @@ void TensorVoter<Device>::orient_records(const SplatSpans& splats, float flatnes
 }
 
 template <class Device>
-void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, TensorField<Device>& field) {
+void TensorVoter<Device>::vote(int step,
+                               const Gaussians<Device>& gaussians,
+                               TensorField<Device>& field) {
     using namespace detail;
     using Real = typename State::Real;
     State& s = *state_;
     const int count = gaussians.size();
-    if (static_cast<int>(field.flags.size()) != count) clear(count, field);  // nothing was inherited
+    if (static_cast<int>(field.flags.size()) != count)
+        clear(count, field);  // nothing was inherited
     s.stale = s.stale || s.listed != count;
     s.changed = false;
     s.resize(count);
@@ -174,23 +189,24 @@ void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, Ten
             s.total(kSaliency, count, SaliencyTerm{field.eigenvalues.span(), field.flags.span()});
             s.total(kTensorCount, count, FlagTerm{kHasTensor, field.flags.span()});
         }
-        parallel_for(Device{}, count,
-                     StrengthBody{options_.strength == VoteStrength::literal, s.totals.data() + kSaliency,
-                                  field.eigenvalues.span(), field.normals.span(), field.flags.span(),
-                                  s.voter_normals.span(), s.voter_strengths.span()});
+        parallel_for(
+            Device{}, count,
+            StrengthBody{options_.strength == VoteStrength::literal, s.totals.data() + kSaliency,
+                         field.eigenvalues.span(), field.normals.span(), field.flags.span(),
+                         s.voter_normals.span(), s.voter_strengths.span()});
         orient_records(splats, options_.flatness_limit, false);
         for_each_warp(Device{}, count, 0,
                       CentreRoundBody<Real>{ballot, ball_round, field.flags.span(), s.sums.span(),
                                             s.strengths.span(), s.strong_votes.span()});
         parallel_for(Device{}, count,
-                     EigenBody{ball_round, s.sums.span(), field.tensors.span(), field.eigenvalues.span(),
-                                     field.normals.span(), field.flags.span()});
+                     EigenBody{ball_round, s.sums.span(), field.tensors.span(),
+                               field.eigenvalues.span(), field.normals.span(), field.flags.span()});
     }
 
     // 4. Masks.
     for_each_warp(Device{}, count, 0,
-                  VariabilityBody{near.k, near.receivers.span(), field.normals.span(), field.flags.span(),
-                                  s.variability.span(), s.strengths.span()});
+                  VariabilityBody{near.k, near.receivers.span(), field.normals.span(),
+                                  field.flags.span(), s.variability.span(), s.strengths.span()});
     s.total(kValidCount, count, FlagTerm{kValidNow, field.flags.span()});
     sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
     sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
@@ -205,9 +221,10 @@ void TensorVoter<Device>::vote(int step, const Gaussians<Device>& gaussians, Ten
         build_records(splats, options_.flatness_limit_position, false);
         orient_records(splats, options_.flatness_limit_position, true);
     }
-    for_each_warp(Device{}, count, 0,
-                  VirtualBody<Real>{ballot, options_.virtual_range, splats.log_scales, field.normals.span(),
-                                    field.targets.span(), field.flags.span()});
+    for_each_warp(
+        Device{}, count, 0,
+        VirtualBody<Real>{ballot, options_.virtual_range, splats.log_scales, field.normals.span(),
+                          field.targets.span(), field.flags.span()});
 }
 
 template <class Device>
@@ -218,7 +235,8 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
     const int count = parents.size();
     const auto inherit = [&]<class T>(Buffer<T, Device>& values, Buffer<T, Device>& scratch) {
         scratch.resize(count);
-        parallel_for(Device{}, count, detail::InheritBody<T>{parents, values.span(), scratch.span()});
+        parallel_for(Device{}, count,
+                     detail::InheritBody<T>{parents, values.span(), scratch.span()});
         values.swap(scratch);
     };
     inherit(field.tensors, s.tensors);
@@ -230,7 +248,9 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 }
 
 template <class Device>
-void TensorVoter<Device>::set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers) {
+void TensorVoter<Device>::set_receivers(int step,
+                                        int k,
+                                        const std::vector<std::uint32_t>& receivers) {
     State& s = *state_;
     const int count = static_cast<int>(receivers.size()) / k;
     std::vector<std::int64_t> begin(std::size_t(count) + 1, 0);

@@ -1,5 +1,6 @@
-// The 32 threads that work on one splat together, and what they do in common. Searches and votes are written
-// once for a Warp type: CudaWarp (warp_cuda.h) is the real one, SerialWarp is one CPU thread in its place.
+// The 32 threads that work on one splat together, and what they do in common. Searches and votes
+// are written once for a Warp type: CudaWarp (warp_cuda.h) is the real one, SerialWarp is one CPU
+// thread in its place.
 #pragma once
 
 #include <algorithm>
@@ -43,15 +44,17 @@ struct SerialWarp {
     static int lowest_bit(std::uint32_t mask) { return __builtin_ctz(mask); }
     static int bit_count(std::uint32_t mask) { return __builtin_popcount(mask); }
 
-    /// Afterwards the `wanted` smallest keys come first, and keys[wanted - 1] is the largest of them.
+    /// Afterwards the `wanted` smallest keys come first, and keys[wanted - 1] is the largest of
+    /// them.
     template <class Key>
     void smallest_first(Key* keys, int count, int wanted) const {
         if (wanted > 0 && wanted <= count) std::nth_element(keys, keys + wanted - 1, keys + count);
     }
 };
 
-/// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put the smaller key
-/// first, so that the missing keys up to the next power of two stay, unwritten, past the end.
+/// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put
+/// the smaller key first, so that the missing keys up to the next power of two stay, unwritten,
+/// past the end.
 template <class Warp, class Key>
 TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     const auto compare_exchange = [keys, count](int i, int j) {
@@ -78,7 +81,8 @@ TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     }
 }
 
-/// Of values in scratch memory, which it re-orders; the mean of the two middle ones for an even count.
+/// Of values in scratch memory, which it re-orders; the mean of the two middle ones for an even
+/// count.
 template <class Warp, class Real>
 TVSGS_HD Real median(const Warp& warp, Real* values, int count) {
     const int upper = count / 2;
@@ -90,7 +94,8 @@ TVSGS_HD Real median(const Warp& warp, Real* values, int count) {
     return (below + values[upper]) / 2;
 }
 
-/// action(0), ..., action(kCount - 1) with constants for arguments, so that small arrays stay in registers.
+/// action(0), ..., action(kCount - 1) with constants for arguments, so that small arrays stay in
+/// registers.
 template <int kCount, class Action>
 TVSGS_HD void unrolled(const Action& action) {
     if constexpr (kCount > 0) {
@@ -99,10 +104,11 @@ TVSGS_HD void unrolled(const Action& action) {
     }
 }
 
-/// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp, `scratch_bytes` large.
+/// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp,
+/// `scratch_bytes` large.
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
-#pragma omp parallel
+#pragma omp parallel if (count > 256)
     {
         std::vector<std::uint64_t> scratch(scratch_bytes / sizeof(std::uint64_t) + 1);
 #pragma omp for schedule(dynamic, 16)
@@ -125,11 +131,15 @@ inline void sort(Buffer<float, Cpu>& keys, SortScratch<Cpu>&) {
 }
 
 /// Ascending and stable.
-inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys, Buffer<std::uint32_t, Cpu>& values, SortScratch<Cpu>&) {
+inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys,
+                        Buffer<std::uint32_t, Cpu>& values,
+                        SortScratch<Cpu>&) {
     std::vector<std::pair<std::uint64_t, std::uint32_t>> pairs(keys.size());
     for (std::size_t i = 0; i < pairs.size(); ++i) pairs[i] = {keys[i], values[i]};
-    std::stable_sort(pairs.begin(), pairs.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
-    for (std::size_t i = 0; i < pairs.size(); ++i) keys[i] = pairs[i].first, values[i] = pairs[i].second;
+    std::stable_sort(pairs.begin(), pairs.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    for (std::size_t i = 0; i < pairs.size(); ++i)
+        keys[i] = pairs[i].first, values[i] = pairs[i].second;
 }
 
 }  // namespace tvsgs

@@ -10,17 +10,25 @@
 
 namespace tvsgs {
 
-/// One warp, all lanes taking part in every call. The methods compile for the host too, as the templates that use
-/// them do, but do nothing there.
+/// One warp, all lanes taking part in every call. The methods compile for the host too, as the
+/// templates that use them do, but do nothing there.
 struct CudaWarp {
     static constexpr int kLanes = 32;
     static constexpr unsigned kAll = 0xffffffffu;
 
 #if defined(__CUDA_ARCH__)
-    __host__ __device__ int lane() const { return static_cast<int>(threadIdx.x % 32); }
-    __host__ __device__ void sync() const { __syncwarp(); }
-    __host__ __device__ static int lowest_bit(std::uint32_t mask) { return __ffs(static_cast<int>(mask)) - 1; }
-    __host__ __device__ static int bit_count(std::uint32_t mask) { return __popc(mask); }
+    __host__ __device__ int lane() const {
+        return static_cast<int>(threadIdx.x % 32);
+    }
+    __host__ __device__ void sync() const {
+        __syncwarp();
+    }
+    __host__ __device__ static int lowest_bit(std::uint32_t mask) {
+        return __ffs(static_cast<int>(mask)) - 1;
+    }
+    __host__ __device__ static int bit_count(std::uint32_t mask) {
+        return __popc(mask);
+    }
     template <class T>
     __host__ __device__ T sum(T x) const {  // the same tree, hence the same bits, in all lanes
         for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
@@ -35,10 +43,16 @@ struct CudaWarp {
         return __ballot_sync(kAll, predicate(lane()));
     }
 #else
-    __host__ __device__ int lane() const { return 0; }
+    __host__ __device__ int lane() const {
+        return 0;
+    }
     __host__ __device__ void sync() const {}
-    __host__ __device__ static int lowest_bit(std::uint32_t) { return 0; }
-    __host__ __device__ static int bit_count(std::uint32_t) { return 0; }
+    __host__ __device__ static int lowest_bit(std::uint32_t) {
+        return 0;
+    }
+    __host__ __device__ static int bit_count(std::uint32_t) {
+        return 0;
+    }
     template <class T>
     __host__ __device__ T sum(T x) const {
         return x;
@@ -69,7 +83,8 @@ __global__ void warp_kernel(int count, int warp_bytes, const __grid_constant__ B
     extern __shared__ __align__(16) unsigned char shared[];
     const int in_block = static_cast<int>(threadIdx.x / 32);
     const int i = static_cast<int>(blockIdx.x * (blockDim.x / 32)) + in_block;
-    if (i < count) body(CudaWarp{}, i, static_cast<void*>(shared + std::size_t(in_block) * warp_bytes));
+    if (i < count)
+        body(CudaWarp{}, i, static_cast<void*>(shared + std::size_t(in_block) * warp_bytes));
 }
 }  // namespace detail
 
@@ -90,10 +105,11 @@ inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
     if (count == 0) return;
     scratch.floats.resize(keys.size());
     std::size_t bytes = 0;
-    check_cuda(cub::DeviceRadixSort::SortKeys(nullptr, bytes, keys.data(), scratch.floats.data(), count));
+    check_cuda(
+        cub::DeviceRadixSort::SortKeys(nullptr, bytes, keys.data(), scratch.floats.data(), count));
     scratch.temporary.resize(bytes);
-    check_cuda(cub::DeviceRadixSort::SortKeys(
-        scratch.temporary.data(), bytes, keys.data(), scratch.floats.data(), count));
+    check_cuda(cub::DeviceRadixSort::SortKeys(scratch.temporary.data(), bytes, keys.data(),
+                                              scratch.floats.data(), count));
     keys.swap(scratch.floats);
 }
 
@@ -105,8 +121,9 @@ inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
     scratch.keys.resize(keys.size());
     scratch.values.resize(keys.size());
     const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(cub::DeviceRadixSort::SortPairs(
-            temporary, bytes, keys.data(), scratch.keys.data(), values.data(), scratch.values.data(), count));
+        check_cuda(cub::DeviceRadixSort::SortPairs(temporary, bytes, keys.data(),
+                                                   scratch.keys.data(), values.data(),
+                                                   scratch.values.data(), count));
     };
     std::size_t bytes = 0;
     run(nullptr, bytes);
@@ -123,7 +140,8 @@ inline void exclusive_scan(Buffer<std::int64_t, Cuda>& values, SortScratch<Cuda>
     std::size_t bytes = 0;
     check_cuda(cub::DeviceScan::ExclusiveSum(nullptr, bytes, values.data(), values.data(), count));
     scratch.temporary.resize(bytes);
-    check_cuda(cub::DeviceScan::ExclusiveSum(scratch.temporary.data(), bytes, values.data(), values.data(), count));
+    check_cuda(cub::DeviceScan::ExclusiveSum(scratch.temporary.data(), bytes, values.data(),
+                                             values.data(), count));
 }
 
 }  // namespace tvsgs

@@ -1,5 +1,4 @@
 #include "core/eigen.h"
-
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {
@@ -24,7 +23,8 @@ void expect_rotation(const Mat3<Real>& V, double tolerance) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j)
             EXPECT_NEAR(dot(column(V, i), column(V, j)), i == j ? 1 : 0, tolerance);
-    EXPECT_NEAR(dot(cross(column(V, 0), column(V, 1)), column(V, 2)), 1, tolerance);  // right-handed
+    EXPECT_NEAR(dot(cross(column(V, 0), column(V, 1)), column(V, 2)), 1,
+                tolerance);  // right-handed
 }
 
 TEST(Eigen, KnownMatrices) {
@@ -59,7 +59,8 @@ TEST(Eigen, RandomMatricesAreReconstructedAtAnyScale) {
         const Sym3<double> A{random.normal(), random.normal(), random.normal(),
                              random.normal(), random.normal(), random.normal()};
         const auto e = sym_eigen(A);
-        EXPECT_LT(largest_difference(compose(e.vectors, e.values), A), 1e-14 * 10);  // ten roundings of entries up to 5
+        EXPECT_LT(largest_difference(compose(e.vectors, e.values), A),
+                  1e-14 * 10);  // ten roundings of entries up to 5
         EXPECT_GE(e.values.x, e.values.y);
         EXPECT_GE(e.values.y, e.values.z);
         expect_rotation(e.vectors, 1e-14);
@@ -71,7 +72,8 @@ TEST(Eigen, RandomMatricesAreReconstructedAtAnyScale) {
                           float(A.yy) * scale, float(A.yz) * scale, float(A.zz) * scale};
             const auto f = sym_eigen(F);
             // A few roundings (6e-8) of the largest value, which is below 10.
-            for (int i = 0; i < 3; ++i) EXPECT_NEAR(double(f.values[i]) / double(scale), e.values[i], 1e-5);
+            for (int i = 0; i < 3; ++i)
+                EXPECT_NEAR(double(f.values[i]) / double(scale), e.values[i], 1e-5);
             expect_rotation(f.vectors, 2e-6);
         }
     }
@@ -87,14 +89,16 @@ TEST(Eigen, SaliencyOfPlatesInFloat) {
         const Sym3f F{float(A.xx), float(A.xy), float(A.xz), float(A.yy), float(A.yz), float(A.zz)};
         const auto exact = sym_eigenvalues(Sym3<double>{F.xx, F.xy, F.xz, F.yy, F.yz, F.zz});
         const auto values = sym_eigenvalues(F);
-        worst = std::max(worst, std::abs(double(values.y) - values.z - (exact.y - exact.z)) / exact.x);
+        worst =
+            std::max(worst, std::abs(double(values.y) - values.z - (exact.y - exact.z)) / exact.x);
     }
     EXPECT_LT(worst, 5e-7);  // measured by the design: 3e-7; eight roundings of 6e-8
 }
 
 TEST(Eigen, NotANumberComesThrough) {
     const float nan = std::nanf("");
-    EXPECT_TRUE(std::isnan(sym_eigenvalues(Sym3f{1, nan, 0, 1, 0, 1}).x + sym_eigenvalues(Sym3f{1, nan, 0, 1, 0, 1}).y));
+    EXPECT_TRUE(std::isnan(sym_eigenvalues(Sym3f{1, nan, 0, 1, 0, 1}).x +
+                           sym_eigenvalues(Sym3f{1, nan, 0, 1, 0, 1}).y));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 // The closed form against the specification's own formulas, and its table of degenerate geometry.
-#include "tv/vote_math.h"
-
 #include "tv/tv_support.h"
+#include "tv/vote_math.h"
 #include "tv/warp.h"
 
 namespace tvsgs::test {
@@ -52,7 +51,8 @@ Vec direct_plate_vote(const Voter& v, Vec receiver, double& decay) {
     const double dn = dot(d, n);
     const Vec dt = d - dn * n;
     const double t = norm(dt), theta = std::atan2(std::abs(dn), t);
-    const double arc = theta < 1e-2 ? L * (1 + theta * theta / 6 + 7 * std::pow(theta, 4) / 360) : L * theta / std::sin(theta);
+    const double arc = theta < 1e-2 ? L * (1 + theta * theta / 6 + 7 * std::pow(theta, 4) / 360)
+                                    : L * theta / std::sin(theta);
     const double curvature = 2 * (std::abs(dn) / L) / L;
     const double c = 16 * kLn10 * v.tau * v.tau / (kPi * kPi);
     decay = std::exp(-(arc * arc + c * curvature * curvature) / (v.tau * v.tau));
@@ -63,7 +63,8 @@ Vec direct_plate_vote(const Voter& v, Vec receiver, double& decay) {
 Voter random_voter(Random& random) {
     Voter v{};
     v.quat = normalize(quat_cast<double>(random.quat()));
-    v.scales = {std::exp(random.normal()), std::exp(random.normal()), 0.03 * std::exp(random.normal())};
+    v.scales = {std::exp(random.normal()), std::exp(random.normal()),
+                0.03 * std::exp(random.normal())};
     v.noise = 1e-4 * dot(v.scales, v.scales);
     v.normal = normalize(vec_cast<double>(random.normal3()));
     v.tau = std::exp(0.5 * double(random.normal()));
@@ -115,12 +116,14 @@ TEST(VoteMath, ByHand) {
     const auto straight = v.plate({0.5, 0, 0});
     EXPECT_NEAR(straight.decay, std::exp(-0.25), 1e-15);
     EXPECT_NEAR(norm(straight.v - Vec{1, 0, 0}), 0, 1e-15);
-    // 45 degrees: the circle's tangent there is the normal; arc (pi / 4) / sin 45, curvature sqrt 2 / L.
-    const auto steep = v.plate({0.3, 0, 0.3});
-    const double l2 = 0.18, arc2 = l2 * kPi * kPi / 8, curvature2 = 2 / l2;
+    // 45 degrees: the circle's tangent there is the normal; arc (pi / 4) / sin 45, curvature sqrt 2
+    // / L.
+    const auto steep = v.plate({1, 0, 1});
+    const double l2 = 2, arc2 = l2 * kPi * kPi / 8, curvature2 = 2 / l2;
     EXPECT_NEAR(steep.decay, std::exp(-arc2 - 16 * kLn10 / (kPi * kPi) * curvature2), 1e-15);
     EXPECT_NEAR(norm(steep.v - Vec{0, 0, 1}), 0, 1e-14);
-    // A straight vote at the median distance has a tenth of full strength when tau = median / sqrt(ln 10).
+    // A straight vote at the median distance has a tenth of full strength when tau = median /
+    // sqrt(ln 10).
     EXPECT_NEAR(v.plate({std::sqrt(kLn10), 0, 0}).decay, 0.1, 1e-15);
     // Balls: V = exp(-L^2 / tau^2) along d.
     const auto ball = v.ball({0, 0.3, 0.4});
@@ -189,7 +192,8 @@ TEST(VoteMath, NeedlesStayFinite) {
         double largest = 0;
         for (int i = 0; i < 3; ++i) largest = std::max(largest, r.W[i][i]);
         // Condition of M: sqrt(1 + s_max^2 / eps), s_max = 1.
-        EXPECT_LE(largest / std::min({r.W[0][0], r.W[1][1], r.W[2][2]}), std::sqrt(1 + 1 / v.noise) * (1 + 1e-12));
+        EXPECT_LE(largest / std::min({r.W[0][0], r.W[1][1], r.W[2][2]}),
+                  std::sqrt(1 + 1 / v.noise) * (1 + 1e-12));
         EXPECT_TRUE(is_finite(r.normal) && is_finite(r.normal_world));
     }
 }

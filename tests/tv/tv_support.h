@@ -37,7 +37,8 @@ inline Quatf quat_from_z(Vec3f n) {
 template <class Device>
 Gaussians<Device> to_gaussians(const Cloud& cloud) {
     std::vector<Vec3f> log_scales;
-    for (const Vec3f s : cloud.scales) log_scales.push_back({std::log(s.x), std::log(s.y), std::log(s.z)});
+    for (const Vec3f s : cloud.scales)
+        log_scales.push_back({std::log(s.x), std::log(s.y), std::log(s.z)});
     Gaussians<Device> g;
     resize(g, cloud.size(), 0);
     copy(cloud.means, g.means);
@@ -58,11 +59,12 @@ struct FieldOnHost {
 template <class Device>
 FieldOnHost read(const TensorField<Device>& field, const TensorVoter<Device>& voter) {
     return {to_host(field.tensors), to_host(field.eigenvalues), to_host(field.normals),
-            to_host(field.targets), to_host(field.flags), voter.details()};
+            to_host(field.targets), to_host(field.flags),       voter.details()};
 }
 
-/// `events` events on a static cloud: the first is a ball round and a plate round, the others a plate round each;
-/// virtual receivers follow every time. `receivers`: lists to use instead of a search.
+/// `events` events on a static cloud: the first is a ball round and a plate round, the others a
+/// plate round each; virtual receivers follow every time. `receivers`: lists to use instead of a
+/// search.
 template <class Device>
 FieldOnHost run_events(const Cloud& cloud,
                        const TvOptions& options,
@@ -70,9 +72,12 @@ FieldOnHost run_events(const Cloud& cloud,
                        const std::vector<std::uint32_t>& receivers = {}) {
     const Gaussians<Device> g = to_gaussians<Device>(cloud);
     TensorVoter<Device> voter(options);
-    if (!receivers.empty()) voter.set_receivers(options.start, static_cast<int>(receivers.size()) / cloud.size(), receivers);
+    if (!receivers.empty())
+        voter.set_receivers(options.start, static_cast<int>(receivers.size()) / cloud.size(),
+                            receivers);
     TensorField<Device> field;
-    for (int event = 0; event < events; ++event) voter.vote(options.start + event * options.vote_every, g, field);
+    for (int event = 0; event < events; ++event)
+        voter.vote(options.start + event * options.vote_every, g, field);
     return read(field, voter);
 }
 
@@ -95,8 +100,11 @@ inline double relative_gap(Vec3f eigenvalues) {
     return eigenvalues.x > 0 ? double(eigenvalues.y - eigenvalues.z) / eigenvalues.x : 0;
 }
 
-inline std::vector<std::uint32_t> sorted_row(const std::vector<std::uint32_t>& lists, int k, int i) {
-    std::vector<std::uint32_t> row(lists.begin() + std::ptrdiff_t(i) * k, lists.begin() + std::ptrdiff_t(i + 1) * k);
+inline std::vector<std::uint32_t> sorted_row(const std::vector<std::uint32_t>& lists,
+                                             int k,
+                                             int i) {
+    std::vector<std::uint32_t> row(lists.begin() + std::ptrdiff_t(i) * k,
+                                   lists.begin() + std::ptrdiff_t(i + 1) * k);
     std::sort(row.begin(), row.end());
     return row;
 }
@@ -138,5 +146,5 @@ bool device_missing() {
 
 }  // namespace tvsgs::test
 
-#define TVSGS_SKIP_WITHOUT_DEVICE(Device)                                        \
+#define TVSGS_SKIP_WITHOUT_DEVICE(Device) \
     if (tvsgs::test::device_missing<Device>()) GTEST_SKIP() << "no GPU here"
