@@ -1,4 +1,5 @@
-// What all commands share: the device switch, and one place where exceptions become messages and exit codes.
+// What all commands share: the device switch, and one place where exceptions become messages and
+// exit codes.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -21,14 +22,16 @@ inline constexpr const char* kVersion = "tvsgs 0.1.0";
 /// Thrown after --help or --version has been printed.
 struct AskedAndAnswered {};
 
-/// Parses with '_' and '-' alike in long flags. Errors become Error(ExitCode::usage); an unknown flag names the nearest one.
+/// Parses with '_' and '-' alike in long flags. Errors become Error(ExitCode::usage); an unknown
+/// flag names the nearest one.
 inline void parse_command_line(CLI::App& app, int argc, char** argv) {
     std::vector<std::string> words;
     for (int i = argc - 1; i > 0; --i) {  // CLI11 takes them last to first
         std::string word = argv[i];
         if (word.starts_with("--")) {
             const std::size_t end = std::min(word.find('='), word.size());
-            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_', '-');
+            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_',
+                         '-');
         }
         words.push_back(word);
     }
@@ -36,7 +39,8 @@ inline void parse_command_line(CLI::App& app, int argc, char** argv) {
     const std::function<void(const CLI::App&)> collect = [&](const CLI::App& a) {
         for (const CLI::Option* option : a.get_options())
             for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
-        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; })) collect(*sub);
+        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; }))
+            collect(*sub);
     };
     collect(app);
     try {
@@ -48,15 +52,19 @@ inline void parse_command_line(CLI::App& app, int argc, char** argv) {
         std::string hint;
         for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
             const std::string flag = word->substr(0, word->find('='));
-            if (!flag.starts_with("--") || std::find(known.begin(), known.end(), flag) != known.end()) continue;
+            if (!flag.starts_with("--") ||
+                std::find(known.begin(), known.end(), flag) != known.end())
+                continue;
             const std::string near = nearest_name(flag, known);
-            hint = near.empty() ? str("; unknown flag ", flag) : str("; unknown flag ", flag, ", did you mean ", near, "?");
+            hint = near.empty() ? str("; unknown flag ", flag)
+                                : str("; unknown flag ", flag, ", did you mean ", near, "?");
         }
         throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
     }
 }
 
-/// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu"; "cuda"; "cuda:N".
+/// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu";
+/// "cuda"; "cuda:N".
 struct DeviceChoice {
     bool cuda = false;
     std::string description;
@@ -70,7 +78,8 @@ inline DeviceChoice choose_device(const std::string& name) {
         const bool numbered = name.starts_with("cuda:") && name.size() > 5 && name.size() < 9 &&
                               name.find_first_not_of("0123456789", 5) == std::string::npos;
         if (!numbered)
-            throw Error(ExitCode::usage, str("--device ", name, ": expected auto, cpu, cuda or cuda:N"));
+            throw Error(ExitCode::usage,
+                        str("--device ", name, ": expected auto, cpu, cuda or cuda:N"));
         index = std::stoi(name.substr(5));
     }
     if constexpr (kHasCuda) {
@@ -78,7 +87,10 @@ inline DeviceChoice choose_device(const std::string& name) {
         return {true, str("cuda:", index, " ", use_cuda_device(index))};
     } else {
         if (automatic) return {false, "cpu"};
-        throw Error(ExitCode::device, str("--device ", name, ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
+        throw Error(
+            ExitCode::device,
+            str("--device ", name,
+                ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
     }
 }
 
@@ -91,7 +103,8 @@ auto on_device(const DeviceChoice& device, Action&& action) {
     return action(Cpu{});
 }
 
-/// Runs a command; every exception ends as one message on standard error and the exit code of its kind.
+/// Runs a command; every exception ends as one message on standard error and the exit code of its
+/// kind.
 template <class Command>
 int run_command(Command&& command) {
     try {
@@ -102,7 +115,9 @@ int run_command(Command&& command) {
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());
     } catch (const std::bad_alloc&) {
-        std::fprintf(stderr, "error: out of memory; use fewer splats (--max-gaussians) or smaller images (-r)\n");
+        std::fprintf(
+            stderr,
+            "error: out of memory; use fewer splats (--max-gaussians) or smaller images (-r)\n");
         return static_cast<int>(ExitCode::memory);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "error: internal: %s\n", error.what());

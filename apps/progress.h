@@ -9,8 +9,8 @@ namespace tvsgs {
 
 class Progress {
 public:
-    /// `style`: auto (a line in place on a terminal, else plain), plain (a line per 10 s), json (a line per report on standard error),
-    /// quiet.
+    /// `style`: auto (a line in place on a terminal, else plain), plain (a line per 10 s), json (a
+    /// line per report on standard error), quiet.
     Progress(int iterations, const std::string& style);
 
     /// Seconds since the start.

@@ -18,16 +18,20 @@ RunFolder::RunFolder(const std::string& path, bool overwrite) : path_(path) {
     std::error_code code;
     if (fs::exists(folder / "config.json", code)) {
         if (!overwrite)
-            throw Error(ExitCode::usage, str(path, ": holds another run (config.json); expected an empty or new folder; "
-                                             "name another with --out, or replace that run with --overwrite"));
-        for (const char* name : {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints", "mesh", "eval",
-                                 "test", "report.json", "report.html"})
+            throw Error(ExitCode::usage,
+                        str(path,
+                            ": holds another run (config.json); expected an empty or new folder; "
+                            "name another with --out, or replace that run with --overwrite"));
+        for (const char* name :
+             {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints",
+              "mesh", "eval", "test", "report.json", "report.html"})
             fs::remove_all(folder / name, code);
     }
     fs::create_directories(folder, code);
     log_ = std::fopen((folder / "log.jsonl").c_str(), "w");
     if (log_ == nullptr)
-        throw Error(ExitCode::io, str(path, ": cannot write there: ", std::strerror(errno), "; name a writable folder with --out"));
+        throw Error(ExitCode::io, str(path, ": cannot write there: ", std::strerror(errno),
+                                      "; name a writable folder with --out"));
 }
 
 RunFolder::~RunFolder() {
@@ -49,12 +53,17 @@ void RunFolder::save_cameras(const Scene& scene) const {
             JsonLine line;
             const auto row = [](float x, float y, float z) {
                 char numbers[64];
-                std::snprintf(numbers, sizeof numbers, "[%.9g,%.9g,%.9g]", static_cast<double>(x), static_cast<double>(y), static_cast<double>(z));
+                std::snprintf(numbers, sizeof numbers, "[%.9g,%.9g,%.9g]", static_cast<double>(x),
+                              static_cast<double>(y), static_cast<double>(z));
                 return std::string(numbers);
             };
-            line.add("id", id).add("img_name", view.name).add("width", c.width_px).add("height", c.height_px);
+            line.add("id", id)
+                .add("img_name", view.name)
+                .add("width", c.width_px)
+                .add("height", c.height_px);
             line.add_json("position", row(centre.x, centre.y, centre.z));
-            line.add_json("rotation", "[" + row(R[0][0], R[0][1], R[0][2]) + "," + row(R[1][0], R[1][1], R[1][2]) + "," +
+            line.add_json("rotation", "[" + row(R[0][0], R[0][1], R[0][2]) + "," +
+                                          row(R[1][0], R[1][1], R[1][2]) + "," +
                                           row(R[2][0], R[2][1], R[2][2]) + "]");
             line.add("fy", static_cast<double>(c.fy_px)).add("fx", static_cast<double>(c.fx_px));
             line.add("cx", static_cast<double>(c.cx_px)).add("cy", static_cast<double>(c.cy_px));
@@ -69,7 +78,8 @@ void RunFolder::log(const std::string& json_line) {
 }
 
 void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration) const {
-    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians);
+    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"),
+                    gaussians);
 }
 
 std::string find_splats(const std::string& path) {
@@ -85,8 +95,10 @@ std::string find_splats(const std::string& path) {
         if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
     }
     if (best < 0)
-        throw Error(ExitCode::input, str(path, ": no splats found; expected a splat PLY or a run folder with "
-                                         "point_cloud/iteration_N/point_cloud.ply"));
+        throw Error(ExitCode::input,
+                    str(path,
+                        ": no splats found; expected a splat PLY or a run folder with "
+                        "point_cloud/iteration_N/point_cloud.ply"));
     return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
 }
 
@@ -94,7 +106,9 @@ std::string run_config_path(const std::string& path) {
     const std::string config = path + "/config.json";
     std::error_code code;
     if (!fs::is_regular_file(config, code))
-        throw Error(ExitCode::input, str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
+        throw Error(
+            ExitCode::input,
+            str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
     return config;
 }
 

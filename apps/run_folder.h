@@ -11,8 +11,8 @@ namespace tvsgs {
 
 class RunFolder {
 public:
-    /// Creates the folder and its log. A folder that holds another run is refused unless `overwrite`. Throws Error(ExitCode::io) when it cannot
-    /// be written, before any work is done.
+    /// Creates the folder and its log. A folder that holds another run is refused unless
+    /// `overwrite`. Throws Error(ExitCode::io) when it cannot be written, before any work is done.
     RunFolder(const std::string& path, bool overwrite);
     RunFolder(const RunFolder&) = delete;
     RunFolder& operator=(const RunFolder&) = delete;
@@ -35,7 +35,8 @@ private:
     std::FILE* log_ = nullptr;
 };
 
-/// The splats of the largest iteration in a run folder, or `path` itself when it is a file. Throws Error(ExitCode::input).
+/// The splats of the largest iteration in a run folder, or `path` itself when it is a file. Throws
+/// Error(ExitCode::input).
 std::string find_splats(const std::string& path);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.

@@ -23,24 +23,32 @@ struct Arguments {
 /// Defaults < configuration files in order < environment < command line, all in one table.
 Arguments parse(int argc, char** argv, OptionTable& table) {
     Arguments arguments;
-    CLI::App app{"Trains Gaussian splats on calibrated photographs; tensor voting keeps the surface.", "tvsgs-train"};
+    CLI::App app{
+        "Trains Gaussian splats on calibrated photographs; tensor voting keeps the surface.",
+        "tvsgs-train"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> configs, settings;
-    std::vector<std::pair<std::string, std::string>> flags;  // key, value: set after files and environment
+    std::vector<std::pair<std::string, std::string>>
+        flags;  // key, value: set after files and environment
     const char* group = "Scene";
     const auto flag = [&](const char* names, const char* key, const char* help) {
-        app.add_option_function<std::string>(names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
+        app.add_option_function<std::string>(
+               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
             ->group(group);
     };
-    flag("-s,--scene,--source-path,--data", "scene.path", "folder of the scene: a COLMAP model and its photographs");
+    flag("-s,--scene,--source-path,--data", "scene.path",
+         "folder of the scene: a COLMAP model and its photographs");
     flag("--images", "scene.images", "folder of the photographs inside the scene [images]");
-    flag("-r,--resolution", "scene.resolution", "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+    flag("-r,--resolution", "scene.resolution",
+         "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
     flag("--split", "scene.split", "list of splits.json to train on; its list 'test' is tested");
     flag("--train-list", "scene.train_list", "file with one training image per line");
     flag("--test-list", "scene.test_list", "file with one test image per line");
     flag("--views", "scene.views", "training views by index into the sorted images: 23,24,33");
     flag("-n,--num-views", "scene.num_views", "that many training views, evenly chosen");
-    app.add_flag_callback("--eval", [&] { flags.emplace_back("scene.eval", "true"); }, "every 8th view is a test view")
+    app.add_flag_callback(
+           "--eval", [&] { flags.emplace_back("scene.eval", "true"); },
+           "every 8th view is a test view")
         ->group(group);
     flag("--test-every", "scene.test_every", "with --eval: distance of the test views [8]");
     flag("--masks", "scene.masks", "folder of the masks [mask/ or masks/, or the alpha channel]");
@@ -50,23 +58,38 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flag("--seed", "seed", "of all random numbers");
     flag("--max-gaussians", "densify.max_gaussians", "growth stops there");
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
-    app.add_flag("--deterministic", arguments.deterministic, "accepted for scripts: every run is reproducible bit for bit")->group(group);
+    app.add_flag("--deterministic", arguments.deterministic,
+                 "accepted for scripts: every run is reproducible bit for bit")
+        ->group(group);
     group = "Configuration";
-    app.add_option("-c,--config", configs, "JSON file; later ones win")->group(group)->expected(1)->take_all();
-    app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")->group(group)->expected(1)->take_all();
-    app.add_flag("--list-keys", arguments.list_keys, "print every key with its range, default and meaning")->group(group);
+    app.add_option("-c,--config", configs, "JSON file; later ones win")
+        ->group(group)
+        ->expected(1)
+        ->take_all();
+    app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
+        ->group(group)
+        ->expected(1)
+        ->take_all();
+    app.add_flag("--list-keys", arguments.list_keys,
+                 "print every key with its range, default and meaning")
+        ->group(group);
     group = "Output";
-    app.add_option("-o,-m,--out,--output,--model-path", arguments.out, "run folder [runs/<name of the scene>]")->group(group);
-    app.add_flag("--overwrite", arguments.overwrite, "replace the run in an occupied folder")->group(group);
+    app.add_option("-o,-m,--out,--output,--model-path", arguments.out,
+                   "run folder [runs/<name of the scene>]")
+        ->group(group);
+    app.add_flag("--overwrite", arguments.overwrite, "replace the run in an occupied folder")
+        ->group(group);
     app.add_option("--progress", arguments.progress, "auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}))
         ->group(group);
-    app.add_option("--report-every", arguments.report_every, "iterations between lines of log.jsonl [50]")
+    app.add_option("--report-every", arguments.report_every,
+                   "iterations between lines of log.jsonl [50]")
         ->check(CLI::Range(1, 1000000000))
         ->group(group);
     app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
     app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
-    app.add_flag("--profile", arguments.profile, "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
+    app.add_flag("--profile", arguments.profile,
+                 "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
         ->group(group);
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
@@ -76,7 +99,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     for (const auto& [key, value] : flags) table.set(key, value, "the command line");
     for (const std::string& setting : settings) {
         const std::size_t equals = setting.find('=');
-        if (equals == std::string::npos) throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
+        if (equals == std::string::npos)
+            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
         table.set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
     }
     return arguments;
@@ -86,19 +110,29 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
 std::string run_info(const DeviceChoice& device, int argc, char** argv) {
     std::string line;
     for (int i = 0; i < argc; ++i) line += (i ? " " : "") + std::string(argv[i]);
-    return JsonLine().add("version", kVersion).add("device", device.description).add("command_line", line).text();
+    return JsonLine()
+        .add("version", kVersion)
+        .add("device", device.description)
+        .add("command_line", line)
+        .text();
 }
 
 /// A configuration that cannot work is better refused before the photographs are read.
 void check_consistency(const TrainOptions& options) {
-    const bool needs_votes = options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
+    const bool needs_votes =
+        options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
     if (needs_votes && !options.tv.enabled)
-        throw Error(ExitCode::usage, "configuration: tv.enabled is false but loss.tv_normal.weight or loss.tv_position.weight is above 0; "
-                                     "set both weights to 0, or tv.enabled to true");
+        throw Error(ExitCode::usage,
+                    "configuration: tv.enabled is false but loss.tv_normal.weight or "
+                    "loss.tv_position.weight is above 0; "
+                    "set both weights to 0, or tv.enabled to true");
 }
 
 template <class Device>
-int train_and_save(const Scene& scene, const RunOptions& options, const Arguments& arguments, RunFolder& run) {
+int train_and_save(const Scene& scene,
+                   const RunOptions& options,
+                   const Arguments& arguments,
+                   RunFolder& run) {
     std::signal(SIGINT, [](int signal) { received_signal = signal; });
     std::signal(SIGTERM, [](int signal) { received_signal = signal; });
     const int iterations = options.train.iterations;
@@ -106,7 +140,9 @@ int train_and_save(const Scene& scene, const RunOptions& options, const Argument
     int step_now = 0;
     TrainCallbacks callbacks;
     callbacks.profile = arguments.profile;
-    callbacks.report_due = [&](int step) { return step == 1 || step == iterations || step % arguments.report_every == 0; };
+    callbacks.report_due = [&](int step) {
+        return step == 1 || step == iterations || step % arguments.report_every == 0;
+    };
     callbacks.on_report = [&](const TrainReport& report) {
         run.log(progress.json(report));
         progress.show(report);
@@ -125,23 +161,26 @@ int train_and_save(const Scene& scene, const RunOptions& options, const Argument
     copy(gaussians, host);
     run.save_splats(host, step_now);
     if (received_signal != 0) {
-        spdlog::warn("stopped by signal {} after {} of {} iterations; the splats so far are in {}", static_cast<int>(received_signal),
-                     step_now, iterations, run.path());
+        spdlog::warn("stopped by signal {} after {} of {} iterations; the splats so far are in {}",
+                     static_cast<int>(received_signal), step_now, iterations, run.path());
         return 128 + received_signal;
     }
 
     JsonLine summary;
-    summary.add("event", "done").add("iteration", step_now).add("seconds", seconds).add("gaussians", host.size());
+    summary.add("event", "done")
+        .add("iteration", step_now)
+        .add("seconds", seconds)
+        .add("gaussians", host.size());
     summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
     if (!scene.test.empty()) {
         const ViewScores scores = evaluate_views(gaussians, scene.test, options.train, run.path());
         summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
-        spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test", scores.mean_psnr, scores.mean_ssim,
-                     scene.test.size(), run.path());
+        spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
+                     scores.mean_psnr, scores.mean_ssim, scene.test.size(), run.path());
     }
     run.log(summary.text());
-    spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}", host.size(), step_now, seconds,
-                 memory_use(Device{}).peak_bytes >> 20, run.path());
+    spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
+                 host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
     return 0;
 }
 
@@ -154,21 +193,30 @@ int command(int argc, char** argv) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
     }
-    init_log(arguments.quiet ? Verbosity::quiet : arguments.verbose ? Verbosity::verbose : Verbosity::normal);
-    if (options.scene.path.empty()) throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
+    if (options.scene.path.empty())
+        throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene(options.scene);
     if (arguments.out.empty())
-        arguments.out = "runs/" + std::filesystem::absolute(options.scene.path).lexically_normal().filename().string();
+        arguments.out =
+            "runs/" +
+            std::filesystem::absolute(options.scene.path).lexically_normal().filename().string();
     RunFolder run(arguments.out, arguments.overwrite);
     run.save_config(table.json(run_info(device, argc, argv)));
     run.save_cameras(scene);
     const Camera& camera = scene.train.front().camera;
-    spdlog::info("{}: {} training and {} test views of {}x{}, {} initial points, extent {:.4g}, on {}", options.scene.path,
-                 scene.train.size(), scene.test.size(), camera.width_px, camera.height_px, scene.points.positions.size(),
-                 static_cast<double>(scene.extent), device.description);
-    return on_device(device, [&](auto tag) { return train_and_save<decltype(tag)>(scene, options, arguments, run); });
+    spdlog::info(
+        "{}: {} training and {} test views of {}x{}, {} initial points, extent {:.4g}, on {}",
+        options.scene.path, scene.train.size(), scene.test.size(), camera.width_px,
+        camera.height_px, scene.points.positions.size(), static_cast<double>(scene.extent),
+        device.description);
+    return on_device(device, [&](auto tag) {
+        return train_and_save<decltype(tag)>(scene, options, arguments, run);
+    });
 }
 
 }  // namespace

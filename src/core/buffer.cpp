@@ -25,9 +25,12 @@ void* allocate(Cpu, std::size_t bytes) {
     if (data == nullptr)
         throw Error(ExitCode::memory,
                     str("out of memory: could not get ", bytes >> 20, " MiB beside the ",
-                        current_bytes.load() >> 20, " MiB held; use fewer splats (--max-gaussians) or smaller images (-r)"));
+                        current_bytes.load() >> 20,
+                        " MiB held; use fewer splats (--max-gaussians) or smaller images (-r)"));
     const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
-    for (std::int64_t peak = peak_bytes; now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {}
+    for (std::int64_t peak = peak_bytes;
+         now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {
+    }
     return data;
 }
 

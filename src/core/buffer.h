@@ -24,8 +24,7 @@ struct Span {
     TVSGS_HD T* begin() const { return data; }
     TVSGS_HD T* end() const { return data + count; }
     template <class U>
-        requires(std::is_same_v<U, const T> && !std::is_const_v<T>)
-    TVSGS_HD operator Span<U>() const {
+    requires(std::is_same_v<U, const T> && !std::is_const_v<T>) TVSGS_HD operator Span<U>() const {
         return {data, count};
     }
 };
@@ -73,7 +72,8 @@ public:
         if (size > capacity_) {
             // A quarter to spare on re-growth, so that slowly growing counts allocate rarely.
             const std::size_t wanted = capacity_ == 0 ? size : size + size / 4;
-            detail::release(Device{}, std::exchange(data_, nullptr), std::exchange(capacity_, 0) * sizeof(T));
+            detail::release(Device{}, std::exchange(data_, nullptr),
+                            std::exchange(capacity_, 0) * sizeof(T));
             data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T)));
             capacity_ = wanted;
         }
@@ -93,15 +93,11 @@ public:
     Span<T> span() { return {data_, size_}; }
     Span<const T> span() const { return {data_, size_}; }
 
-    T& operator[](std::size_t i)
-        requires std::is_same_v<Device, Cpu>
-    {
+    T& operator[](std::size_t i) requires std::is_same_v<Device, Cpu> {
         assert(i < size_);
         return data_[i];
     }
-    const T& operator[](std::size_t i) const
-        requires std::is_same_v<Device, Cpu>
-    {
+    const T& operator[](std::size_t i) const requires std::is_same_v<Device, Cpu> {
         assert(i < size_);
         return data_[i];
     }

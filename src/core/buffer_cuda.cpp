@@ -17,7 +17,8 @@ void check_cuda(cudaError_t status, std::source_location where) {
                                   status == cudaErrorNoKernelImageForDevice
                               ? ExitCode::device
                               : ExitCode::internal;
-    throw Error(code, str("CUDA: ", cudaGetErrorString(status), " (", where.file_name(), ":", where.line(), ")"));
+    throw Error(code, str("CUDA: ", cudaGetErrorString(status), " (", where.file_name(), ":",
+                          where.line(), ")"));
 }
 
 MemoryUse memory_use(Cuda) {
@@ -36,9 +37,11 @@ int cuda_device_count() {
 std::string use_cuda_device(int index) {
     int count = 0;
     if (const cudaError_t status = cudaGetDeviceCount(&count); status != cudaSuccess || count == 0)
-        throw Error(ExitCode::device, str("no usable GPU: ", cudaGetErrorString(status), "; use --device cpu"));
+        throw Error(ExitCode::device,
+                    str("no usable GPU: ", cudaGetErrorString(status), "; use --device cpu"));
     if (index < 0 || index >= count)
-        throw Error(ExitCode::device, str("no GPU cuda:", index, ": there are ", count, ", numbered from 0"));
+        throw Error(ExitCode::device,
+                    str("no GPU cuda:", index, ": there are ", count, ", numbered from 0"));
     check_cuda(cudaSetDevice(index));
     cudaDeviceProp properties{};
     check_cuda(cudaGetDeviceProperties(&properties, index));
@@ -55,12 +58,15 @@ void* allocate(Cuda, std::size_t bytes) {
         std::size_t free_bytes = 0, total_bytes = 0;
         cudaMemGetInfo(&free_bytes, &total_bytes);
         if (status != cudaErrorMemoryAllocation) check_cuda(status);
-        throw Error(ExitCode::memory,
-                    str("out of GPU memory: needed ", bytes >> 20, " MiB, ", free_bytes >> 20, " of ", total_bytes >> 20,
-                        " MiB are free; use fewer splats (--max-gaussians), smaller images (-r) or --device cpu"));
+        throw Error(ExitCode::memory, str("out of GPU memory: needed ", bytes >> 20, " MiB, ",
+                                          free_bytes >> 20, " of ", total_bytes >> 20,
+                                          " MiB are free; use fewer splats (--max-gaussians), "
+                                          "smaller images (-r) or --device cpu"));
     }
     const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
-    for (std::int64_t peak = peak_bytes; now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {}
+    for (std::int64_t peak = peak_bytes;
+         now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {
+    }
     return data;
 }
 

@@ -4,8 +4,8 @@
 
 namespace tvsgs {
 
-/// Pinhole, undistorted; x right, y down, z forward. The centre of pixel (i, j) lies at (i + 0.5, j + 0.5),
-/// and (cx_px, cy_px) is the true principal point in that convention.
+/// Pinhole, undistorted; x right, y down, z forward. The centre of pixel (i, j) lies at (i + 0.5, j
+/// + 0.5), and (cx_px, cy_px) is the true principal point in that convention.
 struct Camera {
     int width_px = 0, height_px = 0;
     float fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
@@ -20,8 +20,7 @@ TVSGS_HD inline Vec3f camera_centre(const Camera& camera) {
 /// Ray through the centre of pixel (x, y), with z = 1, in the camera frame.
 TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
     return {(static_cast<float>(x) + 0.5f - camera.cx_px) / camera.fx_px,
-            (static_cast<float>(y) + 0.5f - camera.cy_px) / camera.fy_px,
-            1};
+            (static_cast<float>(y) + 0.5f - camera.cy_px) / camera.fy_px, 1};
 }
 
 /// The camera of the same view at another image size; the field of view is kept.

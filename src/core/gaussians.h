@@ -17,7 +17,7 @@ struct Gaussians {
     Buffer<Vec3f, Device> log_scales;      // [N] log of the standard deviations, world units
     Buffer<Quatf, Device> quats;           // [N] (w, x, y, z), normalised on use
     Buffer<float, Device> opacity_logits;  // [N]
-    Buffer<Vec3f, Device> sh;              // [sh_count(sh_degree), N] RGB coefficients, coefficient major
+    Buffer<Vec3f, Device> sh;  // [sh_count(sh_degree), N] RGB coefficients, coefficient major
     int sh_degree = 3;
 
     int size() const { return static_cast<int>(means.size()); }

@@ -28,7 +28,8 @@ inline std::string nearest_name(std::string_view name, const std::vector<std::st
     std::string best;
     std::size_t least = std::max<std::size_t>(2, name.size() / 3) + 1;
     for (const std::string& candidate : candidates)
-        if (const std::size_t d = edit_distance(name, candidate); d < least) least = d, best = candidate;
+        if (const std::size_t d = edit_distance(name, candidate); d < least)
+            least = d, best = candidate;
     return best;
 }
 

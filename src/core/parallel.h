@@ -31,15 +31,16 @@ void parallel_for_heavy(Cpu, int count, const Body& body) {
 /// Blocks of a fixed-shape reduction, and room for their partial sums.
 inline constexpr int kSumBlocks = 256;
 
-/// *sum += scale * the sum of term(i), i in [0, count), in double, in a fixed order: bit-identical from
-/// run to run and for any number of threads. `partial` has room for kSumBlocks numbers.
+/// *sum += scale * the sum of term(i), i in [0, count), in double, in a fixed order: bit-identical
+/// from run to run and for any number of threads. `partial` has room for kSumBlocks numbers.
 template <class Term>
 void add_sum(Cpu, int count, const Term& term, double scale, Span<double> partial, double* sum) {
     const int chunk = (count + kSumBlocks - 1) / kSumBlocks;
 #pragma omp parallel for schedule(dynamic, 1) if (count > 4096)
     for (int block = 0; block < kSumBlocks; ++block) {
         double s = 0;
-        for (int i = block * chunk; i < std::min(count, (block + 1) * chunk); ++i) s += static_cast<double>(term(i));
+        for (int i = block * chunk; i < std::min(count, (block + 1) * chunk); ++i)
+            s += static_cast<double>(term(i));
         partial[block] = s;
     }
     double total = 0;

@@ -9,7 +9,13 @@
 namespace tvsgs {
 
 /// What a draw is for; each use has its own stream, so that uses never share numbers.
-enum class RandomStream : std::uint32_t { view_order = 1, densify = 2, init = 3, sampling = 4, test = 5 };
+enum class RandomStream : std::uint32_t {
+    view_order = 1,
+    densify = 2,
+    init = 3,
+    sampling = 4,
+    test = 5
+};
 
 struct Random4 {
     std::uint32_t v[4];
@@ -31,14 +37,17 @@ TVSGS_HD inline Random4 philox(Random4 counter, std::uint32_t key0, std::uint32_
 }
 
 /// `index` and `sub` number the draw within the stream (for example splat and iteration).
-TVSGS_HD inline Random4 random4(std::uint64_t seed, RandomStream stream, std::uint64_t index, std::uint32_t sub = 0) {
+TVSGS_HD inline Random4 random4(std::uint64_t seed,
+                                RandomStream stream,
+                                std::uint64_t index,
+                                std::uint32_t sub = 0) {
     return philox({{static_cast<std::uint32_t>(index), static_cast<std::uint32_t>(index >> 32), sub,
                     static_cast<std::uint32_t>(stream)}},
-                  static_cast<std::uint32_t>(seed),
-                  static_cast<std::uint32_t>(seed >> 32));
+                  static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32));
 }
 
-/// In (0, 1), never 0 or 1: safe under a logarithm and as a share of a count. 23 bits and a half are exact in float.
+/// In (0, 1), never 0 or 1: safe under a logarithm and as a share of a count. 23 bits and a half
+/// are exact in float.
 TVSGS_HD inline float uniform(std::uint32_t bits) {
     return (static_cast<float>(bits >> 9) + 0.5f) * (1.0f / 8388608.0f);
 }

@@ -4,7 +4,8 @@
 
 namespace tvsgs {
 
-/// Exclusive prefix sum: out[i] = in[0] + ... + in[i-1]; `out` is resized. Returns the total (waits for the device).
+/// Exclusive prefix sum: out[i] = in[0] + ... + in[i-1]; `out` is resized. Returns the total (waits
+/// for the device).
 int exclusive_scan(const Buffer<int, Cpu>& in, Buffer<int, Cpu>& out);
 int exclusive_scan(const Buffer<int, Cuda>& in, Buffer<int, Cuda>& out);
 

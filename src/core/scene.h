@@ -13,8 +13,8 @@ namespace tvsgs {
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
-    ImageU8 photo;     // [H, W, 3]
-    ImageU8 mask;      // [H, W, 1], 255 = object; empty: none
+    ImageU8 photo;  // [H, W, 3]
+    ImageU8 mask;   // [H, W, 1], 255 = object; empty: none
 };
 
 struct PointCloud {
@@ -27,7 +27,7 @@ struct Scene {
     std::string path;
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud
-    float extent = 0;               // 1.1 x the largest distance of a training camera from their mean
+    float extent = 0;  // 1.1 x the largest distance of a training camera from their mean
 };
 
 }  // namespace tvsgs

@@ -171,8 +171,7 @@ TVSGS_HD constexpr Vec3<Real> column(const Mat3<Real>& A, int j) {
 }
 template <class Real>
 TVSGS_HD constexpr Vec3<Real> operator*(const Sym3<Real>& A, Vec3<Real> v) {
-    return {A.xx * v.x + A.xy * v.y + A.xz * v.z,
-            A.xy * v.x + A.yy * v.y + A.yz * v.z,
+    return {A.xx * v.x + A.xy * v.y + A.xz * v.z, A.xy * v.x + A.yy * v.y + A.yz * v.z,
             A.xz * v.x + A.yz * v.y + A.zz * v.z};
 }
 

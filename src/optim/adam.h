@@ -16,9 +16,12 @@ struct AdamOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("position_start", position_start, {0, 1}, "rate of the means at the start, in scene extents");
-        field("position_end", position_end, {0, 1}, "the same at position_max_steps; geometric in between");
-        field("position_max_steps", position_max_steps, {1, 1e9}, "iterations over which the means' rate falls");
+        field("position_start", position_start, {0, 1},
+              "rate of the means at the start, in scene extents");
+        field("position_end", position_end, {0, 1},
+              "the same at position_max_steps; geometric in between");
+        field("position_max_steps", position_max_steps, {1, 1e9},
+              "iterations over which the means' rate falls");
         field("sh_dc", sh_dc, {0, 1}, "rate of the base colour");
         field("sh_rest", sh_rest, {0, 1}, "rate of the higher spherical harmonics");
         field("opacity", opacity, {0, 10}, "rate of the opacity logits");
@@ -30,13 +33,16 @@ struct AdamOptions {
 /// Rate of the means at an iteration, world units.
 inline float position_rate(const AdamOptions& o, int step, float extent) {
     const double u = std::min(1.0, static_cast<double>(step) / o.position_max_steps);
-    return static_cast<float>(extent * std::exp((1 - u) * std::log(static_cast<double>(o.position_start)) +
-                                                u * std::log(static_cast<double>(o.position_end))));
+    return static_cast<float>(extent *
+                              std::exp((1 - u) * std::log(static_cast<double>(o.position_start)) +
+                                       u * std::log(static_cast<double>(o.position_end))));
 }
 
-/// One Adam step of one number; moments are updated in place, the new value is returned. `correction1/2` = 1 - beta^t.
+/// One Adam step of one number; moments are updated in place, the new value is returned.
+/// `correction1/2` = 1 - beta^t.
 template <class Real>
-TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real rate, Real correction1, Real correction2) {
+TVSGS_HD Real adam_update(
+    Real value, Real gradient, Real& m, Real& v, Real rate, Real correction1, Real correction2) {
     constexpr Real beta1 = Real(0.9), beta2 = Real(0.999), eps = Real(1e-15);
     m = beta1 * m + (1 - beta1) * gradient;
     v = beta2 * v + (1 - beta2) * gradient * gradient;
@@ -49,7 +55,8 @@ struct AdamBody {
     float rate, correction1, correction2, least;  // values stay at or above `least`
 
     TVSGS_HD void operator()(int i) const {
-        const float next = adam_update(values[i], gradients[i], m[i], v[i], rate, correction1, correction2);
+        const float next =
+            adam_update(values[i], gradients[i], m[i], v[i], rate, correction1, correction2);
         values[i] = next < least ? least : next;
     }
 };
@@ -64,17 +71,26 @@ public:
         fill_zero(v_);
     }
 
-    /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and moments are zero.
-    void step(int step, float extent, int sh_degree, const Gaussians<Device>& gradients, Gaussians<Device>& g, bool with_opacity) {
+    /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
+    /// moments are zero.
+    void step(int step,
+              float extent,
+              int sh_degree,
+              const Gaussians<Device>& gradients,
+              Gaussians<Device>& g,
+              bool with_opacity) {
         // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
         const float least_log_scale = -16.118096f;  // ln 1e-7
         ++count_;
         const float none = -3e38f;
-        update(g.means, gradients.means, m_.means, v_.means, position_rate(options_, step, extent), none);
-        update(g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales, options_.scale, least_log_scale);
+        update(g.means, gradients.means, m_.means, v_.means, position_rate(options_, step, extent),
+               none);
+        update(g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales, options_.scale,
+               least_log_scale);
         update(g.quats, gradients.quats, m_.quats, v_.quats, options_.rotation, none);
         if (with_opacity)
-            update(g.opacity_logits, gradients.opacity_logits, m_.opacity_logits, v_.opacity_logits, options_.opacity, none);
+            update(g.opacity_logits, gradients.opacity_logits, m_.opacity_logits, v_.opacity_logits,
+                   options_.opacity, none);
         const std::size_t n = g.means.size(), active = n * sh_count(sh_degree);
         update(g.sh, gradients.sh, m_.sh, v_.sh, options_.sh_dc, none, 0, n);
         update(g.sh, gradients.sh, m_.sh, v_.sh, options_.sh_rest, none, n, active);
@@ -85,15 +101,22 @@ public:
 
 private:
     template <class T>
-    void update(Buffer<T, Device>& values, const Buffer<T, Device>& gradients, Buffer<T, Device>& m, Buffer<T, Device>& v,
-                float rate, float least, std::size_t begin = 0, std::size_t end = static_cast<std::size_t>(-1)) {
+    void update(Buffer<T, Device>& values,
+                const Buffer<T, Device>& gradients,
+                Buffer<T, Device>& m,
+                Buffer<T, Device>& v,
+                float rate,
+                float least,
+                std::size_t begin = 0,
+                std::size_t end = static_cast<std::size_t>(-1)) {
         if (end > values.size()) end = values.size();
         const double t = count_;
         const auto floats = [begin](auto* data) { return reinterpret_cast<float*>(data + begin); };
         parallel_for(Device{}, static_cast<int>((end - begin) * (sizeof(T) / sizeof(float))),
                      AdamBody{floats(values.data()), floats(m.data()), floats(v.data()),
                               reinterpret_cast<const float*>(gradients.data() + begin), rate,
-                              static_cast<float>(1 - std::pow(0.9, t)), static_cast<float>(1 - std::pow(0.999, t)), least});
+                              static_cast<float>(1 - std::pow(0.9, t)),
+                              static_cast<float>(1 - std::pow(0.999, t)), least});
     }
 
     AdamOptions options_;

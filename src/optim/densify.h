@@ -1,4 +1,5 @@
-// Growing and pruning: clone, split, prune, trim, opacity reset.  [Kerbl23, Section 5], rules of [PGSR]
+// Growing and pruning: clone, split, prune, trim, opacity reset.  [Kerbl23, Section 5], rules of
+// [PGSR]
 #pragma once
 
 #include <algorithm>
@@ -16,7 +17,8 @@ namespace tvsgs {
 struct DensifyOptions {
     bool enabled = true;
     int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000;
-    float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f, abs_gradient_threshold = 8e-4f;
+    float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
+          abs_gradient_threshold = 8e-4f;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -27,15 +29,21 @@ struct DensifyOptions {
         field("from", from, {0, 1e9}, "no densification up to and including this iteration");
         field("until", until, {0, 1e9}, "none from this iteration on");
         field("every", every, {1, 1e9}, "iterations between densifications");
-        field("opacity_reset_every", opacity_reset_every, {1, 1e9}, "iterations between opacity resets");
+        field("opacity_reset_every", opacity_reset_every, {1, 1e9},
+              "iterations between opacity resets");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
-        field("gradient_threshold", gradient_threshold, {0, 1e9}, "mean screen gradient that grows a splat, per NDC unit");
-        field("percent_dense", percent_dense, {0, 1e3}, "largest scale up to which a splat is cloned, not split, in scene extents");
+        field("gradient_threshold", gradient_threshold, {0, 1e9},
+              "mean screen gradient that grows a splat, per NDC unit");
+        field("percent_dense", percent_dense, {0, 1e3},
+              "largest scale up to which a splat is cloned, not split, in scene extents");
         field("min_opacity", min_opacity, {0, 1}, "splats below are pruned");
-        field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9}, "mean absolute screen gradient that splits a large splat");
+        field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
+              "mean absolute screen gradient that splits a large splat");
         field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
-        field("trim_min_views", trim_min_views, {0, 1e6}, "splats in front in fewer training views are trimmed; 0: no trim");
-        field("jitter_clones", jitter_clones, "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
+        field("trim_min_views", trim_min_views, {0, 1e6},
+              "splats in front in fewer training views are trimmed; 0: no trim");
+        field("jitter_clones", jitter_clones,
+              "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
         field("max_gaussians", max_gaussians, {1, 2e9}, "growth stops there");
     }
 };
@@ -73,13 +81,15 @@ struct ProposeBody {
 
     TVSGS_HD void operator()(int i) const {
         const GrowthStatistics& s = statistics[i];
-        const float gradient = s.views > 0 ? s.gradient / s.views : 0, abs = s.views > 0 ? s.abs_gradient / s.views : 0;
+        const float gradient = s.views > 0 ? s.gradient / s.views : 0,
+                    abs = s.views > 0 ? s.abs_gradient / s.views : 0;
         const Vec3f l = log_scales[i];
-        const float largest = std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
+        const float largest =
+            std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
         const bool large = largest > size_threshold;
-        growth[i] = gradient >= gradient_threshold               ? (large ? Growth::split : Growth::clone)
+        growth[i] = gradient >= gradient_threshold ? (large ? Growth::split : Growth::clone)
                     : large && s.max_radius_px > 20 && abs >= abs_threshold ? Growth::abs_split
-                                                                 : Growth::none;
+                                                                            : Growth::none;
         score[i] = growth[i] == Growth::none ? 0 : growth[i] == Growth::abs_split ? abs : gradient;
     }
 };
@@ -95,7 +105,9 @@ struct CountBody {
     TVSGS_HD void operator()(int i) const {
         const bool split = growth[i] >= Growth::split;
         const Vec3f l = log_scales[i];
-        const float largest = std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z)) / (split ? 1.6f : 1.0f);
+        const float largest =
+            std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z)) /
+            (split ? 1.6f : 1.0f);
         const bool pruned = opacity_logits[i] < min_opacity_logit || largest > max_scale;
         counts[i] = pruned ? 0 : growth[i] == Growth::none ? 1 : 2;
     }
@@ -127,10 +139,13 @@ struct GatherBody {
     const T* from;
     T* to;
 
-    TVSGS_HD void operator()(int i) const { to[i] = zero_new && is_new[i] ? T{} : from[parents[i]]; }
+    TVSGS_HD void operator()(int i) const {
+        to[i] = zero_new && is_new[i] ? T{} : from[parents[i]];
+    }
 };
 
-/// Moves the children of splits and jittered clones by a draw from their parent, and shrinks the former.
+/// Moves the children of splits and jittered clones by a draw from their parent, and shrinks the
+/// former.
 struct ScatterChildrenBody {
     Span<const std::uint8_t> is_new, child_of_split;
     bool jitter_clones;
@@ -141,7 +156,8 @@ struct ScatterChildrenBody {
 
     TVSGS_HD void operator()(int i) const {
         if (!is_new[i] || !(child_of_split[i] || jitter_clones)) return;
-        const Vec3f xi = normal3(random4(seed, RandomStream::densify, static_cast<std::uint64_t>(i), step));
+        const Vec3f xi =
+            normal3(random4(seed, RandomStream::densify, static_cast<std::uint64_t>(i), step));
         means[i] += rotation(normalize(quats[i])) * (exp(log_scales[i]) * xi);
         if (!child_of_split[i]) return;
         const float log_shrink = 0.47000363f;  // ln 1.6
@@ -193,16 +209,22 @@ public:
         bool opacity_reset = false;
     };
 
-    /// Adds the statistics of the last render and, when due, grows, prunes, trims and resets. `observe` renders every training view
-    /// and calls its argument with the statistics of each.  [order of events: backbones specification, 1.5]
+    /// Adds the statistics of the last render and, when due, grows, prunes, trims and resets.
+    /// `observe` renders every training view and calls its argument with the statistics of each.
+    /// [order of events: backbones specification, 1.5]
     template <class Observe>
-    Event step(int step, const ScreenStatistics<Device>& screen, Gaussians<Device>& g, Adam<Device>& adam, const Observe& observe) {
+    Event step(int step,
+               const ScreenStatistics<Device>& screen,
+               Gaussians<Device>& g,
+               Adam<Device>& adam,
+               const Observe& observe) {
         Event event;
         if (!options_.enabled || step >= options_.until) return event;
         if (statistics_.size() != g.means.size()) reset_statistics(g.size());
         parallel_for(Device{}, g.size(),
-                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(), screen.abs_dL_dmeans2d.span(),
-                                    screen.front_pixels.span(), statistics_.span()});
+                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
+                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
+                                    statistics_.span()});
         if (step > options_.from && step % options_.every == 0) {
             grow_and_prune(step, g);
             event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
@@ -217,7 +239,8 @@ public:
         }
         if (step % options_.opacity_reset_every == 0) {
             parallel_for(Device{}, g.size(),
-                         ResetOpacityBody{g.opacity_logits.span(), adam.first_moments().opacity_logits.span(),
+                         ResetOpacityBody{g.opacity_logits.span(),
+                                          adam.first_moments().opacity_logits.span(),
                                           adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
         }
@@ -237,10 +260,11 @@ private:
     void grow_and_prune(int step, const Gaussians<Device>& g) {
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
-        parallel_for(Device{}, g.size(),
-                     ProposeBody{statistics_.span(), g.log_scales.span(), options_.gradient_threshold,
-                                 options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-                                 options_.percent_dense * extent_, growth_.span(), score_.span()});
+        parallel_for(
+            Device{}, g.size(),
+            ProposeBody{statistics_.span(), g.log_scales.span(), options_.gradient_threshold,
+                        options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
+                        options_.percent_dense * extent_, growth_.span(), score_.span()});
         apply_quotas(g.size());
         const float infinite = 3e38f;
         parallel_for(Device{}, g.size(),
@@ -250,24 +274,31 @@ private:
         reset_statistics(0);  // the next accumulation starts from zero at the new size
     }
 
-    /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index. On the host: it is rare.
+    /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index.
+    /// On the host: it is rare.
     void apply_quotas(int n) {
         std::vector<Growth> growth = to_host(growth_);
         const std::vector<float> score = to_host(score_);
-        std::size_t room = options_.max_gaussians > n ? static_cast<std::size_t>(options_.max_gaussians - n) : 0;
+        std::size_t room =
+            options_.max_gaussians > n ? static_cast<std::size_t>(options_.max_gaussians - n) : 0;
         bool changed = false;
         for (Growth kind : {Growth::clone, Growth::split, Growth::abs_split}) {
             std::vector<int> chosen;
             for (int i = 0; i < n; ++i)
                 if (growth[static_cast<std::size_t>(i)] == kind) chosen.push_back(i);
             std::size_t quota = room;
-            if (kind == Growth::abs_split) quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
+            if (kind == Growth::abs_split)
+                quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
             if (chosen.size() > quota) {
-                std::nth_element(chosen.begin(), chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(), [&](int a, int b) {
-                    const float sa = score[static_cast<std::size_t>(a)], sb = score[static_cast<std::size_t>(b)];
-                    return sa != sb ? sa > sb : a < b;
-                });
-                for (std::size_t j = quota; j < chosen.size(); ++j) growth[static_cast<std::size_t>(chosen[j])] = Growth::none;
+                std::nth_element(chosen.begin(),
+                                 chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(),
+                                 [&](int a, int b) {
+                                     const float sa = score[static_cast<std::size_t>(a)],
+                                                 sb = score[static_cast<std::size_t>(b)];
+                                     return sa != sb ? sa > sb : a < b;
+                                 });
+                for (std::size_t j = quota; j < chosen.size(); ++j)
+                    growth[static_cast<std::size_t>(chosen[j])] = Growth::none;
                 changed = true;
             }
             room -= std::min(room, std::min(quota, chosen.size()));
@@ -281,25 +312,31 @@ private:
         front_views_.resize(n), growth_.resize(n), counts_.resize(n);
         front_views_.fill_zero();
         observe([&](const ScreenStatistics<Device>& screen) {
-            parallel_for(Device{}, static_cast<int>(n), CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
+            parallel_for(Device{}, static_cast<int>(n),
+                         CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
         });
-        parallel_for(Device{}, g.size(), KeepSeenBody{front_views_.span(), options_.trim_min_views, counts_.span(), growth_.span()});
+        parallel_for(Device{}, g.size(),
+                     KeepSeenBody{front_views_.span(), options_.trim_min_views, counts_.span(),
+                                  growth_.span()});
     }
 
-    /// Carries out growth_ and counts_; false when nothing would be left, and then nothing is changed.
+    /// Carries out growth_ and counts_; false when nothing would be left, and then nothing is
+    /// changed.
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
         const std::size_t n = static_cast<std::size_t>(total);
         parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
         parallel_for(Device{}, g.size(),
-                     SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(), is_new_.span(), child_of_split_.span()});
+                     SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),
+                                is_new_.span(), child_of_split_.span()});
         gather(g, total, false);
         gather(adam.first_moments(), total, true);
         gather(adam.second_moments(), total, true);
-        parallel_for(Device{}, total,
-                     ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones, seed_, step, g.means.span(),
-                                         g.log_scales.span(), g.quats.span()});
+        parallel_for(
+            Device{}, total,
+            ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
+                                seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
         if (!statistics_.empty()) reset_statistics(0);
         return true;
@@ -309,19 +346,27 @@ private:
         gather(g.means, g.size(), 1, total, zero_new, scratch3_);
         gather(g.log_scales, static_cast<int>(g.log_scales.size()), 1, total, zero_new, scratch3_);
         gather(g.quats, static_cast<int>(g.quats.size()), 1, total, zero_new, scratch4_);
-        gather(g.opacity_logits, static_cast<int>(g.opacity_logits.size()), 1, total, zero_new, scratch1_);
+        gather(g.opacity_logits, static_cast<int>(g.opacity_logits.size()), 1, total, zero_new,
+               scratch1_);
         const int planes = sh_count(g.sh_degree);
         gather(g.sh, static_cast<int>(g.sh.size()) / planes, planes, total, zero_new, scratch_sh_);
     }
 
     template <class T>
-    void gather(Buffer<T, Device>& values, int old_count, int planes, int total, bool zero_new, Buffer<T, Device>& scratch) {
+    void gather(Buffer<T, Device>& values,
+                int old_count,
+                int planes,
+                int total,
+                bool zero_new,
+                Buffer<T, Device>& scratch) {
         scratch.resize(static_cast<std::size_t>(total) * static_cast<std::size_t>(planes));
         for (int p = 0; p < planes; ++p)
             parallel_for(Device{}, total,
                          GatherBody<T>{parents_.span(), is_new_.span(), zero_new,
-                                       values.data() + static_cast<std::size_t>(p) * static_cast<std::size_t>(old_count),
-                                       scratch.data() + static_cast<std::size_t>(p) * static_cast<std::size_t>(total)});
+                                       values.data() + static_cast<std::size_t>(p) *
+                                                           static_cast<std::size_t>(old_count),
+                                       scratch.data() + static_cast<std::size_t>(p) *
+                                                            static_cast<std::size_t>(total)});
         values.swap(scratch);
     }
 

@@ -13,11 +13,18 @@ namespace {
 struct PointAdaptor {
     const std::vector<Vec3f>& points;
     std::size_t kdtree_get_point_count() const { return points.size(); }
-    float kdtree_get_pt(std::size_t i, std::size_t axis) const { return points[i][static_cast<int>(axis)]; }
+    float kdtree_get_pt(std::size_t i, std::size_t axis) const {
+        return points[i][static_cast<int>(axis)];
+    }
     template <class Box>
-    bool kdtree_get_bbox(Box&) const { return false; }
+    bool kdtree_get_bbox(Box&) const {
+        return false;
+    }
 };
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>, PointAdaptor, 3, unsigned>;
+using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
+                                                 PointAdaptor,
+                                                 3,
+                                                 unsigned>;
 
 }  // namespace
 
@@ -30,30 +37,51 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         unsigned index[16];
         float squared[16];
-        const std::size_t found = tree.knnSearch(&points[static_cast<std::size_t>(i)].x, wanted, index, squared);
-        // The point itself is among them at distance 0, or another at the same place: either way one zero goes.
+        const std::size_t found =
+            tree.knnSearch(&points[static_cast<std::size_t>(i)].x, wanted, index, squared);
+        // The point itself is among them at distance 0, or another at the same place: either way
+        // one zero goes.
         double sum = 0;
         for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
-        result[static_cast<std::size_t>(i)] = static_cast<float>(sum / static_cast<double>(found - 1));
+        result[static_cast<std::size_t>(i)] =
+            static_cast<float>(sum / static_cast<double>(found - 1));
     });
     return result;
+}
+
+float median_depth(const Scene& scene) {
+    // A few thousand points tell the median to a percent or two.
+    const std::size_t stride = 1 + scene.points.positions.size() / 5000;
+    std::vector<float> depths;
+    for (const View& view : scene.train)
+        for (std::size_t i = 0; i < scene.points.positions.size(); i += stride) {
+            const float z = (view.camera.camera_from_world * scene.points.positions[i]).z;
+            if (z > 0) depths.push_back(z);
+        }
+    if (depths.empty()) return 0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return *middle;
 }
 
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree) {
     std::vector<Vec3f> positions, colors;
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
         const Vec3f p = scene.points.positions[i];
-        const bool at_camera = std::any_of(scene.train.begin(), scene.train.end(), [&](const View& view) {
-            return norm(p - camera_centre(view.camera)) < 1e-2f;
-        });
+        const bool at_camera = std::any_of(
+            scene.train.begin(), scene.train.end(),
+            [&](const View& view) { return norm(p - camera_centre(view.camera)) < 1e-2f; });
         if (at_camera) continue;
         positions.push_back(p);
-        colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f} : scene.points.colors[i]);
+        colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f}
+                                                     : scene.points.colors[i]);
     }
     if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
-        spdlog::warn("{} initial points lie within 0.01 world units of a camera and are left out", dropped);
+        spdlog::warn("{} initial points lie within 0.01 world units of a camera and are left out",
+                     dropped);
     if (positions.empty())
-        throw Error(ExitCode::input, str("E_NO_POINTS: ", scene.path, ": no initial points are left; expected at least one; "
+        throw Error(ExitCode::input, str("E_NO_POINTS: ", scene.path,
+                                         ": no initial points are left; expected at least one; "
                                          "give a cloud with --init-ply"));
 
     const std::vector<float> squared = mean_squared_neighbour_distance(positions, 3);

@@ -56,7 +56,9 @@ public:
     virtual bool needs_plane() const { return false; }
 
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
-    virtual void add_to(Objective<Device>& objective, double* value, const LossInputs<Device>& in) = 0;
+    virtual void add_to(Objective<Device>& objective,
+                        double* value,
+                        const LossInputs<Device>& in) = 0;
 };
 
 /// Term of a sum over an array.
@@ -66,6 +68,11 @@ struct ReadValue {
 };
 
 enum class Reduction { mean, sum, visible_mean };
+
+/// What a length of 1 means in the terms that measure lengths (flatten, tv_position). Their
+/// published weights were found on scenes normalised to about a unit sphere, so in world units they
+/// mean something else in millimetres than in metres.
+enum class LengthUnit { world, depth };
 
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
@@ -95,20 +102,26 @@ struct LossOptions {
     ScheduledOptions normal{0, 7001};
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
+    LengthUnit length_unit = LengthUnit::world;
 
     template <class Visitor>
     void fields(Visitor& field) {
         field.group("photometric", photometric, "render against photograph");
         field.group("flatten", flatten, "smallest scale of each visible splat, PGSR");
-        field.group("normal", normal, "blended normals against normals of the depth map, PGSR single view");
+        field.group("normal", normal,
+                    "blended normals against normals of the depth map, PGSR single view");
         field.group("tv_normal", tv_normal, "splat normals against voted normals");
         field.group("tv_position", tv_position, "splat centres against voted positions");
-        field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"}, "how the two voting terms add up splats");
+        field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
+                     "how the two voting terms add up splats");
+        field.choice("length_unit", length_unit, {"world", "depth"},
+                     "unit of lengths in flatten and tv_position; depth: a third of the median "
+                     "depth of the initial cloud");
     }
 };
 
-/// The terms with a weight above 0.
+/// The terms with a weight above 0. `length_unit`: world units that count as 1.
 template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options);
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions options, float length_unit);
 
 }  // namespace tvsgs

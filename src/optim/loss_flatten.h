@@ -27,7 +27,8 @@ struct FlattenGradientBody {
     float weight;
     Span<Vec3f> dL_dlog_scales;
     TVSGS_HD void operator()(int i) const {
-        const float share = static_cast<float>(term(i));  // s / count, which is also its derivative by log s
+        const float share =
+            static_cast<float>(term(i));  // s / count, which is also its derivative by log s
         if (share > 0) dL_dlog_scales[i][smallest_axis(term.log_scales[i])] += weight * share;
     }
 };
@@ -41,13 +42,19 @@ public:
     const char* name() const override { return "flatten"; }
     bool active(int step) const override { return step >= options_.start; }
 
-    void add_to(Objective<Device>& objective, double* value, const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
         objective.count.fill_zero();
-        add_sum(Device{}, n, VisibleTerm{in.radii_px}, 1, objective.partial.span(), objective.count.data());
-        const SmallestScaleTerm term{in.gaussians.log_scales.span(), in.radii_px, objective.count.data()};
+        add_sum(Device{}, n, VisibleTerm{in.radii_px}, 1, objective.partial.span(),
+                objective.count.data());
+        const SmallestScaleTerm term{in.gaussians.log_scales.span(), in.radii_px,
+                                     objective.count.data()};
         add_sum(Device{}, n, term, options_.weight, objective.partial.span(), value);
-        parallel_for(Device{}, n, FlattenGradientBody{term, options_.weight, objective.dL_dgaussians.log_scales.span()});
+        parallel_for(
+            Device{}, n,
+            FlattenGradientBody{term, options_.weight, objective.dL_dgaussians.log_scales.span()});
     }
 
 private:

@@ -7,7 +7,8 @@
 
 namespace tvsgs {
 
-/// Strength of the strongest edge through an interior pixel: the larger of the two central differences' channel means, 0 to 1.
+/// Strength of the strongest edge through an interior pixel: the larger of the two central
+/// differences' channel means, 0 to 1.
 TVSGS_HD inline float edge_strength(const std::uint8_t* photo, int width, int x, int y) {
     const auto difference = [&](int p, int q) {
         int sum = 0;
@@ -18,7 +19,8 @@ TVSGS_HD inline float edge_strength(const std::uint8_t* photo, int width, int x,
         return static_cast<float>(sum) / (3 * 255);
     };
     const int at = y * width + x;
-    const float horizontal = difference(at + 1, at - 1), vertical = difference(at + width, at - width);
+    const float horizontal = difference(at + 1, at - 1),
+                vertical = difference(at + width, at - width);
     return horizontal > vertical ? horizontal : vertical;
 }
 
@@ -42,8 +44,11 @@ struct NormalLossBody {
         neighbours[at] = {};
         const int w = camera.width_px, x = at % w, y = at / w;
         if (x == 0 || y == 0 || x == w - 1 || y == camera.height_px - 1) return;
-        if (!(depth[at - 1] > 0) || !(depth[at + 1] > 0) || !(depth[at - w] > 0) || !(depth[at + w] > 0)) return;
-        // Edges are where depth may jump: (1 - e)^2 fades the term out there. An image without edges has e = 0.
+        if (!(depth[at - 1] > 0) || !(depth[at + 1] > 0) || !(depth[at - w] > 0) ||
+            !(depth[at + w] > 0))
+            return;
+        // Edges are where depth may jump: (1 - e)^2 fades the term out there. An image without
+        // edges has e = 0.
         const float range = edge_max - edge_min;
         const float e = range > 0 ? (edge_strength(photo, w, x, y) - edge_min) / range : 0;
         const float weight = weight_per_pixel * (1 - e) * (1 - e);
@@ -63,7 +68,8 @@ struct NormalLossBody {
     }
 };
 
-/// Gathers dL/ddepth of a pixel from the pixels whose normal it takes part in, and goes on to the plane channels.
+/// Gathers dL/ddepth of a pixel from the pixels whose normal it takes part in, and goes on to the
+/// plane channels.
 struct NormalDepthBody {
     Camera camera;
     Span<const NormalPixelGradient> neighbours;
@@ -97,20 +103,27 @@ public:
     bool active(int step) const override { return step >= options_.start; }
     bool needs_plane() const override { return true; }
 
-    void add_to(Objective<Device>& objective, double* value, const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
         const auto& images = in.images;
         const int pixels = images.width * images.height;
         pixel_loss_.resize(images.depth.size());
         neighbours_.resize(images.depth.size());
+        parallel_for(
+            Device{}, pixels,
+            NormalLossBody{in.view.camera, images.normal.span(), images.depth.span(),
+                           images.transmittance.span(), in.view.photo.data(), in.view.edge_min,
+                           in.view.edge_max, options_.weight / static_cast<float>(pixels),
+                           pixel_loss_.span(), neighbours_.span(),
+                           objective.dL_dimages.normal.span()});
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
         parallel_for(Device{}, pixels,
-                     NormalLossBody{in.view.camera, images.normal.span(), images.depth.span(), images.transmittance.span(),
-                                    in.view.photo.data(), in.view.edge_min, in.view.edge_max,
-                                    options_.weight / static_cast<float>(pixels), pixel_loss_.span(), neighbours_.span(),
-                                    objective.dL_dimages.normal.span()});
-        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(), value);
-        parallel_for(Device{}, pixels,
-                     NormalDepthBody{in.view.camera, neighbours_.span(), images.normal.span(), images.distance.span(),
-                                     images.depth.span(), objective.dL_dimages.normal.span(), objective.dL_dimages.distance.span()});
+                     NormalDepthBody{in.view.camera, neighbours_.span(), images.normal.span(),
+                                     images.distance.span(), images.depth.span(),
+                                     objective.dL_dimages.normal.span(),
+                                     objective.dL_dimages.distance.span()});
     }
 
 private:

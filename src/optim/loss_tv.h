@@ -1,4 +1,5 @@
-// The two losses that need no rendering: splats against the votes they received.  [TV-SGS], docs/tensor_voting.md
+// The two losses that need no rendering: splats against the votes they received.  [TV-SGS],
+// docs/tensor_voting.md
 #pragma once
 
 #include "optim/loss.h"
@@ -13,7 +14,9 @@ struct TakesPart {
     Span<const float> radii_px;
     bool visible_only;
 
-    TVSGS_HD bool test(int i) const { return (flags[i] & flag) && (!visible_only || radii_px[i] > 0); }
+    TVSGS_HD bool test(int i) const {
+        return (flags[i] & flag) && (!visible_only || radii_px[i] > 0);
+    }
     TVSGS_HD float operator()(int i) const { return test(i) ? 1.0f : 0.0f; }
 };
 
@@ -50,7 +53,8 @@ struct TvNormalBody {
         Mat3f dL_dR{};
         for (int row = 0; row < 3; ++row) dL_dR[row][axis] = g[row];
         const Quatf dq = rotation_vjp(agreement.quats[i], dL_dR);
-        dL_dquats[i].w += dq.w, dL_dquats[i].x += dq.x, dL_dquats[i].y += dq.y, dL_dquats[i].z += dq.z;
+        dL_dquats[i].w += dq.w, dL_dquats[i].x += dq.x, dL_dquats[i].y += dq.y,
+            dL_dquats[i].z += dq.z;
     }
 };
 
@@ -74,35 +78,44 @@ struct TvPositionBody {
     }
 };
 
-/// Normal: reduce (1 - |n . n_tv|), into the quaternions only. Position: reduce |mean - p_tv|_1, into the means only.
+/// Normal: reduce (1 - |n . n_tv|), into the quaternions only. Position: reduce |mean - p_tv|_1,
+/// into the means only.
 template <class Device, bool kPosition>
 class TvLoss final : public Loss<Device> {
 public:
-    TvLoss(const ScheduledOptions& options, Reduction reduction) : options_(options), reduction_(reduction) {}
+    TvLoss(const ScheduledOptions& options, Reduction reduction)
+        : options_(options), reduction_(reduction) {}
 
     const char* name() const override { return kPosition ? "tv_position" : "tv_normal"; }
     bool active(int step) const override { return step >= options_.start; }
 
-    void add_to(Objective<Device>& objective, double* value, const LossInputs<Device>& in) override {
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
         if (static_cast<int>(in.field.flags.size()) != n) return;  // no event has been held yet
-        const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid, in.radii_px,
-                             reduction_ == Reduction::visible_mean};
+        const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
+                             in.radii_px, reduction_ == Reduction::visible_mean};
         objective.count.fill_zero();
         if (reduction_ == Reduction::sum)
-            add_sum(Device{}, 1, ConstantOne{}, 1, objective.partial.span(), objective.count.data());
+            add_sum(Device{}, 1, ConstantOne{}, 1, objective.partial.span(),
+                    objective.count.data());
         else
             add_sum(Device{}, n, part, 1, objective.partial.span(), objective.count.data());
         splat_loss_.resize(in.gaussians.means.size());
         if constexpr (kPosition)
             parallel_for(Device{}, n,
-                         TvPositionBody{part, in.gaussians.means.span(), in.field.targets.span(), objective.count.data(),
-                                        options_.weight, splat_loss_.span(), objective.dL_dgaussians.means.span()});
+                         TvPositionBody{part, in.gaussians.means.span(), in.field.targets.span(),
+                                        objective.count.data(), options_.weight, splat_loss_.span(),
+                                        objective.dL_dgaussians.means.span()});
         else
             parallel_for(Device{}, n,
                          TvNormalBody{part,
-                                      {in.gaussians.log_scales.span(), in.field.normals.span(), in.gaussians.quats.span()},
-                                      objective.count.data(), options_.weight, splat_loss_.span(),
+                                      {in.gaussians.log_scales.span(), in.field.normals.span(),
+                                       in.gaussians.quats.span()},
+                                      objective.count.data(),
+                                      options_.weight,
+                                      splat_loss_.span(),
                                       objective.dL_dgaussians.quats.span()});
         add_sum(Device{}, n, ReadValue{splat_loss_.span()}, 1, objective.partial.span(), value);
     }

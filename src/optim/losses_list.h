@@ -9,16 +9,21 @@
 namespace tvsgs {
 
 template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& o) {
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions o, float length_unit) {
+    o.flatten.weight /= length_unit;
+    o.tv_position.weight /= length_unit;
     std::vector<std::unique_ptr<Loss<Device>>> losses;
     const auto add = [&](float weight, auto make) {
         if (weight > 0) losses.push_back(make());
     };
-    add(o.photometric.weight, [&] { return std::make_unique<PhotometricLoss<Device>>(o.photometric); });
+    add(o.photometric.weight,
+        [&] { return std::make_unique<PhotometricLoss<Device>>(o.photometric); });
     add(o.flatten.weight, [&] { return std::make_unique<FlattenLoss<Device>>(o.flatten); });
     add(o.normal.weight, [&] { return std::make_unique<NormalLoss<Device>>(o.normal); });
-    add(o.tv_normal.weight, [&] { return std::make_unique<TvLoss<Device, false>>(o.tv_normal, o.tv_reduction); });
-    add(o.tv_position.weight, [&] { return std::make_unique<TvLoss<Device, true>>(o.tv_position, o.tv_reduction); });
+    add(o.tv_normal.weight,
+        [&] { return std::make_unique<TvLoss<Device, false>>(o.tv_normal, o.tv_reduction); });
+    add(o.tv_position.weight,
+        [&] { return std::make_unique<TvLoss<Device, true>>(o.tv_position, o.tv_reduction); });
     return losses;
 }
 

@@ -21,7 +21,8 @@ struct ModelOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("sh_degree", sh_degree, {0, 3}, "degree of the spherical harmonics");
-        field("sh_every", sh_every, {1, 1e9}, "iterations after which the degree in use rises by one");
+        field("sh_every", sh_every, {1, 1e9},
+              "iterations after which the degree in use rises by one");
     }
 };
 
@@ -31,7 +32,8 @@ struct OptimOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("skip_step_on_structure_change", skip_step_on_structure_change,
-              "no Adam step at iterations that densify, trim or (opacity only) reset, as in the official codes");
+              "no Adam step at iterations that densify, trim or (opacity only) reset, as in the "
+              "official codes");
     }
 };
 
@@ -69,7 +71,8 @@ inline int sh_degree_at(const ModelOptions& model, int step) {
     return std::min(model.sh_degree, step / model.sh_every);
 }
 
-/// Seconds by stage, measured with device synchronisation: only when TrainCallbacks::profile is set.
+/// Seconds by stage, measured with device synchronisation: only when TrainCallbacks::profile is
+/// set.
 struct StageTime {
     const char* name;
     double seconds;
@@ -78,7 +81,8 @@ struct StageTime {
 struct TrainReport {
     int step = 0;
     double loss = 0;
-    std::vector<std::pair<const char*, double>> terms;  // weighted values of this step's view; terms that did not act are 0
+    std::vector<std::pair<const char*, double>>
+        terms;  // weighted values of this step's view; terms that did not act are 0
     int gaussians = 0;
     MemoryUse memory{};
     std::vector<StageTime> stages;  // cumulative; empty without profiling
@@ -86,16 +90,20 @@ struct TrainReport {
 
 /// How the loop talks to its caller; it never touches files.
 struct TrainCallbacks {
-    std::function<bool(int step)> report_due;           // whether this step is reported: reading the loss waits for the device
+    std::function<bool(int step)>
+        report_due;  // whether this step is reported: reading the loss waits for the device
     std::function<void(const TrainReport&)> on_report;
-    std::function<bool()> stop_requested;               // polled every step; true ends the training early
+    std::function<bool()> stop_requested;  // polled every step; true ends the training early
     bool profile = false;
 };
 
-/// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and device type give the same bits.
-/// Throws Error(ExitCode::numerical) when a reported loss is not finite, naming the term.
+/// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
+/// device type give the same bits. Throws Error(ExitCode::numerical) when a reported loss is not
+/// finite, naming the term.
 template <class Device>
-Gaussians<Device> train(const Scene& scene, const TrainOptions& options, const TrainCallbacks& callbacks);
+Gaussians<Device> train(const Scene& scene,
+                        const TrainOptions& options,
+                        const TrainCallbacks& callbacks);
 
 /// Waits until the device has done all work given to it.
 void synchronize(Cpu);

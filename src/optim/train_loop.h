@@ -13,7 +13,8 @@ namespace tvsgs {
 /// Training views without replacement: a new shuffled round whenever one is used up.
 class ViewSampler {
 public:
-    ViewSampler(int count, std::uint64_t seed) : order_(static_cast<std::size_t>(count)), seed_(seed) {}
+    ViewSampler(int count, std::uint64_t seed)
+        : order_(static_cast<std::size_t>(count)), seed_(seed) {}
 
     int next() {
         const std::size_t at = drawn_ % order_.size();
@@ -26,7 +27,9 @@ private:
     void shuffle(std::uint32_t round) {
         for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
         for (std::size_t i = order_.size(); i > 1; --i) {
-            const auto pick = static_cast<std::size_t>(uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) * static_cast<float>(i));
+            const auto pick = static_cast<std::size_t>(
+                uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) *
+                static_cast<float>(i));
             std::swap(order_[i - 1], order_[std::min(pick, i - 1)]);
         }
     }
@@ -96,7 +99,9 @@ private:
 
 /// Sizes and clears what the step adds to.
 template <class Device>
-void reset(Objective<Device>& objective, const Gaussians<Device>& gaussians, const RenderedImages<Device>& images) {
+void reset(Objective<Device>& objective,
+           const Gaussians<Device>& gaussians,
+           const RenderedImages<Device>& images) {
     objective.dL_dimages.color.resize(images.color.size());
     objective.dL_dimages.normal.resize(images.normal.size());
     objective.dL_dimages.distance.resize(images.distance.size());
@@ -109,14 +114,19 @@ void reset(Objective<Device>& objective, const Gaussians<Device>& gaussians, con
 }
 
 template <class Device>
-TrainReport make_report(int step, const Objective<Device>& objective, const std::vector<std::unique_ptr<Loss<Device>>>& losses,
-                        const Gaussians<Device>& gaussians, const StageClock<Device>& clock) {
+TrainReport make_report(int step,
+                        const Objective<Device>& objective,
+                        const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                        const Gaussians<Device>& gaussians,
+                        const StageClock<Device>& clock) {
     TrainReport report{step, 0, {}, gaussians.size(), memory_use(Device{}), clock.stages()};
     const std::vector<double> values = to_host(objective.values);
     for (std::size_t i = 0; i < losses.size(); ++i) {
         if (!(std::abs(values[i]) < 1e300))
-            throw Error(ExitCode::numerical, str("iteration ", step, ": the loss term '", losses[i]->name(), "' is ", values[i],
-                                                 "; expected a finite number; lower the learning rates (--set lr.*)"));
+            throw Error(
+                ExitCode::numerical,
+                str("iteration ", step, ": the loss term '", losses[i]->name(), "' is ", values[i],
+                    "; expected a finite number; lower the learning rates (--set lr.*)"));
         report.terms.emplace_back(losses[i]->name(), values[i]);
         report.loss += values[i];
     }
@@ -124,12 +134,17 @@ TrainReport make_report(int step, const Objective<Device>& objective, const std:
 }
 
 template <class Device>
-Gaussians<Device> train(const Scene& scene, const TrainOptions& options, const TrainCallbacks& callbacks) {
+Gaussians<Device> train(const Scene& scene,
+                        const TrainOptions& options,
+                        const TrainCallbacks& callbacks) {
     const auto seed = static_cast<std::uint64_t>(options.seed);
     Gaussians<Device> gaussians;
     copy(init_gaussians(scene, options.init, options.model.sh_degree), gaussians);
     auto backbone = make_backbone<Device>(options.backbone, options.core);
-    auto losses = make_losses<Device>(options.loss);
+    // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the published
+    // weights come from.
+    const float depth = options.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
+    auto losses = make_losses<Device>(options.loss, depth > 0 ? depth / 3 : 1);
     TensorVoter<Device> voter(options.tv);
     TensorField<Device> field;
     Adam<Device> adam(options.lr, gaussians);
@@ -140,7 +155,8 @@ Gaussians<Device> train(const Scene& scene, const TrainOptions& options, const T
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     std::vector<DeviceView<Device>> views;
-    for (const View& view : scene.train) views.push_back(upload<Device>(view, options.loss.normal.weight > 0));
+    for (const View& view : scene.train)
+        views.push_back(upload<Device>(view, options.loss.normal.weight > 0));
     StageClock<Device> clock(callbacks.profile);
 
     for (int step = 1; step <= options.iterations; ++step) {
@@ -151,32 +167,39 @@ Gaussians<Device> train(const Scene& scene, const TrainOptions& options, const T
 
         bool plane = false;
         for (const auto& term : losses) plane |= term->active(step) && term->needs_plane();
-        const RenderedImages<Device>& images = clock("forward", [&]() -> const RenderedImages<Device>& {
-            return backbone->forward(gaussians, view.camera, sh_degree, plane ? Channels::color_plane : Channels::color);
-        });
+        const RenderedImages<Device>& images =
+            clock("forward", [&]() -> const RenderedImages<Device>& {
+                return backbone->forward(gaussians, view.camera, sh_degree,
+                                         plane ? Channels::color_plane : Channels::color);
+            });
         clock("losses", [&] {
             reset(objective, gaussians, images);
             for (std::size_t i = 0; i < losses.size(); ++i)
                 if (losses[i]->active(step))
                     losses[i]->add_to(objective, objective.values.data() + i,
-                                      {gaussians, images, view, field, backbone->statistics().radii_px.span(), step});
+                                      {gaussians, images, view, field,
+                                       backbone->statistics().radii_px.span(), step});
         });
-        clock("backward", [&] { backbone->backward(gaussians, objective.dL_dimages, objective.dL_dgaussians); });
+        clock("backward", [&] {
+            backbone->backward(gaussians, objective.dL_dimages, objective.dL_dgaussians);
+        });
         if (callbacks.report_due && callbacks.report_due(step))
             callbacks.on_report(make_report(step, objective, losses, gaussians, clock));
 
         const auto event = clock("densify", [&] {
-            return densifier.step(step, backbone->statistics(), gaussians, adam, [&](const auto& count_views) {
-                resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
-                for (const auto& other : views) {
-                    backbone->forward(gaussians, other.camera, 0, Channels::plane);
-                    backbone->backward(gaussians, {}, objective.dL_dgaussians);
-                    count_views(backbone->statistics());
-                }
-            });
+            return densifier.step(
+                step, backbone->statistics(), gaussians, adam, [&](const auto& count_views) {
+                    resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+                    for (const auto& other : views) {
+                        backbone->forward(gaussians, other.camera, 0, Channels::plane);
+                        backbone->backward(gaussians, {}, objective.dL_dgaussians);
+                        count_views(backbone->statistics());
+                    }
+                });
         });
         if (event.structure_changed) voter.structure_changed(densifier.parents(), field);
-        // The gradients belong to the splats before the change; the official codes lose them here too.
+        // The gradients belong to the splats before the change; the official codes lose them here
+        // too.
         if (!event.structure_changed && step < options.iterations)
             clock("adam", [&] {
                 adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, gaussians,

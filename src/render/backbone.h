@@ -10,7 +10,8 @@
 
 namespace tvsgs {
 
-/// Which channels a render needs; kernels are compiled per set, so what is not asked for costs nothing.
+/// Which channels a render needs; kernels are compiled per set, so what is not asked for costs
+/// nothing.
 enum class Channels { color, color_plane, plane };
 
 constexpr bool has_color(Channels channels) {
@@ -20,15 +21,17 @@ constexpr bool has_plane(Channels channels) {
     return channels != Channels::color;
 }
 
-/// Images of one render, pixel (x, y) at y * width + x. Buffers of channels not asked for are empty.
+/// Images of one render, pixel (x, y) at y * width + x. Buffers of channels not asked for are
+/// empty.
 template <class Device>
 struct RenderedImages {
     int width = 0, height = 0;
-    Buffer<Vec3f, Device> color;          // [H W] not clamped
-    Buffer<float, Device> transmittance;  // [H W] left behind all splats; coverage is 1 - transmittance
-    Buffer<Vec3f, Device> normal;         // [H W] blended plane normals, camera frame, not normalised
-    Buffer<float, Device> distance;       // [H W] blended plane distances, world units
-    Buffer<float, Device> depth;          // [H W] z-depth of the blended plane; 0 where it is undefined
+    Buffer<Vec3f, Device> color;  // [H W] not clamped
+    Buffer<float, Device>
+        transmittance;               // [H W] left behind all splats; coverage is 1 - transmittance
+    Buffer<Vec3f, Device> normal;    // [H W] blended plane normals, camera frame, not normalised
+    Buffer<float, Device> distance;  // [H W] blended plane distances, world units
+    Buffer<float, Device> depth;     // [H W] z-depth of the blended plane; 0 where it is undefined
 };
 
 /// dL/d of the images; a buffer that no loss wrote to stays empty.
@@ -38,13 +41,15 @@ struct ImageGradients {
     Buffer<float, Device> distance;
 };
 
-/// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not visible.
+/// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not
+/// visible.
 template <class Device>
 struct ScreenStatistics {
-    Buffer<float, Device> radii_px;       // [N] 3-sigma radius, rounded up; > 0 means visible
-    Buffer<Vec2f, Device> dL_dmeans2d;    // [N] per NDC unit, summed over pixels
+    Buffer<float, Device> radii_px;         // [N] 3-sigma radius, rounded up; > 0 means visible
+    Buffer<Vec2f, Device> dL_dmeans2d;      // [N] per NDC unit, summed over pixels
     Buffer<Vec2f, Device> abs_dL_dmeans2d;  // [N] the same with absolute values per pixel
-    Buffer<int, Device> front_pixels;     // [N] pixels where it was blended while T > 0.5 (PGSR's `observe`)
+    Buffer<int, Device>
+        front_pixels;  // [N] pixels where it was blended while T > 0.5 (PGSR's `observe`)
 };
 
 struct BackboneOptions {
@@ -54,9 +59,11 @@ struct BackboneOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("near", near, {1e-6, 1e6}, "splats nearer to the camera plane than this are not drawn, world units");
+        field("near", near, {1e-6, 1e6},
+              "splats nearer to the camera plane than this are not drawn, world units");
         field("low_pass_px2", low_pass_px2, {0, 10}, "added to the projected covariance, px^2");
-        field("exact_clamp_grad", exact_clamp_grad, "exact gradient where the projection's Jacobian is clamped; "
+        field("exact_clamp_grad", exact_clamp_grad,
+              "exact gradient where the projection's Jacobian is clamped; "
               "off: as the official code");
     }
 };
@@ -66,7 +73,8 @@ class Backbone {
 public:
     virtual ~Backbone() = default;
 
-    /// Renders; the result stays valid until the next call. `sh_degree` is the degree in use, at most the stored one.
+    /// Renders; the result stays valid until the next call. `sh_degree` is the degree in use, at
+    /// most the stored one.
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                                   const Camera& camera,
                                                   int sh_degree,
@@ -83,6 +91,7 @@ public:
 
 /// Throws Error(ExitCode::usage) naming the known ones when `name` is not among them.
 template <class Device>
-std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name, const BackboneOptions& options);
+std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
+                                                const BackboneOptions& options);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbones `3dgs` and `pgsr`, which differ in the channels and losses
-// that a configuration asks for.
+// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbones `3dgs` and `pgsr`, which
+// differ in the channels and losses that a configuration asks for.
 #pragma once
 
 #include "core/parallel.h"
@@ -41,7 +41,9 @@ public:
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        with_channels([&]<Channels kChannels>() { backward_as<kChannels>(gaussians, dL_dimages, dL_dgaussians); });
+        with_channels([&]<Channels kChannels>() {
+            backward_as<kChannels>(gaussians, dL_dimages, dL_dgaussians);
+        });
     }
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
@@ -50,15 +52,19 @@ private:
     template <class Action>
     void with_channels(const Action& action) {
         switch (channels_) {
-            case Channels::color: return action.template operator()<Channels::color>();
-            case Channels::color_plane: return action.template operator()<Channels::color_plane>();
-            case Channels::plane: return action.template operator()<Channels::plane>();
+            case Channels::color:
+                return action.template operator()<Channels::color>();
+            case Channels::color_plane:
+                return action.template operator()<Channels::color_plane>();
+            case Channels::plane:
+                return action.template operator()<Channels::plane>();
         }
     }
 
     void resize_images() {
         const std::size_t pixels = std::size_t(grid_.width) * grid_.height;
-        const std::size_t color = has_color(channels_) ? pixels : 0, plane = has_plane(channels_) ? pixels : 0;
+        const std::size_t color = has_color(channels_) ? pixels : 0,
+                          plane = has_plane(channels_) ? pixels : 0;
         images_.width = grid_.width, images_.height = grid_.height;
         images_.color.resize(color);
         images_.transmittance.resize(pixels);
@@ -69,23 +75,30 @@ private:
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
         parallel_for(Device{}, g.size(),
-                     ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.opacity_logits.span(),
-                                            g.sh.span(), splats_.shapes.span(), splats_.features.span(), splats_.depths.span(),
-                                            splats_.rects.span(), splats_.touched.span(), statistics_.radii_px.span()});
+                     ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(),
+                                            g.quats.span(), g.opacity_logits.span(), g.sh.span(),
+                                            splats_.shapes.span(), splats_.features.span(),
+                                            splats_.depths.span(), splats_.rects.span(),
+                                            splats_.touched.span(), statistics_.radii_px.span()});
         build_tile_lists(splats_, grid_, lists_);
         blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_);
     }
 
     template <Channels kChannels>
-    void backward_as(const Gaussians<Device>& g, const ImageGradients<Device>& dL_dimages, Gaussians<Device>& dL) {
-        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slot_gradients_);
+    void backward_as(const Gaussians<Device>& g,
+                     const ImageGradients<Device>& dL_dimages,
+                     Gaussians<Device>& dL) {
+        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages,
+                                   slot_gradients_);
         const Buffer<SplatGradients<float>, Device>& slots = slot_gradients_;
         parallel_for(Device{}, g.size(),
                      ProjectBackwardBody<kChannels>{
-                         view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(), splats_.shapes.span(),
-                         splats_.features.span(), splats_.touched.span(), lists_.first_slot.span(), slots.span(), dL.means.span(),
-                         dL.log_scales.span(), dL.quats.span(), dL.opacity_logits.span(), dL.sh.span(),
-                         statistics_.dL_dmeans2d.span(), statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
+                         view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
+                         splats_.shapes.span(), splats_.features.span(), splats_.touched.span(),
+                         lists_.first_slot.span(), slots.span(), dL.means.span(),
+                         dL.log_scales.span(), dL.quats.span(), dL.opacity_logits.span(),
+                         dL.sh.span(), statistics_.dL_dmeans2d.span(),
+                         statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
     }
 
     BackboneOptions options_;

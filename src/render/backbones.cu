@@ -1,5 +1,6 @@
 #include "render/backbones_list.h"
 
 namespace tvsgs {
-template std::unique_ptr<Backbone<Cuda>> make_backbone<Cuda>(const std::string&, const BackboneOptions&);
+template std::unique_ptr<Backbone<Cuda>> make_backbone<Cuda>(const std::string&,
+                                                             const BackboneOptions&);
 }  // namespace tvsgs

@@ -1,4 +1,5 @@
-// CPU twin: one tile per task, splat by splat over the pixels of its box, so that a small splat costs a few pixels only.
+// CPU twin: one tile per task, splat by splat over the pixels of its box, so that a small splat
+// costs a few pixels only.
 #include "render/blend.h"
 
 #include "core/parallel.h"
@@ -14,12 +15,14 @@ struct Box {
 };
 Box box_in_tile(const SplatShape<float>& s, int left, int top, int right, int bottom) {
     // Pixel x is inside when |x + 0.5 - mean| <= extent.
-    const auto first = [](float low, int least) { return std::max(least, static_cast<int>(std::ceil(std::max(low, -1e6f)))); };
-    const auto last = [](float high, int most) { return std::min(most, static_cast<int>(std::floor(std::min(high, 1e6f))) + 1); };
-    return {first(s.mean.x - s.extent.x - 0.5f, left),
-            first(s.mean.y - s.extent.y - 0.5f, top),
-            last(s.mean.x + s.extent.x - 0.5f, right),
-            last(s.mean.y + s.extent.y - 0.5f, bottom)};
+    const auto first = [](float low, int least) {
+        return std::max(least, static_cast<int>(std::ceil(std::max(low, -1e6f))));
+    };
+    const auto last = [](float high, int most) {
+        return std::min(most, static_cast<int>(std::floor(std::min(high, 1e6f))) + 1);
+    };
+    return {first(s.mean.x - s.extent.x - 0.5f, left), first(s.mean.y - s.extent.y - 0.5f, top),
+            last(s.mean.x + s.extent.x - 0.5f, right), last(s.mean.y + s.extent.y - 0.5f, bottom)};
 }
 
 Vec2f offset(const SplatShape<float>& s, int x, int y) {
@@ -31,14 +34,19 @@ struct TileBounds {
 };
 TileBounds tile_bounds(const TileGrid& grid, int tile) {
     const int left = tile % grid.columns * kTileSize, top = tile / grid.columns * kTileSize;
-    return {left, top, std::min(left + kTileSize, grid.width), std::min(top + kTileSize, grid.height)};
+    return {left, top, std::min(left + kTileSize, grid.width),
+            std::min(top + kTileSize, grid.height)};
 }
 
 }  // namespace
 
 template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid, const Camera& camera,
-                 RenderedImages<Cpu>& images, BlendState<Cpu>& state) {
+void blend_tiles(const ViewSplats<Cpu>& splats,
+                 const TileLists<Cpu>& lists,
+                 const TileGrid& grid,
+                 const Camera& camera,
+                 RenderedImages<Cpu>& images,
+                 BlendState<Cpu>& state) {
     const PixelWriter<kChannels> write(images, camera);
     parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
         const TileBounds t = tile_bounds(grid, tile);
@@ -76,12 +84,17 @@ void blend_tiles(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, con
 }
 
 template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid,
-                     const RenderedImages<Cpu>& images, const BlendState<Cpu>& state, const ImageGradients<Cpu>& dL_dimages,
+void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
+                     const TileLists<Cpu>& lists,
+                     const TileGrid& grid,
+                     const RenderedImages<Cpu>& images,
+                     const BlendState<Cpu>& state,
+                     const ImageGradients<Cpu>& dL_dimages,
                      Buffer<SplatGradients<float>, Cpu>& slot_gradients) {
     slot_gradients.resize(static_cast<std::size_t>(lists.slot_count));
     slot_gradients.fill_zero();
-    const PixelGradientReader<kChannels> read{dL_dimages.color.span(), dL_dimages.normal.span(), dL_dimages.distance.span()};
+    const PixelGradientReader<kChannels> read{dL_dimages.color.span(), dL_dimages.normal.span(),
+                                              dL_dimages.distance.span()};
     parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
         const TileBounds t = tile_bounds(grid, tile);
         PixelBackward<float> pixels[kPixels];
@@ -114,12 +127,14 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists,
     });
 }
 
-#define TVSGS_INSTANTIATE(channels)                                                                                      \
-    template void blend_tiles<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&, const TileGrid&, const Camera&,   \
-                                        RenderedImages<Cpu>&, BlendState<Cpu>&);                                         \
-    template void blend_tiles_vjp<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&, const TileGrid&,              \
-                                            const RenderedImages<Cpu>&, const BlendState<Cpu>&,                          \
-                                            const ImageGradients<Cpu>&, Buffer<SplatGradients<float>, Cpu>&);
+#define TVSGS_INSTANTIATE(channels)                                                             \
+    template void blend_tiles<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,          \
+                                        const TileGrid&, const Camera&, RenderedImages<Cpu>&,   \
+                                        BlendState<Cpu>&);                                      \
+    template void blend_tiles_vjp<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,      \
+                                            const TileGrid&, const RenderedImages<Cpu>&,        \
+                                            const BlendState<Cpu>&, const ImageGradients<Cpu>&, \
+                                            Buffer<SplatGradients<float>, Cpu>&);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

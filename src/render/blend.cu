@@ -21,8 +21,8 @@ __device__ ThreadPixel thread_pixel(const TileGrid& grid) {
     const int left = blockIdx.x % grid.columns * kTileSize + warp % 2 * kSubWidth;
     const int top = blockIdx.x / grid.columns * kTileSize + warp / 2 * kSubHeight;
     const int x = left + lane % kSubWidth, y = top + lane / kSubWidth;
-    return {x, y, static_cast<float>(left) + 0.5f * kSubWidth, static_cast<float>(top) + 0.5f * kSubHeight,
-            x < grid.width && y < grid.height};
+    return {x, y, static_cast<float>(left) + 0.5f * kSubWidth,
+            static_cast<float>(top) + 0.5f * kSubHeight, x < grid.width && y < grid.height};
 }
 
 /// Whether a splat's box can reach a pixel of the warp; the same for all its lanes.
@@ -32,7 +32,8 @@ __device__ bool box_meets_warp(const SplatShape<float>& s, const ThreadPixel& p)
 }
 
 __device__ Vec2f offset(const SplatShape<float>& s, const ThreadPixel& p) {
-    return {s.mean.x - (static_cast<float>(p.x) + 0.5f), s.mean.y - (static_cast<float>(p.y) + 0.5f)};
+    return {s.mean.x - (static_cast<float>(p.x) + 0.5f),
+            s.mean.y - (static_cast<float>(p.y) + 0.5f)};
 }
 
 template <Channels kChannels>
@@ -53,14 +54,16 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(Span<const SplatShape<f
     bool full = !p.inside;
 
     for (std::uint32_t begin = span.begin; begin < span.end; begin += kThreads) {
-        if (__syncthreads_count(full) == kThreads) break;  // also guards the batch of the round before
+        if (__syncthreads_count(full) == kThreads)
+            break;  // also guards the batch of the round before
         if (begin + threadIdx.x < span.end) {
             const std::uint32_t splat = splat_of_slot[slots[begin + threadIdx.x]];
             batch_shapes[threadIdx.x] = shapes[splat];
             batch_features[threadIdx.x] = features[splat];
         }
         __syncthreads();
-        const int count = static_cast<int>(span.end - begin < kThreads ? span.end - begin : kThreads);
+        const int count =
+            static_cast<int>(span.end - begin < kThreads ? span.end - begin : kThreads);
         for (int j = 0; j < count && !__all_sync(kAll, full); ++j) {
             const SplatShape<float>& s = batch_shapes[j];
             if (!box_meets_warp(s, p) || full) continue;
@@ -78,8 +81,9 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(Span<const SplatShape<f
     }
 }
 
-/// Sums 16 values over the lanes of a warp with 16 shuffles: lanes trade halves of the values until each pair holds one. On return
-/// value v's sum is in `values[0]` of lanes 2v' and 2v'+1, where v' is given by value_of_lane().
+/// Sums 16 values over the lanes of a warp with 16 shuffles: lanes trade halves of the values until
+/// each pair holds one. On return value v's sum is in `values[0]` of lanes 2v' and 2v'+1, where v'
+/// is given by value_of_lane().
 __device__ float halving_sum(float (&values)[kValues], int lane) {
 #pragma unroll
     for (int half = kValues / 2, distance = 16; half >= 1; half /= 2, distance /= 2) {
@@ -100,16 +104,17 @@ __device__ int value_of_lane(int lane) {
 }
 
 template <Channels kChannels>
-__global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatShape<float>> shapes,
-                                                             Span<const SplatFeatures<float>> features,
-                                                             Span<const std::uint32_t> slots,
-                                                             Span<const std::uint32_t> splat_of_slot,
-                                                             Span<const TileSpan> spans,
-                                                             TileGrid grid,
-                                                             Span<const float> transmittance,
-                                                             Span<const std::uint32_t> stops,
-                                                             PixelGradientReader<kChannels> read,
-                                                             Span<SplatGradients<float>> slot_gradients) {
+__global__ void __launch_bounds__(kThreads)
+    blend_vjp_kernel(Span<const SplatShape<float>> shapes,
+                     Span<const SplatFeatures<float>> features,
+                     Span<const std::uint32_t> slots,
+                     Span<const std::uint32_t> splat_of_slot,
+                     Span<const TileSpan> spans,
+                     TileGrid grid,
+                     Span<const float> transmittance,
+                     Span<const std::uint32_t> stops,
+                     PixelGradientReader<kChannels> read,
+                     Span<SplatGradients<float>> slot_gradients) {
     constexpr int kBatch = 32;
     __shared__ SplatShape<float> batch_shapes[kBatch];
     __shared__ SplatFeatures<float> batch_features[kBatch];
@@ -123,7 +128,8 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
     const TileSpan span = spans[blockIdx.x];
     const int at = p.y * grid.width + p.x;
     const std::uint32_t stop = p.inside ? stops[at] : 0;
-    PixelBackward<float> pixel{p.inside ? transmittance[at] : 1.0f, p.inside ? read(at) : SplatFeatures<float>{}, {}};
+    PixelBackward<float> pixel{
+        p.inside ? transmittance[at] : 1.0f, p.inside ? read(at) : SplatFeatures<float>{}, {}};
 
     if (threadIdx.x == 0) last_shared = 0;
     __syncthreads();
@@ -181,34 +187,47 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
 }  // namespace
 
 template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid, const Camera& camera,
-                 RenderedImages<Cuda>& images, BlendState<Cuda>& state) {
-    blend_kernel<kChannels><<<grid.count(), kThreads>>>(splats.shapes.span(), splats.features.span(), lists.slots.span(),
-                                                        lists.splat_of_slot.span(), lists.spans.span(), grid,
-                                                        PixelWriter<kChannels>(images, camera), state.stop.span());
+void blend_tiles(const ViewSplats<Cuda>& splats,
+                 const TileLists<Cuda>& lists,
+                 const TileGrid& grid,
+                 const Camera& camera,
+                 RenderedImages<Cuda>& images,
+                 BlendState<Cuda>& state) {
+    blend_kernel<kChannels><<<grid.count(), kThreads>>>(
+        splats.shapes.span(), splats.features.span(), lists.slots.span(),
+        lists.splat_of_slot.span(), lists.spans.span(), grid,
+        PixelWriter<kChannels>(images, camera), state.stop.span());
     check_launch();
 }
 
 template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid,
-                     const RenderedImages<Cuda>& images, const BlendState<Cuda>& state, const ImageGradients<Cuda>& dL_dimages,
+void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
+                     const TileLists<Cuda>& lists,
+                     const TileGrid& grid,
+                     const RenderedImages<Cuda>& images,
+                     const BlendState<Cuda>& state,
+                     const ImageGradients<Cuda>& dL_dimages,
                      Buffer<SplatGradients<float>, Cuda>& slot_gradients) {
     slot_gradients.resize(lists.slot_count);
     slot_gradients.fill_zero();
     blend_vjp_kernel<kChannels><<<grid.count(), kThreads>>>(
-        splats.shapes.span(), splats.features.span(), lists.slots.span(), lists.splat_of_slot.span(), lists.spans.span(), grid,
-        images.transmittance.span(), state.stop.span(),
-        PixelGradientReader<kChannels>{dL_dimages.color.span(), dL_dimages.normal.span(), dL_dimages.distance.span()},
+        splats.shapes.span(), splats.features.span(), lists.slots.span(),
+        lists.splat_of_slot.span(), lists.spans.span(), grid, images.transmittance.span(),
+        state.stop.span(),
+        PixelGradientReader<kChannels>{dL_dimages.color.span(), dL_dimages.normal.span(),
+                                       dL_dimages.distance.span()},
         slot_gradients.span());
     check_launch();
 }
 
-#define TVSGS_INSTANTIATE(channels)                                                                                       \
-    template void blend_tiles<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&, const TileGrid&, const Camera&,  \
-                                        RenderedImages<Cuda>&, BlendState<Cuda>&);                                        \
-    template void blend_tiles_vjp<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&, const TileGrid&,             \
-                                            const RenderedImages<Cuda>&, const BlendState<Cuda>&,                         \
-                                            const ImageGradients<Cuda>&, Buffer<SplatGradients<float>, Cuda>&);
+#define TVSGS_INSTANTIATE(channels)                                                               \
+    template void blend_tiles<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&,          \
+                                        const TileGrid&, const Camera&, RenderedImages<Cuda>&,    \
+                                        BlendState<Cuda>&);                                       \
+    template void blend_tiles_vjp<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&,      \
+                                            const TileGrid&, const RenderedImages<Cuda>&,         \
+                                            const BlendState<Cuda>&, const ImageGradients<Cuda>&, \
+                                            Buffer<SplatGradients<float>, Cuda>&);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

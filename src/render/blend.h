@@ -6,29 +6,48 @@
 
 namespace tvsgs {
 
-/// What the backward pass needs of the forward one: position in the tile's list behind the last blended splat.
+/// What the backward pass needs of the forward one: position in the tile's list behind the last
+/// blended splat.
 template <class Device>
 struct BlendState {
     Buffer<std::uint32_t, Device> stop;  // [H W]
 };
 
-/// Overwrites the images of the channel set, background black. Depth only with plane channels, along the rays of `camera`.
+/// Overwrites the images of the channel set, background black. Depth only with plane channels,
+/// along the rays of `camera`.
 template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid, const Camera& camera,
-                 RenderedImages<Cpu>& images, BlendState<Cpu>& state);
+void blend_tiles(const ViewSplats<Cpu>& splats,
+                 const TileLists<Cpu>& lists,
+                 const TileGrid& grid,
+                 const Camera& camera,
+                 RenderedImages<Cpu>& images,
+                 BlendState<Cpu>& state);
 template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid, const Camera& camera,
-                 RenderedImages<Cuda>& images, BlendState<Cuda>& state);
+void blend_tiles(const ViewSplats<Cuda>& splats,
+                 const TileLists<Cuda>& lists,
+                 const TileGrid& grid,
+                 const Camera& camera,
+                 RenderedImages<Cuda>& images,
+                 BlendState<Cuda>& state);
 
-/// dL/d of the images to one gradient per slot; `slot_gradients` is resized and overwritten. Images without a gradient buffer count
-/// as zero. No floating-point atomics: bit-identical from run to run.
+/// dL/d of the images to one gradient per slot; `slot_gradients` is resized and overwritten. Images
+/// without a gradient buffer count as zero. No floating-point atomics: bit-identical from run to
+/// run.
 template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cpu>& splats, const TileLists<Cpu>& lists, const TileGrid& grid,
-                     const RenderedImages<Cpu>& images, const BlendState<Cpu>& state, const ImageGradients<Cpu>& dL_dimages,
+void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
+                     const TileLists<Cpu>& lists,
+                     const TileGrid& grid,
+                     const RenderedImages<Cpu>& images,
+                     const BlendState<Cpu>& state,
+                     const ImageGradients<Cpu>& dL_dimages,
                      Buffer<SplatGradients<float>, Cpu>& slot_gradients);
 template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cuda>& splats, const TileLists<Cuda>& lists, const TileGrid& grid,
-                     const RenderedImages<Cuda>& images, const BlendState<Cuda>& state, const ImageGradients<Cuda>& dL_dimages,
+void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
+                     const TileLists<Cuda>& lists,
+                     const TileGrid& grid,
+                     const RenderedImages<Cuda>& images,
+                     const BlendState<Cuda>& state,
+                     const ImageGradients<Cuda>& dL_dimages,
                      Buffer<SplatGradients<float>, Cuda>& slot_gradients);
 
 /// Writes a finished pixel, shared by both devices.
@@ -48,15 +67,20 @@ struct PixelWriter {
         if constexpr (has_plane(kChannels)) {
             normal[at] = pixel.sum.normal;
             distance[at] = pixel.sum.distance;
-            depth[at] = plane_depth(pixel.sum.normal, pixel.sum.distance, pixel_ray(camera, x, y), 1 - pixel.T);
+            depth[at] = plane_depth(pixel.sum.normal, pixel.sum.distance, pixel_ray(camera, x, y),
+                                    1 - pixel.T);
         }
     }
 
 private:
     template <class Images>
     PixelWriter(Images& i, const Camera& c, int)
-        : color(i.color.span()), normal(i.normal.span()), transmittance(i.transmittance.span()), distance(i.distance.span()),
-          depth(i.depth.span()), camera(c) {}
+        : color(i.color.span()),
+          normal(i.normal.span()),
+          transmittance(i.transmittance.span()),
+          distance(i.distance.span()),
+          depth(i.depth.span()),
+          camera(c) {}
 };
 
 /// Reads the gradients of a pixel's channels; missing images are zero.

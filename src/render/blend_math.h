@@ -1,5 +1,5 @@
-// Front-to-back compositing of one pixel, and its backward, one splat at a time; both devices walk their lists with these.
-// [Kerbl23, Eq. 2-3], plane channels and unbiased depth: [PGSR]
+// Front-to-back compositing of one pixel, and its backward, one splat at a time; both devices walk
+// their lists with these. [Kerbl23, Eq. 2-3], plane channels and unbiased depth: [PGSR]
 #pragma once
 
 #include "core/vec.h"
@@ -7,18 +7,19 @@
 
 namespace tvsgs {
 
-inline constexpr float kMinAlpha = 1.0f / 255;           // below one step of 8-bit colour
-inline constexpr float kMaxAlpha = 0.99f;                // keeps 1 - alpha, by which the backward divides, away from 0
-inline constexpr float kMinTransmittance = 1e-4f;        // behind this nothing is visible
-inline constexpr float kFrontTransmittance = 0.5f;       // "in front" for the observation count
+inline constexpr float kMinAlpha = 1.0f / 255;  // below one step of 8-bit colour
+inline constexpr float kMaxAlpha =
+    0.99f;  // keeps 1 - alpha, by which the backward divides, away from 0
+inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
+inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
 
 /// The ellipse of a splat in the image.
 template <class Real>
 struct SplatShape {
-    Vec2<Real> mean;      // px, corner convention
-    Sym2<Real> conic;     // 1/px^2
-    Real opacity;         // activated
-    Vec2<Real> extent;    // half-widths of the box in which alpha can reach kMinAlpha, px
+    Vec2<Real> mean;    // px, corner convention
+    Sym2<Real> conic;   // 1/px^2
+    Real opacity;       // activated
+    Vec2<Real> extent;  // half-widths of the box in which alpha can reach kMinAlpha, px
 };
 
 /// What a splat adds to the channels.
@@ -57,7 +58,8 @@ struct SplatAlpha {
 /// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this.
 template <class Real>
 TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
-    const Real power = Real(-0.5) * (s.conic.xx * d.x * d.x + s.conic.yy * d.y * d.y) - s.conic.xy * d.x * d.y;
+    const Real power =
+        Real(-0.5) * (s.conic.xx * d.x * d.x + s.conic.yy * d.y * d.y) - s.conic.xy * d.x * d.y;
     if (!(power <= 0)) return {0, 0};
     const Real gauss = std::exp(power);
     const Real alpha = s.opacity * gauss;
@@ -85,26 +87,26 @@ TVSGS_HD bool blend(PixelForward<Real>& pixel, Real alpha, const SplatFeatures<R
 /// One pixel's running state on the way back to the front.
 template <class Real>
 struct PixelBackward {
-    Real T;                          // behind the next splat to visit; starts at the final transmittance
-    SplatFeatures<Real> dL_dpixel;   // gradient of the blended channels
-    SplatFeatures<Real> behind{};    // blended features behind, as if seen with T = 1
+    Real T;  // behind the next splat to visit; starts at the final transmittance
+    SplatFeatures<Real> dL_dpixel;  // gradient of the blended channels
+    SplatFeatures<Real> behind{};   // blended features behind, as if seen with T = 1
 };
 
 /// Gradients of one splat; what a backward pass sums over pixels.
 template <class Real>
 struct SplatGradients {
     Vec2<Real> mean, abs_mean;  // per px; abs: sum of absolute values per pixel
-    Sym2<Real> conic;           // xy holds the derivative of the packed entry (both off-diagonal places)
+    Sym2<Real> conic;  // xy holds the derivative of the packed entry (both off-diagonal places)
     Real opacity;
     SplatFeatures<Real> features;
-    Real front_pixels;          // pixels where T in front of the splat exceeds one half
+    Real front_pixels;  // pixels where T in front of the splat exceeds one half
 
     static constexpr int kCount = 16;
 };
 static_assert(sizeof(SplatGradients<float>) == SplatGradients<float>::kCount * sizeof(float));
 
-/// One splat at one pixel, visited back to front; `a` is splat_alpha's result with a.alpha > 0. Adds to `g`. The upper clamp of
-/// alpha is passed straight through, as in the official code.
+/// One splat at one pixel, visited back to front; `a` is splat_alpha's result with a.alpha > 0.
+/// Adds to `g`. The upper clamp of alpha is passed straight through, as in the official code.
 template <Channels kChannels, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         const SplatShape<Real>& s,
@@ -113,8 +115,8 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         SplatAlpha<Real> a,
                         SplatGradients<Real>& g) {
     const Real T = pixel.T / (1 - a.alpha);  // in front of this splat
-    const Real dL_dalpha =
-        T * (feature_dot<kChannels>(f, pixel.dL_dpixel) - feature_dot<kChannels>(pixel.behind, pixel.dL_dpixel));
+    const Real dL_dalpha = T * (feature_dot<kChannels>(f, pixel.dL_dpixel) -
+                                feature_dot<kChannels>(pixel.behind, pixel.dL_dpixel));
     add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
 
     // behind <- alpha f + (1 - alpha) behind
@@ -140,23 +142,31 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
 /// Least value of the conic's quadratic form over the rectangle of pixel centres [low, high].
 template <class Real>
 TVSGS_HD Real least_quadratic(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
-    const auto clamped = [](Real value, Real lo, Real hi) { return value < lo ? lo : value > hi ? hi : value; };
-    const Real nearest_x = clamped(s.mean.x, low.x, high.x), nearest_y = clamped(s.mean.y, low.y, high.y);
+    const auto clamped = [](Real value, Real lo, Real hi) {
+        return value < lo ? lo : value > hi ? hi : value;
+    };
+    const Real nearest_x = clamped(s.mean.x, low.x, high.x),
+               nearest_y = clamped(s.mean.y, low.y, high.y);
     const Real dx = nearest_x - s.mean.x, dy = nearest_y - s.mean.y;
     if (dx == 0 && dy == 0) return 0;
-    const auto q = [&](Real x, Real y) { return s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y; };
+    const auto q = [&](Real x, Real y) {
+        return s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y;
+    };
     // The minimum lies on an edge that faces the mean.
     Real least = Real(3e38);
-    if (dx != 0) least = q(dx, clamped(-s.conic.xy * dx / s.conic.yy, low.y - s.mean.y, high.y - s.mean.y));
+    if (dx != 0)
+        least = q(dx, clamped(-s.conic.xy * dx / s.conic.yy, low.y - s.mean.y, high.y - s.mean.y));
     if (dy != 0) {
-        const Real other = q(clamped(-s.conic.xy * dy / s.conic.xx, low.x - s.mean.x, high.x - s.mean.x), dy);
+        const Real other =
+            q(clamped(-s.conic.xy * dy / s.conic.xx, low.x - s.mean.x, high.x - s.mean.x), dy);
         least = other < least ? other : least;
     }
     return least;
 }
 
-/// The plane's depth along a pixel ray r (z = 1): D = distance / -(normal . r); 0 where it is undefined. The blending weights'
-/// sum cancels. `coverage` = 1 - T; grazing rays and almost empty pixels have no depth.
+/// The plane's depth along a pixel ray r (z = 1): D = distance / -(normal . r); 0 where it is
+/// undefined. The blending weights' sum cancels. `coverage` = 1 - T; grazing rays and almost empty
+/// pixels have no depth.
 template <class Real>
 TVSGS_HD Real plane_depth(Vec3<Real> normal, Real distance, Vec3<Real> ray, Real coverage) {
     const Real facing = -dot(normal, ray);
@@ -173,7 +183,10 @@ struct PlaneDepthGradients {
 
 /// Only where plane_depth is not 0.
 template <class Real>
-TVSGS_HD PlaneDepthGradients<Real> plane_depth_vjp(Vec3<Real> normal, Real distance, Vec3<Real> ray, Real dL_ddepth) {
+TVSGS_HD PlaneDepthGradients<Real> plane_depth_vjp(Vec3<Real> normal,
+                                                   Real distance,
+                                                   Vec3<Real> ray,
+                                                   Real dL_ddepth) {
     const Real facing = -dot(normal, ray);
     return {dL_ddepth * distance / (facing * facing) * ray, dL_ddepth / facing};
 }

@@ -1,4 +1,5 @@
-// Normals from depth maps by central differences.  [PGSR, Section 3.2]; one kernel for all backbones
+// Normals from depth maps by central differences.  [PGSR, Section 3.2]; one kernel for all
+// backbones
 #pragma once
 
 #include "core/vec.h"
@@ -11,9 +12,13 @@ struct DepthNormal {
     Vec3<Real> normal;  // a x b / |a x b|
 };
 
-/// From the points seen by the left, right, upper and lower neighbours; a fronto-parallel wall gives (0, 0, -1).
+/// From the points seen by the left, right, upper and lower neighbours; a fronto-parallel wall
+/// gives (0, 0, -1).
 template <class Real>
-TVSGS_HD DepthNormal<Real> depth_normal(Vec3<Real> left, Vec3<Real> right, Vec3<Real> up, Vec3<Real> down) {
+TVSGS_HD DepthNormal<Real> depth_normal(Vec3<Real> left,
+                                        Vec3<Real> right,
+                                        Vec3<Real> up,
+                                        Vec3<Real> down) {
     const Vec3<Real> a = right - left, b = up - down;
     return {a, b, normalize(cross(a, b))};
 }
@@ -24,7 +29,8 @@ struct DepthNormalGradients {
 };
 
 template <class Real>
-TVSGS_HD DepthNormalGradients<Real> depth_normal_vjp(const DepthNormal<Real>& n, Vec3<Real> dL_dnormal) {
+TVSGS_HD DepthNormalGradients<Real> depth_normal_vjp(const DepthNormal<Real>& n,
+                                                     Vec3<Real> dL_dnormal) {
     const Real length = norm(cross(n.a, n.b));
     if (!(length > Real(1e-12))) return {};
     const Vec3<Real> dL_dcross = (dL_dnormal - dot(dL_dnormal, n.normal) * n.normal) / length;

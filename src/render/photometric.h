@@ -14,15 +14,31 @@ struct PhotometricWeights {
 /// Scratch of one device, kept between calls.
 template <class Device>
 struct PhotometricScratch {
-    Buffer<Vec3f, Device> dS_dx, dS_dxx, dS_dxy;  // [H W] derivatives with respect to the windowed moments
+    Buffer<Vec3f, Device> dS_dx, dS_dxx,
+        dS_dxy;  // [H W] derivatives with respect to the windowed moments
 };
 
-/// Adds dL/dcolor to `dL_dcolor` [H W] and writes each pixel's share of L to `pixel_loss` [H W], so that their sum is L.
+/// Adds dL/dcolor to `dL_dcolor` [H W] and writes each pixel's share of L to `pixel_loss` [H W], so
+/// that their sum is L.
 ///   color   rendered [H W], not clamped;   photo   [H W 3], 0 to 255
-void photometric_loss(Span<const Vec3f> color, Span<const std::uint8_t> photo, int width, int height, PhotometricWeights weights,
-                      PhotometricScratch<Cpu>& scratch, Span<Vec3f> dL_dcolor, Span<float> pixel_loss, Cpu);
-void photometric_loss(Span<const Vec3f> color, Span<const std::uint8_t> photo, int width, int height, PhotometricWeights weights,
-                      PhotometricScratch<Cuda>& scratch, Span<Vec3f> dL_dcolor, Span<float> pixel_loss, Cuda);
+void photometric_loss(Span<const Vec3f> color,
+                      Span<const std::uint8_t> photo,
+                      int width,
+                      int height,
+                      PhotometricWeights weights,
+                      PhotometricScratch<Cpu>& scratch,
+                      Span<Vec3f> dL_dcolor,
+                      Span<float> pixel_loss,
+                      Cpu);
+void photometric_loss(Span<const Vec3f> color,
+                      Span<const std::uint8_t> photo,
+                      int width,
+                      int height,
+                      PhotometricWeights weights,
+                      PhotometricScratch<Cuda>& scratch,
+                      Span<Vec3f> dL_dcolor,
+                      Span<float> pixel_loss,
+                      Cuda);
 
 namespace detail {
 
@@ -49,25 +65,33 @@ struct PixelSsim {
     float loss;
     Vec3f dS_dx, dS_dxx, dS_dxy;
 };
-TVSGS_HD inline PixelSsim pixel_ssim(const MomentRow& m, Vec3f x, Vec3f y, PhotometricWeights weights, float per_value) {
+TVSGS_HD inline PixelSsim pixel_ssim(
+    const MomentRow& m, Vec3f x, Vec3f y, PhotometricWeights weights, float per_value) {
     PixelSsim out{};
     for (int c = 0; c < 3; ++c) {
         const SsimTerms<float> t = ssim_terms<float>({m.x[c], m.y[c], m.xx[c], m.yy[c], m.xy[c]});
         const float difference = x[c] - y[c];
-        out.loss += per_value * (weights.l1 * (difference < 0 ? -difference : difference) + weights.ssim * (1 - t.ssim));
+        out.loss += per_value * (weights.l1 * (difference < 0 ? -difference : difference) +
+                                 weights.ssim * (1 - t.ssim));
         out.dS_dx[c] = t.dS_dx, out.dS_dxx[c] = t.dS_dxx, out.dS_dxy[c] = t.dS_dxy;
     }
     return out;
 }
 
 /// dL/dx of one pixel from the three windowed derivative sums.
-TVSGS_HD inline Vec3f photometric_gradient(Vec3f x, Vec3f y, Vec3f dS_dx, Vec3f dS_dxx, Vec3f dS_dxy,
-                                           PhotometricWeights weights, float per_value) {
+TVSGS_HD inline Vec3f photometric_gradient(Vec3f x,
+                                           Vec3f y,
+                                           Vec3f dS_dx,
+                                           Vec3f dS_dxx,
+                                           Vec3f dS_dxy,
+                                           PhotometricWeights weights,
+                                           float per_value) {
     Vec3f g;
     for (int c = 0; c < 3; ++c) {
         const float difference = x[c] - y[c];
         const float sign = difference > 0 ? 1.0f : difference < 0 ? -1.0f : 0.0f;
-        g[c] = per_value * (weights.l1 * sign - weights.ssim * (dS_dx[c] + 2 * x[c] * dS_dxx[c] + y[c] * dS_dxy[c]));
+        g[c] = per_value * (weights.l1 * sign -
+                            weights.ssim * (dS_dx[c] + 2 * x[c] * dS_dxx[c] + y[c] * dS_dxy[c]));
     }
     return g;
 }

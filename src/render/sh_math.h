@@ -41,7 +41,8 @@ TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
     constexpr Real c1 = Real(0.4886025119029199);
     g += Vec3<Real>{-c1 * dL_dY[3], -c1 * dL_dY[1], c1 * dL_dY[2]};
     if (degree < 2) return g;
-    constexpr Real c4 = Real(1.0925484305920792), c6 = Real(0.31539156525252005), c8 = Real(0.5462742152960396);
+    constexpr Real c4 = Real(1.0925484305920792), c6 = Real(0.31539156525252005),
+                   c8 = Real(0.5462742152960396);
     g += c4 * dL_dY[4] * Vec3<Real>{y, x, 0};
     g += -c4 * dL_dY[5] * Vec3<Real>{0, z, y};
     g += c6 * dL_dY[6] * Vec3<Real>{-2 * x, -2 * y, 4 * z};
@@ -49,7 +50,8 @@ TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
     g += c8 * dL_dY[8] * Vec3<Real>{2 * x, -2 * y, 0};
     if (degree < 3) return g;
     const Real xx = x * x, yy = y * y, zz = z * z;
-    constexpr Real c9 = Real(0.5900435899266435), c10 = Real(2.890611442640554), c11 = Real(0.4570457994644658);
+    constexpr Real c9 = Real(0.5900435899266435), c10 = Real(2.890611442640554),
+                   c11 = Real(0.4570457994644658);
     constexpr Real c12 = Real(0.3731763325901154), c14 = Real(1.445305721320277);
     g += -c9 * dL_dY[9] * Vec3<Real>{6 * x * y, 3 * xx - 3 * yy, 0};
     g += c10 * dL_dY[10] * Vec3<Real>{y * z, x * z, x * y};
@@ -61,9 +63,11 @@ TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
     return g;
 }
 
-/// max(0, 0.5 + sum_k sh_k Y_k(v)) for Gaussian i; `sh` is coefficient major with `stride` Gaussians per coefficient.
+/// max(0, 0.5 + sum_k sh_k Y_k(v)) for Gaussian i; `sh` is coefficient major with `stride`
+/// Gaussians per coefficient.
 template <class Real, class Stored>
-TVSGS_HD Vec3<Real> sh_color(int degree, Vec3<Real> direction, const Vec3<Stored>* sh, std::size_t stride, std::size_t i) {
+TVSGS_HD Vec3<Real> sh_color(
+    int degree, Vec3<Real> direction, const Vec3<Stored>* sh, std::size_t stride, std::size_t i) {
     Real Y[16];
     sh_basis(degree, direction, Y);
     Vec3<Real> color{Real(0.5), Real(0.5), Real(0.5)};
@@ -71,7 +75,8 @@ TVSGS_HD Vec3<Real> sh_color(int degree, Vec3<Real> direction, const Vec3<Stored
     return {color.x > 0 ? color.x : 0, color.y > 0 ? color.y : 0, color.z > 0 ? color.z : 0};
 }
 
-/// Adds dL/dsh and returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0 the clamp passes nothing.
+/// Adds dL/dsh and returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0
+/// the clamp passes nothing.
 template <class Real, class Stored>
 TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
                                  Vec3<Real> offset,  // mean - camera centre, not normalised
@@ -81,7 +86,8 @@ TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
                                  Vec3<Real> color,
                                  Vec3<Real> dL_dcolor,
                                  Vec3<Stored>* dL_dsh) {
-    const Vec3<Real> g{color.x > 0 ? dL_dcolor.x : 0, color.y > 0 ? dL_dcolor.y : 0, color.z > 0 ? dL_dcolor.z : 0};
+    const Vec3<Real> g{color.x > 0 ? dL_dcolor.x : 0, color.y > 0 ? dL_dcolor.y : 0,
+                       color.z > 0 ? dL_dcolor.z : 0};
     const Vec3<Real> direction = normalize(offset);
     Real Y[16], dL_dY[16];
     sh_basis(degree, direction, Y);

@@ -9,9 +9,10 @@ namespace tvsgs {
 
 void check_slot_count(std::uint64_t count) {
     if (count > kMaxSlots)
-        throw Error(ExitCode::memory,
-                    str("rendering: ", count, " pairs of splat and tile in one view, at most ", kMaxSlots,
-                        " are possible; use smaller images (-r) or fewer splats (--max-gaussians)"));
+        throw Error(
+            ExitCode::memory,
+            str("rendering: ", count, " pairs of splat and tile in one view, at most ", kMaxSlots,
+                " are possible; use smaller images (-r) or fewer splats (--max-gaussians)"));
 }
 
 void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileLists<Cpu>& lists) {
@@ -26,9 +27,11 @@ void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileL
     lists.slot_count = static_cast<int>(total);
     lists.keys.resize(total), lists.slots_unsorted.resize(total);
     lists.splat_of_slot.resize(total), lists.slots.resize(total);
-    parallel_for(Cpu{}, n,
-                 EmitSlotsBody{grid, splats.shapes.span(), splats.depths.span(), splats.rects.span(), splats.touched.span(),
-                               lists.first_slot.span(), lists.keys.span(), lists.slots_unsorted.span(), lists.splat_of_slot.span()});
+    parallel_for(
+        Cpu{}, n,
+        EmitSlotsBody{grid, splats.shapes.span(), splats.depths.span(), splats.rects.span(),
+                      splats.touched.span(), lists.first_slot.span(), lists.keys.span(),
+                      lists.slots_unsorted.span(), lists.splat_of_slot.span()});
 
     // Slots into their tiles, then each tile by (depth, slot).
     lists.spans.resize(static_cast<std::size_t>(grid.count()));
@@ -40,13 +43,15 @@ void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileL
         tile = {begin, begin};
         begin += count;
     }
-    for (std::uint32_t slot = 0; slot < total; ++slot) lists.slots[lists.spans[lists.keys[slot] >> 32].end++] = slot;
+    for (std::uint32_t slot = 0; slot < total; ++slot)
+        lists.slots[lists.spans[lists.keys[slot] >> 32].end++] = slot;
     const Span<const std::uint64_t> keys = lists.keys.span();
     parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
         const TileSpan span = lists.spans[static_cast<std::size_t>(tile)];
-        std::sort(lists.slots.data() + span.begin, lists.slots.data() + span.end, [&](std::uint32_t a, std::uint32_t b) {
-            return keys[a] != keys[b] ? keys[a] < keys[b] : a < b;
-        });
+        std::sort(lists.slots.data() + span.begin, lists.slots.data() + span.end,
+                  [&](std::uint32_t a, std::uint32_t b) {
+                      return keys[a] != keys[b] ? keys[a] < keys[b] : a < b;
+                  });
     });
 }
 

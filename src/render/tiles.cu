@@ -30,7 +30,9 @@ void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& oper
 
 }  // namespace
 
-void build_tile_lists(const ViewSplats<Cuda>& splats, const TileGrid& grid, TileLists<Cuda>& lists) {
+void build_tile_lists(const ViewSplats<Cuda>& splats,
+                      const TileGrid& grid,
+                      TileLists<Cuda>& lists) {
     const int n = static_cast<int>(splats.touched.size());
     lists.first_slot.resize(n);
     lists.spans.resize(grid.count());
@@ -38,7 +40,8 @@ void build_tile_lists(const ViewSplats<Cuda>& splats, const TileGrid& grid, Tile
     lists.slot_count = 0;
     if (n == 0) return;
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
-        return cub::DeviceScan::ExclusiveSum(temp, bytes, splats.touched.data(), lists.first_slot.data(), n);
+        return cub::DeviceScan::ExclusiveSum(temp, bytes, splats.touched.data(),
+                                             lists.first_slot.data(), n);
     });
     std::uint64_t last[2];  // the one host synchronisation of a render
     detail::copy(Cuda{}, lists.first_slot.data() + n - 1, Cpu{}, &last[0], sizeof last[0]);
@@ -48,17 +51,22 @@ void build_tile_lists(const ViewSplats<Cuda>& splats, const TileGrid& grid, Tile
     lists.slot_count = static_cast<int>(total);
     if (total == 0) return;
     lists.keys.resize(total), lists.keys_sorted.resize(total);
-    lists.slots_unsorted.resize(total), lists.slots.resize(total), lists.splat_of_slot.resize(total);
-    parallel_for(Cuda{}, n,
-                 EmitSlotsBody{grid, splats.shapes.span(), splats.depths.span(), splats.rects.span(), splats.touched.span(),
-                               lists.first_slot.span(), lists.keys.span(), lists.slots_unsorted.span(), lists.splat_of_slot.span()});
+    lists.slots_unsorted.resize(total), lists.slots.resize(total),
+        lists.splat_of_slot.resize(total);
+    parallel_for(
+        Cuda{}, n,
+        EmitSlotsBody{grid, splats.shapes.span(), splats.depths.span(), splats.rects.span(),
+                      splats.touched.span(), lists.first_slot.span(), lists.keys.span(),
+                      lists.slots_unsorted.span(), lists.splat_of_slot.span()});
     int bits = 32;
     while ((1ll << (bits - 32)) < grid.count()) ++bits;
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
-        return cub::DeviceRadixSort::SortPairs(temp, bytes, lists.keys.data(), lists.keys_sorted.data(),
-                                               lists.slots_unsorted.data(), lists.slots.data(), lists.slot_count, 0, bits);
+        return cub::DeviceRadixSort::SortPairs(
+            temp, bytes, lists.keys.data(), lists.keys_sorted.data(), lists.slots_unsorted.data(),
+            lists.slots.data(), lists.slot_count, 0, bits);
     });
-    parallel_for(Cuda{}, lists.slot_count, TileSpansBody{lists.keys_sorted.span(), lists.spans.span()});
+    parallel_for(Cuda{}, lists.slot_count,
+                 TileSpansBody{lists.keys_sorted.span(), lists.spans.span()});
 }
 
 }  // namespace tvsgs

@@ -19,7 +19,8 @@ struct TileGrid {
 };
 
 inline TileGrid tile_grid(int width, int height) {
-    return {width, height, (width + kTileSize - 1) / kTileSize, (height + kTileSize - 1) / kTileSize};
+    return {width, height, (width + kTileSize - 1) / kTileSize,
+            (height + kTileSize - 1) / kTileSize};
 }
 
 /// Tiles [x0, x1) x [y0, y1).
@@ -32,7 +33,7 @@ template <class Device>
 struct ViewSplats {
     Buffer<SplatShape<float>, Device> shapes;
     Buffer<SplatFeatures<float>, Device> features;
-    Buffer<float, Device> depths;         // z in the camera frame
+    Buffer<float, Device> depths;  // z in the camera frame
     Buffer<TileRect, Device> rects;
     Buffer<std::uint64_t, Device> touched;  // tiles that the ellipse meets
 
@@ -42,11 +43,22 @@ struct ViewSplats {
 };
 
 /// Largest and smallest pixel centre of a tile, clipped to the image.
-TVSGS_HD inline bool ellipse_meets_tile(const SplatShape<float>& shape, const TileGrid& grid, int tx, int ty) {
-    const float x0 = static_cast<float>(tx * kTileSize) + 0.5f, y0 = static_cast<float>(ty * kTileSize) + 0.5f;
-    const float x1 = static_cast<float>(tx * kTileSize + kTileSize < grid.width ? tx * kTileSize + kTileSize : grid.width) - 0.5f;
-    const float y1 = static_cast<float>(ty * kTileSize + kTileSize < grid.height ? ty * kTileSize + kTileSize : grid.height) - 0.5f;
-    // Alpha reaches kMinAlpha where the quadratic form is at most 2 ln(255 opacity). A little slack: rounding here may only add tiles.
+TVSGS_HD inline bool ellipse_meets_tile(const SplatShape<float>& shape,
+                                        const TileGrid& grid,
+                                        int tx,
+                                        int ty) {
+    const float x0 = static_cast<float>(tx * kTileSize) + 0.5f,
+                y0 = static_cast<float>(ty * kTileSize) + 0.5f;
+    const float x1 =
+        static_cast<float>(tx * kTileSize + kTileSize < grid.width ? tx * kTileSize + kTileSize
+                                                                   : grid.width) -
+        0.5f;
+    const float y1 =
+        static_cast<float>(ty * kTileSize + kTileSize < grid.height ? ty * kTileSize + kTileSize
+                                                                    : grid.height) -
+        0.5f;
+    // Alpha reaches kMinAlpha where the quadratic form is at most 2 ln(255 opacity). A little
+    // slack: rounding here may only add tiles.
     const float reach = 2 * std::log(shape.opacity / kMinAlpha);
     return least_quadratic(shape, {x0, y0}, {x1, y1}) <= reach * 1.0001f + 1e-4f;
 }
@@ -97,7 +109,8 @@ struct ProjectBody {
         const float reach = 2 * std::log(opacity / kMinAlpha);
         s.extent = {std::sqrt(reach * C.xx), std::sqrt(reach * C.yy)};
         const TileGrid& grid = view.grid;
-        const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first, std::uint16_t& last) {
+        const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
+                                   std::uint16_t& last) {
             const float size = kTileSize, most = static_cast<float>(tiles);
             first = static_cast<std::uint16_t>(clamp(std::floor(low / size), 0.0f, most));
             last = static_cast<std::uint16_t>(clamp(std::floor(high / size) + 1, 0.0f, most));
@@ -121,7 +134,8 @@ struct ProjectBody {
 
         SplatFeatures<float> f{};
         if constexpr (has_color(kChannels))
-            f.color = sh_color<float>(view.sh_degree, normalize(means[i] - view.centre), sh.data, means.count, i);
+            f.color = sh_color<float>(view.sh_degree, normalize(means[i] - view.centre), sh.data,
+                                      means.count, i);
         if constexpr (has_plane(kChannels)) {
             const CameraPlane<float> plane =
                 camera_plane(view.camera.camera_from_world.R, R, smallest_axis(log_scales[i]), p);
@@ -132,7 +146,8 @@ struct ProjectBody {
     }
 };
 
-/// Adds up the tile gradients of a Gaussian in the order of its tiles and carries them to its parameters.
+/// Adds up the tile gradients of a Gaussian in the order of its tiles and carries them to its
+/// parameters.
 template <Channels kChannels>
 struct ProjectBackwardBody {
     ViewParameters view;
@@ -164,7 +179,8 @@ struct ProjectBackwardBody {
             add_features<kChannels>(g.features, 1.0f, s.features);
             g.front_pixels += s.front_pixels;
         }
-        const float half_w = 0.5f * static_cast<float>(view.grid.width), half_h = 0.5f * static_cast<float>(view.grid.height);
+        const float half_w = 0.5f * static_cast<float>(view.grid.width),
+                    half_h = 0.5f * static_cast<float>(view.grid.height);
         stat_grad[i] = {half_w * g.mean.x, half_h * g.mean.y};
         stat_abs[i] = {half_w * g.abs_mean.x, half_h * g.abs_mean.y};
         stat_front[i] = static_cast<int>(g.front_pixels);
@@ -177,26 +193,22 @@ struct ProjectBackwardBody {
 
         const Sym2f dL_dcovariance2d =
             conic_vjp(shapes[i].conic, Sym2f{g.conic.xx, 0.5f * g.conic.xy, g.conic.yy});
-        const auto projection =
-            projection_vjp(view.camera, p, covariance(R, scales), g.mean, dL_dcovariance2d, view.exact_clamp);
+        const auto projection = projection_vjp(view.camera, p, covariance(R, scales), g.mean,
+                                               dL_dcovariance2d, view.exact_clamp);
         auto spread = covariance_vjp(R, scales, projection.dL_dcovariance);
         Vec3f dL_dp = projection.dL_dmean_camera;
         if constexpr (has_plane(kChannels)) {
             const int axis = smallest_axis(log_scales[i]);
-            const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p, g.features.normal, g.features.distance);
+            const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
+                                                g.features.normal, g.features.distance);
             dL_dp += plane.dL_dmean_camera;
             for (int row = 0; row < 3; ++row) spread.dL_dR[row][axis] += plane.dL_daxis[row];
         }
         Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
         if constexpr (has_color(kChannels))
-            dL_dmean += sh_color_vjp<float>(view.sh_degree,
-                                            means[i] - view.centre,
-                                            sh.data,
-                                            means.count,
-                                            i,
-                                            features[i].color,
-                                            g.features.color,
-                                            dL_dsh.data);
+            dL_dmean +=
+                sh_color_vjp<float>(view.sh_degree, means[i] - view.centre, sh.data, means.count, i,
+                                    features[i].color, g.features.color, dL_dsh.data);
         dL_dmeans[i] += dL_dmean;
         dL_dlog_scales[i] += scales * spread.dL_ds;
         const Quatf dL_dquat = rotation_vjp(quats[i], spread.dL_dR);

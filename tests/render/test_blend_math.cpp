@@ -1,7 +1,6 @@
-#include "render/blend_math.h"
-
 #include <vector>
 
+#include "render/blend_math.h"
 #include "render/normal_math.h"
 #include "support/numeric.h"
 
@@ -22,7 +21,8 @@ std::vector<Splat> some_splats(int count, unsigned seed, double most_opacity) {
     for (int i = 0; i < count; ++i) {
         Splat s{};
         s.shape.mean = {random.uniform(-2, 2), random.uniform(-2, 2)};
-        s.shape.conic = {random.uniform(0.1, 0.3), random.uniform(-0.05, 0.05), random.uniform(0.1, 0.3)};
+        s.shape.conic = {random.uniform(0.1, 0.3), random.uniform(-0.05, 0.05),
+                         random.uniform(0.1, 0.3)};
         s.shape.opacity = random.uniform(0.3, most_opacity);
         s.features = {random.normal3(), random.normal3(), random.normal()};
         splats.push_back(s);
@@ -50,13 +50,16 @@ double value(const std::vector<Splat>& splats, const SplatFeatures<double>& w) {
     return feature_dot<kAll>(forward(splats, stop).sum, w);
 }
 
-std::vector<SplatGradients<double>> backward(const std::vector<Splat>& splats, const SplatFeatures<double>& w) {
+std::vector<SplatGradients<double>> backward(const std::vector<Splat>& splats,
+                                             const SplatFeatures<double>& w) {
     std::size_t stop;
     PixelBackward<double> pixel{forward(splats, stop).T, w, {}};
     std::vector<SplatGradients<double>> g(splats.size());
     for (std::size_t i = stop; i-- > 0;) {
         const auto a = splat_alpha(splats[i].shape, splats[i].shape.mean);
-        if (a.alpha > 0) blend_vjp<kAll>(pixel, splats[i].shape, splats[i].features, splats[i].shape.mean, a, g[i]);
+        if (a.alpha > 0)
+            blend_vjp<kAll>(pixel, splats[i].shape, splats[i].features, splats[i].shape.mean, a,
+                            g[i]);
     }
     // Walked back to the front, nothing is left to see through.
     EXPECT_TRUE(close(pixel.T, 1, 1e-12));
@@ -74,12 +77,14 @@ TEST(Blend, VjpAgainstDifferences) {
         SplatFeatures<double>& f = splats[i].features;
         const auto derivative = [&](double& parameter) {
             const double kept = parameter;
-            const double d = central_difference([&](double t) {
-                parameter = kept + t;
-                const double v = value(splats, kWeights);
-                parameter = kept;
-                return v;
-            }, 1e-4);
+            const double d = central_difference(
+                [&](double t) {
+                    parameter = kept + t;
+                    const double v = value(splats, kWeights);
+                    parameter = kept;
+                    return v;
+                },
+                1e-4);
             return d;
         };
         const double tolerance = 1e-7;  // differences with h = 1e-4 and one Richardson step
@@ -125,7 +130,8 @@ TEST(Blend, CutOffs) {
     const SplatShape<double> broken{{0, 0}, {NAN, 0, 1}, 0.5, {}};
     EXPECT_EQ(splat_alpha(broken, {1, 0}).alpha, 0);
 
-    // Two splats of alpha 0.99 leave T = 1e-4, rounded just above or below; a third is not blended in any case.
+    // Two splats of alpha 0.99 leave T = 1e-4, rounded just above or below; a third is not blended
+    // in any case.
     Splat wall{};
     wall.shape.conic = {1, 0, 1};
     wall.shape.opacity = 0.99;
@@ -158,11 +164,13 @@ TEST(LeastQuadratic, AgainstAFineGrid) {
         for (int i = 0; i <= 300; ++i)
             for (int j = 0; j <= 300; ++j) {
                 const double x = 0.5 + 0.05 * i - s.mean.x, y = 0.5 + 0.05 * j - s.mean.y;
-                least = std::min(least, s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y);
+                least = std::min(least,
+                                 s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y);
             }
         const double exact = least_quadratic(s, low, high);
         EXPECT_LE(exact, least + 1e-12);
-        // A grid of 0.05 px misses the minimum by at most 2 lambda_max d^2 with d <= 0.036, plus its slope: loose, but catches a wrong edge.
+        // A grid of 0.05 px misses the minimum by at most 2 lambda_max d^2 with d <= 0.036, plus
+        // its slope: loose, but catches a wrong edge.
         EXPECT_GE(exact, least - 0.02 - 0.1 * std::sqrt(least));
     }
 }
@@ -179,23 +187,33 @@ TEST(PlaneDepth, ValueVjpAndGuards) {
         };
         EXPECT_TRUE(close(g.dL_dnormal[c], central_difference(f), 1e-9));
     }
-    EXPECT_TRUE(close(g.dL_ddistance, central_difference([&](double t) { return 0.8 * plane_depth(n, 1.5 + t, ray, 0.9); }), 1e-9));
-    EXPECT_EQ(plane_depth(Vec3d{1, 0, 0}, 1.0, Vec3d{0.5, 0, 1}, 0.9), 0);        // faces away
-    EXPECT_EQ(plane_depth(Vec3d{0, 0, -1e-9}, 1e-9, Vec3d{0, 0, 1}, 1e-9), 0);    // almost empty pixel
+    EXPECT_TRUE(close(g.dL_ddistance, central_difference([&](double t) {
+                          return 0.8 * plane_depth(n, 1.5 + t, ray, 0.9);
+                      }),
+                      1e-9));
+    EXPECT_EQ(plane_depth(Vec3d{1, 0, 0}, 1.0, Vec3d{0.5, 0, 1}, 0.9), 0);  // faces away
+    EXPECT_EQ(plane_depth(Vec3d{0, 0, -1e-9}, 1e-9, Vec3d{0, 0, 1}, 1e-9),
+              0);  // almost empty pixel
     EXPECT_EQ(plane_depth(Vec3d{NAN, 0, -1}, 1.0, Vec3d{0, 0, 1}, 0.9), 0);
 }
 
 TEST(DepthNormal, FrontalWallAndVjp) {
-    const auto wall = depth_normal(Vec3d{-1, 0, 2}, Vec3d{1, 0, 2}, Vec3d{0, -1, 2}, Vec3d{0, 1, 2});
+    const auto wall =
+        depth_normal(Vec3d{-1, 0, 2}, Vec3d{1, 0, 2}, Vec3d{0, -1, 2}, Vec3d{0, 1, 2});
     EXPECT_DOUBLE_EQ(wall.normal.z, -1);
-    const Vec3d left{-1, 0.1, 2}, right{1, 0.2, 2.3}, up{0.1, -1, 1.9}, down{-0.1, 1.1, 2.2}, w{0.3, -0.8, 0.5};
+    const Vec3d left{-1, 0.1, 2}, right{1, 0.2, 2.3}, up{0.1, -1, 1.9}, down{-0.1, 1.1, 2.2},
+        w{0.3, -0.8, 0.5};
     const auto n = depth_normal(left, right, up, down);
     const auto g = depth_normal_vjp(n, w);
     for (int c = 0; c < 3; ++c) {
         Vec3d e{};
         e[c] = 1;
-        const auto by_right = [&](double t) { return dot(w, depth_normal(left, right + t * e, up, down).normal); };
-        const auto by_up = [&](double t) { return dot(w, depth_normal(left, right, up + t * e, down).normal); };
+        const auto by_right = [&](double t) {
+            return dot(w, depth_normal(left, right + t * e, up, down).normal);
+        };
+        const auto by_up = [&](double t) {
+            return dot(w, depth_normal(left, right, up + t * e, down).normal);
+        };
         EXPECT_TRUE(close(g.dL_da[c], central_difference(by_right), 1e-8));
         EXPECT_TRUE(close(g.dL_db[c], central_difference(by_up), 1e-8));
     }

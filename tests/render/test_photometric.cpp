@@ -1,5 +1,4 @@
 #include "render/photometric.h"
-
 #include "support/numeric.h"
 
 namespace tvsgs {
@@ -19,11 +18,13 @@ TEST(SsimMath, TermsAgainstDifferences) {
     const SsimMoments<double> m{0.4, 0.5, 0.2, 0.29, 0.21};
     const auto t = ssim_terms(m);
     const auto moved = [&](double SsimMoments<double>::*entry) {
-        return central_difference([&](double h) {
-            auto n = m;
-            n.*entry += h;
-            return ssim_terms(n).ssim;
-        }, 1e-4);
+        return central_difference(
+            [&](double h) {
+                auto n = m;
+                n.*entry += h;
+                return ssim_terms(n).ssim;
+            },
+            1e-4);
     };
     EXPECT_TRUE(close(t.dS_dx, moved(&SsimMoments<double>::x), 1e-7));
     EXPECT_TRUE(close(t.dS_dxx, moved(&SsimMoments<double>::xx), 1e-7));
@@ -46,8 +47,10 @@ double naive_loss(const std::vector<Vec3d>& x, const std::vector<std::uint8_t>& 
                     for (int xx = std::max(0, x0 - 5); xx <= std::min(kWidth - 1, x0 + 5); ++xx) {
                         const double w = ssim_weight<double>(y - y0) * ssim_weight<double>(xx - x0);
                         const std::size_t p = static_cast<std::size_t>(y * kWidth + xx);
-                        const double a = x[p][c], b = photo[3 * p + static_cast<std::size_t>(c)] / 255.0;
-                        m.x += w * a, m.y += w * b, m.xx += w * a * a, m.yy += w * b * b, m.xy += w * a * b;
+                        const double a = x[p][c],
+                                     b = photo[3 * p + static_cast<std::size_t>(c)] / 255.0;
+                        m.x += w * a, m.y += w * b, m.xx += w * a * a, m.yy += w * b * b,
+                            m.xy += w * a * b;
                     }
                 const std::size_t p = static_cast<std::size_t>(y0 * kWidth + x0);
                 l1 += std::abs(x[p][c] - photo[3 * p + static_cast<std::size_t>(c)] / 255.0);
@@ -65,8 +68,10 @@ Images random_images() {
     test::Random random(14);
     Images images;
     for (int p = 0; p < kWidth * kHeight; ++p) {
-        images.color.push_back({float(random.uniform(-0.1, 1.2)), float(random.uniform(0, 1)), float(random.uniform(0, 1))});
-        for (int c = 0; c < 3; ++c) images.photo.push_back(static_cast<std::uint8_t>(random.uniform(0, 255.9)));
+        images.color.push_back({float(random.uniform(-0.1, 1.2)), float(random.uniform(0, 1)),
+                                float(random.uniform(0, 1))});
+        for (int c = 0; c < 3; ++c)
+            images.photo.push_back(static_cast<std::uint8_t>(random.uniform(0, 255.9)));
     }
     return images;
 }
@@ -79,7 +84,8 @@ std::pair<double, std::vector<Vec3f>> run(const Images& images) {
     Buffer<float, Device> loss(images.color.size());
     gradient.fill_zero();
     PhotometricScratch<Device> scratch;
-    photometric_loss(color.span(), photo.span(), kWidth, kHeight, kWeights, scratch, gradient.span(), loss.span(), Device{});
+    photometric_loss(color.span(), photo.span(), kWidth, kHeight, kWeights, scratch,
+                     gradient.span(), loss.span(), Device{});
     double sum = 0;
     for (float l : to_host(loss)) sum += static_cast<double>(l);
     return {sum, to_host(gradient)};
@@ -100,7 +106,8 @@ TEST(Photometric, ValueAndGradientAgainstTheDefinition) {
                 x[p][c] = kept;
                 return v;
             };
-            // Float variances E[x^2] - E[x]^2 cancel to about 1e-5 relative; scaled by the typical gradient 1/(3HW).
+            // Float variances E[x^2] - E[x]^2 cancel to about 1e-5 relative; scaled by the typical
+            // gradient 1/(3HW).
             EXPECT_TRUE(close(gradient[p][c], central_difference(value, 1e-5), 5e-4, 2e-4)) << p;
         }
 }
@@ -108,7 +115,9 @@ TEST(Photometric, ValueAndGradientAgainstTheDefinition) {
 TEST(Photometric, EqualImagesHaveNoGradient) {
     Images images = random_images();
     for (std::size_t p = 0; p < images.color.size(); ++p)
-        for (int c = 0; c < 3; ++c) images.color[p][c] = static_cast<float>(images.photo[3 * p + static_cast<std::size_t>(c)]) / 255;
+        for (int c = 0; c < 3; ++c)
+            images.color[p][c] =
+                static_cast<float>(images.photo[3 * p + static_cast<std::size_t>(c)]) / 255;
     const auto [loss, gradient] = run<Cpu>(images);
     EXPECT_NEAR(loss, 0, 1e-6);
     for (Vec3f g : gradient) EXPECT_LT(norm(g), 1e-7f);
@@ -121,7 +130,8 @@ TEST(PhotometricTwin, CpuAgainstCuda) {
         const auto cpu = run<Cpu>(images), cuda = run<Cuda>(images);
         EXPECT_TRUE(close(cpu.first, cuda.first, 1e-6));
         // The variances cancel in float on both sides, in different orders.
-        for (std::size_t p = 0; p < cpu.second.size(); ++p) EXPECT_LT(norm(cpu.second[p] - cuda.second[p]), 2e-6f);
+        for (std::size_t p = 0; p < cpu.second.size(); ++p)
+            EXPECT_LT(norm(cpu.second[p] - cuda.second[p]), 2e-6f);
     }
 }
 

@@ -1,7 +1,8 @@
-// The whole rasteriser: against a brute-force one in double, on scenes with known answers, and between devices.
-#include <algorithm>
+// The whole rasteriser: against a brute-force one in double, on scenes with known answers, and
+// between devices.
 #include <omp.h>
 
+#include <algorithm>
 #include <cstring>
 
 #include "render/backbone.h"
@@ -45,24 +46,33 @@ struct Reference {
             const Vec3d p = camera.camera_from_world * means[i];
             if (p.z <= 0.2f) continue;
             const Mat3<double> R = rotation(normalize(quats[i]));
-            auto S = project_covariance(projection_jacobian(camera, p), covariance(R, exp(log_scales[i])));
+            auto S = project_covariance(projection_jacobian(camera, p),
+                                        covariance(R, exp(log_scales[i])));
             S.xx += 0.3f, S.yy += 0.3f;
-            shapes[i] = {project_point(camera, p), conic(S, S.xx * S.yy - S.xy * S.xy), 1 / (1 + std::exp(-logits[i])), {}};
+            shapes[i] = {project_point(camera, p),
+                         conic(S, S.xx * S.yy - S.xy * S.xy),
+                         1 / (1 + std::exp(-logits[i])),
+                         {}};
             const Vec3d offset = means[i] - vec_cast<double>(camera_centre(c));
-            const auto plane = camera_plane(camera.camera_from_world.R, R, smallest_axis(log_scales[i]), p);
-            features[i] = {sh_color<double>(3, normalize(offset), sh.data(), n, i), plane.normal, plane.distance};
+            const auto plane =
+                camera_plane(camera.camera_from_world.R, R, smallest_axis(log_scales[i]), p);
+            features[i] = {sh_color<double>(3, normalize(offset), sh.data(), n, i), plane.normal,
+                           plane.distance};
             depth[i] = p.z;
             order.push_back(i);
         }
-        std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) { return depth[a] < depth[b]; });
+        std::stable_sort(order.begin(), order.end(),
+                         [&](std::size_t a, std::size_t b) { return depth[a] < depth[b]; });
         std::vector<PixelForward<double>> pixels;
         for (int y = 0; y < c.height_px; ++y)
             for (int x = 0; x < c.width_px; ++x) {
                 PixelForward<double> pixel;
                 for (std::size_t i : order) {
-                    const Vec2<double> d{shapes[i].mean.x - (x + 0.5), shapes[i].mean.y - (y + 0.5)};
+                    const Vec2<double> d{shapes[i].mean.x - (x + 0.5),
+                                         shapes[i].mean.y - (y + 0.5)};
                     const double alpha = splat_alpha(shapes[i], d).alpha;
-                    if (alpha > 0 && !blend<Channels::color_plane>(pixel, alpha, features[i])) break;
+                    if (alpha > 0 && !blend<Channels::color_plane>(pixel, alpha, features[i]))
+                        break;
                 }
                 pixels.push_back(pixel);
             }
@@ -73,12 +83,15 @@ struct Reference {
 /// Smooth weights, so that a linear loss of the images exercises all channels.
 SplatFeatures<double> pixel_weight(std::size_t p) {
     const double t = static_cast<double>(p);
-    return {{std::sin(t), std::cos(2 * t), std::sin(3 * t + 1)}, {std::cos(t), 0.3 * std::sin(t), 0.2}, 0.1 * std::cos(0.5 * t)};
+    return {{std::sin(t), std::cos(2 * t), std::sin(3 * t + 1)},
+            {std::cos(t), 0.3 * std::sin(t), 0.2},
+            0.1 * std::cos(0.5 * t)};
 }
 
 double loss(const std::vector<PixelForward<double>>& pixels) {
     double sum = 0;
-    for (std::size_t p = 0; p < pixels.size(); ++p) sum += feature_dot<Channels::color_plane>(pixels[p].sum, pixel_weight(p));
+    for (std::size_t p = 0; p < pixels.size(); ++p)
+        sum += feature_dot<Channels::color_plane>(pixels[p].sum, pixel_weight(p));
     return sum;
 }
 
@@ -104,9 +117,11 @@ TEST(Render, AgainstBruteForceInDouble) {
     const auto& images = backbone->forward(g, camera, 3, Channels::color_plane);
     const auto reference = Reference(g).render(camera);
     for (std::size_t p = 0; p < reference.size(); ++p) {
-        // Float against double; a splat at its 1/255 cut-off may differ as a whole, which is what 0.004 allows.
+        // Float against double; a splat at its 1/255 cut-off may differ as a whole, which is what
+        // 0.004 allows.
         EXPECT_NEAR(images.transmittance[p], reference[p].T, 4e-3 * 1.01);
-        for (int c = 0; c < 3; ++c) EXPECT_NEAR(images.color[p][c], reference[p].sum.color[c], 1e-4 + 8e-3 * (p % 97 == 0));
+        for (int c = 0; c < 3; ++c)
+            EXPECT_NEAR(images.color[p][c], reference[p].sum.color[c], 1e-4 + 8e-3 * (p % 97 == 0));
         EXPECT_NEAR(images.distance[p], reference[p].sum.distance, 2e-2);
     }
     double difference = 0, total = 0;
@@ -129,8 +144,9 @@ TEST(Render, BackwardAgainstDifferencesOfBruteForce) {
     backbone->backward(g, weight_images<Cpu>(32 * 32), dL);
 
     Reference reference(g);
-    // Splats come and go at the 1/255 cut-off as a parameter moves, so a difference is only smooth for small steps: h = 1e-5, error ~1e-6
-    // of the loss's size; the analytic side is float. 1e-3 relative to the largest entry of the class is the specified bound.
+    // Splats come and go at the 1/255 cut-off as a parameter moves, so a difference is only smooth
+    // for small steps: h = 1e-5, error ~1e-6 of the loss's size; the analytic side is float. 1e-3
+    // relative to the largest entry of the class is the specified bound.
     const auto derivative = [&](double& parameter) {
         const double kept = parameter, h = 1e-5;
         parameter = kept + h;
@@ -155,7 +171,8 @@ TEST(Render, BackwardAgainstDifferencesOfBruteForce) {
         check(dL.quats[i].y, reference.quats[i].y, 1);
         check(dL.opacity_logits[i], reference.logits[i], 1);
     }
-    // A cut-off crossed within 2h jumps the difference quotient; at most a few of the entries may meet one.
+    // A cut-off crossed within 2h jumps the difference quotient; at most a few of the entries may
+    // meet one.
     EXPECT_LE(outliers, checked / 20) << outliers << " of " << checked;
 }
 
@@ -167,13 +184,15 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
     test::Random random(9);
     Gaussians<Cpu> g = random_gaussians(600, 10);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
-        const float u = float(random.uniform(-2, 2)), v = float(random.uniform(-2, 2)), turn = float(random.uniform(0, 6.28));
+        const float u = float(random.uniform(-2, 2)), v = float(random.uniform(-2, 2)),
+                    turn = float(random.uniform(0, 6.28));
         g.means[i] = -delta * n + u * a + v * b;
         // Columns: two tangents turned by `turn`, then the normal as the smallest axis.
         const Vec3f t1 = std::cos(turn) * a + std::sin(turn) * b, t2 = cross(n, t1);
         const Mat3f R{{{t1.x, t2.x, n.x}, {t1.y, t2.y, n.y}, {t1.z, t2.z, n.z}}};
         const float w = 0.5f * std::sqrt(std::max(1e-6f, 1 + R[0][0] + R[1][1] + R[2][2]));
-        g.quats[i] = {w, (R[2][1] - R[1][2]) / (4 * w), (R[0][2] - R[2][0]) / (4 * w), (R[1][0] - R[0][1]) / (4 * w)};
+        g.quats[i] = {w, (R[2][1] - R[1][2]) / (4 * w), (R[0][2] - R[2][0]) / (4 * w),
+                      (R[1][0] - R[0][1]) / (4 * w)};
         g.log_scales[i] = {std::log(0.15f), std::log(0.1f), std::log(1e-4f)};
     }
     Camera camera = test_camera(80, 60);
@@ -187,7 +206,8 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
             if (images.depth[p] == 0) continue;
             ++covered;
             const float exact = delta / -dot(n, pixel_ray(camera, x, y));
-            EXPECT_NEAR(images.depth[p], exact, 1e-5f * exact * 3);  // float: a few roundings of quaternion and blend
+            EXPECT_NEAR(images.depth[p], exact,
+                        1e-5f * exact * 3);  // float: a few roundings of quaternion and blend
             EXPECT_LT(norm(normalize(images.normal[p]) - n), 2e-5f);
         }
     EXPECT_GT(covered, 2000);
@@ -211,7 +231,9 @@ TEST(Render, OneOpaqueSplat) {
     Gaussians<Cpu> dL;
     resize(dL, 1, 3);
     fill_zero(dL);
-    const auto touched = std::count_if(images.transmittance.span().begin(), images.transmittance.span().end(), [](float t) { return t < 1; });
+    const auto touched =
+        std::count_if(images.transmittance.span().begin(), images.transmittance.span().end(),
+                      [](float t) { return t < 1; });
     backbone->backward(g, {}, dL);
     EXPECT_EQ(backbone->statistics().front_pixels[0], touched);
     EXPECT_EQ(dL.means[0].x, 0);
@@ -220,12 +242,12 @@ TEST(Render, OneOpaqueSplat) {
 TEST(Render, CulledAndBrokenSplatsDrawNothing) {
     Gaussians<Cpu> g = random_gaussians(6, 12);
     for (std::size_t i = 0; i < 6; ++i) g.means[i] = {0, 0, 0}, g.opacity_logits[i] = 3;
-    g.means[0] = {0, 0, -3.85f};               // nearer than the near plane
-    g.means[1] = {0, 0, -10};                  // behind
+    g.means[0] = {0, 0, -3.85f};  // nearer than the near plane
+    g.means[1] = {0, 0, -10};     // behind
     g.means[2] = {NAN, 0, 0};
     g.log_scales[3] = {NAN, 0, 0};
-    g.log_scales[4] = {80, 80, 80};            // overflows
-    g.opacity_logits[5] = -10;                 // below 1/255
+    g.log_scales[4] = {80, 80, 80};  // overflows
+    g.opacity_logits[5] = -10;       // below 1/255
     auto backbone = make_backbone<Cpu>("pgsr", {});
     const auto& images = backbone->forward(g, test_camera(20, 20, 0), 3, Channels::color_plane);
     for (std::size_t p = 0; p < 400; ++p) {
@@ -295,9 +317,17 @@ Outcome<Device> run(const Gaussians<Cpu>& host, const Camera& camera, Channels c
     fill_zero(dL);
     backbone->backward(g, weight_images<Device>(camera.width_px * camera.height_px), dL);
     const auto& s = backbone->statistics();
-    return {to_host(images.color), to_host(images.normal), to_host(dL.means), to_host(dL.log_scales), to_host(dL.sh),
-            to_host(images.depth), to_host(images.transmittance), to_host(dL.opacity_logits), to_host(dL.quats),
-            to_host(s.abs_dL_dmeans2d), to_host(s.front_pixels)};
+    return {to_host(images.color),
+            to_host(images.normal),
+            to_host(dL.means),
+            to_host(dL.log_scales),
+            to_host(dL.sh),
+            to_host(images.depth),
+            to_host(images.transmittance),
+            to_host(dL.opacity_logits),
+            to_host(dL.quats),
+            to_host(s.abs_dL_dmeans2d),
+            to_host(s.front_pixels)};
 }
 
 template <class Device>
@@ -306,7 +336,8 @@ void twin(int count, Channels channels, double size, int width, int height) {
     const Camera camera = test_camera(width, height);
     const auto cpu = run<Cpu>(g, camera, channels);
     const auto cuda = run<Device>(g, camera, channels), again = run<Device>(g, camera, channels);
-    // exp differs by an ulp between the devices, and a splat at its cut-off may be drawn on one only: 1e-4 of the whole.
+    // exp differs by an ulp between the devices, and a splat at its cut-off may be drawn on one
+    // only: 1e-4 of the whole.
     const double images = 1e-4, gradients = 2e-3;
     const auto check = [&](const char* name, double difference, double bound) {
         std::printf("  n %-6d %-12s relative L2 %.2e\n", count, name, difference);
@@ -322,17 +353,21 @@ void twin(int count, Channels channels, double size, int width, int height) {
     check("dlogits", relative_l2(cpu.logits, cuda.logits), gradients);
     check("dsh", relative_l2(cpu.sh, cuda.sh), gradients);
     check("abs", relative_l2(cpu.abs_gradient, cuda.abs_gradient), gradients);
-    EXPECT_EQ(0, std::memcmp(cuda.means.data(), again.means.data(), again.means.size() * sizeof(Vec3f))) << "not reproducible";
-    EXPECT_EQ(0, std::memcmp(cuda.sh.data(), again.sh.data(), again.sh.size() * sizeof(Vec3f))) << "not reproducible";
+    EXPECT_EQ(
+        0, std::memcmp(cuda.means.data(), again.means.data(), again.means.size() * sizeof(Vec3f)))
+        << "not reproducible";
+    EXPECT_EQ(0, std::memcmp(cuda.sh.data(), again.sh.data(), again.sh.size() * sizeof(Vec3f)))
+        << "not reproducible";
 }
 
 TEST(RenderTwin, CpuAgainstCuda) {
     if (const std::string reason = test::no_cuda(); !reason.empty()) GTEST_SKIP() << reason;
     if constexpr (kHasCuda) {
-        for (int count : {0, 1, 31, 257, 20000}) twin<Cuda>(count, Channels::color_plane, count > 1000 ? 0.02 : 0.1, 203, 151);
+        for (int count : {0, 1, 31, 257, 20000})
+            twin<Cuda>(count, Channels::color_plane, count > 1000 ? 0.02 : 0.1, 203, 151);
         twin<Cuda>(257, Channels::color, 0.1, 203, 151);
         twin<Cuda>(257, Channels::plane, 0.1, 203, 151);
-        twin<Cuda>(300, Channels::color_plane, 3.0, 64, 64);  // every splat covers every tile
+        twin<Cuda>(300, Channels::color_plane, 3.0, 64, 64);   // every splat covers every tile
         twin<Cuda>(5000, Channels::color_plane, 0.2, 16, 16);  // one tile, long list
     }
 }

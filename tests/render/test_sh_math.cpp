@@ -1,5 +1,4 @@
 #include "render/sh_math.h"
-
 #include "support/numeric.h"
 
 namespace tvsgs {
@@ -9,9 +8,12 @@ using test::central_difference;
 using test::close;
 
 TEST(ShBasis, OrthonormalOnTheSphere) {
-    // A product quadrature that integrates polynomials of degree 6 exactly: 4 Gauss-Legendre latitudes, 8 equal longitudes.
-    const double nodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563, 0.8611363115940526};
-    const double weights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
+    // A product quadrature that integrates polynomials of degree 6 exactly: 4 Gauss-Legendre
+    // latitudes, 8 equal longitudes.
+    const double nodes[4] = {-0.8611363115940526, -0.3399810435848563, 0.3399810435848563,
+                             0.8611363115940526};
+    const double weights[4] = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461,
+                               0.3478548451374538};
     double gram[16][16] = {};
     for (int i = 0; i < 4; ++i)
         for (int j = 0; j < 8; ++j) {
@@ -33,7 +35,9 @@ TEST(ShColor, Vjp) {
         for (Vec3d& c : sh) c = 0.1 * random.normal3();
         sh[0] = {0.4, 0.3, 0.5};  // colours stay away from the clamp
         const Vec3d offset{0.4, -0.7, 1.3}, w = random.normal3();
-        const auto color_at = [&](Vec3d o) { return sh_color<double>(degree, normalize(o), sh, 1, 0); };
+        const auto color_at = [&](Vec3d o) {
+            return sh_color<double>(degree, normalize(o), sh, 1, 0);
+        };
         Vec3d dL_dsh[16] = {};
         const Vec3d g = sh_color_vjp<double>(degree, offset, sh, 1, 0, color_at(offset), w, dL_dsh);
         for (int axis = 0; axis < 3; ++axis) {
@@ -71,7 +75,8 @@ TEST(ShColor, ClampPassesNothing) {
 
 TEST(ShColor, AtTheCameraCentreNothingIsNan) {
     Vec3d sh[16] = {}, dL_dsh[16] = {};
-    const Vec3d g = sh_color_vjp<double>(3, {0, 0, 0}, sh, 1, 0, {0.5, 0.5, 0.5}, {1, 1, 1}, dL_dsh);
+    const Vec3d g =
+        sh_color_vjp<double>(3, {0, 0, 0}, sh, 1, 0, {0.5, 0.5, 0.5}, {1, 1, 1}, dL_dsh);
     EXPECT_TRUE(is_finite(g));
 }
 

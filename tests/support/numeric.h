@@ -23,13 +23,16 @@ double central_difference(const F& f, double h = 1e-3) {
 inline ::testing::AssertionResult close(double a, double b, double relative, double scale = 1e-3) {
     const double bound = relative * std::max({std::abs(a), std::abs(b), scale});
     if (std::abs(a - b) <= bound) return ::testing::AssertionSuccess();
-    return ::testing::AssertionFailure() << a << " against " << b << ", difference " << std::abs(a - b) << " above " << bound;
+    return ::testing::AssertionFailure()
+           << a << " against " << b << ", difference " << std::abs(a - b) << " above " << bound;
 }
 
 class Random {
 public:
     explicit Random(unsigned seed) : engine_(seed) {}
-    double uniform(double low, double high) { return std::uniform_real_distribution<double>(low, high)(engine_); }
+    double uniform(double low, double high) {
+        return std::uniform_real_distribution<double>(low, high)(engine_);
+    }
     double normal() { return std::normal_distribution<double>()(engine_); }
     Vec3<double> normal3() { return {normal(), normal(), normal()}; }
     Quat<double> quat() { return {normal(), normal(), normal(), normal()}; }

@@ -7,15 +7,21 @@
 
 namespace tvsgs::test {
 
-/// `count` Gaussians in a cube of half-width 1 around the origin, of all shapes and opacities; SH degree 3.
-inline Gaussians<Cpu> random_gaussians(int count, unsigned seed, double size = 0.05, int sh_degree = 3) {
+/// `count` Gaussians in a cube of half-width 1 around the origin, of all shapes and opacities; SH
+/// degree 3.
+inline Gaussians<Cpu> random_gaussians(int count,
+                                       unsigned seed,
+                                       double size = 0.05,
+                                       int sh_degree = 3) {
     Random random(seed);
     Gaussians<Cpu> g;
     resize(g, count, sh_degree);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
         const double log_size = std::log(size) + 0.4 * random.normal();
-        g.means[i] = {float(random.uniform(-1, 1)), float(random.uniform(-1, 1)), float(random.uniform(-1, 1))};
-        g.log_scales[i] = {float(log_size + 0.5 * random.normal()), float(log_size + 0.5 * random.normal()), float(log_size - 1.5)};
+        g.means[i] = {float(random.uniform(-1, 1)), float(random.uniform(-1, 1)),
+                      float(random.uniform(-1, 1))};
+        g.log_scales[i] = {float(log_size + 0.5 * random.normal()),
+                           float(log_size + 0.5 * random.normal()), float(log_size - 1.5)};
         g.quats[i] = quat_cast<float>(random.quat());
         g.opacity_logits[i] = float(random.uniform(-3, 3));
         for (std::size_t k = 0; k < std::size_t(sh_count(sh_degree)); ++k)
