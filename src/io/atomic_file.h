@@ -6,8 +6,8 @@
 
 namespace tvsgs {
 
-/// A file that appears under its name only when commit() has flushed it to disk: a reader never sees half of it.
-/// Throws Error(ExitCode::io) with the path and the system's reason.
+/// A file that appears under its name only when commit() has flushed it to disk: a reader never
+/// sees half of it. Throws Error(ExitCode::io) with the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders

@@ -1,5 +1,6 @@
-// The one place that sees JSON. Options structs (core/options.h) are flattened into a table of dotted keys, which reads
-// configuration files, TVSGS_* variables and --set, prints help and writes the resolved configuration.
+// The one place that sees JSON. Options structs (core/options.h) are flattened into a table of
+// dotted keys, which reads configuration files, TVSGS_* variables and --set, prints help and writes
+// the resolved configuration.
 #pragma once
 
 #include <cstdint>
@@ -14,7 +15,8 @@
 
 namespace tvsgs {
 
-/// One option: its dotted key, and how to read and write it as text. The options struct must outlive it.
+/// One option: its dotted key, and how to read and write it as text. The options struct must
+/// outlive it.
 struct Option {
     enum class Kind { boolean, integer, real, text, choice };
     std::string key, help;
@@ -27,25 +29,29 @@ struct Option {
 
 class OptionTable {
 public:
-    /// Adds every field of `options`, keys prefixed with `prefix` and a dot (or bare for an empty prefix).
+    /// Adds every field of `options`, keys prefixed with `prefix` and a dot (or bare for an empty
+    /// prefix).
     template <class Options>
     void add(const std::string& prefix, Options& options) {
         Collector collector{*this, prefix.empty() ? "" : prefix + "."};
         options.fields(collector);
     }
 
-    /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says where it came from in
-    /// messages. Unknown keys throw Error(ExitCode::usage) naming the nearest one; so do values of a wrong type or out of range.
+    /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says
+    /// where it came from in messages. Unknown keys throw Error(ExitCode::usage) naming the nearest
+    /// one; so do values of a wrong type or out of range.
     void set(std::string_view key, std::string_view value, const std::string& source);
 
-    /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors. The key "comment" is ignored at
-    /// every level, and "info" at the top level, so that a run's resolved config.json can be fed back.
+    /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors.
+    /// The key "comment" is ignored at every level, and "info" at the top level, so that a run's
+    /// resolved config.json can be fed back.
     void read_file(const std::string& path);
 
     /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
     void read_environment();
 
-    /// The resolved configuration as nested JSON, `info_json` (a JSON object, may be empty) added under "info".
+    /// The resolved configuration as nested JSON, `info_json` (a JSON object, may be empty) added
+    /// under "info".
     std::string json(const std::string& info_json = "") const;
 
     /// One line per option: key, range or choices, default, meaning; grouped by prefix.
@@ -64,9 +70,13 @@ private:
         void operator()(const char* key, bool& value, const char* help);
         void operator()(const char* key, std::string& value, const char* help);
         template <class Enum>
-        void choice(const char* key, Enum& value, std::initializer_list<const char*> names, const char* help) {
-            add_choice(key, {names.begin(), names.end()}, [&value] { return static_cast<int>(value); },
-                       [&value](int i) { value = static_cast<Enum>(i); }, help);
+        void choice(const char* key,
+                    Enum& value,
+                    std::initializer_list<const char*> names,
+                    const char* help) {
+            add_choice(
+                key, {names.begin(), names.end()}, [&value] { return static_cast<int>(value); },
+                [&value](int i) { value = static_cast<Enum>(i); }, help);
         }
         template <class Group>
         void group(const char* key, Group& group_options, const char* /*help*/) {
@@ -75,26 +85,35 @@ private:
         }
 
     private:
-        void add_choice(const char* key, std::vector<std::string> names, std::function<int()> get,
-                        std::function<void(int)> set, const char* help);
+        void add_choice(const char* key,
+                        std::vector<std::string> names,
+                        std::function<int()> get,
+                        std::function<void(int)> set,
+                        const char* help);
     };
     std::vector<Option> options_;
 };
 
-/// The lists of a JSON object such as splits.json, as text; values that are no lists of names or numbers are left out.
-/// Throws Error(ExitCode::input) when the file is not a JSON object.
+/// The lists of a JSON object such as splits.json, as text; values that are no lists of names or
+/// numbers are left out. Throws Error(ExitCode::input) when the file is not a JSON object.
 std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path);
 
-/// A JSON object of scalars in the given order, values by type; for log lines and reports written by the apps.
+/// A JSON object of scalars in the given order, values by type; for log lines and reports written
+/// by the apps.
 class JsonLine {
 public:
     JsonLine& add(std::string_view key, double value);  // NaN and infinities become null
     JsonLine& add(std::string_view key, std::int64_t value);
-    JsonLine& add(std::string_view key, int value) { return add(key, static_cast<std::int64_t>(value)); }
+    JsonLine& add(std::string_view key, int value) {
+        return add(key, static_cast<std::int64_t>(value));
+    }
     JsonLine& add(std::string_view key, bool value);
     JsonLine& add(std::string_view key, std::string_view value);
-    JsonLine& add(std::string_view key, const char* value) { return add(key, std::string_view(value)); }
-    JsonLine& add_json(std::string_view key, const std::string& json);  // a nested value, already JSON
+    JsonLine& add(std::string_view key, const char* value) {
+        return add(key, std::string_view(value));
+    }
+    JsonLine& add_json(std::string_view key,
+                       const std::string& json);  // a nested value, already JSON
     std::string text() const { return "{" + body_ + "}"; }
 
 private:

@@ -7,8 +7,9 @@
 
 namespace tvsgs {
 
-/// 8-bit with `channels` (1, 3, 4) or as in the file (0). 16-bit files are scaled; palettes and grey are expanded; EXIF
-/// orientation is ignored, as COLMAP does. JPEG, PNG and BMP. Throws Error(ExitCode::input) for unreadable or oversized files.
+/// 8-bit with `channels` (1, 3, 4) or as in the file (0). 16-bit files are scaled; palettes and
+/// grey are expanded; EXIF orientation is ignored, as COLMAP does. JPEG, PNG and BMP. Throws
+/// Error(ExitCode::input) for unreadable or oversized files.
 ImageU8 read_image(const std::string& path, int channels = 0);
 
 /// Width and height without decoding the pixels.
@@ -20,7 +21,8 @@ ImageSize read_image_size(const std::string& path);
 /// PNG with 1, 3 or 4 channels; temporary file, flushed, renamed.
 void write_png(const std::string& path, const ImageU8& image);
 
-/// Pillow's default: anti-aliased bicubic (a = -0.5), rounded once at the end.  [backbones specification, 1.1]
+/// Pillow's default: anti-aliased bicubic (a = -0.5), rounded once at the end.  [backbones
+/// specification, 1.1]
 ImageU8 resize_bicubic(const ImageU8& image, int width, int height);
 
 /// Nearest neighbour; for masks.

@@ -9,8 +9,9 @@
 
 namespace tvsgs {
 
-/// Any PLY with x y z: ASCII or binary of either byte order, extra properties skipped. Faces, if any, are triangulated
-/// as fans. Colours (uchar 0-255 or float 0-1) and normals are read where present.
+/// Any PLY with x y z: ASCII or binary of either byte order, extra properties skipped. Faces, if
+/// any, are triangulated as fans. Colours (uchar 0-255 or float 0-1) and normals are read where
+/// present.
 struct PlyContents {
     PointCloud points;
     std::vector<Vec3i> faces;
@@ -18,12 +19,12 @@ struct PlyContents {
 };
 PlyContents read_ply(const std::string& path);
 
-/// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite splats are dropped
-/// with a warning.
+/// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
+/// splats are dropped with a warning.
 Gaussians<Cpu> read_splat_ply(const std::string& path);
 
-/// Writers go through a temporary file, flushed and renamed. write_splat_ply throws Error(ExitCode::numerical) naming the
-/// first non-finite value instead of writing it.
+/// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
+/// Error(ExitCode::numerical) naming the first non-finite value instead of writing it.
 void write_splat_ply(const std::string& path, const Gaussians<Cpu>& gaussians);
 void write_mesh_ply(const std::string& path, const TriangleMesh& mesh);
 void write_cloud_ply(const std::string& path, const PointCloud& points);

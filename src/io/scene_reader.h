@@ -1,4 +1,5 @@
-// From a folder of photographs with calibrated cameras to a Scene.  [input specification, docs/input.md]
+// From a folder of photographs with calibrated cameras to a Scene.  [input specification,
+// docs/input.md]
 #pragma once
 
 #include <string>
@@ -11,20 +12,21 @@ namespace tvsgs {
 
 /// What the user asked for; the names are those of the command line.
 struct SceneOptions {
-    std::string path;                     // --scene
-    std::string images = "images";        // --images: folder of the photographs inside the scene
-    int resolution = -1;                  // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
-    std::string split;                    // --split NAME of splits.json
-    std::string train_list, test_list;    // --train-list, --test-list: one image name per line
-    std::string views;                    // --views I,J,K: indices into the sorted views, training only
-    int num_views = 0;                    // --num-views: that many training views, evenly chosen; 0: all
-    bool eval = false;                    // --eval: every test_every-th view is a test view
+    std::string path;               // --scene
+    std::string images = "images";  // --images: folder of the photographs inside the scene
+    int resolution = -1;  // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
+    std::string split;    // --split NAME of splits.json
+    std::string train_list, test_list;  // --train-list, --test-list: one image name per line
+    std::string views;  // --views I,J,K: indices into the sorted views, training only
+    int num_views = 0;  // --num-views: that many training views, evenly chosen; 0: all
+    bool eval = false;  // --eval: every test_every-th view is a test view
     int test_every = 8;
-    std::string masks;                    // --masks: folder; empty: mask/, masks/ or the alpha channel
-    std::string init_ply;                 // --init-ply: initial cloud instead of the model's points
+    std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
+    std::string init_ply;  // --init-ply: initial cloud instead of the model's points
     bool center_principal_point = false;  // parity with the official codes
-    bool undistort_fisheye = false;       // fisheyes become pinholes of 120 degrees; else they are refused
-    bool need_points = true;              // false: no initial cloud is read (meshing, evaluation)
+    bool undistort_fisheye =
+        false;                // fisheyes become pinholes of 120 degrees; else they are refused
+    bool need_points = true;  // false: no initial cloud is read (meshing, evaluation)
     int min_train_views = 2;
 
     /// What belongs to a run's configuration.
@@ -32,7 +34,8 @@ struct SceneOptions {
     void fields(Visitor& field) {
         field("path", path, "folder of the scene");
         field("images", images, "folder of the photographs inside the scene");
-        field("resolution", resolution, {-1, 65535}, "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+        field("resolution", resolution, {-1, 65535},
+              "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
         field("split", split, "list of splits.json to train on; its list 'test' is tested");
         field("train_list", train_list, "file with one training image per line");
         field("test_list", test_list, "file with one test image per line");
@@ -42,14 +45,16 @@ struct SceneOptions {
         field("test_every", test_every, {2, 1e6}, "distance of the test views");
         field("masks", masks, "folder of the masks; empty: mask/, masks/ or the alpha channel");
         field("init_ply", init_ply, "initial cloud instead of the model's points");
-        field("center_principal_point", center_principal_point, "principal point at the image centre, as the official codes");
-        field("undistort_fisheye", undistort_fisheye, "fisheyes become pinholes of 120 degrees; else they are refused");
+        field("center_principal_point", center_principal_point,
+              "principal point at the image centre, as the official codes");
+        field("undistort_fisheye", undistort_fisheye,
+              "fisheyes become pinholes of 120 degrees; else they are refused");
     }
 };
 
-/// Reads cameras, photographs (resized), masks, the split and the initial cloud. For a subset of the views only
-/// points whose track holds at least two training images are kept. Throws Error(ExitCode::input) that names the
-/// place, what was found and what to do.
+/// Reads cameras, photographs (resized), masks, the split and the initial cloud. For a subset of
+/// the views only points whose track holds at least two training images are kept. Throws
+/// Error(ExitCode::input) that names the place, what was found and what to do.
 Scene read_scene(const SceneOptions& options);
 
 /// Size of the training images for -r.  [input specification, 1.6]

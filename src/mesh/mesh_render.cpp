@@ -254,7 +254,8 @@ ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera) {
                             : mesh.colors.empty() ? kGrey
                                                   : interpolate(mesh, mesh.colors, hits, i);
         // Vertex colours carry the light of the photographs already.
-        return (mesh.colors.empty() || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) * color;
+        return (mesh.colors.empty() || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) *
+               color;
     };
     return to_8bit(box_filter(shade_samples(hits, kBackground, shade), kSamples));
 }
