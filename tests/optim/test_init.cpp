@@ -1,0 +1,114 @@
+// The first Gaussians of a point cloud.
+#include <algorithm>
+
+#include "core/error.h"
+#include "optim/init.h"
+#include "render/sh_math.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+std::vector<Vec3f> random_points(int count, unsigned seed) {
+    test::Random random(seed);
+    std::vector<Vec3f> points;
+    for (int i = 0; i < count; ++i) points.push_back(vec_cast<float>(random.normal3()));
+    return points;
+}
+
+Scene scene_of(std::vector<Vec3f> points) {
+    Scene scene;
+    scene.path = "somewhere";
+    scene.train.resize(2);
+    scene.train[0].camera = test::test_camera(40, 30, 0.3f);
+    scene.train[1].camera = test::test_camera(40, 30, -0.3f);
+    scene.points.positions = std::move(points);
+    return scene;
+}
+
+TEST(NeighbourDistance, AgainstBruteForce) {
+    std::vector<Vec3f> points = random_points(300, 1);
+    for (std::size_t i = 0; i < 20; ++i) points.push_back(points[3 * i]);  // pairs
+    for (std::size_t i = 0; i < 5; ++i) points.push_back(points[100]);     // six in one place
+    const std::vector<float> got = mean_squared_neighbour_distance(points, 3);
+    ASSERT_EQ(got.size(), points.size());
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        std::vector<double> squared;
+        for (std::size_t j = 0; j < points.size(); ++j) {
+            const Vec3d d = vec_cast<double>(points[i]) - vec_cast<double>(points[j]);
+            if (j != i) squared.push_back(dot(d, d));
+        }
+        std::sort(squared.begin(), squared.end());
+        EXPECT_TRUE(test::close(got[i], (squared[0] + squared[1] + squared[2]) / 3, 1e-5)) << i;
+    }
+    EXPECT_EQ(got[100], 0);
+}
+
+TEST(NeighbourDistance, FewPoints) {
+    EXPECT_TRUE(mean_squared_neighbour_distance({}, 3).empty());
+    EXPECT_EQ(mean_squared_neighbour_distance({{1, 2, 3}}, 3), std::vector<float>{0});
+    EXPECT_EQ(mean_squared_neighbour_distance({{0, 0, 0}, {0, 3, 4}}, 3),
+              (std::vector<float>{25, 25}));
+}
+
+TEST(InitGaussians, Values) {
+    Scene scene = scene_of(random_points(50, 2));
+    scene.points.positions.push_back({0.25f, 0.5f, 0.75f});
+    for (int i = 0; i < 3; ++i) scene.points.positions.push_back({0.25f, 0.5f, 0.75f});
+    for (std::size_t i = 0; i < 54; ++i)
+        scene.points.colors.push_back({float(i) / 54, 0.5f, 1 - float(i) / 54});
+    const Gaussians<Cpu> g = init_gaussians(scene, {.opacity = 0.1f}, 2);
+    ASSERT_EQ(g.size(), 54);
+    EXPECT_EQ(g.sh_degree, 2);
+    const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
+    for (std::size_t i = 0; i < 54; ++i) {
+        EXPECT_EQ(g.means[i].y, scene.points.positions[i].y);
+        EXPECT_EQ(g.log_scales[i].x, g.log_scales[i].z);
+        EXPECT_TRUE(test::close(std::exp(g.log_scales[i].y), std::sqrt(std::max(squared[i], 1e-7f)),
+                                1e-5, 0));
+        EXPECT_EQ(g.quats[i].w, 1);
+        EXPECT_EQ(g.quats[i].x, 0);
+        EXPECT_NEAR(1 / (1 + std::exp(-g.opacity_logits[i])), 0.1, 1e-6);
+        EXPECT_NEAR(0.5 + kShC0 * double(g.sh[i].x), scene.points.colors[i].x, 1e-6);
+        for (std::size_t k = 1; k < 9; ++k) EXPECT_EQ(g.sh[k * 54 + i].y, 0);
+    }
+    EXPECT_NEAR(std::exp(2 * g.log_scales[50].x), 1e-7, 1e-11) << "duplicates get the least size";
+}
+
+TEST(InitGaussians, PointsAtACameraAreDropped) {
+    Scene scene = scene_of(random_points(10, 3));
+    const Vec3f at = camera_centre(scene.train[1].camera);
+    scene.points.positions[4] = at + Vec3f{0.005f, 0, 0};
+    scene.points.positions[5] = at + Vec3f{0.05f, 0, 0};
+    const Gaussians<Cpu> g = init_gaussians(scene, {}, 0);
+    ASSERT_EQ(g.size(), 9);
+    EXPECT_EQ(g.means[4].x, scene.points.positions[5].x);
+    EXPECT_EQ(g.sh[0].x, 0) << "without colours the splats are grey";
+}
+
+TEST(InitGaussians, NoPointsLeft) {
+    Scene scene = scene_of({});
+    for (int round = 0; round < 2; ++round) {
+        try {
+            init_gaussians(scene, {}, 0);
+            ADD_FAILURE() << "no error with " << scene.points.positions.size() << " points";
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::input);
+            EXPECT_NE(std::string(error.what()).find("somewhere"), std::string::npos);
+        }
+        scene.points.positions.push_back(camera_centre(scene.train[0].camera));
+    }
+}
+
+TEST(MedianDepth, OverPointsInFrontOfTheCameras) {
+    Scene scene = scene_of({});
+    EXPECT_EQ(median_depth(scene), 0);
+    scene.train.resize(1);
+    scene.train[0].camera.camera_from_world = {};
+    scene.train[0].camera.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
+    scene.points.positions = {{9, 0, 1}, {0, 7, 2}, {0, 0, 10}, {0, 0, -5}, {0, 0, -6}};
+    EXPECT_EQ(median_depth(scene), 2);
+}
+
+}  // namespace
+}  // namespace tvsgs

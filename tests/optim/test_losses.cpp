@@ -1,0 +1,333 @@
+// Every loss against its definition, written down again here in double, and its derivatives against
+// differences of that.
+#include "loss_case.h"
+
+namespace tvsgs {
+namespace {
+
+using test::central_difference;
+using test::close;
+using test::evaluate;
+using test::LossCase;
+using test::LossResult;
+using test::Term;
+
+// Single precision in, a few operations on numbers of order 1: 1e-5 is ten roundings or so.
+constexpr double kRelative = 1e-5;
+constexpr float kWeight = 0.7f;
+
+LossCase splat_case() {
+    const int n = 40;
+    test::Random random(5);
+    LossCase c;
+    c.gaussians = test::random_gaussians(n, 3, 0.2, 0);
+    for (int i = 0; i < n; ++i) {
+        c.radii_px.push_back(i % 3 == 0 ? 0.0f : 4.0f);
+        c.voted_normals.push_back(vec_cast<float>(normalize(random.normal3())));
+        c.targets.push_back(vec_cast<float>(random.normal3()));
+        c.flags.push_back(static_cast<std::uint8_t>(kHasTensor | (i % 2 ? kNormalValid : 0) |
+                                                    (i % 5 ? kPositionValid : 0)));
+    }
+    return c;
+}
+
+bool takes_part(const LossCase& c, std::size_t i, Reduction reduction, std::uint8_t flag) {
+    return (c.flags[i] & flag) && (reduction != Reduction::visible_mean || c.radii_px[i] > 0);
+}
+
+double divisor(const LossCase& c, Reduction reduction, std::uint8_t flag) {
+    if (reduction == Reduction::sum) return 1;
+    double count = 0;
+    for (std::size_t i = 0; i < c.flags.size(); ++i) count += takes_part(c, i, reduction, flag);
+    return count;
+}
+
+/// Expects that a gradient has no entry but zeros.
+template <class T>
+void expect_zero(const std::vector<T>& gradient) {
+    const auto* numbers = reinterpret_cast<const float*>(gradient.data());
+    for (std::size_t i = 0; i < gradient.size() * sizeof(T) / sizeof(float); ++i)
+        ASSERT_EQ(numbers[i], 0) << i;
+}
+
+TEST(FlattenLoss, ValueAndGradient) {
+    const LossCase c = splat_case();
+    const std::size_t n = c.radii_px.size();
+    const auto smallest = [&](std::size_t i, int entry, double h) {
+        Vec3d s = vec_cast<double>(c.gaussians.log_scales[i]);
+        if (entry >= 0) s[entry] += h;
+        return std::exp(std::min({s.x, s.y, s.z}));
+    };
+    double visible = 0, sum = 0;
+    for (std::size_t i = 0; i < n; ++i)
+        if (c.radii_px[i] > 0) ++visible, sum += smallest(i, -1, 0);
+    const LossResult r = evaluate<Cpu>(c, Term::flatten, kWeight, Reduction::mean);
+    EXPECT_TRUE(close(r.value, kWeight * sum / visible, kRelative));
+    for (std::size_t i = 0; i < n; ++i)
+        for (int e = 0; e < 3; ++e) {
+            const double expected = c.radii_px[i] > 0
+                                        ? kWeight / visible * central_difference([&](double h) {
+                                              return smallest(i, e, h);
+                                          })
+                                        : 0;
+            EXPECT_TRUE(close(r.dL_dlog_scales[i][e], expected, kRelative)) << i << ' ' << e;
+        }
+    expect_zero(r.dL_dmeans);
+    expect_zero(r.dL_dquats);
+}
+
+TEST(FlattenLoss, NothingVisibleAddsNothing) {
+    LossCase c = splat_case();
+    std::fill(c.radii_px.begin(), c.radii_px.end(), 0.0f);
+    const LossResult r = evaluate<Cpu>(c, Term::flatten, kWeight, Reduction::mean);
+    EXPECT_EQ(r.value, 0);
+    expect_zero(r.dL_dlog_scales);
+}
+
+class TvLosses : public testing::TestWithParam<Reduction> {};
+INSTANTIATE_TEST_SUITE_P(Reductions,
+                         TvLosses,
+                         testing::Values(Reduction::mean, Reduction::sum, Reduction::visible_mean));
+
+TEST_P(TvLosses, NormalValueAndGradient) {
+    const LossCase c = splat_case();
+    const double count = divisor(c, GetParam(), kNormalValid);
+    const auto disagreement = [&](std::size_t i, int entry, double h) {
+        Quat<double> q = quat_cast<double>(c.gaussians.quats[i]);
+        (entry == 0 ? q.w : entry == 1 ? q.x : entry == 2 ? q.y : q.z) += h;
+        const Vec3f s = c.gaussians.log_scales[i];
+        const int axis = s.z < std::min(s.x, s.y) ? 2 : s.y < s.x ? 1 : 0;
+        return 1 - std::abs(dot(column(rotation(normalize(q)), axis),
+                                vec_cast<double>(c.voted_normals[i])));
+    };
+    const LossResult r = evaluate<Cpu>(c, Term::tv_normal, kWeight, GetParam());
+    double sum = 0;
+    for (std::size_t i = 0; i < c.flags.size(); ++i) {
+        const bool part = takes_part(c, i, GetParam(), kNormalValid);
+        if (part) sum += disagreement(i, 0, 0);
+        const Quatf g = r.dL_dquats[i];
+        const float entries[4] = {g.w, g.x, g.y, g.z};
+        for (int e = 0; e < 4; ++e) {
+            const double expected =
+                part ? kWeight / count *
+                           central_difference([&](double h) { return disagreement(i, e, h); }, 1e-4)
+                     : 0;
+            // Scale 0.01: the entries of one quaternion come of cancelling terms of about that.
+            EXPECT_TRUE(close(entries[e], expected, kRelative, 0.01)) << i << ' ' << e;
+        }
+    }
+    EXPECT_TRUE(close(r.value, kWeight * sum / count, kRelative));
+    expect_zero(r.dL_dmeans);
+    expect_zero(r.dL_dlog_scales);
+}
+
+TEST_P(TvLosses, PositionValueAndGradient) {
+    LossCase c = splat_case();
+    c.gaussians.means[7].y = c.targets[7].y;  // neither above nor below: no pull
+    const double count = divisor(c, GetParam(), kPositionValid);
+    const LossResult r = evaluate<Cpu>(c, Term::tv_position, kWeight, GetParam());
+    double sum = 0;
+    for (std::size_t i = 0; i < c.flags.size(); ++i) {
+        const bool part = takes_part(c, i, GetParam(), kPositionValid);
+        for (int e = 0; e < 3; ++e) {
+            const double d = static_cast<double>(c.gaussians.means[i][e]) - c.targets[i][e];
+            if (part) sum += std::abs(d);
+            const double expected =
+                part ? kWeight / count *
+                           central_difference([&](double h) { return std::abs(d + h); }, 1e-6)
+                     : 0;
+            EXPECT_TRUE(close(r.dL_dmeans[i][e], expected, kRelative)) << i << ' ' << e;
+        }
+    }
+    EXPECT_EQ(r.dL_dmeans[7].y, 0);
+    EXPECT_TRUE(close(r.value, kWeight * sum / count, kRelative));
+    expect_zero(r.dL_dquats);
+    expect_zero(r.dL_dlog_scales);
+}
+
+TEST_P(TvLosses, NothingTakesPart) {
+    LossCase none = splat_case();  // flags say that nothing is valid
+    std::fill(none.flags.begin(), none.flags.end(), std::uint8_t{kHasTensor});
+    LossCase before = splat_case();  // no voting event has been held yet
+    before.flags.clear(), before.voted_normals.clear(), before.targets.clear();
+    LossCase hidden = splat_case();
+    std::fill(hidden.radii_px.begin(), hidden.radii_px.end(), 0.0f);
+    for (Term term : {Term::tv_normal, Term::tv_position}) {
+        for (const LossCase* c : {&none, &before, &hidden}) {
+            if (c == &hidden && GetParam() != Reduction::visible_mean) continue;
+            const LossResult r = evaluate<Cpu>(*c, term, kWeight, GetParam());
+            EXPECT_EQ(r.value, 0);
+            expect_zero(r.dL_dmeans);
+            expect_zero(r.dL_dquats);
+        }
+    }
+}
+
+constexpr int kWidth = 12, kHeight = 10;
+
+/// A tilted, bumpy surface about 4 units away. `depth` follows from normal and distance.
+LossCase image_case() {
+    test::Random random(8);
+    LossCase c;
+    c.gaussians = test::random_gaussians(3, 3, 0.2, 0);
+    c.radii_px.assign(3, 1);
+    c.camera = test::test_camera(kWidth, kHeight);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const float coverage = static_cast<float>(random.uniform(0.5, 1));
+            const Vec3f n =
+                vec_cast<float>(normalize(Vec3d{0.3, -0.2, -1} + 0.2 * random.normal3()));
+            c.normal.push_back(coverage * n);
+            c.distance.push_back(coverage * static_cast<float>(random.uniform(3.8, 4.2)));
+            c.transmittance.push_back(1 - coverage);
+            for (int channel = 0; channel < 3; ++channel)
+                c.photo.push_back(static_cast<std::uint8_t>(random.uniform(0, 255.9)));
+            c.depth.push_back(-c.distance.back() / dot(c.normal.back(), pixel_ray(c.camera, x, y)));
+        }
+    c.depth[5 * kWidth + 6] = 0;  // a hole: its neighbours have no normal
+    c.edge_min = 0.05f, c.edge_max = 0.8f;
+    return c;
+}
+
+struct DoubleImages {
+    std::vector<Vec3d> normal;
+    std::vector<double> distance;
+};
+
+/// The term of pixel (x, y), times the number of pixels, from the definition. Sets *kink where an
+/// absolute value is within reach of a difference.
+double pixel_term(const LossCase& c, const DoubleImages& images, int x, int y, bool* kink) {
+    if (x < 1 || y < 1 || x > kWidth - 2 || y > kHeight - 2) return 0;
+    const auto index = [](int px, int py) { return static_cast<std::size_t>(py * kWidth + px); };
+    for (std::size_t q : {index(x - 1, y), index(x + 1, y), index(x, y - 1), index(x, y + 1)})
+        if (c.depth[q] == 0) return 0;
+    const auto point = [&](int px, int py) {
+        const Vec3d ray{(px + 0.5 - c.camera.cx_px) / c.camera.fx_px,
+                        (py + 0.5 - c.camera.cy_px) / c.camera.fy_px, 1};
+        const std::size_t q = index(px, py);
+        return -images.distance[q] / dot(images.normal[q], ray) * ray;
+    };
+    const Vec3d n =
+        normalize(cross(point(x + 1, y) - point(x - 1, y), point(x, y - 1) - point(x, y + 1)));
+    const auto edge = [&](std::size_t p, std::size_t q) {
+        double sum = 0;
+        for (std::size_t k = 0; k < 3; ++k)
+            sum += std::abs(c.photo[3 * p + k] / 255.0 - c.photo[3 * q + k] / 255.0);
+        return sum / 3;
+    };
+    const double strength =
+        std::max(edge(index(x - 1, y), index(x + 1, y)), edge(index(x, y - 1), index(x, y + 1)));
+    const double e = (strength - c.edge_min) / (c.edge_max - c.edge_min);
+    const std::size_t at = index(x, y);
+    const Vec3d d = (1.0 - c.transmittance[at]) * n - images.normal[at];
+    for (int k = 0; k < 3; ++k) *kink |= std::abs(d[k]) < 1e-3;
+    return (1 - e) * (1 - e) * (std::abs(d.x) + std::abs(d.y) + std::abs(d.z));
+}
+
+TEST(NormalLoss, ValueAndGradient) {
+    const LossCase c = image_case();
+    DoubleImages images;
+    for (const Vec3f& n : c.normal) images.normal.push_back(vec_cast<double>(n));
+    images.distance.assign(c.distance.begin(), c.distance.end());
+    const auto loss_around = [&](int x0, int y0, int reach, bool* kink) {
+        double sum = 0;
+        for (int y = y0 - reach; y <= y0 + reach; ++y)
+            for (int x = x0 - reach; x <= x0 + reach; ++x) sum += pixel_term(c, images, x, y, kink);
+        return kWeight * sum / (kWidth * kHeight);
+    };
+    bool any = false;
+    const LossResult r = evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean);
+    EXPECT_GT(r.value, 0.01);
+    // Normals come of differences of close points: they lose an order of magnitude.
+    EXPECT_TRUE(close(r.value, loss_around(0, 0, kWidth, &any), 10 * kRelative));
+    int checked = 0;
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const auto at = static_cast<std::size_t>(y * kWidth + x);
+            bool kink = false;
+            for (int entry = 0; entry < 4; ++entry) {
+                double& number = entry < 3 ? images.normal[at][entry] : images.distance[at];
+                const double middle = number;
+                const double expected = central_difference(
+                    [&](double h) {
+                        number = middle + h;
+                        const double loss = loss_around(x, y, 1, &kink);
+                        number = middle;
+                        return loss;
+                    },
+                    1e-5);
+                if (kink) continue;
+                const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddistance[at];
+                ++checked;
+                EXPECT_TRUE(close(got, expected, 1e-4, 0.01)) << x << ' ' << y << ' ' << entry;
+            }
+        }
+    EXPECT_GT(checked, 3 * kWidth * kHeight) << "too many pixels near a kink";
+}
+
+TEST(NormalLoss, AnImageWithoutEdgesWeighsAllPixelsAlike) {
+    LossCase c = image_case();
+    std::fill(c.photo.begin(), c.photo.end(), std::uint8_t{90});
+    c.edge_min = c.edge_max = 0;
+    const double flat = evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean).value;
+    c.edge_max = 1;  // e = 0 everywhere
+    EXPECT_EQ(flat, evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean).value);
+    EXPECT_GT(flat, 0);
+}
+
+TEST(NormalLoss, NoDepthAddsNothing) {
+    LossCase c = image_case();
+    std::fill(c.depth.begin(), c.depth.end(), 0.0f);
+    const LossResult r = evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean);
+    EXPECT_EQ(r.value, 0);
+    expect_zero(r.dL_dnormal);
+    expect_zero(r.dL_ddistance);
+}
+
+TEST(LossList, WeightsChooseTheTerms) {
+    LossOptions options;
+    EXPECT_EQ(make_losses<Cpu>(options, 1).size(), 1u);
+    options.flatten.weight = options.normal.weight = options.tv_normal.weight =
+        options.tv_position.weight = 1;
+    options.tv_position.start = 10;
+    const auto losses = make_losses<Cpu>(options, 1);
+    ASSERT_EQ(losses.size(), 5u);
+    EXPECT_STREQ(losses[1]->name(), "flatten");
+    EXPECT_FALSE(losses[4]->active(9));
+    EXPECT_TRUE(losses[4]->active(10));
+    EXPECT_TRUE(losses[2]->needs_plane());
+    EXPECT_FALSE(losses[0]->needs_plane());
+}
+
+template <class T>
+void expect_same(const std::vector<T>& cpu, const std::vector<T>& cuda, double relative) {
+    ASSERT_EQ(cpu.size(), cuda.size());
+    const auto* a = reinterpret_cast<const float*>(cpu.data());
+    const auto* b = reinterpret_cast<const float*>(cuda.data());
+    for (std::size_t i = 0; i < cpu.size() * sizeof(T) / sizeof(float); ++i)
+        EXPECT_TRUE(close(a[i], b[i], relative)) << i;
+}
+
+TEST(LossTwins, CpuAgainstCuda) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const LossCase splats = splat_case(), images = image_case();
+        for (Reduction reduction : {Reduction::mean, Reduction::sum, Reduction::visible_mean})
+            for (Term term : {Term::flatten, Term::normal, Term::tv_normal, Term::tv_position}) {
+                SCOPED_TRACE(static_cast<int>(term));
+                const LossCase& c = term == Term::normal ? images : splats;
+                const LossResult a = evaluate<Cpu>(c, term, kWeight, reduction);
+                const LossResult b = test::evaluate_cuda(c, term, kWeight, reduction);
+                EXPECT_TRUE(close(a.value, b.value, kRelative));
+                // The same formulas; the devices fuse and round differently.
+                expect_same(a.dL_dmeans, b.dL_dmeans, kRelative);
+                expect_same(a.dL_dlog_scales, b.dL_dlog_scales, kRelative);
+                expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative);
+                expect_same(a.dL_dnormal, b.dL_dnormal, 10 * kRelative);
+                expect_same(a.dL_ddistance, b.dL_ddistance, 10 * kRelative);
+            }
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
