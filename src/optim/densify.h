@@ -132,6 +132,15 @@ struct SourceBody {
 };
 
 template <class T>
+TVSGS_HD T zero() {
+    return {};
+}
+template <>
+TVSGS_HD inline Quatf zero<Quatf>() {
+    return {0, 0, 0, 0};  // Quatf{} is the identity
+}
+
+template <class T>
 struct GatherBody {
     Span<const int> parents;
     Span<const std::uint8_t> is_new;  // with `zero_new`
@@ -140,7 +149,7 @@ struct GatherBody {
     T* to;
 
     TVSGS_HD void operator()(int i) const {
-        to[i] = zero_new && is_new[i] ? T{} : from[parents[i]];
+        to[i] = zero_new && is_new[i] ? zero<T>() : from[parents[i]];
     }
 };
 

@@ -1,0 +1,375 @@
+// Growing and pruning on hand-made screen statistics.
+#include <set>
+
+#include "optim/densify.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kLogSmall = -3, kLogLarge = -1;
+
+/// A model of equal round splats, its optimiser with moments of 1, and what the last view showed.
+struct Model {
+    explicit Model(int count) : g(test::random_gaussians(count, 1, 0.1, 1)), adam({}, g) {
+        const auto n = static_cast<std::size_t>(count);
+        for (std::size_t i = 0; i < n; ++i) {
+            g.log_scales[i] = {kLogSmall, kLogSmall, kLogSmall};
+            g.quats[i] = {1, 0, 0, 0};
+            g.opacity_logits[i] = 0;
+        }
+        for (Gaussians<Cpu>* moments : {&adam.first_moments(), &adam.second_moments()}) {
+            for (auto* buffer : {&moments->means, &moments->log_scales, &moments->sh})
+                std::fill(buffer->data(), buffer->data() + buffer->size(), Vec3f{1, 1, 1});
+            for (std::size_t i = 0; i < n; ++i)
+                moments->quats[i] = {1, 1, 1, 1}, moments->opacity_logits[i] = 1;
+        }
+        show();
+    }
+
+    /// Sizes the statistics to the splats: all seen in front, radius 5, no gradient.
+    void show() {
+        const std::size_t n = g.means.size();
+        screen.radii_px.resize(n), screen.dL_dmeans2d.resize(n);
+        screen.abs_dL_dmeans2d.resize(n), screen.front_pixels.resize(n);
+        for (std::size_t i = 0; i < n; ++i) {
+            screen.radii_px[i] = 5, screen.front_pixels[i] = 1;
+            screen.dL_dmeans2d[i] = screen.abs_dL_dmeans2d[i] = {0, 0};
+        }
+    }
+    void large(std::size_t i) { g.log_scales[i] = {kLogSmall, kLogLarge, kLogSmall}; }
+
+    Gaussians<Cpu> g;
+    Adam<Cpu> adam;
+    ScreenStatistics<Cpu> screen;
+};
+
+/// Clones up to between the two sizes at extent 1; no trim.
+DensifyOptions options_without_trim() {
+    DensifyOptions o;
+    o.percent_dense = std::exp(-2.0f);
+    o.trim_min_views = 0;
+    return o;
+}
+
+constexpr auto kNoViews = [](const auto&) {};
+
+std::vector<int> parents_of(const Densifier<Cpu>& densifier) {
+    const Span<const int> p = densifier.parents();
+    return {p.begin(), p.end()};
+}
+
+/// One step of a fresh densifier at iteration 600.
+std::vector<int> grow_once(Model& model, const DensifyOptions& options, float extent = 1) {
+    Densifier<Cpu> densifier(options, extent, 0);
+    const auto event = densifier.step(600, model.screen, model.g, model.adam, kNoViews);
+    EXPECT_TRUE(event.structure_changed);
+    EXPECT_EQ(model.g.means.size(), densifier.parents().count);
+    EXPECT_EQ(model.adam.first_moments().sh.size(), model.g.sh.size());
+    return parents_of(densifier);
+}
+
+TEST(Densify, GradientThresholdIsInclusive) {
+    Model model(3);
+    const float t = DensifyOptions{}.gradient_threshold;
+    model.screen.dL_dmeans2d[0] = {t, 0};
+    model.screen.dL_dmeans2d[1] = {std::nextafter(t, 0.0f), 0};
+    model.screen.dL_dmeans2d[2] = {0, -2 * t};
+    EXPECT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 0, 1, 2, 2}));
+}
+
+TEST(Densify, GradientIsTheMeanOverTheViewsThatSeeTheSplat) {
+    Model model(2);
+    const float t = DensifyOptions{}.gradient_threshold;
+    Densifier<Cpu> densifier(options_without_trim(), 1, 0);
+    // 1.5 t, then 0.7 t: 1.1 t on average. Splat 1 is not seen at first: 0.7 t alone.
+    model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {1.5f * t, 0};
+    model.screen.radii_px[1] = 0;
+    EXPECT_FALSE(
+        densifier.step(599, model.screen, model.g, model.adam, kNoViews).structure_changed);
+    model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {0, 0.7f * t};
+    model.screen.radii_px[1] = 5;
+    densifier.step(600, model.screen, model.g, model.adam, kNoViews);
+    EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 0, 1}));
+    // Sums start anew: without gradients nothing grows at the next event.
+    model.show();
+    densifier.step(700, model.screen, model.g, model.adam, kNoViews);
+    EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 2}));
+}
+
+TEST(Densify, SizeOfTheThresholdIsCloned) {
+    Model model(2);
+    model.large(0), model.large(1);
+    model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {1, 0};
+    model.g.log_scales[1].y = std::nextafter(kLogLarge, 0.0f) + 1e-6f;
+    DensifyOptions o = options_without_trim();
+    o.percent_dense = std::exp(kLogLarge);
+    o.jitter_clones = false;
+    EXPECT_EQ(grow_once(model, o), (std::vector<int>{0, 0, 1, 1}));
+    EXPECT_EQ(model.g.log_scales[1].y, kLogLarge) << "a clone keeps its size";
+    EXPECT_LT(model.g.log_scales[2].y, kLogLarge - 0.4f) << "the children of a split shrink";
+}
+
+TEST(Densify, ClonesStayOrMove) {
+    for (bool jitter : {false, true}) {
+        Model model(1);
+        model.screen.dL_dmeans2d[0] = {1, 0};
+        const Vec3f mean = model.g.means[0];
+        DensifyOptions o = options_without_trim();
+        o.jitter_clones = jitter;
+        ASSERT_EQ(grow_once(model, o), (std::vector<int>{0, 0}));
+        EXPECT_EQ(norm(model.g.means[0] - mean), 0) << "the original stays";
+        const float moved = norm(model.g.means[1] - mean);
+        EXPECT_EQ(moved > 0, jitter);
+        EXPECT_LT(moved, 6 * std::exp(kLogSmall)) << "a draw beyond six deviations";
+        EXPECT_EQ(model.g.log_scales[1].x, kLogSmall);
+        EXPECT_EQ(model.g.sh[0].x, model.g.sh[1].x);
+        EXPECT_EQ(model.g.sh[2].z, model.g.sh[3].z) << "the second coefficient of both";
+        // The original keeps its moments, the clone starts at rest.
+        EXPECT_EQ(model.adam.first_moments().means[0].x, 1);
+        EXPECT_EQ(model.adam.first_moments().means[1].x, 0);
+        EXPECT_EQ(model.adam.second_moments().quats[0].w, 1);
+        EXPECT_EQ(model.adam.second_moments().quats[1].w, 0) << "a zero moment, not an identity";
+        EXPECT_EQ(model.adam.second_moments().sh[2].x, 1);
+        EXPECT_EQ(model.adam.second_moments().sh[3].x, 0);
+        EXPECT_EQ(model.adam.second_moments().opacity_logits[1], 0);
+    }
+}
+
+TEST(Densify, SplitGivesTwoSmallerChildrenInPlaceOfTheParent) {
+    Model model(3);
+    model.large(1);
+    model.screen.dL_dmeans2d[1] = {1, 0};
+    const Vec3f mean = model.g.means[1], last = model.g.means[2];
+    const float logit = model.g.opacity_logits[1] = 0.7f;
+    ASSERT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 1, 1, 2}));
+    for (std::size_t child : {1u, 2u}) {
+        EXPECT_NEAR(model.g.log_scales[child].x, kLogSmall - std::log(1.6), 1e-6);
+        EXPECT_NEAR(model.g.log_scales[child].y, kLogLarge - std::log(1.6), 1e-6);
+        EXPECT_GT(norm(model.g.means[child] - mean), 0);
+        EXPECT_EQ(model.g.opacity_logits[child], logit);
+        EXPECT_EQ(model.adam.first_moments().log_scales[child].x, 0);
+        EXPECT_EQ(model.adam.second_moments().opacity_logits[child], 0);
+    }
+    EXPECT_GT(norm(model.g.means[1] - model.g.means[2]), 0);
+    EXPECT_EQ(norm(model.g.means[3] - last), 0);
+    EXPECT_EQ(model.adam.first_moments().log_scales[3].x, 1);
+}
+
+TEST(Densify, ChildrenAreDrawnFromTheSplat) {
+    const int n = 4000;
+    Model model(n);
+    std::vector<Vec3f> means;
+    for (std::size_t i = 0; i < n; ++i) {
+        model.g.log_scales[i] = {-2, -1, -4};
+        model.g.quats[i] = {std::sqrt(0.5f), 0, 0, std::sqrt(0.5f)};  // x to y, y to -x
+        model.screen.dL_dmeans2d[i] = {1, 0};
+        means.push_back(model.g.means[i]);
+    }
+    const std::vector<int> parents = grow_once(model, options_without_trim());
+    ASSERT_EQ(parents.size(), 2u * n);
+    Vec3d sum{}, squares{};
+    for (std::size_t i = 0; i < parents.size(); ++i) {
+        const Vec3d d =
+            vec_cast<double>(model.g.means[i] - means[static_cast<std::size_t>(parents[i])]);
+        sum += d, squares += d * d;
+    }
+    const double deviation[3] = {std::exp(-1), std::exp(-2), std::exp(-4)};
+    for (int k = 0; k < 3; ++k) {
+        // 8000 draws: the mean is known to 1/89 deviations, the deviation to 0.8%; four of those.
+        EXPECT_NEAR(sum[k] / (2 * n), 0, 4 * deviation[k] / 89);
+        EXPECT_NEAR(std::sqrt(squares[k] / (2 * n)), deviation[k], 0.032 * deviation[k]);
+    }
+}
+
+TEST(Densify, AbsoluteGradientSplitsLargeSplatsOnly) {
+    const float t = DensifyOptions{}.abs_gradient_threshold;
+    Model model(6);
+    for (std::size_t i = 0; i < 6; ++i) {
+        if (i != 3) model.large(i);
+        model.screen.radii_px[i] = 21;
+        model.screen.abs_dL_dmeans2d[i] = {0, t};
+    }
+    model.screen.radii_px[1] = 20;                                   // not above 20
+    model.screen.abs_dL_dmeans2d[2] = {0, std::nextafter(t, 0.0f)};  // below the threshold
+    model.screen.front_pixels[4] = 0;  // behind others: its radius does not count
+    EXPECT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 0, 1, 2, 3, 4, 5, 5}));
+}
+
+TEST(Densify, AbsoluteSplitsHaveAQuota) {
+    for (int quota : {0, 2}) {
+        Model model(4);
+        for (std::size_t i = 0; i < 4; ++i) {
+            model.large(i);
+            model.screen.radii_px[i] = 30;
+            model.screen.abs_dL_dmeans2d[i] = {0.001f * float(1 + i), 0};
+        }
+        DensifyOptions o = options_without_trim();
+        o.max_abs_split = quota;
+        EXPECT_EQ(grow_once(model, o), quota == 0 ? (std::vector<int>{0, 1, 2, 3})
+                                                  : (std::vector<int>{0, 1, 2, 2, 3, 3}));
+    }
+}
+
+TEST(Densify, TransparentSplatsArePruned) {
+    Model model(4);
+    const float least = std::log(0.005f / 0.995f);
+    model.g.opacity_logits[1] = least - 1e-4f;
+    model.g.opacity_logits[2] = least + 1e-4f;
+    model.g.opacity_logits[3] = -9;
+    model.screen.dL_dmeans2d[3] = {1, 0};  // growing does not save it
+    EXPECT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 2}));
+    EXPECT_EQ(model.adam.first_moments().means[1].x, 1);
+}
+
+TEST(Densify, LargeSplatsArePrunedAfter3000) {
+    for (int step : {3000, 3100}) {
+        Model model(3);
+        model.g.log_scales[0].z = std::log(0.101f);
+        model.g.log_scales[1].z = std::log(0.099f);
+        model.g.log_scales[2].z = std::log(0.15f);  // its children are small enough
+        model.screen.dL_dmeans2d[2] = {1, 0};
+        DensifyOptions o = options_without_trim();
+        o.percent_dense = 0.12f;
+        Densifier<Cpu> densifier(o, 1, 0);
+        densifier.step(step, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_EQ(parents_of(densifier),
+                  step == 3000 ? (std::vector<int>{0, 1, 2, 2}) : (std::vector<int>{1, 2, 2}));
+    }
+}
+
+TEST(Densify, TheCapKeepsTheLargestScores) {
+    Model model(5);
+    const float gradients[5] = {3, 1, 5, 4, 2};
+    for (std::size_t i = 0; i < 5; ++i) model.screen.dL_dmeans2d[i] = {gradients[i], 0};
+    DensifyOptions o = options_without_trim();
+    o.max_gaussians = 7;
+    EXPECT_EQ(grow_once(model, o), (std::vector<int>{0, 1, 2, 2, 3, 3, 4}));
+    Model full(3);
+    for (std::size_t i = 0; i < 3; ++i) full.screen.dL_dmeans2d[i] = {1, 0};
+    o.max_gaussians = 2;  // already above
+    EXPECT_EQ(grow_once(full, o), (std::vector<int>{0, 1, 2}));
+}
+
+TEST(Densify, OpacityReset) {
+    Model model(3);
+    model.g.opacity_logits[0] = 3;
+    model.g.opacity_logits[1] = -4;
+    model.g.opacity_logits[2] = -5;  // 0.0067: already below 0.01, above the pruning bound
+    DensifyOptions o = options_without_trim();
+    Densifier<Cpu> densifier(o, 1, 0);
+    const auto event = densifier.step(3000, model.screen, model.g, model.adam, kNoViews);
+    EXPECT_TRUE(event.opacity_reset);
+    ASSERT_EQ(model.g.size(), 3);
+    EXPECT_NEAR(1 / (1 + std::exp(-model.g.opacity_logits[0])), 0.01, 1e-6);
+    EXPECT_NEAR(1 / (1 + std::exp(-model.g.opacity_logits[1])), 0.01, 1e-6);
+    EXPECT_EQ(model.g.opacity_logits[2], -5);
+    for (std::size_t i = 0; i < 3; ++i) {
+        EXPECT_EQ(model.adam.first_moments().opacity_logits[i], 0);
+        EXPECT_EQ(model.adam.second_moments().opacity_logits[i], 0);
+        EXPECT_EQ(model.adam.first_moments().means[i].x, 1);
+    }
+}
+
+TEST(Densify, TrimKeepsSplatsInFrontInEnoughViews) {
+    Model model(4);
+    model.screen.dL_dmeans2d[1] = {1, 0};  // splat 1 is cloned first: 0 1 1 2 3
+    DensifyOptions o = options_without_trim();
+    o.trim_min_views = 2;
+    Densifier<Cpu> densifier(o, 1, 0);
+    const auto observe = [&](const auto& count_view) {
+        ASSERT_EQ(model.g.size(), 5) << "views are observed after growing";
+        const int seen[3][5] = {{9, 0, 1, 0, 1}, {1, 1, 0, 0, 2}, {0, 0, 3, 0, 1}};
+        for (const auto& view : seen) {
+            model.show();
+            for (std::size_t i = 0; i < 5; ++i) model.screen.front_pixels[i] = view[i];
+            count_view(model.screen);
+        }
+    };
+    const auto event = densifier.step(1000, model.screen, model.g, model.adam, observe);
+    EXPECT_TRUE(event.structure_changed);
+    // Of 0 1 1' 2 3 those seen twice: 0, the clone 1', 3, by their numbers before the step.
+    EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 3}));
+    EXPECT_EQ(model.g.size(), 3);
+    EXPECT_EQ(model.adam.first_moments().means[0].x, 1);
+    EXPECT_EQ(model.adam.first_moments().means[1].x, 0) << "the clone";
+    EXPECT_EQ(model.adam.first_moments().means[2].x, 1);
+}
+
+TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
+    Model model(3), before(3);
+    for (std::size_t i = 0; i < 3; ++i) model.g.opacity_logits[i] = -9;
+    DensifyOptions o = options_without_trim();
+    o.trim_min_views = 2;  // and nobody is seen at iteration 1000
+    Densifier<Cpu> densifier(o, 1, 0);
+    for (int step : {600, 1000}) {
+        const auto event = densifier.step(step, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_FALSE(event.structure_changed);
+        ASSERT_EQ(model.g.size(), 3);
+        for (std::size_t i = 0; i < 3; ++i) {
+            EXPECT_EQ(norm(model.g.means[i] - before.g.means[i]), 0);
+            EXPECT_EQ(model.adam.first_moments().means[i].x, 1);
+        }
+    }
+    // Growth succeeds, the trim that follows would remove all: the growth alone is reported.
+    Model grown(2);
+    grown.screen.dL_dmeans2d[1] = {1, 0};
+    Densifier<Cpu> other(o, 1, 0);
+    EXPECT_TRUE(other.step(1000, grown.screen, grown.g, grown.adam, kNoViews).structure_changed);
+    EXPECT_EQ(parents_of(other), (std::vector<int>{0, 1, 1}));
+}
+
+TEST(Densify, TheSameTwice) {
+    std::vector<Vec3f> means[3];
+    for (int run = 0; run < 3; ++run) {
+        Model model(500);
+        test::Random random(9);
+        for (std::size_t i = 0; i < 500; ++i) {
+            if (i % 2) model.large(i);
+            model.screen.dL_dmeans2d[i] = {float(random.uniform(0, 4e-4)), 0};
+        }
+        Densifier<Cpu> densifier(options_without_trim(), 1, run == 2 ? 1 : 0);
+        densifier.step(600, model.screen, model.g, model.adam, kNoViews);
+        means[run] = to_host(model.g.means);
+    }
+    ASSERT_GT(means[0].size(), 500u);
+    ASSERT_EQ(means[0].size(), means[1].size());
+    bool other_seed_differs = false;
+    for (std::size_t i = 0; i < means[0].size(); ++i) {
+        ASSERT_EQ(norm(means[0][i] - means[1][i]), 0);
+        other_seed_differs |= norm(means[0][i] - means[2][i]) > 0;
+    }
+    EXPECT_TRUE(other_seed_differs);
+}
+
+TEST(Densify, ScheduleOf15000Iterations) {
+    Model model(2);
+    DensifyOptions o;
+    Densifier<Cpu> densifier(o, 1, 0);
+    std::vector<int> changes, resets, trims;
+    for (int step = 1; step <= 15000; ++step) {
+        bool observed = false;
+        const auto event = densifier.step(step, model.screen, model.g, model.adam,
+                                          [&](const auto&) { observed = true; });
+        if (event.structure_changed) changes.push_back(step);
+        if (event.opacity_reset) resets.push_back(step);
+        if (observed) trims.push_back(step);
+    }
+    ASSERT_EQ(changes.size(), 144u);
+    EXPECT_EQ(changes.front(), 600);
+    EXPECT_EQ(changes.back(), 14900);
+    EXPECT_EQ(resets, (std::vector<int>{3000, 6000, 9000, 12000}));
+    ASSERT_EQ(trims.size(), 14u);
+    EXPECT_EQ(trims.front(), 1000);
+    EXPECT_EQ(trims.back(), 14000);
+
+    o.enabled = false;
+    Densifier<Cpu> disabled(o, 1, 0);
+    for (int step : {600, 1000, 3000}) {
+        const auto event = disabled.step(step, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_FALSE(event.structure_changed || event.opacity_reset) << step;
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
