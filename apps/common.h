@@ -2,8 +2,13 @@
 // exit codes.
 #pragma once
 
+#include <fcntl.h>
+
 #include <CLI/CLI.hpp>
+#include <cerrno>
+#include <csignal>
 #include <cstdio>
+#include <cstring>
 #include <exception>
 #include <new>
 #include <string>
@@ -21,6 +26,23 @@ inline constexpr const char* kVersion = "tvsgs 0.1.0";
 
 /// Thrown after --help or --version has been printed.
 struct AskedAndAnswered {};
+
+/// What was asked for has to arrive, unless the reader had enough of it.
+inline void flush_standard_output() {
+    errno = 0;
+    if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
+        throw Error(ExitCode::io, str("standard output: writing failed",
+                                      errno != 0 ? str(": ", std::strerror(errno)) : ""));
+}
+
+/// For flags that ask for a number above 0.
+inline const CLI::Validator kPositive(
+    [](std::string& text) {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && value > 0;
+        return good ? std::string() : str("expected a number above 0, found '", text, "'");
+    },
+    "> 0");
 
 /// Parses with '_' and '-' alike in long flags. Errors become Error(ExitCode::usage); an unknown
 /// flag names the nearest one.
@@ -44,12 +66,18 @@ inline void parse_command_line(CLI::App& app, int argc, char** argv) {
     };
     collect(app);
     try {
-        app.parse(words);
-    } catch (const CLI::Success& success) {  // --help, --version
+        app.parse(std::vector<std::string>(words));  // it would eat the words
+    } catch (const CLI::Success& success) {          // --help, --version
         app.exit(success);
+        std::cout.flush();
+        flush_standard_output();
         throw AskedAndAnswered{};
     } catch (const CLI::ParseError& error) {
         std::string hint;
+        const auto subs = app.get_subcommands([](const CLI::App*) { return true; });
+        for (const CLI::App* sub : subs)
+            if (app.get_subcommands().empty())
+                hint += (hint.empty() ? ": " : ", ") + sub->get_name();
         for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
             const std::string flag = word->substr(0, word->find('='));
             if (!flag.starts_with("--") ||
@@ -103,12 +131,24 @@ auto on_device(const DeviceChoice& device, Action&& action) {
     return action(Cpu{});
 }
 
+/// A reader that leaves (`| head`) must not kill a training, and a standard stream that was closed
+/// must not lend its number to a file of the run, into which messages would then go.
+inline void guard_standard_streams() {
+    std::signal(SIGPIPE, SIG_IGN);
+    for (int stream = 0; stream < 3; ++stream)
+        if (fcntl(stream, F_GETFD) == -1)
+            open("/dev/null", O_RDWR);  // takes the lowest free number
+}
+
 /// Runs a command; every exception ends as one message on standard error and the exit code of its
 /// kind.
 template <class Command>
 int run_command(Command&& command) {
+    guard_standard_streams();
     try {
-        return command();
+        const int code = command();
+        flush_standard_output();
+        return code;
     } catch (const AskedAndAnswered&) {
         return 0;
     } catch (const Error& error) {

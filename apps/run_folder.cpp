@@ -13,24 +13,29 @@
 namespace tvsgs {
 namespace fs = std::filesystem;
 
+void require_free_run_folder(const std::string& path, bool overwrite) {
+    std::error_code code;
+    if (!overwrite && fs::exists(fs::path(path) / "config.json", code))
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": holds another run (config.json); expected an empty or new folder; "
+                        "name another with --out, or replace that run with --overwrite"));
+}
+
 RunFolder::RunFolder(const std::string& path, bool overwrite) : path_(path) {
+    require_free_run_folder(path, overwrite);
     const fs::path folder(path);
     std::error_code code;
-    if (fs::exists(folder / "config.json", code)) {
-        if (!overwrite)
-            throw Error(ExitCode::usage,
-                        str(path,
-                            ": holds another run (config.json); expected an empty or new folder; "
-                            "name another with --out, or replace that run with --overwrite"));
+    if (fs::exists(folder / "config.json", code))
         for (const char* name :
              {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints",
               "mesh", "eval", "test", "report.json", "report.html"})
             fs::remove_all(folder / name, code);
-    }
     fs::create_directories(folder, code);
-    log_ = std::fopen((folder / "log.jsonl").c_str(), "w");
+    if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), "w");
     if (log_ == nullptr)
-        throw Error(ExitCode::io, str(path, ": cannot write there: ", std::strerror(errno),
+        throw Error(ExitCode::io, str(path, ": cannot write there: ",
+                                      code ? code.message() : std::strerror(errno),
                                       "; name a writable folder with --out"));
 }
 

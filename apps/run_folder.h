@@ -9,6 +9,9 @@
 
 namespace tvsgs {
 
+/// Throws Error(ExitCode::usage) when `path` holds a run and is not to be overwritten.
+void require_free_run_folder(const std::string& path, bool overwrite);
+
 class RunFolder {
 public:
     /// Creates the folder and its log. A folder that holds another run is refused unless

@@ -265,7 +265,7 @@ int command(int argc, char** argv) {
         geometry_command->add_option("--tau", a.taus,
                                      "thresholds T,T,... of precision, recall and F1");
         geometry_command->add_option("--max-distance", a.max_distance, "distances are capped there")
-            ->check(CLI::PositiveNumber);
+            ->check(kPositive);
         geometry_command->add_option("--crop", a.crop,
                                      "selection volume, {\"box\": ...} or a scene's gt/info.json");
         geometry_command->add_option("--samples", a.samples, "points on a mesh [1000000]")

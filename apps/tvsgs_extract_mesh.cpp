@@ -67,18 +67,18 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_option("--voxel-size", arguments.voxel_size,
                    "world units [depth-max / mesh-resolution]")
         ->group(group)
-        ->check(CLI::PositiveNumber);
+        ->check(kPositive);
     app.add_option("--mesh-resolution", arguments.mesh_resolution,
                    "voxels along depth-max [1024, fewer for small images]")
         ->group(group)
         ->check(CLI::Range(8, 65536));
     app.add_option("--truncation", arguments.truncation, "world units [5 voxels]")
         ->group(group)
-        ->check(CLI::PositiveNumber);
+        ->check(kPositive);
     app.add_option("--depth-max", arguments.depth_max,
                    "depths from there on are dropped [twice the distance of the cameras' focus]")
         ->group(group)
-        ->check(CLI::PositiveNumber);
+        ->check(kPositive);
     app.add_option("--bbox", arguments.bbox, "x0,y0,z0,x1,y1,z1: surface outside is dropped")
         ->group(group);
     app.add_option("--alpha-min", arguments.alpha_min, "least coverage of a pixel [0.5]; 0: any")
@@ -91,7 +91,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         ->check(CLI::Range(1, 65535));
     app.add_option("--clusters", arguments.clusters, "largest components to keep [50]; 0: all")
         ->group(group)
-        ->check(CLI::NonNegativeNumber);
+        ->check(CLI::Range(0, 1000000000));
     app.add_option("--memory", arguments.memory,
                    "bytes the voxels may take, as 8G or 500M [60 % of what is free]")
         ->group(group);

@@ -126,6 +126,7 @@ void check_consistency(const TrainOptions& options) {
                     "configuration: tv.enabled is false but loss.tv_normal.weight or "
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
+    make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
 }
 
 template <class Device>
@@ -160,10 +161,13 @@ int train_and_save(const Scene& scene,
     Gaussians<Cpu> host;
     copy(gaussians, host);
     run.save_splats(host, step_now);
-    if (received_signal != 0) {
+    const int stopped_by = received_signal;
+    std::signal(SIGINT, SIG_DFL);  // from here on nothing is lost
+    std::signal(SIGTERM, SIG_DFL);
+    if (stopped_by != 0) {
         spdlog::warn("stopped by signal {} after {} of {} iterations; the splats so far are in {}",
-                     static_cast<int>(received_signal), step_now, iterations, run.path());
-        return 128 + received_signal;
+                     stopped_by, step_now, iterations, run.path());
+        return 128 + stopped_by;
     }
 
     JsonLine summary;
@@ -200,11 +204,12 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
     const DeviceChoice device = choose_device(arguments.device);
+    if (arguments.out.empty()) {
+        const auto scene_folder = std::filesystem::weakly_canonical(options.scene.path);
+        arguments.out = "runs/" + scene_folder.filename().string();
+    }
+    require_free_run_folder(arguments.out, arguments.overwrite);  // before the scene is read
     const Scene scene = read_scene(options.scene);
-    if (arguments.out.empty())
-        arguments.out =
-            "runs/" +
-            std::filesystem::absolute(options.scene.path).lexically_normal().filename().string();
     RunFolder run(arguments.out, arguments.overwrite);
     run.save_config(table.json(run_info(device, argc, argv)));
     run.save_cameras(scene);

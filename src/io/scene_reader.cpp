@@ -333,7 +333,7 @@ PointCloud initial_points(const SceneOptions& options,
             subset ? str(" (", points.positions.size(), " in the model, none seen by two of the ",
                          train.size(), " training views)")
                    : "",
-            "; pass --init-ply, for instance a cloud made by tvsgs-init");
+            "; pass --init-ply, for instance a dense cloud of a multi-view stereo program");
     return cloud;
 }
 
