@@ -51,6 +51,8 @@ struct TensorVoter<Device>::State {
             variability.resize(count);
         strong_votes.resize(count), voter_strengths.resize(count), voter_normals.resize(count);
         sums.resize(count), left_out.resize(count);
+        // Splats that take no part are skipped by the kernels, and their entries still get read.
+        tau.fill_zero(), strengths.fill_zero(), variability.fill_zero(), left_out.fill_zero();
         partial.resize(kSumBlocks), totals.resize(detail::kSums);
         totals.fill_zero();
     }
