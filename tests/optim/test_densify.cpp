@@ -1,8 +1,5 @@
 // Growing and pruning on hand-made screen statistics.
-#include <set>
-
-#include "optim/densify.h"
-#include "support/random_gaussians.h"
+#include "densify_case.h"
 
 namespace tvsgs {
 namespace {
@@ -368,6 +365,36 @@ TEST(Densify, ScheduleOf15000Iterations) {
     for (int step : {600, 1000, 3000}) {
         const auto event = disabled.step(step, model.screen, model.g, model.adam, kNoViews);
         EXPECT_FALSE(event.structure_changed || event.opacity_reset) << step;
+    }
+}
+
+template <class T>
+void expect_same(const Buffer<T, Cpu>& cpu, const Buffer<T, Cpu>& cuda) {
+    ASSERT_EQ(cpu.size(), cuda.size());
+    const auto* a = reinterpret_cast<const float*>(cpu.data());
+    const auto* b = reinterpret_cast<const float*>(cuda.data());
+    // Exponentials and draws differ by roundings: a few 1e-7 of positions and logits up to 5.
+    for (std::size_t i = 0; i < cpu.size() * sizeof(T) / sizeof(float); ++i)
+        ASSERT_NEAR(a[i], b[i], 1e-5) << i;
+}
+
+TEST(DensifyTwins, CpuAgainstCuda) {
+    const test::DensifyResult a = test::densify_case<Cpu>();
+    EXPECT_GT(a.parents.size(), 1500u) << "growth and trims both leave something to compare";
+    EXPECT_LT(a.parents.size(), 2500u);
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const test::DensifyResult b = test::densify_case_cuda();
+        EXPECT_EQ(a.parents, b.parents);
+        for (auto part : {&test::DensifyResult::gaussians, &test::DensifyResult::first_moments,
+                          &test::DensifyResult::second_moments}) {
+            const Gaussians<Cpu>&x = a.*part, &y = b.*part;
+            expect_same(x.means, y.means);
+            expect_same(x.log_scales, y.log_scales);
+            expect_same(x.quats, y.quats);
+            expect_same(x.opacity_logits, y.opacity_logits);
+            expect_same(x.sh, y.sh);
+        }
     }
 }
 

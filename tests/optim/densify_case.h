@@ -1,0 +1,69 @@
+// A growth, an Adam step and a trim with reset on either device, from the same random numbers.
+#pragma once
+
+#include "optim/densify.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs::test {
+
+struct DensifyResult {
+    Gaussians<Cpu> gaussians, first_moments, second_moments;
+    std::vector<int> parents;
+};
+
+template <class Device>
+DensifyResult densify_case() {
+    const int n = 1000;
+    Random random(31);
+    const auto draw = [&](double low, double high) {
+        return static_cast<float>(random.uniform(low, high));
+    };
+    const auto screen = [&](std::size_t count) {
+        std::vector<float> radii;
+        std::vector<Vec2f> gradient, abs_gradient;
+        std::vector<int> front;
+        for (std::size_t i = 0; i < count; ++i) {
+            radii.push_back(std::floor(draw(0, 40)));
+            gradient.push_back({draw(-3e-4, 3e-4), draw(-3e-4, 3e-4)});
+            abs_gradient.push_back({draw(0, 1e-3), draw(0, 1e-3)});
+            front.push_back(static_cast<int>(draw(0, 3)));
+        }
+        ScreenStatistics<Device> s;
+        copy(radii, s.radii_px);
+        copy(gradient, s.dL_dmeans2d);
+        copy(abs_gradient, s.abs_dL_dmeans2d);
+        copy(front, s.front_pixels);
+        return s;
+    };
+    Gaussians<Device> g;
+    copy(random_gaussians(n, 30, 0.08, 2), g);
+    Adam<Device> adam({}, g);
+    DensifyOptions options;
+    options.max_abs_split = 30;
+    options.percent_dense = 0.08f;
+    Densifier<Device> densifier(options, 1, 7);
+    const auto adam_step = [&](int step) {
+        Gaussians<Device> gradients;
+        copy(random_gaussians(g.size(), 32, 0.08, 2), gradients);
+        adam.step(step, 1, 1, gradients, g, true);
+    };
+    adam_step(599);
+    densifier.step(600, screen(g.means.size()), g, adam, [](const auto&) {});
+    adam_step(601);
+    densifier.step(3000, screen(g.means.size()), g, adam, [&](const auto& count_view) {
+        for (int view = 0; view < 3; ++view) count_view(screen(g.means.size()));
+    });
+    DensifyResult result;
+    copy(g, result.gaussians);
+    copy(adam.first_moments(), result.first_moments);
+    copy(adam.second_moments(), result.second_moments);
+    result.parents.resize(densifier.parents().count);
+    detail::copy(Device{}, densifier.parents().data, Cpu{}, result.parents.data(),
+                 result.parents.size() * sizeof(int));
+    return result;
+}
+
+/// densify_case<Cuda>, compiled by nvcc.
+DensifyResult densify_case_cuda();
+
+}  // namespace tvsgs::test
