@@ -33,9 +33,8 @@ struct AdamOptions {
 /// Rate of the means at an iteration, world units.
 inline float position_rate(const AdamOptions& o, int step, float extent) {
     const double u = std::min(1.0, static_cast<double>(step) / o.position_max_steps);
-    return static_cast<float>(extent *
-                              std::exp((1 - u) * std::log(static_cast<double>(o.position_start)) +
-                                       u * std::log(static_cast<double>(o.position_end))));
+    return static_cast<float>(extent * std::pow(static_cast<double>(o.position_start), 1 - u) *
+                              std::pow(static_cast<double>(o.position_end), u));
 }
 
 /// One Adam step of one number; moments are updated in place, the new value is returned.
