@@ -179,6 +179,7 @@ void find_neighbours(const SplatSpans& splats,
     const int candidates = std::min(2 * k, out.usable - 1), capacity = search_capacity(candidates);
     out.k = std::min(k, candidates);
     out.receivers.resize(std::size_t(splats.size()) * out.k);
+    out.receivers.fill_zero();  // the rows of splats that are left out are read, though never used
     for_each_warp(Device{}, out.usable, capacity * sizeof(std::uint64_t),
                   QueryBody<VoteReal<Device>>{splats, rule, noise, tree, candidates, out.k,
                                               capacity, out.receivers.span()});
