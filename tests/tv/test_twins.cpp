@@ -4,10 +4,6 @@
 namespace tvsgs::test {
 namespace {
 
-bool is_needle_cloud(int trial) {
-    return trial / 5 % 5 == 1;
-}
-
 Cloud random_cloud(int trial) {
     Random random(1000u + static_cast<unsigned>(trial));
     const int sizes[] = {2, 31, 257, 600, 1000};
@@ -40,7 +36,6 @@ TEST(Twins, AgreeOnRandomClouds) {
         };
         Worst worst;
         int lists = 0, ties = 0, splats = 0, targets_elsewhere = 0, flags_differ = 0;
-        int needles = 0, needles_off = 0;
         for (int trial = 0; trial < 100; ++trial) {
             SCOPED_TRACE(trial);
             const Cloud cloud = random_cloud(trial);
@@ -82,17 +77,9 @@ TEST(Twins, AgreeOnRandomClouds) {
                     !(gpu.details.strength[i] < HUGE_VALF) ||
                     !(cpu.details.strength[i] < HUGE_VALF))
                     continue;
-                // A vote's exponent, up to 28, is a whitened length squared: its float error grows
-                // with the condition of the whitening. Tensors far below the usual size are sums of
-                // such votes alone, and are measured against a tenth of the usual one.
-                const double error = frobenius(difference(cpu.tensors[i], gpu.tensors[i])) /
-                                     std::max(frobenius(cpu.tensors[i]), 0.1 * typical);
-                if (is_needle_cloud(trial)) {  // ratio of scales 1e5: most keep the bound, not all
-                    ++needles;
-                    needles_off += error > 1e-4;
-                    continue;
-                }
-                worst.tensor = std::max(worst.tensor, error);
+                worst.tensor =
+                    std::max(worst.tensor, frobenius(difference(cpu.tensors[i], gpu.tensors[i])) /
+                                               std::max(frobenius(cpu.tensors[i]), 0.01 * typical));
                 worst.tau = std::max(worst.tau,
                                      std::abs(double(gpu.details.tau[i]) / cpu.details.tau[i] - 1));
                 worst.strength = std::max(
@@ -117,8 +104,6 @@ TEST(Twins, AgreeOnRandomClouds) {
             "ties %d of %d; targets elsewhere %d; flags differ %d\n",
             splats, worst.tensor, worst.normal, worst.tau, worst.strength, worst.target, ties,
             lists, targets_elsewhere, flags_differ);
-        std::printf("needles: %d of %d tensors off by more than 1e-4\n", needles_off, needles);
-        EXPECT_LT(needles_off, 0.1 * needles);
         EXPECT_LT(worst.tensor, 1e-4);
         EXPECT_LT(worst.normal, 0.1);
         EXPECT_LT(worst.tau, 1e-5);
