@@ -32,8 +32,9 @@ struct OptimOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("skip_step_on_structure_change", skip_step_on_structure_change,
-              "no Adam step at iterations that densify, trim or (opacity only) reset, as in the "
-              "official codes");
+              "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
+              "the official "
+              "codes; iterations that change the number of splats never step");
     }
 };
 
