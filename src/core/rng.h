@@ -14,7 +14,10 @@ enum class RandomStream : std::uint32_t {
     densify = 2,
     init = 3,
     sampling = 4,
-    test = 5
+    test = 5,
+    neighbour = 6,
+    patches = 7,
+    stereo = 8
 };
 
 struct Random4 {

@@ -9,18 +9,20 @@
 
 namespace tvsgs {
 
-/// One photograph with its camera; both have the same size.
+/// One photograph with its camera; photo and mask have its size.
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
     ImageU8 photo;  // [H, W, 3]
     ImageU8 mask;   // [H, W, 1], 255 = object; empty: none
+    ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
 };
 
 struct PointCloud {
     std::vector<Vec3f> positions;  // world units
     std::vector<Vec3f> colors;     // [0, 1]; empty: grey
     std::vector<Vec3f> normals;    // unit; empty: none
+    std::vector<float> confidences;  // [0, 1]; empty: none
 };
 
 struct Scene {

@@ -26,6 +26,11 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name);
 
 NpyArray read_npy(const std::string& path);
 
+/// Writes little-endian float32, row major; temporary file, flushed, renamed.
+void write_npy(const std::string& path,
+               const std::vector<std::int64_t>& shape,
+               const float* numbers);
+
 /// All arrays of an archive by name, without ".npy". Checksums, sizes (1 GiB per entry, 65,536
 /// entries) and compression ratios (1,100) are checked. Throws Error(ExitCode::input).
 using NpzArchive = std::map<std::string, NpyArray>;

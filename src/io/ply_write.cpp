@@ -139,13 +139,16 @@ void write_cloud_ply(const std::string& path, const PointCloud& points) {
     check_finite(path, points.normals, "normal");
     check_size(path, points.colors.size(), points.positions.size(), "colours");
     check_size(path, points.normals.size(), points.positions.size(), "normals");
+    check_size(path, points.confidences.size(), points.positions.size(), "confidences");
     PlyWriter out(path);
     out.put(str(header(points.positions.size()), points.normals.empty() ? "" : kNormals,
-                points.colors.empty() ? "" : kColors, "end_header\n"));
+                points.colors.empty() ? "" : kColors,
+                points.confidences.empty() ? "" : "property float confidence\n", "end_header\n"));
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         out.put(points.positions[i]);
         if (!points.normals.empty()) out.put(points.normals[i]);
         if (!points.colors.empty()) out.put_color(points.colors[i]);
+        if (!points.confidences.empty()) out.put(points.confidences[i]);
     }
     out.commit();
 }

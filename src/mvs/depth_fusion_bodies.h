@@ -1,0 +1,166 @@
+// Which depths are believed, and the points they fuse to, pixel by pixel.
+#pragma once
+
+#include "mvs/patch_match_bodies.h"
+
+namespace tvsgs {
+
+/// When another view's surface is the same one.
+struct Agreement {
+    float reprojection_px, relative_depth, normal_cosine;
+    int sources;  // that must agree
+};
+
+/// The source's pixel that shows the same surface, or -1. `normals` as `depths` are of all views.
+TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
+                                          const Camera& reference,
+                                          Vec3f point,
+                                          Vec3f normal,
+                                          Span<const float> depths,
+                                          Span<const SurfacePlane> planes,
+                                          const Agreement& limits) {
+    Crosscheck check = crosscheck(source, reference, point, depths);
+    if (check.pixel < 0) return check;
+    const Vec3f other = planes[static_cast<std::size_t>(source.first_pixel + check.pixel)].normal;
+    const float cosine = dot(source.source_from_reference.R * normal, other);
+    if (!(check.reprojection_px < limits.reprojection_px &&
+          std::abs(check.point_reference.z - point.z) < limits.relative_depth * point.z &&
+          cosine > limits.normal_cosine))
+        check.pixel = -1;
+    return check;
+}
+
+/// A depth is believed when enough sources saw the same surface, under a sufficient angle, and look
+/// like it; confidence = share of the sources x clamp(1.2 - cost).
+struct FilterBody {
+    StereoPass pass;
+    Agreement limits;
+    float max_cost, max_angle_cosine;
+    Span<const float> depths;         // of all views
+    Span<const SurfacePlane> planes;  // of all views
+    Span<const std::uint8_t> mask;    // of this view; empty: everything
+    Span<float> kept_depths, confidences;  // of this view; overwritten
+
+    TVSGS_HD void operator()(int i) const {
+        const std::size_t at = static_cast<std::size_t>(i);
+        kept_depths[at] = confidences[at] = 0;
+        if (!mask.empty() && mask[at] < 128) return;
+        const SurfacePlane plane = pass.planes[at];
+        const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
+        if (!(plane.depth > 0)) return;
+        // Surfaces at the ends of the range may lie beyond it.
+        const float share =
+            (1 / plane.depth - pass.far_inverse) / (pass.near_inverse - pass.far_inverse);
+        if (!(share > 0.02f && share < 0.98f)) return;
+        ReferencePatch patch;
+        make_patch(pass.image, x, y, pass.side, patch);
+        if (!(patch.variance > pass.min_variance)) return;
+        const Vec3f point = plane.depth * pixel_ray(pass.camera, x, y);
+        int agreeing = 0;
+        bool wide = false;
+        float cost_sum = 0;
+        for (int j = 0; j < pass.source_count(); ++j) {
+            const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
+            if (agreeing_pixel(source, pass.camera, point, plane.normal, depths, planes, limits)
+                    .pixel < 0)
+                continue;
+            const float cost = pass.source_cost(j, x, y, patch, plane);
+            if (!(cost < max_cost)) continue;
+            ++agreeing;
+            cost_sum += cost;
+            wide |= triangulation_cosine(source, point) < max_angle_cosine;
+        }
+        if (agreeing < limits.sources || !wide) return;
+        const float cost = cost_sum / static_cast<float>(agreeing);
+        const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
+        if (!(likeness > 0)) return;
+        kept_depths[at] = plane.depth;
+        confidences[at] = static_cast<float>(agreeing) /
+                          static_cast<float>(pass.source_count()) * likeness;
+    }
+};
+
+struct FusedPoint {
+    Vec3f position, normal;     // world frame
+    float confidence = 0;       // 0: no point
+    std::uint32_t color = 0;    // 0xBBGGRR
+};
+
+/// Pixels whose filtered depth enough sources agree with, to the limits of fusion.
+struct ConfirmBody {
+    StereoPass pass;
+    Agreement limits;
+    Span<const float> depths;  // of all views, filtered
+    Span<const SurfacePlane> planes;
+    Span<std::uint8_t> confirmed;  // of this view; overwritten
+    int first_pixel;
+
+    TVSGS_HD void operator()(int i) const {
+        const std::size_t at = static_cast<std::size_t>(i);
+        const float depth = depths[at + static_cast<std::size_t>(first_pixel)];
+        confirmed[at] = 0;
+        if (!(depth > 0)) return;
+        const Vec3f point =
+            depth * pixel_ray(pass.camera, i % pass.camera.width_px, i / pass.camera.width_px);
+        int agreeing = 0;
+        for (int j = 0; j < pass.source_count(); ++j)
+            agreeing += agreeing_pixel(pass.sources[static_cast<std::size_t>(j)], pass.camera, point,
+                                       pass.planes[at].normal, depths, planes, limits)
+                            .pixel >= 0;
+        confirmed[at] = agreeing >= limits.sources;
+    }
+};
+
+/// The mean of what the views that agree saw. A surface seen by several views is fused by the first
+/// of them, so that its points appear once, whatever the order of the work.
+struct FuseBody {
+    StereoPass pass;
+    Agreement limits;
+    Span<const float> depths, confidences;  // of all views, filtered
+    Span<const SurfacePlane> planes;
+    Span<const std::uint8_t> confirmed;   // of all views
+    Span<const std::uint32_t> colors;     // of all views
+    Span<FusedPoint> points;              // of this view; overwritten
+    int first_pixel;
+
+    TVSGS_HD void operator()(int i) const {
+        const std::size_t own = static_cast<std::size_t>(first_pixel + i);
+        points[static_cast<std::size_t>(i)] = {};
+        if (confirmed[own] == 0) return;
+        const Vec3f normal_own = planes[own].normal;
+        const Vec3f point = depths[own] * pixel_ray(pass.camera, i % pass.camera.width_px,
+                                                    i / pass.camera.width_px);
+        Vec3f position = point, normal = normal_own, color = unpacked(colors[own]);
+        int count = 1;
+        for (int j = 0; j < pass.source_count(); ++j) {
+            const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
+            const Crosscheck check = agreeing_pixel(source, pass.camera, point, normal_own, depths,
+                                                    planes, limits);
+            if (check.pixel < 0) continue;
+            const std::size_t there = static_cast<std::size_t>(source.first_pixel + check.pixel);
+            if (source.view < pass.view && confirmed[there] != 0) return;
+            position += check.point_reference;
+            normal +=
+                transpose_times(source.source_from_reference.R, planes[there].normal);
+            color += unpacked(colors[there]);
+            ++count;
+        }
+        const Rigid3f& T = pass.camera.camera_from_world;
+        const float share = 1 / static_cast<float>(count);
+        points[static_cast<std::size_t>(i)] = {transpose_times(T.R, share * position - T.t),
+                                               transpose_times(T.R, normalize(normal)),
+                                               confidences[own], packed(share * color)};
+    }
+
+    TVSGS_HD static Vec3f unpacked(std::uint32_t c) {
+        return {static_cast<float>(c & 255), static_cast<float>(c >> 8 & 255),
+                static_cast<float>(c >> 16 & 255)};
+    }
+    TVSGS_HD static std::uint32_t packed(Vec3f c) {
+        const Vec3f r = c + Vec3f{0.5f, 0.5f, 0.5f};
+        return static_cast<std::uint32_t>(r.x) | static_cast<std::uint32_t>(r.y) << 8 |
+               static_cast<std::uint32_t>(r.z) << 16;
+    }
+};
+
+}  // namespace tvsgs

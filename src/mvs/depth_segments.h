@@ -1,0 +1,16 @@
+#pragma once
+
+#include <vector>
+
+namespace tvsgs {
+
+struct DepthMapSpan {
+    int width, height;
+    float* depth;  // [height width], 0 = none
+    float* confidence;
+};
+
+/// Clears connected pieces of surface (8 neighbours, depths within 1 %) of fewer than `min_pixels`.
+void remove_small_segments(const std::vector<DepthMapSpan>& maps, int min_pixels);
+
+}  // namespace tvsgs

@@ -1,0 +1,14 @@
+#include "mvs/patch_match.h"
+
+#include "mvs/patch_match_impl.h"
+
+namespace tvsgs {
+
+StereoResult reconstruct_stereo(Cpu,
+                                const std::vector<View>& views,
+                                const std::vector<Vec3f>& points,
+                                const StereoOptions& options) {
+    return PatchMatch<Cpu>(views, points, options).run();
+}
+
+}  // namespace tvsgs

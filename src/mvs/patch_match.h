@@ -1,0 +1,66 @@
+// Multi-view stereo without a network: depth, normal and confidence of every view by PatchMatch, and
+// the coloured cloud they agree on.  [Zheng14, ACMM]
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/options.h"
+#include "core/scene.h"
+
+namespace tvsgs {
+
+struct StereoOptions {
+    int max_sources = 8, iterations = 4, geometric_rounds = 2, min_consistent = 0, min_segment = 100;
+    float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 0.5f,
+          min_variance = 1e-5f;
+    bool use_masks = false;
+    std::int64_t seed = 0;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("max_sources", max_sources, {1, 8}, "views that a view is compared with");
+        field("max_pair_angle", max_pair_angle, {1, 120}, "degrees; wider pairs are not compared");
+        field("min_angle", min_angle, {0, 30}, "degrees between the rays of a depth's views");
+        field("depth_near", depth_near, {0, 1e9}, "nearest depth; 0: from the scene");
+        field("depth_far", depth_far, {0, 1e9}, "farthest depth; 0: from the scene");
+        field("iterations", iterations, {1, 32}, "on images alone, at the coarsest size");
+        field("geometric_rounds", geometric_rounds, {0, 8},
+              "rounds of two iterations that compare the views' depths");
+        field("min_consistent", min_consistent, {0, 8},
+              "other views that must confirm a depth; 0: 1 up to 5 views, else 2");
+        field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");
+        field("min_variance", min_variance, {0, 1},
+              "of grey values in [0, 1]: less is no texture and gives no depth");
+        field("min_segment", min_segment, {0, 1e9}, "pixels; smaller pieces of surface go");
+        field("use_masks", use_masks, "only pixels inside the masks");
+    }
+};
+
+/// What one view sees; row by row.
+struct StereoMaps {
+    Camera camera;                  // of the maps: halved where the photograph is wider than 1600
+    std::vector<float> depth;       // z, world units; 0 = none
+    std::vector<Vec3f> normals;     // camera frame, towards the camera; 0 = none
+    std::vector<float> confidence;  // [0, 1]; 0 = none
+};
+
+struct StereoResult {
+    std::vector<StereoMaps> maps;  // one per view
+    PointCloud cloud;              // with colours, normals (world frame) and confidences
+};
+
+/// Depth maps of all views and their fused cloud. `points`: sparse points of the scene, for the range
+/// of depths and the choice of view pairs; may be empty. The same bits from run to run and for any
+/// number of threads. Throws Error(ExitCode::input) for fewer than two views, when no pair of views
+/// overlaps and when no range of depths can be told.
+StereoResult reconstruct_stereo(Cpu,
+                                const std::vector<View>& views,
+                                const std::vector<Vec3f>& points,
+                                const StereoOptions& options);
+StereoResult reconstruct_stereo(Cuda,
+                                const std::vector<View>& views,
+                                const std::vector<Vec3f>& points,
+                                const StereoOptions& options);
+
+}  // namespace tvsgs

@@ -1,0 +1,323 @@
+// The passes of PatchMatch over pyramids of the views, for both devices.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "mvs/depth_fusion_bodies.h"
+#include "mvs/depth_segments.h"
+#include "mvs/patch_match.h"
+#include "mvs/stereo_images.h"
+#include "mvs/view_selection.h"
+
+namespace tvsgs {
+
+template <class Device>
+class PatchMatch {
+public:
+    PatchMatch(const std::vector<View>& views,
+               const std::vector<Vec3f>& points,
+               const StereoOptions& options)
+        : views_(views), options_(options) {
+        require_views(views);
+        pyramids_ = make_pyramids(views);
+        std::vector<Camera> cameras;
+        for (const StereoPyramid& pyramid : pyramids_) cameras.push_back(pyramid.levels[0].camera);
+        plans_ = plan_views(cameras, points,
+                            {options.max_sources, options.max_pair_angle, options.depth_near,
+                             options.depth_far});
+        for (const StereoPyramid& pyramid : pyramids_)
+            levels_ = std::max(levels_, static_cast<int>(pyramid.levels.size()));
+    }
+
+    StereoResult run() {
+        for (int level = levels_ - 1; level >= 0; --level) {
+            enter_level(level);
+            int iteration = 0;
+            const bool coarsest = level == levels_ - 1;
+            const int on_images = coarsest ? options_.iterations : 2;
+            for (int k = 0; k < on_images; ++k) iterate(iteration++, coarsest && k == 0, false);
+            // Coarse levels get one round: it removes what the views do not agree on before it is
+            // handed down.
+            const int rounds = level == 0 ? options_.geometric_rounds
+                                          : std::min(1, options_.geometric_rounds);
+            for (int round = 0; round < rounds; ++round) {
+                take_depths();
+                for (int k = 0; k < 2; ++k) iterate(iteration++, false, true);
+            }
+        }
+        return fuse();
+    }
+
+private:
+    int view_count() const { return static_cast<int>(views_.size()); }
+    bool few_views() const { return view_count() <= 5; }
+    /// Pyramids of small views end early: their last level serves all coarser ones.
+    const StereoLevel& level_of(int view, int level) const {
+        const auto& levels = pyramids_[static_cast<std::size_t>(view)].levels;
+        return levels[std::min(static_cast<std::size_t>(level), levels.size() - 1)];
+    }
+
+    template <class T>
+    static Span<T> part(Span<T> all, std::size_t first, std::size_t count) {
+        return {all.data + first, count};
+    }
+
+    /// Images, cameras and first planes of the next level.
+    void enter_level(int level) {
+        const bool first = level == levels_ - 1;
+        images_.swap(coarse_images_);
+        planes_.swap(coarse_planes_);
+        costs_.swap(coarse_costs_);
+        selected_.swap(coarse_selected_);
+        const std::vector<StereoPass> coarse = passes_;
+        const std::vector<int> coarse_first = first_pixel_;
+
+        std::size_t pixels = 0;
+        first_pixel_.clear();
+        for (int v = 0; v < view_count(); ++v) {
+            first_pixel_.push_back(static_cast<int>(pixels));
+            const Camera& camera = level_of(v, level).camera;
+            pixels += static_cast<std::size_t>(camera.width_px) * camera.height_px;
+        }
+        if (pixels > 2000000000)
+            throw Error(ExitCode::memory,
+                        str(view_count(), " views with ", pixels,
+                            " pixels in all; at most 2e9 fit; use smaller images (-r)"));
+        std::vector<float> grey;
+        grey.reserve(pixels);
+        for (int v = 0; v < view_count(); ++v) {
+            const auto& image = level_of(v, level).grey;
+            grey.insert(grey.end(), image.begin(), image.end());
+        }
+        copy(grey, images_);
+        planes_.resize(pixels);
+        costs_.resize(pixels);
+        selected_.resize(pixels);
+        depths_.resize(pixels);
+        upload_sources(level);
+        make_passes(level);
+
+        for (int v = 0; v < view_count(); ++v) {
+            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+            const int count = pixel_count(v);
+            if (pass.sources.empty()) {
+                parallel_for(Device{}, count, ClearBody{pass});
+                continue;
+            }
+            const bool same_size = !first && level_of(v, level).camera.width_px ==
+                                                 level_of(v, level + 1).camera.width_px;
+            if (first) {
+                parallel_for(Device{}, count, SweepBody{pass});
+            } else if (same_size) {
+                parallel_for(Device{}, count,
+                             CopyBody{coarse[static_cast<std::size_t>(v)], pass});
+            } else {
+                const StereoPass& from = coarse[static_cast<std::size_t>(v)];
+                parallel_for(Device{}, count,
+                             UpsampleBody{pass, from.camera, from.image, from.planes, from.costs,
+                                          from.selected});
+            }
+        }
+    }
+
+    int pixel_count(int v) const {
+        const Camera& camera = passes_[static_cast<std::size_t>(v)].camera;
+        return camera.width_px * camera.height_px;
+    }
+
+    void upload_sources(int level) {
+        std::vector<SourceView> sources;
+        source_begin_.assign(1, 0);
+        for (int v = 0; v < view_count(); ++v) {
+            const Camera& own = level_of(v, level).camera;
+            for (const int j : plans_[static_cast<std::size_t>(v)].sources)
+                sources.push_back(make_source(own, level_of(j, level).camera, j,
+                                              first_pixel_[static_cast<std::size_t>(j)]));
+            source_begin_.push_back(sources.size());
+        }
+        copy(sources, sources_);
+    }
+
+    void make_passes(int level) {
+        passes_.clear();
+        for (int v = 0; v < view_count(); ++v) {
+            const std::size_t i = static_cast<std::size_t>(v);
+            const std::size_t first = static_cast<std::size_t>(first_pixel_[i]);
+            StereoPass pass;
+            pass.camera = level_of(v, level).camera;
+            const std::size_t count =
+                static_cast<std::size_t>(pass.camera.width_px) * pass.camera.height_px;
+            pass.view = v;
+            pass.level = level;
+            pass.image = {images_.data() + first, pass.camera.width_px, pass.camera.height_px};
+            pass.images = std::as_const(images_).span();
+            pass.sources = part(std::as_const(sources_).span(), source_begin_[i],
+                                source_begin_[i + 1] - source_begin_[i]);
+            pass.planes = part(planes_.span(), first, count);
+            pass.costs = part(costs_.span(), first, count);
+            pass.selected = part(selected_.span(), first, count);
+            pass.far_inverse = 1 / plans_[i].far_depth;
+            pass.near_inverse = 1 / plans_[i].near_depth;
+            pass.min_variance = options_.min_variance;
+            // A coarse picture of few views has little else to go by.
+            pass.side = level == levels_ - 1 && levels_ > 1 && few_views() ? 8 : 6;
+            pass.seed = static_cast<std::uint64_t>(options_.seed);
+            passes_.push_back(pass);
+        }
+    }
+
+    void take_depths() {
+        parallel_for(Device{}, static_cast<int>(planes_.size()),
+                     TakeDepthsBody{std::as_const(planes_).span(), depths_.span()});
+    }
+
+    void iterate(int iteration, bool by_best_sources, bool geometric) {
+        for (const StereoPass& pass : passes_) {
+            const int n = pass.sources.size();
+            if (n == 0) continue;
+            const int width = pass.camera.width_px, height = pass.camera.height_px;
+            const int best = by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0;
+            for (int color = 0; color < 2; ++color)
+                parallel_for(Device{}, Checkerboard::count(width, height),
+                             PropagateBody{pass,
+                                           {width, height, color},
+                                           iteration,
+                                           best,
+                                           geometric ? std::as_const(depths_).span()
+                                                     : Span<const float>{}});
+        }
+    }
+
+    void remove_single_depths() {
+        take_depths();
+        for (const StereoPass& pass : passes_) {
+            if (pass.sources.empty()) continue;
+            const std::size_t first =
+                static_cast<std::size_t>(first_pixel_[static_cast<std::size_t>(pass.view)]);
+            const int count = pass.camera.width_px * pass.camera.height_px;
+            parallel_for(Device{}, count,
+                         MedianBody{pass, part(std::as_const(depths_).span(), first,
+                                               static_cast<std::size_t>(count))});
+        }
+    }
+
+    StereoResult fuse() {
+        remove_single_depths();
+        take_depths();
+        const std::size_t pixels = planes_.size();
+        const float degree = 3.14159265f / 180;
+        const int wanted = options_.min_consistent > 0 ? options_.min_consistent
+                           : few_views()               ? 1
+                                                       : 2;
+        const Agreement filter{few_views() ? 1.0f : 1.5f, 0.01f,
+                               std::cos((few_views() ? 20 : 15) * degree), wanted};
+        const Agreement fusion{few_views() ? 1.0f : 2.0f, few_views() ? 0.005f : 0.01f,
+                               std::cos((few_views() ? 20 : 10) * degree), wanted};
+
+        // 1. Believed depths; small pieces go.
+        Buffer<float, Device> kept(pixels), confidences(pixels);
+        kept.fill_zero(), confidences.fill_zero();
+        Buffer<std::uint8_t, Device> mask;
+        for (int v = 0; v < view_count(); ++v) {
+            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+            if (pass.sources.empty()) continue;
+            const std::size_t first = static_cast<std::size_t>(first_pixel_[pass.view]);
+            const std::size_t count = static_cast<std::size_t>(pixel_count(v));
+            copy(options_.use_masks ? pyramids_[static_cast<std::size_t>(v)].mask
+                                    : std::vector<std::uint8_t>(),
+                 mask);
+            parallel_for(Device{}, pixel_count(v),
+                         FilterBody{pass, filter, options_.max_cost,
+                                    std::cos(options_.min_angle * degree),
+                                    std::as_const(depths_).span(), std::as_const(planes_).span(),
+                                    std::as_const(mask).span(), part(kept.span(), first, count),
+                                    part(confidences.span(), first, count)});
+        }
+        std::vector<float> depths = to_host(kept);
+        std::vector<float> confidence = to_host(confidences);
+        std::vector<DepthMapSpan> maps;
+        for (int v = 0; v < view_count(); ++v) {
+            const Camera& camera = passes_[static_cast<std::size_t>(v)].camera;
+            const auto first = static_cast<std::size_t>(first_pixel_[v]);
+            maps.push_back({camera.width_px, camera.height_px, depths.data() + first,
+                            confidence.data() + first});
+        }
+        remove_small_segments(maps, options_.min_segment);
+        copy(depths, kept);
+        copy(confidence, confidences);
+
+        // 2. Points.
+        StereoResult result;
+        Buffer<std::uint8_t, Device> confirmed(pixels);
+        confirmed.fill_zero();
+        Buffer<std::uint32_t, Device> colors;
+        copy(packed_colors(pyramids_), colors);
+        for (int v = 0; v < view_count(); ++v) {
+            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+            const auto first = static_cast<std::size_t>(first_pixel_[v]);
+            parallel_for(Device{}, pixel_count(v),
+                         ConfirmBody{pass, fusion, std::as_const(kept).span(),
+                                     std::as_const(planes_).span(),
+                                     part(confirmed.span(), first,
+                                          static_cast<std::size_t>(pixel_count(v))),
+                                     first_pixel_[v]});
+        }
+        Buffer<FusedPoint, Device> points;
+        for (int v = 0; v < view_count(); ++v) {
+            const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
+            points.resize(static_cast<std::size_t>(pixel_count(v)));
+            parallel_for(Device{}, pixel_count(v),
+                         FuseBody{pass, fusion, std::as_const(kept).span(),
+                                  std::as_const(confidences).span(), std::as_const(planes_).span(),
+                                  std::as_const(confirmed).span(), std::as_const(colors).span(),
+                                  points.span(), first_pixel_[v]});
+            for (const FusedPoint& p : to_host(points)) {
+                if (!(p.confidence > 0)) continue;
+                result.cloud.positions.push_back(p.position);
+                result.cloud.normals.push_back(p.normal);
+                result.cloud.confidences.push_back(p.confidence);
+                result.cloud.colors.push_back(Vec3f{static_cast<float>(p.color & 255),
+                                                    static_cast<float>(p.color >> 8 & 255),
+                                                    static_cast<float>(p.color >> 16 & 255)} /
+                                              255.0f);
+            }
+        }
+
+        // 3. Maps.
+        const std::vector<SurfacePlane> planes = to_host(planes_);
+        for (int v = 0; v < view_count(); ++v) {
+            const auto first = static_cast<std::ptrdiff_t>(first_pixel_[v]);
+            const auto last = first + pixel_count(v);
+            StereoMaps map;
+            map.camera = passes_[static_cast<std::size_t>(v)].camera;
+            map.depth.assign(depths.begin() + first, depths.begin() + last);
+            map.confidence.assign(confidence.begin() + first, confidence.begin() + last);
+            map.normals.resize(map.depth.size());
+            for (std::size_t i = 0; i < map.depth.size(); ++i)
+                if (map.depth[i] > 0)
+                    map.normals[i] = planes[static_cast<std::size_t>(first) + i].normal;
+            result.maps.push_back(std::move(map));
+        }
+        return result;
+    }
+
+    const std::vector<View>& views_;
+    StereoOptions options_;
+    std::vector<StereoPyramid> pyramids_;
+    std::vector<ViewPlan> plans_;
+    int levels_ = 0;
+
+    // Of all views at the present level, one after another; coarse: of the level before.
+    Buffer<float, Device> images_, coarse_images_, costs_, coarse_costs_, depths_;
+    Buffer<SurfacePlane, Device> planes_, coarse_planes_;
+    Buffer<std::uint8_t, Device> selected_, coarse_selected_;
+    Buffer<SourceView, Device> sources_;
+    std::vector<std::size_t> source_begin_;
+    std::vector<int> first_pixel_;
+    std::vector<StereoPass> passes_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,129 @@
+#include "mvs/stereo_images.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/parallel.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr int kFinestSide = 1600, kCoarsestSide = 400;
+constexpr int kLeastSide = 16;  // px; a patch is 11 to 15 wide
+
+/// Means of 2 x 2 pixels; an odd last row or column is dropped, which keeps the camera exact.
+Camera halved(Camera camera) {
+    camera.width_px /= 2, camera.height_px /= 2;
+    camera.fx_px /= 2, camera.fy_px /= 2, camera.cx_px /= 2, camera.cy_px /= 2;
+    return camera;
+}
+template <class T, class Mean>
+std::vector<T> halved(const std::vector<T>& pixels, int width, int height, const Mean& mean) {
+    std::vector<T> out;
+    out.reserve(static_cast<std::size_t>(width / 2) * (height / 2));
+    for (int y = 0; y + 1 < height; y += 2)
+        for (int x = 0; x + 1 < width; x += 2) {
+            const T* p = &pixels[static_cast<std::size_t>(y) * width + x];
+            out.push_back(mean(p[0], p[1], p[width], p[width + 1]));
+        }
+    return out;
+}
+
+StereoLevel halved(const StereoLevel& level) {
+    return {halved(level.camera),
+            halved(level.grey, level.camera.width_px, level.camera.height_px,
+                   [](float a, float b, float c, float d) { return 0.25f * (a + b + c + d); })};
+}
+
+std::uint32_t mean_color(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
+    std::uint32_t out = 0;
+    for (int shift = 0; shift < 24; shift += 8)
+        out |= (((a >> shift & 255) + (b >> shift & 255) + (c >> shift & 255) +
+                 (d >> shift & 255) + 2) / 4)
+               << shift;
+    return out;
+}
+
+int long_side(const Camera& camera) {
+    return std::max(camera.width_px, camera.height_px);
+}
+
+StereoPyramid make_pyramid(const View& view) {
+    const std::size_t count = static_cast<std::size_t>(view.photo.width) * view.photo.height;
+    StereoPyramid out;
+    StereoLevel level{view.camera, std::vector<float>(count)};
+    out.colors.resize(count);
+    for (std::size_t i = 0; i < count; ++i) {
+        const std::uint8_t* p = &view.photo.pixels[3 * i];
+        level.grey[i] = (0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2]) / 255;
+        out.colors[i] = static_cast<std::uint32_t>(p[0] | p[1] << 8 | p[2] << 16);
+    }
+    out.mask = view.mask.pixels;
+    while (long_side(level.camera) > kFinestSide) {
+        const int w = level.camera.width_px, h = level.camera.height_px;
+        out.colors = halved(out.colors, w, h, mean_color);
+        if (!out.mask.empty())
+            out.mask = halved(out.mask, w, h, [](int a, int b, int c, int d) {
+                return static_cast<std::uint8_t>((a + b + c + d + 2) / 4);
+            });
+        level = halved(level);
+    }
+    out.levels.push_back(std::move(level));
+    while (long_side(out.levels.back().camera) > kCoarsestSide &&
+           std::min(out.levels.back().camera.width_px, out.levels.back().camera.height_px) >=
+               2 * kLeastSide)
+        out.levels.push_back(halved(out.levels.back()));
+    return out;
+}
+
+}  // namespace
+
+void require_views(const std::vector<View>& views) {
+    if (views.size() < 2)
+        throw Error(ExitCode::input,
+                    str("stereo compares views: found ", views.size(),
+                        ", expected at least 2; choose more views or give a cloud"));
+    for (const View& view : views)
+        if (view.camera.width_px < kLeastSide || view.camera.height_px < kLeastSide)
+            throw Error(ExitCode::input,
+                        str(view.name, ": ", view.camera.width_px, "x", view.camera.height_px,
+                            " pixels are too few for stereo; expected at least ", kLeastSide,
+                            " by ", kLeastSide));
+}
+
+std::vector<StereoPyramid> make_pyramids(const std::vector<View>& views) {
+    std::vector<StereoPyramid> out(views.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int v) {
+        out[static_cast<std::size_t>(v)] = make_pyramid(views[static_cast<std::size_t>(v)]);
+    });
+    return out;
+}
+
+std::vector<std::uint32_t> packed_colors(const std::vector<StereoPyramid>& pyramids) {
+    std::vector<std::uint32_t> out;
+    for (const StereoPyramid& pyramid : pyramids)
+        out.insert(out.end(), pyramid.colors.begin(), pyramid.colors.end());
+    return out;
+}
+
+SourceView make_source(const Camera& reference, const Camera& source, int view, int first_pixel) {
+    // In double: coordinates of a thousand pixels need all digits of a float.
+    const auto exact = [](const Rigid3f& T) {
+        return Rigid3d{mat_cast<double>(T.R), vec_cast<double>(T.t)};
+    };
+    const Rigid3d T = exact(source.camera_from_world) * inverse(exact(reference.camera_from_world));
+    const Mat3<double> K{{{source.fx_px, 0, source.cx_px}, {0, source.fy_px, source.cy_px}, {0, 0, 1}}};
+    const double fx = reference.fx_px, fy = reference.fy_px;
+    const Mat3<double> K_inverse{
+        {{1 / fx, 0, -reference.cx_px / fx}, {0, 1 / fy, -reference.cy_px / fy}, {0, 0, 1}}};
+    SourceView out;
+    out.camera = source;
+    out.view = view;
+    out.first_pixel = first_pixel;
+    out.source_from_reference = {mat_cast<float>(T.R), vec_cast<float>(T.t)};
+    out.pixels_at_infinity = mat_cast<float>(K * T.R * K_inverse);
+    out.epipole = vec_cast<float>(K * T.t);
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,148 @@
+#include "mvs/view_selection.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/eigen.h"
+#include "core/error.h"
+#include "core/log.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kEnoughPoints = 20;  // in a view, for percentiles of their depths
+constexpr double kDegree = 3.14159265358979 / 180;
+
+bool is_seen(const Camera& camera, Vec3f point) {
+    const Vec3f p = camera.camera_from_world * point;
+    if (!(p.z > 0)) return false;
+    const float u = camera.fx_px * p.x / p.z + camera.cx_px;
+    const float v = camera.fy_px * p.y / p.z + camera.cy_px;
+    return u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
+           v < static_cast<float>(camera.height_px);
+}
+
+/// The point nearest to all optical axes; none when they are parallel.
+std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
+    Sym3<double> A;
+    Vec3d b;
+    for (const Camera& camera : cameras) {
+        const float* row = camera.camera_from_world.R[2];
+        const Vec3d d = normalize(Vec3d{row[0], row[1], row[2]});
+        const Vec3d c = vec_cast<double>(camera_centre(camera));
+        A.xx += 1 - d.x * d.x, A.yy += 1 - d.y * d.y, A.zz += 1 - d.z * d.z;
+        A.xy -= d.x * d.y, A.xz -= d.x * d.z, A.yz -= d.y * d.z;
+        b += c - dot(d, c) * d;
+    }
+    const SymEigen3<double> eigen = sym_eigen(A);
+    if (!(eigen.values.z > 1e-6 * eigen.values.x)) return std::nullopt;
+    const Vec3d y = transpose_times(eigen.vectors, b);
+    return eigen.vectors *
+           Vec3d{y.x / eigen.values.x, y.y / eigen.values.y, y.z / eigen.values.z};
+}
+
+void set_range(const Camera& camera,
+               const std::vector<Vec3f>& seen,
+               const std::optional<Vec3d>& focus,
+               ViewPlan& plan) {
+    if (seen.size() >= kEnoughPoints) {
+        std::vector<float> depths;
+        for (const Vec3f p : seen) depths.push_back((camera.camera_from_world * p).z);
+        std::sort(depths.begin(), depths.end());
+        plan.near_depth = 0.75f * depths[depths.size() / 100];
+        plan.far_depth = 1.25f * depths[depths.size() - 1 - depths.size() / 100];
+        return;
+    }
+    if (!focus) return;
+    const float d = (camera.camera_from_world * vec_cast<float>(*focus)).z;
+    if (d > 0) plan.near_depth = 0.3f * d, plan.far_depth = 3 * d;
+}
+
+/// What a view may see: a grid of pixels at three depths of the range.
+std::vector<Vec3f> grid_points(const Camera& camera, const ViewPlan& plan) {
+    constexpr int kGrid = 12;
+    std::vector<Vec3f> points;
+    for (const float share : {0.25f, 0.5f, 0.75f}) {
+        const float depth = 1 / (share / plan.far_depth + (1 - share) / plan.near_depth);
+        for (int j = 0; j < kGrid; ++j)
+            for (int i = 0; i < kGrid; ++i) {
+                const Vec3f ray = pixel_ray(camera, camera.width_px * (2 * i + 1) / (2 * kGrid),
+                                            camera.height_px * (2 * j + 1) / (2 * kGrid));
+                points.push_back(inverse(camera.camera_from_world) * (depth * ray));
+            }
+    }
+    return points;
+}
+
+struct Score {
+    double score;
+    int view;
+};
+
+}  // namespace
+
+std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
+                                 const std::vector<Vec3f>& points,
+                                 const ViewPlanOptions& options) {
+    const std::optional<Vec3d> focus = common_focus(cameras);
+    const std::size_t stride = 1 + points.size() / 4000;  // plenty for ranges and scores
+    std::vector<ViewPlan> plans(cameras.size());
+    std::size_t with_sources = 0;
+    for (std::size_t i = 0; i < cameras.size(); ++i) {
+        ViewPlan& plan = plans[i];
+        std::vector<Vec3f> seen;
+        for (std::size_t k = 0; k < points.size(); k += stride)
+            if (is_seen(cameras[i], points[k])) seen.push_back(points[k]);
+        set_range(cameras[i], seen, focus, plan);
+        if (options.near_depth > 0) plan.near_depth = options.near_depth;
+        if (options.far_depth > 0) plan.far_depth = options.far_depth;
+        if (!(plan.near_depth > 0 && plan.far_depth > plan.near_depth))
+            throw Error(ExitCode::input,
+                        str("view ", i, ": no range of depths: it sees ", seen.size(), " of ",
+                            points.size(), " sparse points (", kEnoughPoints,
+                            " would do) and the optical axes of the views do not cross in front "
+                            "of it; give the nearest and farthest depth"));
+
+        if (seen.size() < kEnoughPoints) seen = grid_points(cameras[i], plan);
+        std::vector<Score> scores;
+        const Vec3f own = camera_centre(cameras[i]);
+        for (std::size_t j = 0; j < cameras.size(); ++j) {
+            if (j == i) continue;
+            const Vec3f other = camera_centre(cameras[j]);
+            double score = 0, angle_sum = 0;
+            int common = 0;
+            for (const Vec3f p : seen) {
+                if (!is_seen(cameras[j], p)) continue;
+                const float cosine = dot(normalize(p - own), normalize(p - other));
+                const double angle =
+                    std::acos(std::clamp(static_cast<double>(cosine), -1.0, 1.0)) / kDegree;
+                const double spread = angle <= 5 ? 1 : 10;
+                score += std::exp(-(angle - 5) * (angle - 5) / (2 * spread * spread));
+                angle_sum += angle;
+                ++common;
+            }
+            if (common > 0 && angle_sum <= static_cast<double>(options.max_pair_angle) * common &&
+                score > 0)
+                scores.push_back({score, static_cast<int>(j)});
+        }
+        std::stable_sort(scores.begin(), scores.end(),
+                         [](const Score& a, const Score& b) { return a.score > b.score; });
+        const auto count =
+            std::min(scores.size(), static_cast<std::size_t>(options.max_sources));
+        for (std::size_t k = 0; k < count; ++k) plan.sources.push_back(scores[k].view);
+        with_sources += count > 0;
+    }
+    if (with_sources == 0)
+        throw Error(ExitCode::input,
+                    str("none of the ", cameras.size(),
+                        " views shares a part of the scene with another one under at most ",
+                        options.max_pair_angle,
+                        " degrees; stereo needs overlapping views from different places"));
+    if (with_sources < cameras.size())
+        spdlog::warn("{} of {} views overlap with no other one and give no depth",
+                     cameras.size() - with_sources, cameras.size());
+    return plans;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,29 @@
+// Which views to compare with which, and in which range of depths.
+#pragma once
+
+#include <vector>
+
+#include "core/camera.h"
+#include "core/vec.h"
+
+namespace tvsgs {
+
+struct ViewPlan {
+    std::vector<int> sources;  // best first; empty: no other view overlaps
+    float near_depth = 0, far_depth = 0;
+};
+
+struct ViewPlanOptions {
+    int max_sources;
+    float max_pair_angle;         // degrees
+    float near_depth, far_depth;  // 0: from the points, else from where the cameras look
+};
+
+/// The plan of every view. A source is good when it sees what the view sees, under an angle of about
+/// 5 degrees or more.  [MVSNet, A.2] Throws Error(ExitCode::input) when no view has a source, and
+/// when a range is not given and neither 20 points nor crossing axes tell it.
+std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
+                                 const std::vector<Vec3f>& points,
+                                 const ViewPlanOptions& options);
+
+}  // namespace tvsgs
