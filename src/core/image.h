@@ -26,6 +26,17 @@ private:
     }
 };
 using ImageU8 = Image<std::uint8_t>;
+
+/// Of an RGB image, weights of BT.601.
+inline ImageU8 grey_of(const ImageU8& rgb) {
+    ImageU8 grey(rgb.width, rgb.height, 1);
+    for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
+        const std::uint8_t* p = &rgb.pixels[3 * i];
+        grey.pixels[i] =
+            static_cast<std::uint8_t>((299 * p[0] + 587 * p[1] + 114 * p[2] + 500) / 1000);
+    }
+    return grey;
+}
 using ImageF = Image<float>;
 
 }  // namespace tvsgs

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstdint>
 
 #include "core/buffer.h"
 
@@ -26,6 +27,17 @@ template <class Body>
 void parallel_for_heavy(Cpu, int count, const Body& body) {
 #pragma omp parallel for schedule(dynamic, 1)
     for (int i = 0; i < count; ++i) body(i);
+}
+
+/// *target += value, safe where several bodies add to one place. Integers only: their sum does not
+/// depend on the order, so results stay bit-identical.
+TVSGS_HD inline void add_atomically(std::int64_t* target, std::int64_t value) {
+#if defined(__CUDA_ARCH__)
+    atomicAdd(reinterpret_cast<unsigned long long*>(target),
+              static_cast<unsigned long long>(value));
+#else
+    __atomic_fetch_add(target, value, __ATOMIC_RELAXED);
+#endif
 }
 
 /// Blocks of a fixed-shape reduction, and room for their partial sums.

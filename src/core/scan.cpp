@@ -12,4 +12,10 @@ int exclusive_scan(const Buffer<int, Cpu>& in, Buffer<int, Cpu>& out) {
     return total;
 }
 
+void exclusive_scan(const Buffer<int, Cpu>& in,
+                    Buffer<int, Cpu>& out,
+                    Buffer<std::uint8_t, Cpu>& /*scratch*/) {
+    exclusive_scan(in, out);
+}
+
 }  // namespace tvsgs

@@ -7,19 +7,12 @@
 
 #include "core/options.h"
 #include "core/parallel.h"
-#include "core/scene.h"
+#include "optim/device_view.h"
+#include "optim/neighbour_view.h"
 #include "render/backbone.h"
 #include "tv/voting.h"
 
 namespace tvsgs {
-
-/// A training view on the device.
-template <class Device>
-struct DeviceView {
-    Camera camera;
-    Buffer<std::uint8_t, Device> photo;  // [H W 3]
-    float edge_min = 0, edge_max = 1;    // range of the photo's edge strength, for the normal loss
-};
 
 /// Sum of the terms and its derivatives.
 template <class Device>
@@ -39,6 +32,7 @@ struct LossInputs {
     const TensorField<Device>& field;
     Span<const float> radii_px;  // [N] > 0: visible in this view
     int step;
+    NeighbourView<Device>* neighbour = nullptr;  // of the view; null: none was rendered
 };
 
 /// One term of the objective. It holds its own weight and schedule.
@@ -54,6 +48,9 @@ public:
 
     /// Whether it reads the plane channels of the render.
     virtual bool needs_plane() const { return false; }
+
+    /// Whether it compares the plane channels of the render with those of a neighbouring view.
+    virtual bool needs_neighbour() const { return false; }
 
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
     virtual void add_to(Objective<Device>& objective,
@@ -76,11 +73,16 @@ enum class LengthUnit { world, depth };
 
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
+    bool exposure = false;
+    int exposure_start = 1001;
 
     template <class Visitor>
     void fields(Visitor& field) {
         field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
         field("ssim", ssim, {0, 1}, "share of the SSIM term");
+        field("exposure", exposure,
+              "fit a brightness and an offset per photograph in the L1 term, PGSR");
+        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
     }
 };
 
@@ -99,7 +101,8 @@ struct ScheduledOptions {
 struct LossOptions {
     PhotometricOptions photometric;
     ScheduledOptions flatten;
-    ScheduledOptions normal{0, 7001};
+    ScheduledOptions normal{0, 7001}, multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
+    NeighbourOptions multi_view;
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
@@ -110,6 +113,11 @@ struct LossOptions {
         field.group("flatten", flatten, "smallest scale of each visible splat, PGSR");
         field.group("normal", normal,
                     "blended normals against normals of the depth map, PGSR single view");
+        field.group("multi_view_geometry", multi_view_geometry,
+                    "depth maps of neighbouring views against each other, PGSR");
+        field.group("multi_view_ncc", multi_view_ncc,
+                    "patches of photographs against neighbouring views, PGSR");
+        field.group("multi_view", multi_view, "neighbours for the two multi-view terms");
         field.group("tv_normal", tv_normal, "splat normals against voted normals");
         field.group("tv_position", tv_position, "splat centres against voted positions");
         field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
@@ -120,8 +128,17 @@ struct LossOptions {
     }
 };
 
-/// The terms with a weight above 0. `length_unit`: world units that count as 1.
+/// What the terms need to know of the training.
+struct LossContext {
+    float length_unit = 1;  // world units that count as 1
+    int views = 1;          // for training
+    std::uint64_t seed = 0;
+    PixelCenter pixel_center = PixelCenter::exact;
+};
+
+/// The terms with a weight above 0.
 template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions options, float length_unit);
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions options,
+                                                       const LossContext& context);
 
 }  // namespace tvsgs

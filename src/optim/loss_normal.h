@@ -112,7 +112,7 @@ public:
         neighbours_.resize(images.depth.size());
         parallel_for(
             Device{}, pixels,
-            NormalLossBody{in.view.camera, images.normal.span(), images.depth.span(),
+            NormalLossBody{images.camera, images.normal.span(), images.depth.span(),
                            images.transmittance.span(), in.view.photo.data(), in.view.edge_min,
                            in.view.edge_max, options_.weight / static_cast<float>(pixels),
                            pixel_loss_.span(), neighbours_.span(),
@@ -120,7 +120,7 @@ public:
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
         parallel_for(Device{}, pixels,
-                     NormalDepthBody{in.view.camera, neighbours_.span(), images.normal.span(),
+                     NormalDepthBody{images.camera, neighbours_.span(), images.normal.span(),
                                      images.distance.span(), images.depth.span(),
                                      objective.dL_dimages.normal.span(),
                                      objective.dL_dimages.distance.span()});

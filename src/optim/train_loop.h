@@ -39,20 +39,57 @@ private:
     std::size_t drawn_ = 0;
 };
 
+/// The training views on the device, with what the losses in use read.
 template <class Device>
-DeviceView<Device> upload(const View& view, bool with_edges) {
-    DeviceView<Device> result;
-    result.camera = view.camera;
-    copy(view.photo.pixels, result.photo);
-    if (!with_edges) return result;
-    float low = 1, high = 0;
-    for (int y = 1; y + 1 < view.photo.height; ++y)
-        for (int x = 1; x + 1 < view.photo.width; ++x) {
-            const float e = edge_strength(view.photo.pixels.data(), view.photo.width, x, y);
-            low = std::min(low, e), high = std::max(high, e);
+std::vector<DeviceView<Device>> upload(const std::vector<View>& views, const LossOptions& loss) {
+    std::vector<DeviceView<Device>> result(views.size());
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const ImageU8& photo = views[i].photo;
+        DeviceView<Device>& view = result[i];
+        view.index = static_cast<int>(i);
+        view.camera = views[i].camera;
+        copy(photo.pixels, view.photo);
+        if (loss.normal.weight > 0) {
+            float low = 1, high = 0;
+            for (int y = 1; y + 1 < photo.height; ++y)
+                for (int x = 1; x + 1 < photo.width; ++x) {
+                    const float e = edge_strength(photo.pixels.data(), photo.width, x, y);
+                    low = std::min(low, e), high = std::max(high, e);
+                }
+            view.edge_min = low, view.edge_max = std::max(low, high);
         }
-    result.edge_min = low, result.edge_max = std::max(low, high);
+        if (loss.multi_view_ncc.weight > 0) {
+            const ImageU8 grey = views[i].grey.empty() ? grey_of(photo) : views[i].grey;
+            view.grey_width = grey.width, view.grey_height = grey.height;
+            copy(grey.pixels, view.grey);
+        }
+    }
     return result;
+}
+
+/// What the terms that act at a step want rendered.
+struct Wanted {
+    bool plane = false, neighbour = false;
+};
+template <class Device>
+Wanted wanted(const std::vector<std::unique_ptr<Loss<Device>>>& losses, int step) {
+    Wanted w;
+    for (const auto& term : losses)
+        if (term->active(step))
+            w.plane |= term->needs_plane(), w.neighbour |= term->needs_neighbour();
+    return w;
+}
+
+/// Null when no term compares views: then nothing is chosen, allocated or said.
+template <class Device>
+std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
+                                                           const TrainOptions& options) {
+    if (!(options.loss.multi_view_geometry.weight > 0) && !(options.loss.multi_view_ncc.weight > 0))
+        return nullptr;
+    return std::make_unique<NeighbourView<Device>>(
+        select_neighbours(scene, options.loss.multi_view),
+        make_backbone<Device>(options.backbone, options.core),
+        static_cast<std::uint64_t>(options.seed));
 }
 
 /// Times stages by waiting for the device around each; does nothing unless asked to.
@@ -144,7 +181,10 @@ Gaussians<Device> train(const Scene& scene,
     // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the published
     // weights come from.
     const float depth = options.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
-    auto losses = make_losses<Device>(options.loss, depth > 0 ? depth / 3 : 1);
+    auto losses = make_losses<Device>(
+        options.loss, {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()), seed,
+                       options.core.pixel_center});
+    auto neighbours = make_neighbour_view<Device>(scene, options);
     TensorVoter<Device> voter(options.tv);
     TensorField<Device> field;
     Adam<Device> adam(options.lr, gaussians);
@@ -154,9 +194,7 @@ Gaussians<Device> train(const Scene& scene,
     objective.values.resize(losses.size());
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
-    std::vector<DeviceView<Device>> views;
-    for (const View& view : scene.train)
-        views.push_back(upload<Device>(view, options.loss.normal.weight > 0));
+    const auto views = upload<Device>(scene.train, options.loss);
     StageClock<Device> clock(callbacks.profile);
 
     for (int step = 1; step <= options.iterations; ++step) {
@@ -165,23 +203,29 @@ Gaussians<Device> train(const Scene& scene,
         const DeviceView<Device>& view = views[static_cast<std::size_t>(sampler.next())];
         if (voter.due(step)) clock("voting", [&] { voter.vote(step, gaussians, field); });
 
-        bool plane = false;
-        for (const auto& term : losses) plane |= term->active(step) && term->needs_plane();
+        const Wanted want = wanted(losses, step);
+        NeighbourView<Device>* const neighbour =
+            !want.neighbour ? nullptr : clock("neighbour", [&] {
+                return neighbours->render(step, view.index, views, gaussians);
+            });
         const RenderedImages<Device>& images =
             clock("forward", [&]() -> const RenderedImages<Device>& {
-                return backbone->forward(gaussians, view.camera, sh_degree,
-                                         plane ? Channels::color_plane : Channels::color);
+                return backbone->forward(
+                    gaussians, view.camera, sh_degree,
+                    want.plane || neighbour ? Channels::color_plane : Channels::color);
             });
         clock("losses", [&] {
             reset(objective, gaussians, images);
+            if (neighbour) neighbour->compare(images);
             for (std::size_t i = 0; i < losses.size(); ++i)
                 if (losses[i]->active(step))
                     losses[i]->add_to(objective, objective.values.data() + i,
                                       {gaussians, images, view, field,
-                                       backbone->statistics().radii_px.span(), step});
+                                       backbone->statistics().radii_px.span(), step, neighbour});
         });
         clock("backward", [&] {
             backbone->backward(gaussians, objective.dL_dimages, objective.dL_dgaussians);
+            if (neighbour) neighbour->backward(gaussians, objective.dL_dgaussians);
         });
         if (callbacks.report_due && callbacks.report_due(step))
             callbacks.on_report(make_report(step, objective, losses, gaussians, clock));

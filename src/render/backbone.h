@@ -21,11 +21,22 @@ constexpr bool has_plane(Channels channels) {
     return channels != Channels::color;
 }
 
+/// Where the rays of depth maps pass through the pixels. `official` keeps a habit of PGSR's code:
+/// half a pixel up and left of the centres, through which it blends.
+enum class PixelCenter { exact, official };
+
+/// The camera whose pixel_ray() the depth of a view lies on.
+inline Camera ray_camera(Camera camera, PixelCenter center) {
+    if (center == PixelCenter::official) camera.cx_px += 0.5f, camera.cy_px += 0.5f;
+    return camera;
+}
+
 /// Images of one render, pixel (x, y) at y * width + x. Buffers of channels not asked for are
 /// empty.
 template <class Device>
 struct RenderedImages {
     int width = 0, height = 0;
+    Camera camera;                // its pixel_ray() is what depth lies on; see ray_camera()
     Buffer<Vec3f, Device> color;  // [H W] not clamped
     Buffer<float, Device>
         transmittance;               // [H W] left behind all splats; coverage is 1 - transmittance
@@ -56,6 +67,7 @@ struct BackboneOptions {
     float near = 0.2f;
     float low_pass_px2 = 0.3f;
     bool exact_clamp_grad = false;
+    PixelCenter pixel_center = PixelCenter::exact;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -65,6 +77,9 @@ struct BackboneOptions {
         field("exact_clamp_grad", exact_clamp_grad,
               "exact gradient where the projection's Jacobian is clamped; "
               "off: as the official code");
+        field.choice("pixel_center", pixel_center, {"exact", "official"},
+                     "rays of depth maps through the pixel centres, or half a pixel off as in "
+                     "PGSR's code (for parity studies)");
     }
 };
 

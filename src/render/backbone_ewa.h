@@ -17,7 +17,7 @@ public:
                                           const Camera& camera,
                                           int sh_degree,
                                           Channels channels) override {
-        camera_ = camera;
+        camera_ = ray_camera(camera, options_.pixel_center);
         channels_ = channels;
         grid_ = tile_grid(camera.width_px, camera.height_px);
         view_ = {pinhole<float>(camera),
@@ -66,6 +66,7 @@ private:
         const std::size_t color = has_color(channels_) ? pixels : 0,
                           plane = has_plane(channels_) ? pixels : 0;
         images_.width = grid_.width, images_.height = grid_.height;
+        images_.camera = camera_;
         images_.color.resize(color);
         images_.transmittance.resize(pixels);
         images_.normal.resize(plane), images_.distance.resize(plane), images_.depth.resize(plane);
@@ -102,7 +103,7 @@ private:
     }
 
     BackboneOptions options_;
-    Camera camera_;
+    Camera camera_;  // of the rays of depth
     Channels channels_ = Channels::color;
     TileGrid grid_{};
     ViewParameters view_{};

@@ -50,6 +50,7 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     copy(c.gaussians, gaussians);
     RenderedImages<Device> images;
     images.width = c.camera.width_px, images.height = c.camera.height_px;
+    images.camera = c.camera;
     copy(c.normal, images.normal);
     copy(c.distance, images.distance);
     copy(c.transmittance, images.transmittance);

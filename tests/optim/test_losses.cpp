@@ -286,11 +286,11 @@ TEST(NormalLoss, NoDepthAddsNothing) {
 
 TEST(LossList, WeightsChooseTheTerms) {
     LossOptions options;
-    EXPECT_EQ(make_losses<Cpu>(options, 1).size(), 1u);
+    EXPECT_EQ(make_losses<Cpu>(options, {}).size(), 1u);
     options.flatten.weight = options.normal.weight = options.tv_normal.weight =
         options.tv_position.weight = 1;
     options.tv_position.start = 10;
-    const auto losses = make_losses<Cpu>(options, 1);
+    const auto losses = make_losses<Cpu>(options, {});
     ASSERT_EQ(losses.size(), 5u);
     EXPECT_STREQ(losses[1]->name(), "flatten");
     EXPECT_FALSE(losses[4]->active(9));

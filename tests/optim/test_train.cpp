@@ -76,6 +76,10 @@ TEST(Train, EveryTermActsAndGrowthHappens) {
     EXPECT_GT(term(r.reports[0], "tv_position"), 0);
     EXPECT_EQ(term(r.reports[3], "normal"), 0);
     EXPECT_GT(term(r.reports[4], "normal"), 0);
+    EXPECT_EQ(term(r.reports[5], "multi_view_geometry"), 0);
+    EXPECT_GT(term(r.reports[6], "multi_view_geometry"), 0);
+    EXPECT_EQ(term(r.reports[7], "multi_view_ncc"), 0);
+    EXPECT_GT(term(r.reports[8], "multi_view_ncc"), 0);
     EXPECT_NE(r.reports.back().gaussians, r.reports.front().gaussians);
     EXPECT_EQ(r.gaussians.size(), r.reports.back().gaussians);
     double sum = 0;

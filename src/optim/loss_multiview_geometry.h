@@ -1,0 +1,78 @@
+#pragma once
+
+#include "optim/loss.h"
+
+namespace tvsgs {
+
+struct MultiViewGeometryBody {
+    ViewPair<float> pair;
+    Camera camera;  // of the reference
+    Span<const Vec3f> normal;
+    Span<const float> distance, depth, neighbour_depth, pixel_weight;
+    const double* count;  // of the pixels that can be compared
+    float weight;
+    Span<float> pixel_loss;
+    Span<Vec3f> dL_dnormal;    // added to
+    Span<float> dL_ddistance;  // added to
+    std::int64_t* dL_dneighbour_log_depth;
+
+    TVSGS_HD void operator()(int at) const {
+        pixel_loss[at] = 0;
+        const float w = pixel_weight[at];
+        if (!(w > 0)) return;
+        const Vec3f ray = pixel_ray(camera, at % camera.width_px, at / camera.width_px);
+        const auto r = reproject(pair, ray, depth[at], [&](int i) { return neighbour_depth[i]; });
+        const float scale = weight / static_cast<float>(*count);
+        pixel_loss[at] = scale * w * r.distance;
+        const auto g = reproject_vjp(pair, ray, r, w);
+        const auto plane = plane_depth_vjp(normal[at], distance[at], ray, scale * g.dL_ddepth);
+        dL_dnormal[at] += plane.dL_dnormal;
+        dL_ddistance[at] += plane.dL_ddistance;
+        for (int i = 0; i < 4; ++i) {
+            const double px =
+                static_cast<double>(r.share[i] * g.dL_dneighbour_depth * neighbour_depth[r.at[i]]);
+            if (std::abs(px) < 1e6)  // one pixel of depth this sensitive says nothing
+                add_atomically(&dL_dneighbour_log_depth[r.at[i]],
+                               static_cast<std::int64_t>(px * NeighbourView<Cpu>::kFixedUnit));
+        }
+    }
+};
+
+/// mean over comparable pixels of w phi, phi the distance between a pixel and where it comes back
+/// to from the neighbour, w = exp(-phi) a constant.  [PGSR, Eq. 12]
+template <class Device>
+class MultiViewGeometryLoss final : public Loss<Device> {
+public:
+    explicit MultiViewGeometryLoss(const ScheduledOptions& options) : options_(options) {}
+
+    const char* name() const override { return "multi_view_geometry"; }
+    bool active(int step) const override { return step >= options_.start; }
+    bool needs_neighbour() const override { return true; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        if (!in.neighbour) return;
+        NeighbourView<Device>& neighbour = *in.neighbour;
+        const auto& images = in.images;
+        const int pixels = static_cast<int>(images.depth.size());
+        pixel_loss_.resize(images.depth.size());
+        parallel_for(Device{}, pixels,
+                     MultiViewGeometryBody{neighbour.pair(), images.camera, images.normal.span(),
+                                           images.distance.span(), images.depth.span(),
+                                           neighbour.images().depth.span(), neighbour.weight(),
+                                           neighbour.valid_count(), options_.weight,
+                                           pixel_loss_.span(), objective.dL_dimages.normal.span(),
+                                           objective.dL_dimages.distance.span(),
+                                           neighbour.depth_gradients().data});
+        neighbour.resolve_depth_gradients(options_.weight, neighbour.valid_count());
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
+    }
+
+private:
+    ScheduledOptions options_;
+    Buffer<float, Device> pixel_loss_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,163 @@
+#pragma once
+
+#include "optim/loss.h"
+
+namespace tvsgs {
+
+/// Lists the comparable pixels.
+struct ListValidBody {
+    Span<const int> valid, place;
+    Span<int> pixels;
+    TVSGS_HD void operator()(int at) const {
+        if (valid[at]) pixels[place[at]] = at;
+    }
+};
+
+/// What a patch contributes.
+struct PatchTerm {
+    int pixel;  // -1: none
+    float loss;
+    Vec3f dL_dnormal;
+    float dL_ddistance;
+};
+
+/// Draws and scores patch `i` of as many as there are comparable pixels, at most one per pixel.
+struct PatchBody {
+    ViewPair<float> pair;  // lenses of the grey images
+    Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
+    int width;           // of the render
+    GreyImage reference, neighbour;
+    Span<const Vec3f> normal;
+    Span<const float> distance, pixel_weight;
+    Span<const int> pixels;
+    const double* count;  // of the comparable pixels
+    Random4 key;
+    Span<PatchTerm> terms;  // overwritten
+
+    TVSGS_HD void operator()(int i) const {
+        PatchTerm term{-1, 0, {}, 0};
+        const auto valid = static_cast<std::uint32_t>(*count);
+        if (static_cast<std::uint32_t>(i) < valid) {
+            const int at = pixels[permuted(static_cast<std::uint32_t>(i), valid, key)];
+            const Vec2f centre{scale.x * (static_cast<float>(at % width) + 0.5f),
+                               scale.y * (static_cast<float>(at / width) + 0.5f)};
+            const auto score =
+                patch_score(pair, centre, normal[at], distance[at], reference, neighbour, shift);
+            const float w = pixel_weight[at];
+            if (score.valid)
+                term = {at, w * score.error, w * score.derror_dnormal, w * score.derror_ddistance};
+        }
+        terms[i] = term;
+    }
+};
+
+struct PatchPasses {
+    Span<const PatchTerm> terms;
+    TVSGS_HD int operator()(int i) const { return terms[i].pixel >= 0; }
+};
+
+struct PatchLoss {
+    Span<const PatchTerm> terms;
+    const double* count;
+    TVSGS_HD double operator()(int i) const {
+        return terms[i].pixel >= 0 ? static_cast<double>(terms[i].loss) / *count : 0.0;
+    }
+};
+
+/// Pixels differ from patch to patch, so each is written once.
+struct PatchGradientBody {
+    Span<const PatchTerm> terms;
+    const double* count;  // of the patches that pass
+    float weight;
+    Span<Vec3f> dL_dnormal;    // added to
+    Span<float> dL_ddistance;  // added to
+
+    TVSGS_HD void operator()(int i) const {
+        const PatchTerm& t = terms[i];
+        if (t.pixel < 0) return;
+        const float scale = weight / static_cast<float>(*count);
+        dL_dnormal[t.pixel] += scale * t.dL_dnormal;
+        dL_ddistance[t.pixel] += scale * t.dL_ddistance;
+    }
+};
+
+/// mean over patches of w (1 - NCC^2) between the grey photographs, patches warped by the plane
+/// rendered at their centre, w as in the geometric term.  [PGSR, Eq. 14]
+template <class Device>
+class MultiViewNccLoss final : public Loss<Device> {
+public:
+    MultiViewNccLoss(const ScheduledOptions& options,
+                     int samples,
+                     std::uint64_t seed,
+                     PixelCenter pixel_center)
+        : options_(options), samples_(samples), seed_(seed), pixel_center_(pixel_center) {}
+
+    const char* name() const override { return "multi_view_ncc"; }
+    bool active(int step) const override { return step >= options_.start; }
+    bool needs_neighbour() const override { return true; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        if (!in.neighbour) return;
+        const NeighbourView<Device>& neighbour = *in.neighbour;
+        const auto& images = in.images;
+        const int all = static_cast<int>(images.depth.size());
+        pixels_.resize(images.depth.size());
+        exclusive_scan(neighbour.valid(), place_, scratch_);
+        parallel_for(Device{}, all,
+                     ListValidBody{neighbour.valid().span(), place_.span(), pixels_.span()});
+
+        const int samples = samples_ < all ? samples_ : all;
+        terms_.resize(static_cast<std::size_t>(samples));
+        const DeviceView<Device>&a = in.view, &b = neighbour.view();
+        const Buffer<PatchTerm, Device>& terms = terms_;
+        parallel_for(
+            Device{}, samples,
+            PatchBody{
+                view_pair(scaled_camera(images.camera, a.grey_width, a.grey_height),
+                          scaled_camera(neighbour.images().camera, b.grey_width, b.grey_height),
+                          neighbour.pair().min_depth),
+                scale_of(a),
+                shift_of(a),
+                images.width,
+                {a.grey.data(), a.grey_width, a.grey_height},
+                {b.grey.data(), b.grey_width, b.grey_height},
+                images.normal.span(),
+                images.distance.span(),
+                neighbour.weight(),
+                pixels_.span(),
+                neighbour.valid_count(),
+                random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
+                terms_.span()});
+        objective.count.fill_zero();
+        add_sum(Device{}, samples, PatchPasses{terms.span()}, 1, objective.partial.span(),
+                objective.count.data());
+        add_sum(Device{}, samples, PatchLoss{terms.span(), objective.count.data()}, options_.weight,
+                objective.partial.span(), value);
+        parallel_for(Device{}, samples,
+                     PatchGradientBody{terms.span(), objective.count.data(), options_.weight,
+                                       objective.dL_dimages.normal.span(),
+                                       objective.dL_dimages.distance.span()});
+    }
+
+private:
+    static Vec2f scale_of(const DeviceView<Device>& view) {
+        return {static_cast<float>(view.grey_width) / static_cast<float>(view.camera.width_px),
+                static_cast<float>(view.grey_height) / static_cast<float>(view.camera.height_px)};
+    }
+    /// The official code scales pixel indices, not corners, and so reads half a training pixel off.
+    Vec2f shift_of(const DeviceView<Device>& view) const {
+        return pixel_center_ == PixelCenter::exact ? Vec2f{0.5f, 0.5f} : 0.5f * scale_of(view);
+    }
+
+    ScheduledOptions options_;
+    int samples_;
+    std::uint64_t seed_;
+    PixelCenter pixel_center_;
+    Buffer<int, Device> place_, pixels_;
+    Buffer<std::uint8_t, Device> scratch_;
+    Buffer<PatchTerm, Device> terms_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,132 @@
+#include "optim/neighbours.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "core/log.h"
+
+namespace tvsgs {
+namespace {
+
+struct Candidate {
+    double distance, angle_deg;  // distance in the unit of the limits
+    int view;
+};
+
+/// Median depth of the initial points inside the image; of those in front when none is inside; 0
+/// without any.
+double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
+    const std::size_t stride = 1 + points.size() / 5000;  // enough for a median
+    std::vector<double> inside, in_front;
+    for (std::size_t i = 0; i < points.size(); i += stride) {
+        const Camera& c = view.camera;
+        const Vec3f p = c.camera_from_world * points[i];
+        if (!(p.z > 0)) continue;
+        in_front.push_back(p.z);
+        const float x = c.fx_px * p.x / p.z + c.cx_px, y = c.fy_px * p.y / p.z + c.cy_px;
+        if (x >= 0 && x < static_cast<float>(c.width_px) && y >= 0 &&
+            y < static_cast<float>(c.height_px))
+            inside.push_back(p.z);
+    }
+    std::vector<double>& depths = inside.empty() ? in_front : inside;
+    if (depths.empty()) return 0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return *middle;
+}
+
+/// Angle and distance of the other views, the nearest first.
+std::vector<Candidate> sorted_others(const Scene& scene, int i, double unit) {
+    const auto axis = [&](int j) {
+        const Mat3f& R = scene.train[static_cast<std::size_t>(j)].camera.camera_from_world.R;
+        return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
+    };
+    const auto centre = [&](int j) {
+        return vec_cast<double>(camera_centre(scene.train[static_cast<std::size_t>(j)].camera));
+    };
+    std::vector<Candidate> others;
+    for (int j = 0; j < static_cast<int>(scene.train.size()); ++j) {
+        if (j == i) continue;
+        // The official code does not clamp, and loses parallel cameras to the arc cosine of 1 +
+        // eps.
+        const double cosine = std::clamp(dot(axis(i), axis(j)), -1.0, 1.0);
+        others.push_back({norm(centre(j) - centre(i)) / unit,
+                          std::acos(cosine) * 180 / 3.14159265358979323846, j});
+    }
+    std::sort(others.begin(), others.end(), [](const Candidate& a, const Candidate& b) {
+        return std::tie(a.distance, a.angle_deg, a.view) <
+               std::tie(b.distance, b.angle_deg, b.view);
+    });
+    return others;
+}
+
+}  // namespace
+
+Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options) {
+    const bool relative = options.limits == NeighbourLimits::relative;
+    const double low = static_cast<double>(relative ? options.min_baseline : options.min_distance),
+                 high = static_cast<double>(relative ? options.max_baseline : options.max_distance);
+    const int views = static_cast<int>(scene.train.size());
+    Neighbourhood result;
+    result.of_view.resize(scene.train.size());
+    std::vector<double> depths;
+    for (const View& view : scene.train)
+        depths.push_back(relative ? median_depth_of(view, scene.points.positions) : 1);
+
+    int lonely = 0, without_depth = 0;
+    double least_distance = 1e300, most_distance = 0, least_angle = 180, most_angle = 0;
+    for (int i = 0; i < views; ++i) {
+        const double unit = depths[static_cast<std::size_t>(i)];
+        std::vector<int>& chosen = result.of_view[static_cast<std::size_t>(i)];
+        if (!(unit > 0)) {
+            ++lonely, ++without_depth;
+            continue;
+        }
+        const std::vector<Candidate> others = sorted_others(scene, i, unit);
+        for (const Candidate& c : others)
+            if (static_cast<int>(chosen.size()) < options.count &&
+                c.angle_deg < static_cast<double>(options.max_angle_deg) && c.distance > low &&
+                c.distance < high)
+                chosen.push_back(c.view);
+        if (!chosen.empty()) continue;
+        ++lonely;
+        if (others.empty()) continue;
+        least_distance = std::min(least_distance, others[0].distance);
+        most_distance = std::max(most_distance, others[0].distance);
+        least_angle = std::min(least_angle, others[0].angle_deg);
+        most_angle = std::max(most_angle, others[0].angle_deg);
+    }
+    if (relative) {
+        // Officially 0.1, of depths of about 3.
+        std::vector<double> known = depths;
+        std::erase_if(known, [](double d) { return !(d > 0); });
+        std::sort(known.begin(), known.end());
+        result.min_depth = known.empty() ? 0 : static_cast<float>(known[known.size() / 2] / 30);
+    }
+
+    const char* unit = relative ? "depths" : "world units";
+    if (lonely == 0) {
+        std::size_t pairs = 0;
+        for (const auto& chosen : result.of_view) pairs += chosen.size();
+        spdlog::info("multi-view losses: {:.1f} neighbours per training view",
+                     static_cast<double>(pairs) / views);
+    } else {
+        spdlog::warn(
+            "multi-view losses: off for {} of {} training views: none of the other views is within "
+            "{:.4g} degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
+            lonely, views, static_cast<double>(options.max_angle_deg), low, high, unit,
+            relative ? "relative" : "official",
+            without_depth > 0 ? "; some see no initial point, which leaves their depth unknown"
+                              : "",
+            relative ? "" : "; limits in depths: loss.multi_view.limits = relative");
+        if (most_distance > 0)
+            spdlog::warn(
+                "multi-view losses: the nearest other views of these are {:.4g} to {:.4g} "
+                "{} and {:.1f} to {:.1f} degrees away",
+                least_distance, most_distance, unit, least_angle, most_angle);
+    }
+    return result;
+}
+
+}  // namespace tvsgs

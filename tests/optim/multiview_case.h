@@ -1,0 +1,175 @@
+// Inputs of the multi-view losses on the host, and their evaluation on either device. The two views
+// are images made up by the test: a backbone that hands them out takes the place of a renderer.
+#pragma once
+
+#include "optim/losses_list.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs::test {
+
+struct MapsD {
+    std::vector<Vec3d> normal;
+    std::vector<double> distance;
+};
+
+/// One view: its maps, as blended channels, and its grey photograph.
+struct ViewMaps {
+    Camera camera;
+    std::vector<Vec3f> normal;
+    std::vector<float> distance, depth;
+    int grey_width = 0, grey_height = 0;
+    std::vector<std::uint8_t> grey;
+};
+
+struct MultiViewCase {
+    ViewMaps reference, neighbour;
+    int samples = 102400;
+    PixelCenter pixel_center = PixelCenter::exact;
+};
+
+struct MultiViewResult {
+    double value = 0, valid = 0;
+    std::vector<float> weight;
+    std::vector<Vec3f> dL_dnormal, dL_dneighbour_normal;
+    std::vector<float> dL_ddistance, dL_dneighbour_distance;  // of the neighbour: may be empty
+};
+
+template <class Device>
+RenderedImages<Device> upload_maps(const ViewMaps& v) {
+    RenderedImages<Device> images;
+    images.width = v.camera.width_px, images.height = v.camera.height_px;
+    images.camera = v.camera;
+    copy(v.normal, images.normal);
+    copy(v.distance, images.distance);
+    copy(v.depth, images.depth);
+    return images;
+}
+
+template <class Device>
+class PreparedImages final : public Backbone<Device> {
+public:
+    explicit PreparedImages(const ViewMaps& v) : images_(upload_maps<Device>(v)) {}
+    const RenderedImages<Device>& forward(const Gaussians<Device>&,
+                                          const Camera&,
+                                          int,
+                                          Channels) override {
+        return images_;
+    }
+    void backward(const Gaussians<Device>&,
+                  const ImageGradients<Device>&,
+                  Gaussians<Device>&) override {}
+    const ScreenStatistics<Device>& statistics() const override { return statistics_; }
+
+private:
+    RenderedImages<Device> images_;
+    ScreenStatistics<Device> statistics_;
+};
+
+template <class Device>
+DeviceView<Device> upload_view(const ViewMaps& v, int index) {
+    DeviceView<Device> view;
+    view.index = index;
+    view.camera = v.camera;
+    view.grey_width = v.grey_width, view.grey_height = v.grey_height;
+    copy(v.grey, view.grey);
+    return view;
+}
+
+/// What the geometric (or else the photometric) term adds to an objective that already holds
+/// something.
+template <class Device>
+MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight) {
+    const ScheduledOptions options{weight, 1};
+    std::unique_ptr<Loss<Device>> loss;
+    if (geometry)
+        loss = std::make_unique<MultiViewGeometryLoss<Device>>(options);
+    else
+        loss = std::make_unique<MultiViewNccLoss<Device>>(options, c.samples, 5, c.pixel_center);
+
+    Gaussians<Device> gaussians;
+    resize(gaussians, 1, 0);
+    std::vector<DeviceView<Device>> views;
+    views.push_back(upload_view<Device>(c.reference, 0));
+    views.push_back(upload_view<Device>(c.neighbour, 1));
+    NeighbourView<Device> neighbour({{{1}, {0}}, 0.1f},
+                                    std::make_unique<PreparedImages<Device>>(c.neighbour), 5);
+    const RenderedImages<Device> images = upload_maps<Device>(c.reference);
+    if (!neighbour.render(1, 0, views, gaussians)) return {};
+    neighbour.compare(images);
+
+    Objective<Device> objective;
+    objective.dL_dimages.normal.resize(c.reference.normal.size());
+    objective.dL_dimages.normal.fill_zero();
+    objective.dL_dimages.distance.resize(c.reference.normal.size());
+    objective.dL_dimages.distance.fill_zero();
+    objective.partial.resize(kSumBlocks);
+    objective.count.resize(1);
+    copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
+    const TensorField<Device> field;
+    loss->add_to(objective, objective.values.data(),
+                 {gaussians, images, views[0], field, {}, 1, &neighbour});
+
+    MultiViewResult result;
+    result.value = to_host(objective.values)[0] - 2;
+    for (int v : to_host(neighbour.valid())) result.valid += v;
+    result.weight.resize(c.reference.normal.size());
+    detail::copy(Device{}, neighbour.weight().data, Cpu{}, result.weight.data(),
+                 result.weight.size() * sizeof(float));
+    result.dL_dnormal = to_host(objective.dL_dimages.normal);
+    result.dL_ddistance = to_host(objective.dL_dimages.distance);
+    result.dL_dneighbour_normal = to_host(neighbour.dL_dimages().normal);
+    result.dL_dneighbour_distance = to_host(neighbour.dL_dimages().distance);
+    return result;
+}
+
+/// evaluate<Cuda>, compiled by nvcc.
+MultiViewResult evaluate_cuda(const MultiViewCase& c, bool geometry, float weight);
+
+/// A photometric term with exposure, looked at `steps` times with the same render.
+struct ExposureCase {
+    int width = 16, height = 12;
+    std::vector<Vec3f> color;
+    std::vector<std::uint8_t> photo;
+    int views = 2, index = 1;
+    float ssim = 0.2f;
+};
+struct ExposureResult {
+    double first_value = 0, last_value = 0;
+    std::vector<ExposureState> states;
+    std::vector<Vec3f> dL_dcolor;  // of the last look
+};
+
+template <class Device>
+ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
+    PhotometricOptions options;
+    options.ssim = c.ssim;
+    options.exposure = true;
+    options.exposure_start = 1;
+    PhotometricLoss<Device> loss(options, c.views);
+    Gaussians<Device> gaussians;
+    RenderedImages<Device> images;
+    images.width = c.width, images.height = c.height;
+    copy(c.color, images.color);
+    DeviceView<Device> view;
+    view.index = c.index;
+    copy(c.photo, view.photo);
+    const TensorField<Device> field;
+    Objective<Device> objective;
+    objective.dL_dimages.color.resize(c.color.size());
+    objective.partial.resize(kSumBlocks);
+    ExposureResult result;
+    for (int step = 1; step <= steps; ++step) {
+        objective.dL_dimages.color.fill_zero();
+        copy(std::vector<double>{0}, objective.values);
+        loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, step});
+        result.last_value = to_host(objective.values)[0];
+        if (step == 1) result.first_value = result.last_value;
+    }
+    result.states = to_host(loss.exposure().states());
+    result.dL_dcolor = to_host(objective.dL_dimages.color);
+    return result;
+}
+
+ExposureResult evaluate_exposure_cuda(const ExposureCase& c, int steps);
+
+}  // namespace tvsgs::test

@@ -1,0 +1,386 @@
+// The multi-view terms and the exposures as losses: values and derivatives against their definition
+// in double, over whole images, and the twins against each other.
+#include <cstring>
+
+#include "multiview_case.h"
+
+namespace tvsgs {
+namespace {
+
+using test::central_difference;
+using test::close;
+using test::evaluate;
+using test::MapsD;
+using test::MultiViewCase;
+using test::MultiViewResult;
+using test::ViewMaps;
+
+constexpr int kWidth = 40, kHeight = 30;
+constexpr float kWeight = 0.6f;
+
+/// Maps of the plane n . X = 0.1, n facing the cameras, disturbed a little and blended with a
+/// varying coverage; the grey photograph, finer by `fineness`, shows a texture on the plane.
+ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
+    test::Random random(seed);
+    ViewMaps v;
+    Camera& c = v.camera;
+    c = test::test_camera(kWidth, kHeight, angle);
+    const Vec3d n = normalize(Vec3d{0.3, -0.2, -1});
+    const auto R = mat_cast<double>(c.camera_from_world.R);
+    const Vec3d n_camera = R * n,
+                centre = -transpose_times(R, vec_cast<double>(c.camera_from_world.t));
+    const double distance = dot(n, centre) - 0.1;
+    const auto ray = [&](double x, double y) {
+        return Vec3d{(x - c.cx_px) / c.fx_px, (y - c.cy_px) / c.fy_px, 1};
+    };
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const double coverage = random.uniform(0.6, 1);
+            v.normal.push_back(
+                vec_cast<float>(coverage * normalize(n_camera + noise * random.normal3())));
+            // The noise of the depth: the plane goes through a point near the true one.
+            const double depth = -distance / dot(n_camera, ray(x + 0.5, y + 0.5)) *
+                                 (1 + 0.1 * noise * random.normal());
+            const Vec3f r = pixel_ray(c, x, y);
+            v.distance.push_back(static_cast<float>(
+                -depth * dot(vec_cast<double>(v.normal.back()), vec_cast<double>(r))));
+            v.depth.push_back(-v.distance.back() / dot(v.normal.back(), r));
+        }
+    v.depth[11 * kWidth + 13] = 0;  // a hole
+    v.grey_width = fineness * kWidth, v.grey_height = fineness * kHeight;
+    for (int y = 0; y < v.grey_height; ++y)
+        for (int x = 0; x < v.grey_width; ++x) {
+            const Vec3d r = ray((x + 0.5) / fineness, (y + 0.5) / fineness);
+            const Vec3d p = centre + -distance / dot(n_camera, r) * transpose_times(R, r);
+            v.grey.push_back(static_cast<std::uint8_t>(128 + 60 * std::sin(9 * p.x + 2 * p.y) +
+                                                       50 * std::sin(11 * p.y - 3 * p.x)));
+        }
+    return v;
+}
+
+MultiViewCase plane_case(double noise = 0.02, int fineness = 1) {
+    MultiViewCase c;
+    c.reference = plane_view(0, 1, noise, fineness);
+    c.neighbour = plane_view(0.2f, 2, noise, fineness);
+    return c;
+}
+
+MapsD maps_of(const ViewMaps& v) {
+    MapsD m;
+    for (const Vec3f& n : v.normal) m.normal.push_back(vec_cast<double>(n));
+    m.distance.assign(v.distance.begin(), v.distance.end());
+    return m;
+}
+
+Vec3d ray_d(const Camera& c, int at) {
+    return {(at % kWidth + 0.5 - c.cx_px) / c.fx_px, (at / kWidth + 0.5 - c.cy_px) / c.fy_px, 1};
+}
+
+double depth_of(const ViewMaps& v, const MapsD& m, int at) {
+    const auto i = static_cast<std::size_t>(at);
+    return v.depth[i] == 0 ? 0 : -m.distance[i] / dot(m.normal[i], ray_d(v.camera, at));
+}
+
+/// The geometric term in double, its weights frozen.
+double geometry_in_double(const MultiViewCase& c,
+                          const MapsD& a,
+                          const MapsD& b,
+                          const MultiViewResult& r) {
+    const auto pair = view_pair<double>(c.reference.camera, c.neighbour.camera, 0.1);
+    double sum = 0;
+    for (int at = 0; at < kWidth * kHeight; ++at) {
+        const double w = r.weight[static_cast<std::size_t>(at)];
+        if (w == 0) continue;
+        sum += w * reproject(pair, ray_d(c.reference.camera, at), depth_of(c.reference, a, at),
+                             [&](int i) { return depth_of(c.neighbour, b, i); })
+                       .distance;
+    }
+    return kWeight * sum / r.valid;
+}
+
+/// The photometric term in double with every comparable pixel a patch.
+double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResult& r) {
+    const auto grey = [](const ViewMaps& v) {
+        return GreyImage{v.grey.data(), v.grey_width, v.grey_height};
+    };
+    const auto scaled = [](const ViewMaps& v) {
+        return scaled_camera(v.camera, v.grey_width, v.grey_height);
+    };
+    const auto pair = view_pair<double>(scaled(c.reference), scaled(c.neighbour), 0.1);
+    const double s = c.reference.grey_width / kWidth;
+    const double shift = c.pixel_center == PixelCenter::exact ? 0.5 : 0.5 * s;
+    double sum = 0, count = 0;
+    for (int at = 0; at < kWidth * kHeight; ++at) {
+        const auto i = static_cast<std::size_t>(at);
+        if (r.weight[i] == 0) continue;
+        const auto score = patch_score<double>(
+            pair, {s * (at % kWidth + 0.5), s * (at / kWidth + 0.5)}, a.normal[i], a.distance[i],
+            grey(c.reference), grey(c.neighbour), {shift, shift});
+        if (score.valid) sum += r.weight[i] * score.error, ++count;
+    }
+    return kWeight * sum / count;
+}
+
+TEST(MultiViewGeometryLoss, ValueAndGradient) {
+    const MultiViewCase c = plane_case();
+    const MultiViewResult r = evaluate<Cpu>(c, true, kWeight);
+    MapsD a = maps_of(c.reference), b = maps_of(c.neighbour);
+    EXPECT_GT(r.valid, 0.4 * kWidth * kHeight);
+    EXPECT_GT(r.value, 0.001);
+    // Distances of a tenth of a pixel at coordinates of tens: five digits of seven are left.
+    EXPECT_TRUE(close(r.value, geometry_in_double(c, a, b, r), 1e-4));
+    test::Random random(6);
+    int checked = 0;
+    for (int trial = 0; trial < 300; ++trial) {
+        const bool of_neighbour = trial % 2;
+        MapsD& maps = of_neighbour ? b : a;
+        const auto at = static_cast<std::size_t>(random.uniform(0, kWidth * kHeight));
+        const int entry = static_cast<int>(random.uniform(0, 4));
+        double& number = entry < 3 ? maps.normal[at][entry] : maps.distance[at];
+        const double middle = number;
+        const auto around = [&](double h) {
+            number = middle + h;
+            const double loss = geometry_in_double(c, a, b, r);
+            number = middle;
+            return loss;
+        };
+        // Two step sizes that disagree tell of a kink in between (a sample that crosses a pixel).
+        const double expected = central_difference(around, 1e-6),
+                     check = central_difference(around, 3e-7);
+        if (std::abs(expected - check) > 1e-6) continue;
+        ++checked;
+        const auto& normals = of_neighbour ? r.dL_dneighbour_normal : r.dL_dnormal;
+        const auto& distances = of_neighbour ? r.dL_dneighbour_distance : r.dL_ddistance;
+        const float got = entry < 3 ? normals[at][entry] : distances[at];
+        // The direction of an error of 0.01 px has three digits in float.
+        EXPECT_TRUE(close(got, expected, 2e-3, 1e-3)) << trial;
+    }
+    EXPECT_GT(checked, 250);
+}
+
+TEST(MultiViewGeometryLoss, RisesAwayFromTheTruth) {
+    const double truth = evaluate<Cpu>(plane_case(0), true, 1).value;
+    EXPECT_LT(truth, 2e-3);
+    MultiViewCase c = plane_case(0);
+    for (float& d : c.neighbour.distance) d *= 1.01f;
+    for (float& d : c.neighbour.depth) d *= 1.01f;
+    EXPECT_GT(evaluate<Cpu>(c, true, 1).value, 20 * truth);
+}
+
+TEST(MultiViewGeometryLoss, NothingComparableAddsNothing) {
+    MultiViewCase c = plane_case();
+    std::fill(c.neighbour.depth.begin(), c.neighbour.depth.end(), 0.0f);
+    for (bool geometry : {true, false}) {
+        const MultiViewResult r = evaluate<Cpu>(c, geometry, kWeight);
+        EXPECT_EQ(r.valid, 0);
+        EXPECT_EQ(r.value, 0);
+        for (const Vec3f& g : r.dL_dnormal) ASSERT_EQ(norm(g), 0);
+        for (float g : r.dL_ddistance) ASSERT_EQ(g, 0);
+        for (float g : r.dL_dneighbour_distance) ASSERT_EQ(g, 0);
+    }
+}
+
+class MultiViewNcc : public testing::TestWithParam<int> {};
+INSTANTIATE_TEST_SUITE_P(Fineness, MultiViewNcc, testing::Values(1, 2));
+
+TEST_P(MultiViewNcc, ValueAndGradient) {
+    for (PixelCenter center : {PixelCenter::exact, PixelCenter::official}) {
+        MultiViewCase c = plane_case(0.02, GetParam());
+        c.pixel_center = center;
+        const MultiViewResult r = evaluate<Cpu>(c, false, kWeight);
+        MapsD a = maps_of(c.reference);
+        EXPECT_GT(r.value, 1e-4);
+        // Intensities are float either way; errors down to 1e-3 come of 1 - NCC^2.
+        EXPECT_TRUE(close(r.value, ncc_in_double(c, a, r), 1e-3));
+        EXPECT_TRUE(r.dL_dneighbour_distance.empty());
+        test::Random random(6);
+        int checked = 0;
+        for (int trial = 0; trial < 32; ++trial) {
+            const auto at = static_cast<std::size_t>(random.uniform(0, kWidth * kHeight));
+            const int entry = trial % 4;
+            double& number = entry < 3 ? a.normal[at][entry] : a.distance[at];
+            const double middle = number;
+            const auto around = [&](double h) {
+                number = middle + h;
+                const double loss = ncc_in_double(c, a, r);
+                number = middle;
+                return loss;
+            };
+            // Intensities are single precision: smaller steps would drown.
+            const double expected = central_difference(around, 1e-4),
+                         check = central_difference(around, 3e-5);
+            const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddistance[at];
+            if (std::abs(expected - check) > 1e-5 + 0.01 * std::abs(expected)) continue;
+            ++checked;
+            EXPECT_TRUE(close(got, expected, 0.02, 1e-3)) << trial;
+        }
+        EXPECT_GT(checked, 20);
+    }
+}
+
+TEST(MultiViewNccLoss, FewerSamplesAreDistinctPixelsOfTheSame) {
+    MultiViewCase c = plane_case();
+    const MultiViewResult all = evaluate<Cpu>(c, false, 1);
+    c.samples = 100;
+    const MultiViewResult some = evaluate<Cpu>(c, false, 1);
+    int hit = 0;
+    for (std::size_t i = 0; i < some.dL_ddistance.size(); ++i) {
+        if (some.dL_ddistance[i] == 0) continue;
+        ++hit;
+        EXPECT_NE(all.dL_ddistance[i], 0) << i;
+    }
+    EXPECT_LE(hit, 100);
+    EXPECT_GT(hit, 80);  // few patches fail or stand still
+    // A sample of 100 of errors that scatter by about their mean.
+    EXPECT_NEAR(some.value, all.value, 0.5 * all.value);
+}
+
+TEST(MultiViewNccLoss, RisesAwayFromTheTruth) {
+    // Patches that an image border cuts off do not match, truth or not: without depth there they
+    // are not compared.
+    MultiViewCase c = plane_case(0, 2);
+    for (auto* v : {&c.reference, &c.neighbour})
+        for (int at = 0; at < kWidth * kHeight; ++at)
+            if (at % kWidth < 4 || at % kWidth >= kWidth - 4 || at / kWidth < 4 ||
+                at / kWidth >= kHeight - 4)
+                v->depth[static_cast<std::size_t>(at)] = 0;
+    const MultiViewResult truth = evaluate<Cpu>(c, false, 1);
+    EXPECT_GT(truth.valid, 300);
+    EXPECT_LT(truth.value, 2e-3);
+    for (float scale : {0.98f, 1.02f}) {
+        MultiViewCase off = c;
+        for (auto* v : {&off.reference, &off.neighbour}) {
+            for (float& d : v->distance) d *= scale;
+            for (float& d : v->depth) d *= scale;
+        }
+        const MultiViewResult r = evaluate<Cpu>(off, false, 1);
+        EXPECT_GT(r.value, 3 * truth.value);
+        double push = 0;
+        for (float g : r.dL_ddistance) push += static_cast<double>(g);
+        EXPECT_GT(push * (scale - 1), 0) << "descent should bring the plane back";
+    }
+}
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+
+TEST(MultiViewLosses, TheSameBitsTwice) {
+    const MultiViewCase c = plane_case();
+    const MultiViewResult a = evaluate<Cpu>(c, true, 1), b = evaluate<Cpu>(c, true, 1);
+    EXPECT_TRUE(same_bits(a.dL_dneighbour_normal, b.dL_dneighbour_normal));
+    EXPECT_TRUE(same_bits(a.dL_dneighbour_distance, b.dL_dneighbour_distance));
+}
+
+/// A photograph of the render at another exposure: photo = gain x render + offset.
+test::ExposureCase exposure_case(double gain, double offset) {
+    test::ExposureCase c;
+    test::Random random(9);
+    for (int i = 0; i < c.width * c.height; ++i) {
+        const double base = 0.35 + 0.2 * std::sin(0.7 * i) + 0.05 * random.uniform(-1, 1);
+        c.color.push_back({float(base), float(0.8 * base), float(0.3 + 0.3 * base)});
+        for (int k = 0; k < 3; ++k)
+            c.photo.push_back(static_cast<std::uint8_t>(
+                std::clamp(255 * (gain * c.color.back()[k] + offset), 0.0, 255.0) + 0.5));
+    }
+    return c;
+}
+
+TEST(Exposure, FindsGainAndOffset) {
+    const auto r = test::evaluate_exposure<Cpu>(exposure_case(1.2, 0.05), 3000);
+    ASSERT_EQ(r.states.size(), 2u);
+    // The photograph is rounded to 1/255 = 0.004, and steps are of 1e-3.
+    EXPECT_NEAR(std::exp(r.states[1].value[0]), 1.2, 0.01);
+    EXPECT_NEAR(r.states[1].value[1], 0.05, 0.005);
+    EXPECT_EQ(r.states[0].value[0], 0);  // the other photograph was never looked at
+    EXPECT_LT(r.last_value, 0.5 * r.first_value);
+}
+
+TEST(Exposure, FirstStepIsTheSignOfTheDerivative) {
+    const auto r = test::evaluate_exposure<Cpu>(exposure_case(1.2, 0.05), 1);
+    EXPECT_NEAR(r.states[1].value[0], 1e-3, 1e-6);  // Adam's first step is its rate
+    EXPECT_NEAR(r.states[1].value[1], 1e-3, 1e-6);
+    EXPECT_EQ(r.states[1].steps, 1);
+}
+
+TEST(Exposure, DerivativeOfTheRender) {
+    // With exposure 0 the L1 term is the ordinary one.
+    const test::ExposureCase c = exposure_case(1.2, 0.05);
+    const auto r = test::evaluate_exposure<Cpu>(c, 1);
+    PhotometricScratch<Cpu> scratch;
+    std::vector<Vec3f> g(c.color.size(), Vec3f{});
+    std::vector<float> loss(c.color.size());
+    photometric_loss(Span<const Vec3f>{c.color.data(), c.color.size()},
+                     Span<const std::uint8_t>{c.photo.data(), c.photo.size()}, c.width, c.height,
+                     {0.8f, 0.2f}, scratch, {g.data(), g.size()}, {loss.data(), loss.size()},
+                     Cpu{});
+    double sum = 0;
+    for (float l : loss) sum += static_cast<double>(l);
+    EXPECT_TRUE(close(r.first_value, sum, 1e-5));
+    for (std::size_t i = 0; i < g.size(); ++i)
+        for (int k = 0; k < 3; ++k) EXPECT_TRUE(close(r.dL_dcolor[i][k], g[i][k], 1e-4, 1e-4));
+    // Later the L1 part counts e^A times.
+    const auto later = test::evaluate_exposure<Cpu>(c, 50);
+    const float gain = std::exp(test::evaluate_exposure<Cpu>(c, 49).states[1].value[0]);
+    const float per_value = 0.8f / (3 * static_cast<float>(g.size()));
+    EXPECT_NEAR(later.dL_dcolor[5].x - r.dL_dcolor[5].x, -per_value * (gain - 1), 1e-8);
+}
+
+TEST(Exposure, RendersThatDoNotResembleAreLeftAlone) {
+    test::ExposureCase c = exposure_case(1, 0);
+    test::Random random(1);
+    for (auto& p : c.photo) p = static_cast<std::uint8_t>(random.uniform(0, 255.9));
+    const auto r = test::evaluate_exposure<Cpu>(c, 5);
+    EXPECT_EQ(r.states[1].value[0], 0);
+    EXPECT_EQ(r.states[1].steps, 0);
+}
+
+TEST(MultiViewTwins, CpuAgainstCuda) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        for (int fineness : {1, 2})
+            for (bool geometry : {true, false}) {
+                SCOPED_TRACE(geometry);
+                const MultiViewCase c = plane_case(0.02, fineness);
+                const MultiViewResult a = evaluate<Cpu>(c, geometry, kWeight),
+                                      b = test::evaluate_cuda(c, geometry, kWeight),
+                                      again = test::evaluate_cuda(c, geometry, kWeight);
+                // Roundings of 1e-5 px: a pixel at the limit of one pixel may fall on either side.
+                EXPECT_NEAR(a.valid, b.valid, 2);
+                EXPECT_TRUE(close(a.value, b.value, 5e-3));
+                double difference = 0, size = 0;
+                const auto compare = [&](const auto& x, const auto& y) {
+                    ASSERT_EQ(x.size(), y.size());
+                    const auto* p = reinterpret_cast<const float*>(x.data());
+                    const auto* q = reinterpret_cast<const float*>(y.data());
+                    for (std::size_t i = 0; i < x.size() * sizeof(x[0]) / sizeof(float); ++i)
+                        difference += static_cast<double>((p[i] - q[i]) * (p[i] - q[i])),
+                            size += static_cast<double>(p[i] * p[i]);
+                };
+                compare(a.dL_dnormal, b.dL_dnormal);
+                compare(a.dL_ddistance, b.dL_ddistance);
+                compare(a.dL_dneighbour_normal, b.dL_dneighbour_normal);
+                compare(a.dL_dneighbour_distance, b.dL_dneighbour_distance);
+                // As a whole: single pixels near an error of 0 have no direction to agree on.
+                EXPECT_LT(std::sqrt(difference / size), 0.02);
+                EXPECT_TRUE(same_bits(b.dL_dnormal, again.dL_dnormal));
+                EXPECT_TRUE(same_bits(b.dL_dneighbour_normal, again.dL_dneighbour_normal));
+            }
+    }
+}
+
+TEST(MultiViewTwins, Exposure) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const auto c = exposure_case(1.2, 0.05);
+        const auto a = test::evaluate_exposure<Cpu>(c, 500),
+                   b = test::evaluate_exposure_cuda(c, 500);
+        EXPECT_TRUE(close(a.first_value, b.first_value, 1e-5));
+        // Five hundred steps of 1e-3; near the optimum signs may differ for some.
+        for (int k = 0; k < 2; ++k) EXPECT_NEAR(a.states[1].value[k], b.states[1].value[k], 5e-3);
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
