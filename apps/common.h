@@ -1,126 +1,34 @@
-// What all commands share: the device switch, and one place where exceptions become messages and
-// exit codes.
+// What all commands share: flags, the device switch, signals, and one place where exceptions become
+// messages and exit codes.
 #pragma once
 
-#include <fcntl.h>
-
 #include <CLI/CLI.hpp>
-#include <cerrno>
-#include <csignal>
-#include <cstdio>
-#include <cstring>
-#include <exception>
-#include <new>
+#include <functional>
 #include <string>
-#include <vector>
 
 #include "core/cuda_device.h"
 #include "core/device.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/nearest_name.h"
 
 namespace tvsgs {
 
 inline constexpr const char* kVersion = "tvsgs 0.1.0";
 
-/// Thrown after --help or --version has been printed.
-struct AskedAndAnswered {};
-
-/// What was asked for has to arrive, unless the reader had enough of it.
-inline void flush_standard_output() {
-    errno = 0;
-    if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
-        throw Error(ExitCode::io, str("standard output: writing failed",
-                                      errno != 0 ? str(": ", std::strerror(errno)) : ""));
-}
-
 /// For flags that ask for a number above 0.
-inline const CLI::Validator kPositive(
-    [](std::string& text) {
-        double value = 0;
-        const bool good = CLI::detail::lexical_cast(text, value) && value > 0;
-        return good ? std::string() : str("expected a number above 0, found '", text, "'");
-    },
-    "> 0");
+extern const CLI::Validator kPositive;
 
-/// Parses with '_' and '-' alike in long flags. Errors become Error(ExitCode::usage); an unknown
-/// flag names the nearest one.
-inline void parse_command_line(CLI::App& app, int argc, char** argv) {
-    std::vector<std::string> words;
-    for (int i = argc - 1; i > 0; --i) {  // CLI11 takes them last to first
-        std::string word = argv[i];
-        if (word.starts_with("--")) {
-            const std::size_t end = std::min(word.find('='), word.size());
-            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_',
-                         '-');
-        }
-        words.push_back(word);
-    }
-    std::vector<std::string> known;
-    const std::function<void(const CLI::App&)> collect = [&](const CLI::App& a) {
-        for (const CLI::Option* option : a.get_options())
-            for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
-        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; }))
-            collect(*sub);
-    };
-    collect(app);
-    try {
-        app.parse(std::vector<std::string>(words));  // it would eat the words
-    } catch (const CLI::Success& success) {          // --help, --version
-        app.exit(success);
-        std::cout.flush();
-        flush_standard_output();
-        throw AskedAndAnswered{};
-    } catch (const CLI::ParseError& error) {
-        std::string hint;
-        const auto subs = app.get_subcommands([](const CLI::App*) { return true; });
-        for (const CLI::App* sub : subs)
-            if (app.get_subcommands().empty())
-                hint += (hint.empty() ? ": " : ", ") + sub->get_name();
-        for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
-            const std::string flag = word->substr(0, word->find('='));
-            if (!flag.starts_with("--") ||
-                std::find(known.begin(), known.end(), flag) != known.end())
-                continue;
-            const std::string near = nearest_name(flag, known);
-            hint = near.empty() ? str("; unknown flag ", flag)
-                                : str("; unknown flag ", flag, ", did you mean ", near, "?");
-        }
-        throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
-    }
-}
+/// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
+/// become Error(ExitCode::usage); an unknown flag names the nearest one.
+void parse_command_line(CLI::App& app, int argc, char** argv);
 
 /// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu";
-/// "cuda"; "cuda:N".
+/// "cuda"; "cuda:N". Throws Error(ExitCode::device).
 struct DeviceChoice {
     bool cuda = false;
     std::string description;
 };
-
-inline DeviceChoice choose_device(const std::string& name) {
-    if (name == "cpu") return {false, "cpu"};
-    int index = 0;
-    const bool automatic = name == "auto";
-    if (!automatic && name != "cuda") {
-        const bool numbered = name.starts_with("cuda:") && name.size() > 5 && name.size() < 9 &&
-                              name.find_first_not_of("0123456789", 5) == std::string::npos;
-        if (!numbered)
-            throw Error(ExitCode::usage,
-                        str("--device ", name, ": expected auto, cpu, cuda or cuda:N"));
-        index = std::stoi(name.substr(5));
-    }
-    if constexpr (kHasCuda) {
-        if (automatic && cuda_device_count() == 0) return {false, "cpu"};
-        return {true, str("cuda:", index, " ", use_cuda_device(index))};
-    } else {
-        if (automatic) return {false, "cpu"};
-        throw Error(
-            ExitCode::device,
-            str("--device ", name,
-                ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
-    }
-}
+DeviceChoice choose_device(const std::string& name);
 
 /// The one switch between the devices: calls action(Cpu{}) or action(Cuda{}).
 template <class Action>
@@ -131,38 +39,24 @@ auto on_device(const DeviceChoice& device, Action&& action) {
     return action(Cpu{});
 }
 
-/// A reader that leaves (`| head`) must not kill a training, and a standard stream that was closed
-/// must not lend its number to a file of the run, into which messages would then go.
-inline void guard_standard_streams() {
-    std::signal(SIGPIPE, SIG_IGN);
-    for (int stream = 0; stream < 3; ++stream)
-        if (fcntl(stream, F_GETFD) == -1)
-            open("/dev/null", O_RDWR);  // takes the lowest free number
-}
+/// While it lives, the signals that ask a command to end (SIGINT, SIGTERM, SIGHUP) are only noted,
+/// so that it can save its work. Otherwise they end it at once, without leaving temporary files.
+class SignalGuard {
+public:
+    SignalGuard();
+    SignalGuard(const SignalGuard&) = delete;
+    SignalGuard& operator=(const SignalGuard&) = delete;
+    ~SignalGuard();
+
+    static int received();  ///< the first signal; 0: none
+
+    /// Ends the command with the signal's exit code if one has arrived. To be called where nothing
+    /// is half done.
+    static void check();
+};
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its
 /// kind.
-template <class Command>
-int run_command(Command&& command) {
-    guard_standard_streams();
-    try {
-        const int code = command();
-        flush_standard_output();
-        return code;
-    } catch (const AskedAndAnswered&) {
-        return 0;
-    } catch (const Error& error) {
-        std::fprintf(stderr, "error: %s\n", error.what());
-        return static_cast<int>(error.code());
-    } catch (const std::bad_alloc&) {
-        std::fprintf(
-            stderr,
-            "error: out of memory; use fewer splats (--max-gaussians) or smaller images (-r)\n");
-        return static_cast<int>(ExitCode::memory);
-    } catch (const std::exception& error) {
-        std::fprintf(stderr, "error: internal: %s\n", error.what());
-        return static_cast<int>(ExitCode::internal);
-    }
-}
+int run_command(const std::function<int()>& command);
 
 }  // namespace tvsgs

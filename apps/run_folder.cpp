@@ -9,21 +9,31 @@
 #include "io/atomic_file.h"
 #include "io/config.h"
 #include "io/ply.h"
+#include "io/read_file.h"
 
 namespace tvsgs {
 namespace fs = std::filesystem;
 
-void require_free_run_folder(const std::string& path, bool overwrite) {
+void require_free_run_folder(const std::string& path, bool overwrite, const std::string& scene) {
     std::error_code code;
-    if (!overwrite && fs::exists(fs::path(path) / "config.json", code))
+    if (fs::equivalent(path, scene, code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the scene; name another folder for the run with --out"));
+    const std::string config = (fs::path(path) / "config.json").string();
+    if (!fs::exists(config, code)) return;
+    if (!overwrite)
         throw Error(ExitCode::usage,
                     str(path,
                         ": holds another run (config.json); expected an empty or new folder; "
                         "name another with --out, or replace that run with --overwrite"));
+    // What is overwritten is removed: never the work of another program.
+    if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
+        throw Error(ExitCode::usage, str(config,
+                                         ": was not written by tvsgs-train, so its folder is not "
+                                         "overwritten; name another with --out"));
 }
 
-RunFolder::RunFolder(const std::string& path, bool overwrite) : path_(path) {
-    require_free_run_folder(path, overwrite);
+RunFolder::RunFolder(const std::string& path) : path_(path) {
     const fs::path folder(path);
     std::error_code code;
     if (fs::exists(folder / "config.json", code))
@@ -107,6 +117,13 @@ std::string find_splats(const std::string& path) {
     return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
 }
 
+Gaussians<Cpu> read_splats(const std::string& file) {
+    Gaussians<Cpu> splats = read_splat_ply(file);
+    if (splats.size() == 0)
+        throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
+    return splats;
+}
+
 std::string run_config_path(const std::string& path) {
     const std::string config = path + "/config.json";
     std::error_code code;
@@ -115,6 +132,12 @@ std::string run_config_path(const std::string& path) {
             ExitCode::input,
             str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
     return config;
+}
+
+Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
+    return with_context(
+        str("looking for the scene of ", path, " (--scene DIR names another place)"),
+        [&] { return read_scene(options); });
 }
 
 }  // namespace tvsgs

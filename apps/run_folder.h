@@ -6,17 +6,19 @@
 
 #include "core/gaussians.h"
 #include "core/scene.h"
+#include "io/scene_reader.h"
 
 namespace tvsgs {
 
-/// Throws Error(ExitCode::usage) when `path` holds a run and is not to be overwritten.
-void require_free_run_folder(const std::string& path, bool overwrite);
+/// Throws Error(ExitCode::usage) when `path` holds a run that is not to be overwritten, another
+/// program's config.json, or the scene.
+void require_free_run_folder(const std::string& path, bool overwrite, const std::string& scene);
 
 class RunFolder {
 public:
-    /// Creates the folder and its log. A folder that holds another run is refused unless
-    /// `overwrite`. Throws Error(ExitCode::io) when it cannot be written, before any work is done.
-    RunFolder(const std::string& path, bool overwrite);
+    /// Creates the folder, in place of an earlier run there, and its log. Throws
+    /// Error(ExitCode::io) when it cannot be written.
+    explicit RunFolder(const std::string& path);
     RunFolder(const RunFolder&) = delete;
     RunFolder& operator=(const RunFolder&) = delete;
     ~RunFolder();
@@ -38,11 +40,18 @@ private:
     std::FILE* log_ = nullptr;
 };
 
-/// The splats of the largest iteration in a run folder, or `path` itself when it is a file. Throws
-/// Error(ExitCode::input).
+/// The file with the splats of the largest iteration in a run folder, or `path` itself when it is a
+/// file. Throws Error(ExitCode::input).
 std::string find_splats(const std::string& path);
+
+/// The splats in that file, at least one. Throws Error(ExitCode::input).
+Gaussians<Cpu> read_splats(const std::string& file);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);
+
+/// The scene that `options` of the run `path` name; when that fails, the message says how to name
+/// another.
+Scene read_scene_of_run(const SceneOptions& options, const std::string& path);
 
 }  // namespace tvsgs

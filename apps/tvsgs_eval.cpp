@@ -146,10 +146,10 @@ std::vector<Vec3f> read_points(const std::string& path,
     if (points.empty())
         throw Error(
             ExitCode::input,
-            before == 0
-                ? str(path, ": holds no points; nothing to compare")
-                : str(path, ": none of its ", before, " ", kind, " is finite and inside of ",
-                      arguments.crop.empty() ? std::string("space") : arguments.crop,
+            before == 0 ? str(path, ": holds no points; nothing to compare")
+            : !(lower.x <= upper.x)
+                ? str(path, ": none of its ", before, " ", kind, " is finite")
+                : str(path, ": none of its ", before, " ", kind, " is inside of ", arguments.crop,
                       "; they span (", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x,
                       ", ", upper.y, ", ", upper.z, "); are frame and units those of the crop?"));
     return points;
@@ -222,8 +222,8 @@ int nvs(const NvsArguments& arguments) {
     options.scene.need_points = false;
     const DeviceChoice device = choose_device(arguments.device);
     const std::string splat_path = find_splats(arguments.model);
-    const Gaussians<Cpu> splats = read_splat_ply(splat_path);
-    const Scene scene = read_scene(options.scene);
+    const Gaussians<Cpu> splats = read_splats(splat_path);
+    const Scene scene = read_scene_of_run(options.scene, arguments.model);
     if (scene.test.empty())
         throw Error(ExitCode::input,
                     str(arguments.model, ": the run has no test views (scene ", options.scene.path,

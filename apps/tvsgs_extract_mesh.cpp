@@ -291,8 +291,8 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is the file of the splats; name another"));
     const DeviceChoice device = choose_device(arguments.device);
-    const Gaussians<Cpu> splats = read_splat_ply(splat_path);
-    const Scene scene = read_scene(options.scene);
+    const Gaussians<Cpu> splats = read_splats(splat_path);
+    const Scene scene = read_scene_of_run(options.scene, arguments.model);
     spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
                  scene.train.size(), options.scene.path, device.description);
 

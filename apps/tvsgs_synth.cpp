@@ -345,7 +345,10 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     const std::vector<SynthView> views = make_views(options);
     std::vector<Sample> points = sample_surface(mesh, 8000, options.seed);
     std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
-    for (int i = 0; i < options.views; ++i) write_view(out, mesh, options, views, i, points, truth);
+    for (int i = 0; i < options.views; ++i) {
+        SignalGuard::check();
+        write_view(out, mesh, options, views, i, points, truth);
+    }
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
     write_colmap(out + "/sparse/0", views, points, options.seed);
@@ -390,6 +393,7 @@ int run(const SynthOptions& options) {
         if (failure)
             throw Error(ExitCode::io, str(target, ": cannot be written: ", failure.message()));
     };
+    const SignalGuard signals;
     try {
         write_scene(options, partial);
         move_in_place();

@@ -1,5 +1,4 @@
 // tvsgs-train: scene in, splats out. Parses, calls the train loop, writes the run folder.
-#include <csignal>
 #include <filesystem>
 
 #include "common.h"
@@ -10,8 +9,6 @@
 
 namespace tvsgs {
 namespace {
-
-volatile std::sig_atomic_t received_signal = 0;
 
 struct Arguments {
     std::string out, device = "auto", progress = "auto";
@@ -86,8 +83,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
                    "iterations between lines of log.jsonl [50]")
         ->check(CLI::Range(1, 1000000000))
         ->group(group);
-    app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
-    app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
+    CLI::Option* quiet =
+        app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
+    app.add_flag("--verbose", arguments.verbose, "more detail")->group(group)->excludes(quiet);
     app.add_flag("--profile", arguments.profile,
                  "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
         ->group(group);
@@ -134,8 +132,7 @@ int train_and_save(const Scene& scene,
                    const RunOptions& options,
                    const Arguments& arguments,
                    RunFolder& run) {
-    std::signal(SIGINT, [](int signal) { received_signal = signal; });
-    std::signal(SIGTERM, [](int signal) { received_signal = signal; });
+    const SignalGuard signals;
     const int iterations = options.train.iterations;
     Progress progress(iterations, arguments.quiet ? "quiet" : arguments.progress);
     int step_now = 0;
@@ -149,7 +146,7 @@ int train_and_save(const Scene& scene,
         progress.show(report);
     };
     callbacks.stop_requested = [&] {
-        if (received_signal != 0) return true;
+        if (signals.received() != 0) return true;
         ++step_now;
         return false;
     };
@@ -161,14 +158,10 @@ int train_and_save(const Scene& scene,
     Gaussians<Cpu> host;
     copy(gaussians, host);
     run.save_splats(host, step_now);
-    const int stopped_by = received_signal;
-    std::signal(SIGINT, SIG_DFL);  // from here on nothing is lost
-    std::signal(SIGTERM, SIG_DFL);
-    if (stopped_by != 0) {
-        spdlog::warn("stopped by signal {} after {} of {} iterations; the splats so far are in {}",
-                     stopped_by, step_now, iterations, run.path());
-        return 128 + stopped_by;
-    }
+    if (step_now < iterations)
+        spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", step_now,
+                     iterations, run.path());
+    signals.check();
 
     JsonLine summary;
     summary.add("event", "done")
@@ -208,9 +201,10 @@ int command(int argc, char** argv) {
         const auto scene_folder = std::filesystem::weakly_canonical(options.scene.path);
         arguments.out = "runs/" + scene_folder.filename().string();
     }
-    require_free_run_folder(arguments.out, arguments.overwrite);  // before the scene is read
+    // Before the scene is read:
+    require_free_run_folder(arguments.out, arguments.overwrite, options.scene.path);
     const Scene scene = read_scene(options.scene);
-    RunFolder run(arguments.out, arguments.overwrite);
+    RunFolder run(arguments.out);
     run.save_config(table.json(run_info(device, argc, argv)));
     run.save_cameras(scene);
     const Camera& camera = scene.train.front().camera;

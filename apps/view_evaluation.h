@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "common.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
 #include "io/image_file.h"
@@ -20,7 +21,7 @@ struct ViewScores {
 
 /// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view and RUN/eval/nvs.json.
 /// Scores are on 8-bit renders, rounded half up, by the definitions of 3DGS; views equal to their
-/// photograph have an infinite PSNR and stay out of its mean.
+/// photograph have an infinite PSNR and stay out of its mean. Gives way to a signal between views.
 template <class Device>
 ViewScores evaluate_views(const Gaussians<Device>& gaussians,
                           const std::vector<View>& views,
@@ -31,6 +32,7 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
     std::string per_view;
     int finite = 0;
     for (const View& view : views) {
+        SignalGuard::check();
         const auto& images =
             backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
         const int w = images.width, h = images.height;

@@ -22,7 +22,7 @@ struct PointCloud {
     std::vector<Vec3f> positions;  // world units
     std::vector<Vec3f> colors;     // [0, 1]; empty: grey
     std::vector<Vec3f> normals;    // unit; empty: none
-    std::vector<float> confidences;  // [0, 1]; empty: none
+    std::vector<float> confidences{};  // [0, 1]; empty: none
 };
 
 struct Scene {

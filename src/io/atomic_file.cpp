@@ -17,24 +17,61 @@ Error write_error(const std::string& path, const char* doing, const std::string&
     return Error(ExitCode::io, str(path, ": ", doing, " failed: ", reason));
 }
 
+// Names of the temporary files that exist, for remove_temporary_files(). Files beyond the last slot
+// are only removed by their destructors.
+constexpr int kSlots = 16;
+std::atomic<const char*> temporaries[kSlots];
+
+void note(const char* name) {
+    for (auto& slot : temporaries) {
+        const char* free = nullptr;
+        if (slot.compare_exchange_strong(free, name)) return;
+    }
+}
+
+void forget(const char* name) {
+    for (auto& slot : temporaries) {
+        const char* expected = name;
+        if (slot.compare_exchange_strong(expected, nullptr)) return;
+    }
+}
+
 }  // namespace
+
+void remove_temporary_files() noexcept {
+    for (auto& slot : temporaries)
+        if (const char* const name = slot.exchange(nullptr)) unlink(name);
+}
 
 AtomicFile::AtomicFile(const std::string& path) : path_(path) {
     static std::atomic<int> counter{0};
-    const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+    namespace fs = std::filesystem;
     std::error_code error;
-    if (!folder.empty()) std::filesystem::create_directories(folder, error);
+    if (const fs::path target = fs::canonical(path, error); !error) path_ = target.string();
+    const fs::path folder = fs::path(path_).parent_path();
+    error.clear();
+    if (!folder.empty()) fs::create_directories(folder, error);
     if (error) throw write_error(path, "making its folder", error.message());
-    if (std::filesystem::is_directory(path, error))
-        throw write_error(path, "writing", "it is a folder");
-    temporary_ = str(path, ".tmp-", getpid(), "-", counter++);
-    file_ = std::fopen(temporary_.c_str(), "wb");
-    if (!file_) throw write_error(path, "writing", std::strerror(errno));
+    const fs::file_status status = fs::status(path_, error);
+    if (fs::is_directory(status)) throw write_error(path, "writing", "it is a folder");
+    const bool direct = fs::exists(status) && !fs::is_regular_file(status);
+    if (!direct) {
+        temporary_ = str(path_, ".tmp-", getpid(), "-", counter++);
+        note(temporary_.c_str());
+    }
+    file_ = std::fopen((direct ? path_ : temporary_).c_str(), "wb");
+    if (!file_) {
+        const std::string reason = std::strerror(errno);
+        if (!direct) forget(temporary_.c_str());
+        throw write_error(path, "writing", reason);
+    }
 }
 
 AtomicFile::~AtomicFile() {
     if (file_) std::fclose(file_);
-    if (!temporary_.empty()) std::remove(temporary_.c_str());
+    if (temporary_.empty()) return;
+    std::remove(temporary_.c_str());
+    forget(temporary_.c_str());
 }
 
 void AtomicFile::write(const void* data, std::size_t bytes) {
@@ -43,12 +80,15 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
 }
 
 void AtomicFile::commit() {
-    if (std::fflush(file_) != 0 || fsync(fileno(file_)) != 0)
+    const bool direct = temporary_.empty();
+    if (std::fflush(file_) != 0 || (!direct && fsync(fileno(file_)) != 0))
         throw write_error(path_, "writing", std::strerror(errno));
     if (std::fclose(std::exchange(file_, nullptr)) != 0)
         throw write_error(path_, "closing", std::strerror(errno));
+    if (direct) return;
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0)
         throw write_error(path_, "renaming the finished file", std::strerror(errno));
+    forget(temporary_.c_str());
     temporary_.clear();
 }
 

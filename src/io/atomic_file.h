@@ -7,7 +7,8 @@
 namespace tvsgs {
 
 /// A file that appears under its name only when commit() has flushed it to disk: a reader never
-/// sees half of it. Throws Error(ExitCode::io) with the path and the system's reason.
+/// sees half of it. A link is followed; what is no file (/dev/stdout, a pipe) is written to
+/// directly. Throws Error(ExitCode::io) with the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders
@@ -20,9 +21,13 @@ public:
     void commit();
 
 private:
-    std::string path_, temporary_;
+    std::string path_, temporary_;  // temporary_ is empty where path_ is written directly
     std::FILE* file_ = nullptr;
 };
+
+/// Removes the temporary files of this process. For signal handlers that end it: calls only what
+/// POSIX allows there.
+void remove_temporary_files() noexcept;
 
 /// The whole text in one go.
 void write_text_file(const std::string& path, std::string_view text);

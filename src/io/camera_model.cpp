@@ -104,9 +104,13 @@ Intrinsics make_intrinsics(const std::string& path,
     in.cx_px = params[static_cast<std::size_t>(first - 2)],
     in.cy_px = params[static_cast<std::size_t>(first - 1)];
 
-    if (!(in.fx_px > 0 && in.fy_px > 0) || !std::isfinite(in.fx_px) || !std::isfinite(in.fy_px))
+    constexpr double kLargest = 1e9;  // pixels: beyond, float cannot tell one from the next
+    if (!(in.fx_px > 0 && in.fy_px > 0 && in.fx_px <= kLargest && in.fy_px <= kLargest))
         throw input_error("E_CAMERA_FOCAL: ", where, ": focal lengths ", in.fx_px, ", ", in.fy_px,
                           "; expected positive numbers of pixels");
+    if (std::abs(in.cx_px) > kLargest || std::abs(in.cy_px) > kLargest)
+        throw input_error("E_CAMERA_PARAMS: ", where, ": principal point (", in.cx_px, ", ",
+                          in.cy_px, "); expected pixels, near the middle of the image");
     if (!std::all_of(params.begin(), params.end(), [](double p) { return std::isfinite(p); }))
         throw input_error("E_CAMERA_PARAMS: ", where, ": a parameter is not a finite number");
     const double size = static_cast<double>(std::max(width, height));

@@ -101,7 +101,7 @@ public:
         const std::string_view word = next_word(line_);
         T value{};
         if (word.empty()) corrupt(str("no ", what));
-        if (!parse_number(word, value)) corrupt(str("'", word, "' is not a valid ", what));
+        if (!parse_number(word, value)) corrupt(str("'", shown(word), "' is not a valid ", what));
         return value;
     }
     Vec3d get_vec3(const char* what) {
@@ -155,7 +155,8 @@ void read_cameras(TextReader&& in, ColmapModel& model) {
         const std::string name(in.get_word());
         const auto width = in.get<std::uint64_t>("width"), height = in.get<std::uint64_t>("height");
         const CameraModel* camera_model = find_camera_model(name);
-        if (!camera_model) throw_camera_model(in.path(), id, str("the unknown model '", name, "'"));
+        if (!camera_model)
+            throw_camera_model(in.path(), id, str("the unknown model '", shown(name), "'"));
         std::vector<double> params(static_cast<std::size_t>(camera_model->params));
         for (double& param : params) param = in.get<double>("camera parameter");
         if (!in.line_is_empty())
@@ -171,7 +172,7 @@ void check_name(const std::string& where, const std::string& name) {
                name.find('\0') != std::string::npos;
     for (const auto& part : path) bad |= part == "..";
     if (bad)
-        throw input_error("E_BAD_NAME: ", where, ": image name '", name.substr(0, 100),
+        throw input_error("E_BAD_NAME: ", where, ": image name '", shown(name),
                           "'; expected a relative path of 1 to 4096 characters without '..'");
 }
 
@@ -182,6 +183,10 @@ void add_image(ColmapModel& model, const std::string& where, ColmapImage image, 
     if (!std::isfinite(q.w + q.x + q.y + q.z) || !is_finite(t))
         throw input_error("E_POSE_NAN: ", who,
                           ": the pose holds a number that is not finite; remove the image");
+    constexpr double kFarthest = 1e9;  // world units, as for points: float has no digits left there
+    if (!(std::abs(t.x) <= kFarthest && std::abs(t.y) <= kFarthest && std::abs(t.z) <= kFarthest))
+        throw input_error("E_POSE_RANGE: ", who, ": translation (", t.x, ", ", t.y, ", ", t.z,
+                          "); expected at most 1e9 each: rescale the model or remove the image");
     const double length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);
     if (!(length >= 1e-8 && std::isfinite(length)))
         throw input_error("E_POSE_QUAT: ", who, ": quaternion of length ", length, "; expected 1");
@@ -232,6 +237,10 @@ void read_images(TextReader&& in, ColmapModel& model) {
 }
 
 void check_images(const std::string& path, ColmapModel& model) {
+    if (model.images.empty())
+        throw input_error(
+            "E_NO_IMAGES: ", path,
+            ": lists no image; was the reconstruction empty? Run COLMAP's mapper again");
     std::set<std::uint32_t> ids;
     for (const ColmapImage& image : model.images) {
         if (!ids.insert(image.id).second)
@@ -336,15 +345,18 @@ auto with_reader(const std::string& path, const Action& action) {
 
 }  // namespace
 
-bool is_colmap_folder(const std::string& folder) {
-    return find_file(folder, "cameras") && find_file(folder, "images");
+std::vector<std::string> missing_colmap_files(const std::string& folder) {
+    std::vector<std::string> missing;
+    for (const char* name : {"cameras", "images"})
+        if (!find_file(folder, name)) missing.push_back(str(name, ".{bin,txt}"));
+    return missing;
 }
 
 ColmapModel read_colmap_model(const std::string& folder) {
     const auto cameras = find_file(folder, "cameras"), images = find_file(folder, "images");
     if (!cameras || !images)
         throw input_error("E_SCENE_LAYOUT: ", folder,
-                          ": expected cameras.bin or .txt and images.bin or .txt");
+                          ": expected cameras.{bin,txt} and images.{bin,txt}");
     ColmapModel model;
     with_reader(*cameras, [&](auto&& in) { read_cameras(std::move(in), model); });
     with_reader(*images, [&](auto&& in) { read_images(std::move(in), model); });

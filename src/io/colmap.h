@@ -29,8 +29,8 @@ struct ColmapPoints {
     std::vector<std::uint32_t> track;      // ids of the images that see the point
 };
 
-/// Does the folder hold cameras.{bin,txt} and images.{bin,txt}?
-bool is_colmap_folder(const std::string& folder);
+/// What a model needs and the folder lacks, of "cameras.{bin,txt}" and "images.{bin,txt}".
+std::vector<std::string> missing_colmap_files(const std::string& folder);
 
 /// Of each file the binary form is preferred; a broken one is an error, never a reason to read the
 /// text. Throws Error(ExitCode::input) with the E_ word of the specification, the file and the byte

@@ -223,6 +223,9 @@ void OptionTable::read_file(const std::string& path) {
         };
         if (value.is_object() && std::any_of(options_.begin(), options_.end(), in_group))
             continue;  // an empty group
+        if (std::any_of(options_.begin(), options_.end(), in_group))
+            throw Error(ExitCode::usage,
+                        str(path, ": ", key, " is a group of keys; expected an object, {...}"));
         const Option* option = find_option(options_, key);
         if (!option) throw_unknown(options_, key, path);
         if (!seen.insert(key).second)

@@ -97,6 +97,16 @@ public:
             read_lists(element, values, [](int, auto&) {});
     }
 
+    /// After the last element: bytes that no count speaks of mean that a count is wrong.
+    void finish() const {
+        const auto rest = std::string_view(bytes_).substr(offset_);
+        if (!(ascii_ ? trimmed(rest) : rest).empty())
+            spdlog::warn(
+                "{}: {} bytes after the last element were ignored; are the counts in its "
+                "header right?",
+                path_, rest.size());
+    }
+
     [[noreturn]] void header_error(const std::string& what) const {
         throw input_error("E_PLY_HEADER: ", path_, ": ", what);
     }
@@ -128,11 +138,11 @@ private:
                 ascii_ = format == "ascii";
                 big_endian_ = format == "binary_big_endian";
                 if (!ascii_ && !big_endian_ && format != "binary_little_endian")
-                    header_error(str("unknown format '", format, "'"));
+                    header_error(str("unknown format '", shown(format), "'"));
                 has_format = true;
             } else if (word == "element") {
                 Element element;
-                element.name = next_word(line);
+                element.name = shown(next_word(line));
                 if (!parse_number(next_word(line), element.count))
                     header_error(
                         str("line ", number, ": element '", element.name, "' has no valid count"));
@@ -144,7 +154,8 @@ private:
             } else if (word == "end_header") {
                 break;
             } else if (word != "comment" && word != "obj_info" && !word.empty()) {
-                header_error(str("line ", number, ": unknown keyword '", word.substr(0, 40), "'"));
+                header_error(str("line ", number, ": unknown keyword '", shown(word),
+                                 "'; is the header cut off?"));
             }
         }
         if (!has_format) header_error("no format line");
@@ -163,7 +174,7 @@ private:
                  {"double", "float64"}}};
             for (std::size_t i = 0; i < kNames.size(); ++i)
                 if (word == kNames[i][0] || word == kNames[i][1]) return static_cast<Type>(i);
-            header_error(str("line ", number, ": unknown type '", word.substr(0, 40), "'"));
+            header_error(str("line ", number, ": unknown type '", shown(word), "'"));
         };
         Property property;
         std::string_view word = next_word(line);
@@ -177,7 +188,7 @@ private:
         property.type = type_of(word);
         property.name = next_word(line);
         if (element.find(property.name) >= 0)
-            header_error(str("line ", number, ": property '", property.name, "' twice"));
+            header_error(str("line ", number, ": property '", shown(property.name), "' twice"));
         element.properties.push_back(property);
     }
 
@@ -201,7 +212,7 @@ private:
             if (word.empty()) truncated();
             if (!parse_number(word, value))
                 throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_ - word.size(), ": '",
-                                  word.substr(0, 40), "' is not a number");
+                                  shown(word), "' is not a number");
             return value;
         }
         switch (type) {
@@ -240,7 +251,7 @@ private:
 void check_vertices(const PlyReader& in, const Element& vertex) {
     for (const Property& property : vertex.properties)
         if (property.is_list)
-            in.header_error(str("the list '", property.name, "' in the vertex element"));
+            in.header_error(str("the list '", shown(property.name), "' in the vertex element"));
     if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
     in.check_count(vertex);
     if (vertex.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
@@ -382,6 +393,7 @@ PlyContents read_ply(const std::string& path) {
         else
             in.skip(element);
     }
+    in.finish();
     return contents;
 }
 
@@ -462,6 +474,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path) {
         means.push_back(mean), log_scales.push_back(log_scale), quats.push_back(quat),
             opacities.push_back(opacity);
     }
+    if (&vertex == &in.elements().back()) in.finish();
     const std::size_t count = means.size();
     if (count < rows)
         spdlog::warn("{}: {} of {} splats were dropped: not finite, or a zero quaternion", path,

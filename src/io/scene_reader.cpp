@@ -31,11 +31,18 @@ bool is_file(const fs::path& path) {
 
 /// The COLMAP model of the scene.
 std::string find_model(const std::string& scene) {
+    std::error_code no_matter;
+    if (!fs::is_directory(scene, no_matter))
+        throw input_error("E_SCENE_LAYOUT: ", scene,
+                          fs::exists(scene, no_matter) ? ": is a file" : ": does not exist",
+                          "; expected the folder that holds sparse/ and the images");
     std::string tried;
     for (const char* folder : {"sparse/0", "sparse", "dense/sparse", "colmap/sparse/0", "."}) {
         const std::string path = (fs::path(scene) / folder).string();
-        if (!is_colmap_folder(path)) {
+        const std::vector<std::string> missing = missing_colmap_files(path);
+        if (!missing.empty()) {
             tried += "\n  " + path;
+            if (missing.size() == 1) tried += str(" (there is no ", missing[0], ")");
             continue;
         }
         if (std::string(folder) == "sparse/0" && fs::exists(fs::path(scene) / "sparse/1"))
@@ -49,7 +56,7 @@ std::string find_model(const std::string& scene) {
         if (fs::exists(fs::path(scene) / other))
             hint = str(" The scene holds ", other,
                        ", a layout that is not read yet: convert it to COLMAP.");
-    throw input_error("E_SCENE_LAYOUT: ", scene, fs::exists(scene) ? "" : " does not exist",
+    throw input_error("E_SCENE_LAYOUT: ", scene,
                       ": no COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
                       "\n ", hint);
 }
@@ -160,8 +167,22 @@ void check_size(const std::string& file, ImageSize found, const Intrinsics& came
                : "; pass the folder of the images that the cameras were computed for (--images)");
 }
 
+/// Masks may be smaller or larger than their images, but not of another shape.
+void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8& photo) {
+    if (same_shape(mask.width, mask.height, photo.width, photo.height)) return;
+    throw input_error("E_MASKS: ", file, ": ", mask.width, "x", mask.height,
+                      " pixels; its image has ", photo.width, "x", photo.height,
+                      "; expected that size or the same shape: make the masks from these images");
+}
+
 void threshold(ImageU8& mask) {
     for (auto& value : mask.pixels) value = value >= 128 ? 255 : 0;
+}
+
+/// A side of the grey image: that many times the training size, no larger than the file's.
+int finer(int size_px, const SceneOptions& options, int file_px) {
+    return std::max(size_px, std::min(file_px, static_cast<int>(static_cast<float>(size_px) /
+                                                                options.grey_scale)));
 }
 
 /// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
@@ -191,7 +212,10 @@ View load_view(const ViewSource& source, const SceneOptions& options) {
     Intrinsics intrinsics = scaled(source.intrinsics, photo.width, photo.height);
     ImageU8 valid;
     const bool distorted = intrinsics.distortion.kind != Distortion::Kind::none;
-    if (source.mask_file) mask = read_image(*source.mask_file, 1);
+    if (source.mask_file) {
+        mask = read_image(*source.mask_file, 1);
+        check_mask_size(*source.mask_file, mask, photo);
+    }
     if (distorted) {
         if (!mask.empty())
             mask = undistorted(intrinsics, resize_nearest(mask, photo.width, photo.height), valid);
@@ -202,6 +226,9 @@ View load_view(const ViewSource& source, const SceneOptions& options) {
     View view;
     view.name = source.image->name;
     view.photo = resize_bicubic(photo, size.width_px, size.height_px);
+    if (options.grey_scale < 1)
+        view.grey = grey_of(resize_bicubic(photo, finer(size.width_px, options, photo.width),
+                                           finer(size.height_px, options, photo.height)));
     if (!mask.empty()) {
         view.mask = source.mask_file ? resize_nearest(mask, size.width_px, size.height_px)
                                      : resize_bicubic(mask, size.width_px, size.height_px);
@@ -327,7 +354,7 @@ PointCloud initial_points(const SceneOptions& options,
     clean(cloud, model_folder);
     const std::string ply = (fs::path(model_folder) / "points3D.ply").string();
     if (cloud.positions.empty() && !subset && is_file(ply)) cloud = from_ply(ply);
-    if (cloud.positions.empty())
+    if (cloud.positions.empty() && options.points_required)
         throw input_error(
             "E_NO_POINTS: ", model_folder, ": no initial points",
             subset ? str(" (", points.positions.size(), " in the model, none seen by two of the ",
@@ -406,8 +433,7 @@ Scene read_scene(const SceneOptions& options) {
             throw input_error(
                 "E_NO_IMAGES: ", image_folder.string(), ": ",
                 fs::is_directory(image_folder) ? "holds none of" : "no such folder for",
-                " the model's ", names.size(), " images",
-                names.empty() ? "" : str(", such as '", names[0], "'"),
+                " the model's ", names.size(), " images", str(", such as '", names[0], "'"),
                 "; name the folder with --images");
         if (missing > 0)
             spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",

@@ -14,8 +14,9 @@ namespace tvsgs {
 struct SceneOptions {
     std::string path;               // --scene
     std::string images = "images";  // --images: folder of the photographs inside the scene
-    int resolution = -1;  // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
-    std::string split;    // --split NAME of splits.json
+    int resolution = -1;   // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
+    float grey_scale = 1;  // training size over that of the grey images; 1: photos are used
+    std::string split;     // --split NAME of splits.json
     std::string train_list, test_list;  // --train-list, --test-list: one image name per line
     std::string views;  // --views I,J,K: indices into the sorted views, training only
     int num_views = 0;  // --num-views: that many training views, evenly chosen; 0: all
@@ -25,8 +26,9 @@ struct SceneOptions {
     std::string init_ply;  // --init-ply: initial cloud instead of the model's points
     bool center_principal_point = false;  // parity with the official codes
     bool undistort_fisheye =
-        false;                // fisheyes become pinholes of 120 degrees; else they are refused
-    bool need_points = true;  // false: no initial cloud is read (meshing, evaluation)
+        false;                    // fisheyes become pinholes of 120 degrees; else they are refused
+    bool need_points = true;      // false: no initial cloud is read (meshing, evaluation)
+    bool points_required = true;  // false: an empty initial cloud is no error
     int min_train_views = 2;
 
     /// What belongs to a run's configuration.
@@ -36,6 +38,9 @@ struct SceneOptions {
         field("images", images, "folder of the photographs inside the scene");
         field("resolution", resolution, {-1, 65535},
               "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+        field("grey_scale", grey_scale, {0.05, 1},
+              "for matching patches between views: training size over that of the grey images, "
+              "which never exceed the files'; 1: the training size");
         field("split", split, "list of splits.json to train on; its list 'test' is tested");
         field("train_list", train_list, "file with one training image per line");
         field("test_list", test_list, "file with one test image per line");

@@ -106,7 +106,7 @@ NamedLists lists_of_split(const SceneOptions& options) {
         std::string known;
         for (const auto& [name, list] : lists) known += str(known.empty() ? "" : ", ", name);
         throw input_error("E_SPLIT: ", path, ": no list '", options.split, "'; it holds ",
-                          known.empty() ? "none" : known);
+                          known.empty() ? "no list of names" : known);
     }
     // large_overlap_train_3 is tested on large_overlap_test, where there is one.
     std::string test_name = options.split.substr(0, options.split.find("train")) + "test";
@@ -191,7 +191,9 @@ ViewSplit split_views(const SceneOptions& options,
             if (missing(i))
                 throw input_error("E_MISSING_IMAGE: training view '",
                                   names[static_cast<std::size_t>(i)], "' is not in ",
-                                  (fs::path(options.path) / options.images).string());
+                                  (fs::path(options.path) / options.images).string(),
+                                  "; copy it there, name its folder with --images, or take it off "
+                                  "the list");
     std::erase_if(split.train, missing);
     std::erase_if(split.test, missing);
 

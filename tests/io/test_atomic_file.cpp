@@ -49,6 +49,34 @@ TEST_F(AtomicFileTest, NamesPathAndReasonWhenItCannotWrite) {
     expect_error(ExitCode::io, "/proc/no", [] { write_text_file("/proc/no/such/file", "x"); });
 }
 
+// The name must not be taken by a file: as root that would cost the machine its /dev/null.
+TEST_F(AtomicFileTest, WritesToDevicesDirectly) {
+    write_text_file("/dev/null", "x");
+    EXPECT_TRUE(std::filesystem::is_character_file("/dev/null"));
+    if (!std::filesystem::is_character_file("/dev/full")) GTEST_SKIP() << "no /dev/full here";
+    expect_error(ExitCode::io, "/dev/full: writing failed: No space left on device",
+                 [] { write_text_file("/dev/full", "x"); });
+    EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+}
+
+TEST_F(AtomicFileTest, FollowsLinks) {
+    const std::string target = write("target.txt", "old"), link = (folder / "link").string();
+    std::filesystem::create_symlink(target, link);
+    write_text_file(link, "new");
+    EXPECT_TRUE(std::filesystem::is_symlink(link));
+    EXPECT_EQ(read_bytes(target), "new");
+}
+
+TEST_F(AtomicFileTest, ASignalHandlerCanCleanUp) {
+    const std::string path = write("file.txt", "old");
+    AtomicFile file(path);
+    file.write("half of the new");
+    EXPECT_EQ(files_in(folder), 2);
+    remove_temporary_files();
+    EXPECT_EQ(files_in(folder), 1);
+    EXPECT_EQ(read_bytes(path), "old");
+}
+
 TEST_F(AtomicFileTest, UnwritableFolder) {
     if (geteuid() == 0) GTEST_SKIP() << "root may write everywhere";
     std::filesystem::permissions(

@@ -1,5 +1,3 @@
-#include <opencv2/calib3d.hpp>
-
 #include "io/camera_model.h"
 #include "io/io_test.h"
 
@@ -61,43 +59,59 @@ TEST(CameraModel, RejectsWrongNumbers) {
         });
 }
 
-/// The pixel that OpenCV finds for a ray; our corner-origin pixels are its centre-origin pixels
-/// plus one half.
-Vec2<double> opencv_pixel(const Intrinsics& in, Vec2<double> uv) {
-    const cv::Matx33d K(in.fx_px, 0, in.cx_px, 0, in.fy_px, in.cy_px, 0, 0, 1);
-    const Distortion& d = in.distortion;
-    std::vector<cv::Point2d> out;
-    if (d.kind == Distortion::Kind::fisheye) {
-        cv::fisheye::projectPoints(std::vector<cv::Point3d>{{uv.x, uv.y, 1}}, out, cv::Vec3d(),
-                                   cv::Vec3d(), K, cv::Vec4d(d.k[0], d.k[1], d.k[2], d.k[3]));
-    } else {
-        const std::vector<double> k = {d.k[0], d.k[1], d.p1, d.p2, d.k[2], d.k[3], d.k[4], d.k[5]};
-        cv::projectPoints(std::vector<cv::Point3d>{{uv.x, uv.y, 1}}, cv::Vec3d(), cv::Vec3d(), K, k,
-                          out);
-    }
-    return {out[0].x, out[0].y};
-}
-
 TEST(CameraModel, DistortsAsOpenCvDoes) {
-    const Intrinsics cameras[] = {
-        make("SIMPLE_RADIAL", {500, 320, 240, -0.1}),
-        make("RADIAL", {500, 320, 240, -0.1, 0.03}),
-        make("OPENCV", {500, 510, 320, 240, -0.1, 0.03, 0.002, -0.003}),
-        make("FULL_OPENCV",
-             {500, 510, 320, 240, -0.1, 0.03, 0.002, -0.003, 0.01, 0.02, -0.01, 0.005}),
-        make("OPENCV_FISHEYE", {300, 310, 320, 240, 0.01, -0.02, 0.003, 0.001}),
-        make("SIMPLE_RADIAL_FISHEYE", {300, 320, 240, 0.05}),
-        make("RADIAL_FISHEYE", {300, 320, 240, 0.05, 0.01}),
-        make("SIMPLE_FISHEYE", {300, 320, 240}),
-        make("FISHEYE", {300, 310, 320, 240}),
+    // Pixels of the rays (-0.6, 0.4, 1) and (0.05, 0.5, 1) as projectPoints() and
+    // fisheye::projectPoints() of OpenCV 4.6 give them.
+    const struct {
+        const char* model;
+        std::vector<double> params;
+        Vec2<double> first, second;
+    } cases[] = {
+        {"SIMPLE_RADIAL", {500, 320, 240, -0.1}, {35.6, 429.6}, {344.36875, 483.6875}},
+        {"RADIAL",
+         {500, 320, 240, -0.1, 0.03},
+         {33.1664, 431.2224},
+         {344.4165671875, 484.165671875}},
+        {"OPENCV",
+         {500, 510, 320, 240, -0.1, 0.03, 0.002, -0.003},
+         {30.8264, 436.638048},
+         {344.0803171875, 489.7400353125}},
+        {"FULL_OPENCV",
+         {500, 510, 320, 240, -0.1, 0.03, 0.002, -0.003, 0.01, 0.02, -0.01, 0.005},
+         {32.79715046774, 435.2979376819},
+         {343.9751125563, 488.6669480744}},
+        {"OPENCV_FISHEYE",
+         {300, 310, 320, 240, 0.01, -0.02, 0.003, 0.001},
+         {163.8870426312, 347.544481743},
+         {333.9174173203, 383.8133123096}},
+        {"SIMPLE_RADIAL_FISHEYE",
+         {300, 320, 240, 0.05},
+         {161.0085471677, 345.9943018882},
+         {334.0505822924, 380.5058229242}},
+        {"RADIAL_FISHEYE",
+         {300, 320, 240, 0.05, 0.01},
+         {160.7709640352, 346.1526906432},
+         {334.0571168317, 380.5711683165}},
+        {"SIMPLE_FISHEYE",
+         {300, 320, 240},
+         {164.0520078816, 343.9653280789},
+         {333.8998927156, 378.9989271556}},
+        {"FISHEYE",
+         {300, 310, 320, 240},
+         {164.0520078816, 347.4308390149},
+         {333.8998927156, 383.6322247275}},
     };
-    for (const Intrinsics& in : cameras)
-        for (const Vec2<double> uv : {Vec2<double>{0, 0}, {0.3, -0.2}, {-0.6, 0.4}, {0.05, 0.5}}) {
-            const Vec2<double> ours = distort(in.distortion, uv), theirs = opencv_pixel(in, uv);
-            // The same formula in double: rounding only.
-            EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9);
-            EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9);
+    for (const auto& c : cases) {
+        const Intrinsics in = make(c.model, c.params);
+        const std::pair<Vec2<double>, Vec2<double>> rays[] = {{{-0.6, 0.4}, c.first},
+                                                              {{0.05, 0.5}, c.second}};
+        for (const auto& [uv, theirs] : rays) {
+            const Vec2<double> ours = distort(in.distortion, uv);
+            // The same formula in double, printed with 13 digits.
+            EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9) << c.model;
+            EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9) << c.model;
         }
+    }
 }
 
 TEST(CameraModel, UndistortionOfNothingIsTheIdentity) {

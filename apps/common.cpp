@@ -1,0 +1,208 @@
+#include "common.h"
+
+#include <fcntl.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <exception>
+#include <iostream>
+#include <new>
+#include <vector>
+
+#include "core/nearest_name.h"
+#include "io/atomic_file.h"
+
+namespace tvsgs {
+namespace {
+
+/// Thrown after --help or --version has been printed.
+struct AskedAndAnswered {};
+
+/// Thrown where a command gives way to a signal.
+struct Stopped {
+    int signal;
+};
+
+/// What was asked for has to arrive, unless the reader had enough of it.
+void flush_standard_output() {
+    errno = 0;
+    if ((std::fflush(stdout) != 0 || std::ferror(stdout) != 0) && errno != EPIPE)
+        throw Error(ExitCode::io, str("standard output: writing failed",
+                                      errno != 0 ? str(": ", std::strerror(errno)) : ""));
+}
+
+/// A reader that leaves (`| head`) must not kill a training, and a standard stream that was closed
+/// must not lend its number to a file of the run, into which messages would then go.
+void guard_standard_streams() {
+    std::signal(SIGPIPE, SIG_IGN);
+    for (int stream = 0; stream < 3; ++stream)
+        if (fcntl(stream, F_GETFD) == -1)
+            open("/dev/null", O_RDWR);  // takes the lowest free number
+}
+
+constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
+
+volatile std::sig_atomic_t first_signal = 0;
+
+extern "C" void note_signal(int signal) {
+    if (first_signal == 0) first_signal = signal;
+}
+
+extern "C" void end_at_once(int signal) {
+    remove_temporary_files();
+    std::signal(signal, SIG_DFL);
+    std::raise(signal);
+}
+
+/// Under nohup, SIGHUP stays ignored.
+void on_ending_signals(void (*handler)(int)) {
+    for (const int signal : kEndingSignals) {
+        struct sigaction now {};
+        if (sigaction(signal, nullptr, &now) != 0 ||
+            (signal == SIGHUP && now.sa_handler == SIG_IGN))
+            continue;
+        struct sigaction action {};
+        action.sa_handler = handler;
+        action.sa_flags = SA_RESTART;  // a write that is interrupted goes on
+        sigaction(signal, &action, nullptr);
+    }
+}
+
+void let_last_win(CLI::App& app) {
+    const auto all = [](auto*) { return true; };
+    for (CLI::Option* option : app.get_options())
+        if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::Throw &&
+            option->get_expected_max() == 1)
+            option->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
+    for (CLI::App* sub : app.get_subcommands(std::function<bool(CLI::App*)>(all)))
+        let_last_win(*sub);
+}
+
+}  // namespace
+
+const CLI::Validator kPositive(
+    [](std::string& text) {
+        double value = 0;
+        const bool good = CLI::detail::lexical_cast(text, value) && value > 0;
+        return good ? std::string() : str("expected a number above 0, found '", text, "'");
+    },
+    "> 0");
+
+void parse_command_line(CLI::App& app, int argc, char** argv) {
+    let_last_win(app);
+    std::vector<std::string> words;
+    for (int i = argc - 1; i > 0; --i) {  // CLI11 takes them last to first
+        std::string word = argv[i];
+        if (word.starts_with("--")) {
+            const std::size_t end = std::min(word.find('='), word.size());
+            std::replace(word.begin() + 2, word.begin() + static_cast<std::ptrdiff_t>(end), '_',
+                         '-');
+        }
+        words.push_back(word);
+    }
+    std::vector<std::string> known;
+    const std::function<void(const CLI::App&)> collect = [&](const CLI::App& a) {
+        for (const CLI::Option* option : a.get_options())
+            for (const std::string& name : option->get_lnames()) known.push_back("--" + name);
+        for (const CLI::App* sub : a.get_subcommands([](const CLI::App*) { return true; }))
+            collect(*sub);
+    };
+    collect(app);
+    try {
+        app.parse(std::vector<std::string>(words));  // it would eat the words
+    } catch (const CLI::Success& success) {          // --help, --version
+        app.exit(success);
+        std::cout.flush();
+        flush_standard_output();
+        throw AskedAndAnswered{};
+    } catch (const CLI::ParseError& error) {
+        std::string hint;
+        const auto subs = app.get_subcommands([](const CLI::App*) { return true; });
+        for (const CLI::App* sub : subs)
+            if (app.get_subcommands().empty())
+                hint += (hint.empty() ? ": " : ", ") + sub->get_name();
+        for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
+            const std::string flag = word->substr(0, word->find('='));
+            if (!flag.starts_with("--") ||
+                std::find(known.begin(), known.end(), flag) != known.end())
+                continue;
+            const std::string near = nearest_name(flag, known);
+            hint = near.empty() ? str("; unknown flag ", flag)
+                                : str("; unknown flag ", flag, ", did you mean ", near, "?");
+        }
+        throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
+    }
+}
+
+DeviceChoice choose_device(const std::string& name) {
+    if (name == "cpu") return {false, "cpu"};
+    int index = 0;
+    const bool automatic = name == "auto";
+    if (!automatic && name != "cuda") {
+        const bool numbered = name.starts_with("cuda:") && name.size() > 5 && name.size() < 9 &&
+                              name.find_first_not_of("0123456789", 5) == std::string::npos;
+        if (!numbered)
+            throw Error(ExitCode::usage,
+                        str("--device ", name, ": expected auto, cpu, cuda or cuda:N"));
+        index = std::stoi(name.substr(5));
+    }
+    if constexpr (kHasCuda) {
+        if (automatic && cuda_device_count() == 0) return {false, "cpu"};
+        return {true, str("cuda:", index, " ", use_cuda_device(index))};
+    } else {
+        if (automatic) return {false, "cpu"};
+        throw Error(
+            ExitCode::device,
+            str("--device ", name,
+                ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
+    }
+}
+
+SignalGuard::SignalGuard() {
+    first_signal = 0;
+    on_ending_signals(note_signal);
+}
+
+SignalGuard::~SignalGuard() {
+    on_ending_signals(end_at_once);
+}
+
+int SignalGuard::received() {
+    return first_signal;
+}
+
+void SignalGuard::check() {
+    if (const int signal = first_signal) throw Stopped{signal};
+}
+
+int run_command(const std::function<int()>& command) {
+    guard_standard_streams();
+    on_ending_signals(end_at_once);
+    try {
+        const int code = command();
+        flush_standard_output();
+        return code;
+    } catch (const AskedAndAnswered&) {
+        return 0;
+    } catch (const Stopped& stopped) {
+        std::fprintf(stderr, "stopped by signal %d (%s)\n", stopped.signal,
+                     strsignal(stopped.signal));
+        return 128 + stopped.signal;
+    } catch (const Error& error) {
+        std::fprintf(stderr, "error: %s\n", error.what());
+        return static_cast<int>(error.code());
+    } catch (const std::bad_alloc&) {
+        std::fprintf(
+            stderr,
+            "error: out of memory; use fewer splats (--max-gaussians) or smaller images (-r)\n");
+        return static_cast<int>(ExitCode::memory);
+    } catch (const std::exception& error) {
+        std::fprintf(stderr, "error: internal: %s\n", error.what());
+        return static_cast<int>(ExitCode::internal);
+    }
+}
+
+}  // namespace tvsgs
