@@ -299,6 +299,21 @@ TEST(LossList, WeightsChooseTheTerms) {
     EXPECT_FALSE(losses[0]->needs_plane());
 }
 
+TEST(LossList, MultiViewTermsStartWithTheGeometry) {
+    LossOptions options;
+    options.photometric.weight = 0;
+    options.normal.weight = options.multi_view_geometry.weight = options.multi_view_ncc.weight = 1;
+    const auto losses = make_losses<Cpu>(options, {});
+    ASSERT_EQ(losses.size(), 3u);
+    for (const auto& loss : losses) {
+        EXPECT_FALSE(loss->active(7000));
+        EXPECT_TRUE(loss->active(7001));
+    }
+    EXPECT_FALSE(losses[0]->needs_neighbour());
+    EXPECT_TRUE(losses[1]->needs_neighbour());
+    EXPECT_TRUE(losses[2]->needs_neighbour());
+}
+
 template <class T>
 void expect_same(const std::vector<T>& cpu, const std::vector<T>& cuda, double relative) {
     ASSERT_EQ(cpu.size(), cuda.size());

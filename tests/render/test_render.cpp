@@ -211,6 +211,22 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
             EXPECT_LT(norm(normalize(images.normal[p]) - n), 2e-5f);
         }
     EXPECT_GT(covered, 2000);
+
+    // Official rays pass half a pixel up and left of the centres: the same plane, another depth.
+    BackboneOptions options;
+    options.pixel_center = PixelCenter::official;
+    auto official = make_backbone<Cpu>("pgsr", options);
+    const auto& shifted = official->forward(g, camera, 0, Channels::plane);
+    for (int at = 30 * 80 + 20; at < 30 * 80 + 60; ++at) {
+        const std::size_t p = static_cast<std::size_t>(at);
+        ASSERT_GT(shifted.depth[p], 0);
+        const Vec3f ray{(static_cast<float>(at % 80) - camera.cx_px) / camera.fx_px,
+                        (static_cast<float>(at / 80) - camera.cy_px) / camera.fy_px, 1};
+        const float exact = delta / -dot(n, ray);
+        EXPECT_NEAR(shifted.depth[p], exact, 3e-5f * exact);
+        EXPECT_GT(std::abs(shifted.depth[p] - images.depth[p]), 1e-4f * exact);
+        EXPECT_EQ(shifted.normal[p].x, images.normal[p].x);  // blending does not know of it
+    }
 }
 
 TEST(Render, OneOpaqueSplat) {
