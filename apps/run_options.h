@@ -3,6 +3,7 @@
 
 #include "io/config.h"
 #include "io/scene_reader.h"
+#include "mvs/patch_match.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -10,11 +11,13 @@ namespace tvsgs {
 struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
+    StereoOptions stereo;  // for a scene with few points
 
     /// The table refers to this object.
     void add_to(OptionTable& table) {
         table.add("", train);
         table.add("scene", scene);
+        table.add("stereo", stereo);
     }
 };
 

@@ -5,6 +5,7 @@
 #include "progress.h"
 #include "run_folder.h"
 #include "run_options.h"
+#include "stereo_cloud.h"
 #include "view_evaluation.h"
 
 namespace tvsgs {
@@ -127,6 +128,30 @@ void check_consistency(const TrainOptions& options) {
     make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
 }
 
+/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
+/// stereo, if that finds more.
+void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
+    const InitOptions& init = options.train.init;
+    const std::size_t given = scene.points.positions.size();
+    if (!options.scene.init_ply.empty()) {
+        scene.points =
+            prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
+        return;
+    }
+    if (given >= static_cast<std::size_t>(init.min_points)) return;
+    spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
+                 given, init.min_points);
+    try {
+        PointCloud cloud = stereo_cloud(device, scene.train, scene.points.positions, options.stereo,
+                                        stereo_cap(init.max_points))
+                               .cloud;
+        if (cloud.positions.size() > given) scene.points = std::move(cloud);
+    } catch (const Error& error) {
+        if (error.code() != ExitCode::input || given == 0) throw;
+        spdlog::warn("{}; training starts from the {} points of the model", error.what(), given);
+    }
+}
+
 template <class Device>
 int train_and_save(const Scene& scene,
                    const RunOptions& options,
@@ -203,7 +228,9 @@ int command(int argc, char** argv) {
     }
     // Before the scene is read:
     require_free_run_folder(arguments.out, arguments.overwrite, options.scene.path);
-    const Scene scene = read_scene(options.scene);
+    options.scene.points_required = options.train.init.min_points == 0;
+    Scene scene = read_scene(options.scene);
+    prepare_points(device, options, scene);
     RunFolder run(arguments.out);
     run.save_config(table.json(run_info(device, argc, argv)));
     run.save_cameras(scene);

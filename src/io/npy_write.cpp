@@ -12,7 +12,8 @@ void write_npy(const std::string& path,
         dimensions += std::to_string(n) + ",";
         count *= static_cast<std::size_t>(n);
     }
-    std::string header = "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dimensions + "), }";
+    std::string header =
+        "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dimensions + "), }";
     // Magic, version and length take 10 bytes; the data begin at a multiple of 64.
     header += std::string(63 - (10 + header.size()) % 64, ' ') + "\n";
     AtomicFile file(path);

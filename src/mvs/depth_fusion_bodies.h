@@ -36,9 +36,9 @@ struct FilterBody {
     StereoPass pass;
     Agreement limits;
     float max_cost, max_angle_cosine;
-    Span<const float> depths;         // of all views
-    Span<const SurfacePlane> planes;  // of all views
-    Span<const std::uint8_t> mask;    // of this view; empty: everything
+    Span<const float> depths;              // of all views
+    Span<const SurfacePlane> planes;       // of all views
+    Span<const std::uint8_t> mask;         // of this view; empty: everything
     Span<float> kept_depths, confidences;  // of this view; overwritten
 
     TVSGS_HD void operator()(int i) const {
@@ -75,15 +75,15 @@ struct FilterBody {
         const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(likeness > 0)) return;
         kept_depths[at] = plane.depth;
-        confidences[at] = static_cast<float>(agreeing) /
-                          static_cast<float>(pass.source_count()) * likeness;
+        confidences[at] =
+            static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * likeness;
     }
 };
 
 struct FusedPoint {
-    Vec3f position, normal;     // world frame
-    float confidence = 0;       // 0: no point
-    std::uint32_t color = 0;    // 0xBBGGRR
+    Vec3f position, normal;   // world frame
+    float confidence = 0;     // 0: no point
+    std::uint32_t color = 0;  // 0xBBGGRR
 };
 
 /// Pixels whose filtered depth enough sources agree with, to the limits of fusion.
@@ -104,8 +104,8 @@ struct ConfirmBody {
             depth * pixel_ray(pass.camera, i % pass.camera.width_px, i / pass.camera.width_px);
         int agreeing = 0;
         for (int j = 0; j < pass.source_count(); ++j)
-            agreeing += agreeing_pixel(pass.sources[static_cast<std::size_t>(j)], pass.camera, point,
-                                       pass.planes[at].normal, depths, planes, limits)
+            agreeing += agreeing_pixel(pass.sources[static_cast<std::size_t>(j)], pass.camera,
+                                       point, pass.planes[at].normal, depths, planes, limits)
                             .pixel >= 0;
         confirmed[at] = agreeing >= limits.sources;
     }
@@ -118,9 +118,9 @@ struct FuseBody {
     Agreement limits;
     Span<const float> depths, confidences;  // of all views, filtered
     Span<const SurfacePlane> planes;
-    Span<const std::uint8_t> confirmed;   // of all views
-    Span<const std::uint32_t> colors;     // of all views
-    Span<FusedPoint> points;              // of this view; overwritten
+    Span<const std::uint8_t> confirmed;  // of all views
+    Span<const std::uint32_t> colors;    // of all views
+    Span<FusedPoint> points;             // of this view; overwritten
     int first_pixel;
 
     TVSGS_HD void operator()(int i) const {
@@ -134,14 +134,13 @@ struct FuseBody {
         int count = 1;
         for (int j = 0; j < pass.source_count(); ++j) {
             const SourceView& source = pass.sources[static_cast<std::size_t>(j)];
-            const Crosscheck check = agreeing_pixel(source, pass.camera, point, normal_own, depths,
-                                                    planes, limits);
+            const Crosscheck check =
+                agreeing_pixel(source, pass.camera, point, normal_own, depths, planes, limits);
             if (check.pixel < 0) continue;
             const std::size_t there = static_cast<std::size_t>(source.first_pixel + check.pixel);
             if (source.view < pass.view && confirmed[there] != 0) return;
             position += check.point_reference;
-            normal +=
-                transpose_times(source.source_from_reference.R, planes[there].normal);
+            normal += transpose_times(source.source_from_reference.R, planes[there].normal);
             color += unpacked(colors[there]);
             ++count;
         }

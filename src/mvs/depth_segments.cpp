@@ -24,9 +24,8 @@ void clear_small_segments(const DepthMapSpan& map, int min_pixels) {
                 for (int px = std::max(x - 1, 0); px <= std::min(x + 1, map.width - 1); ++px) {
                     const int other = py * map.width + px;
                     if (visited[static_cast<std::size_t>(other)] != 0) continue;
-                    if (!(map.depth[other] > 0) ||
-                        !(std::abs(map.depth[other] - map.depth[at]) <
-                          kSameSurface * map.depth[at]))
+                    if (!(map.depth[other] > 0) || !(std::abs(map.depth[other] - map.depth[at]) <
+                                                     kSameSurface * map.depth[at]))
                         continue;
                     visited[static_cast<std::size_t>(other)] = 1;
                     segment.push_back(other);

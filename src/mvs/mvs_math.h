@@ -6,12 +6,13 @@
 
 #include "core/buffer.h"
 #include "core/camera.h"
+#include "core/lanes.h"
 
 namespace tvsgs {
 
-inline constexpr int kMaxSources = 8;     // per reference view; also the bits of a mask of views
-inline constexpr int kMaxPatchSide = 8;   // samples per side of a patch, two pixels apart
-inline constexpr float kWorstCost = 2;    // 1 - correlation of patches that oppose each other
+inline constexpr int kMaxSources = 8;       // per reference view; also the bits of a mask of views
+inline constexpr int kMaxPatchSide = 8;     // samples per side of a patch, two pixels apart
+inline constexpr float kWorstCost = 2;      // 1 - correlation of patches that oppose each other
 inline constexpr float kMinFacing = 0.05f;  // planes seen flatter than that project to no area
 
 /// A piece of surface in the frame of the camera that sees it: unit normal towards the camera, and
@@ -44,20 +45,15 @@ struct PatchWarp {
 
 /// The homography of a plane, H = K_s (R + t n^T / d) K_r^-1 with n . X = d, around the centre of
 /// pixel (x, y).  [Zheng14, Eq. 2]
-TVSGS_HD inline PatchWarp plane_warp(const SourceView& source,
-                                     const Camera& reference,
-                                     int x,
-                                     int y,
-                                     const SurfacePlane& plane) {
+TVSGS_HD inline PatchWarp plane_warp(
+    const SourceView& source, const Camera& reference, int x, int y, const SurfacePlane& plane) {
     const Mat3f& M = source.pixels_at_infinity;
     const Vec3f ray = pixel_ray(reference, x, y);
     const float inverse_distance = 1 / (plane.depth * dot(plane.normal, ray));
     const Vec3f pixel{static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f, 1};
     return {M * pixel + (1 / plane.depth) * source.epipole,
-            column(M, 0) +
-                (plane.normal.x / reference.fx_px * inverse_distance) * source.epipole,
-            column(M, 1) +
-                (plane.normal.y / reference.fy_px * inverse_distance) * source.epipole};
+            column(M, 0) + (plane.normal.x / reference.fx_px * inverse_distance) * source.epipole,
+            column(M, 1) + (plane.normal.y / reference.fy_px * inverse_distance) * source.epipole};
 }
 
 /// A grey image in [0, 1], row by row.
@@ -70,12 +66,38 @@ struct GreyImage {
         y = y < 0 ? 0 : y >= height ? height - 1 : y;
         return pixels[static_cast<std::size_t>(y) * width + x];
     }
+    /// Pixel coordinates, `margin` away from the border.
+    TVSGS_HD bool contains(float u, float v, float margin) const {
+        return u >= margin && u < static_cast<float>(width) - margin && v >= margin &&
+               v < static_cast<float>(height) - margin;
+    }
+    /// At (u, v) counted from the centre of the first pixel.
+    template <bool kClamp>
+    TVSGS_HD Lanes4 bilinear(Lanes4 u, Lanes4 v) const {
+        if constexpr (kClamp) {
+            u = clamped(u, 0, static_cast<float>(width) - 1.001f);
+            v = clamped(v, 0, static_cast<float>(height) - 1.001f);
+        }
+        const Lanes4 x = truncated(u), y = truncated(v), fx = u - x, fy = v - y;
+        const Lanes4 index = y * static_cast<float>(width) + x;  // exact below 2^24
+        const float* p[4] = {
+            pixels + static_cast<int>(index[0]), pixels + static_cast<int>(index[1]),
+            pixels + static_cast<int>(index[2]), pixels + static_cast<int>(index[3])};
+        const auto corner = [&](int offset) {
+            return lanes(p[0][offset], p[1][offset], p[2][offset], p[3][offset]);
+        };
+        const Lanes4 left = corner(0), below_left = corner(width);
+        const Lanes4 above = left + fx * (corner(1) - left);
+        const Lanes4 below = below_left + fx * (corner(width + 1) - below_left);
+        return above + fy * (below - above);
+    }
 };
 
 /// The reference side of the correlation, shared by all hypotheses of a pixel: samples at offsets
-/// -(side - 1), -(side - 3), ..., side - 1 in x and y.
+/// -(side - 1), -(side - 3), ..., side - 1 in x and y, in quads of 2 x 2, which processors like to
+/// work on at once.
 struct ReferencePatch {
-    int side = 0;
+    int side = 0;  // even
     float mean = 0, variance = 0;
     float weights[kMaxPatchSide * kMaxPatchSide];   // sum 1
     float weighted[kMaxPatchSide * kMaxPatchSide];  // weight x (value - mean): sum 0
@@ -89,17 +111,19 @@ TVSGS_HD inline void make_patch(
     patch.side = side;
     const float centre = image.at_clamped(x, y);
     float total = 0, mean = 0;
-    for (int j = 0, k = 0; j < side; ++j)
-        for (int i = 0; i < side; ++i, ++k) {
-            const int dx = 2 * i - side + 1, dy = 2 * j - side + 1;
-            const float value = image.at_clamped(x + dx, y + dy) - centre;
-            const float distance = std::sqrt(static_cast<float>(dx * dx + dy * dy));
-            const float weight = std::exp(-distance * kSpatial - std::abs(value) * kColor);
-            patch.weights[k] = weight;
-            patch.weighted[k] = value;
-            total += weight;
-            mean += weight * value;
-        }
+    for (int j = 0, k = 0; j < side; j += 2)
+        for (int i = 0; i < side; i += 2)
+            for (int lane = 0; lane < 4; ++lane, ++k) {
+                const int dx = 2 * (i + (lane & 1)) - side + 1;
+                const int dy = 2 * (j + (lane >> 1)) - side + 1;
+                const float value = image.at_clamped(x + dx, y + dy) - centre;
+                const float distance = std::sqrt(static_cast<float>(dx * dx + dy * dy));
+                const float weight = std::exp(-distance * kSpatial - std::abs(value) * kColor);
+                patch.weights[k] = weight;
+                patch.weighted[k] = value;
+                total += weight;
+                mean += weight * value;
+            }
     mean /= total;
     patch.variance = 0;
     for (int k = 0; k < side * side; ++k) {
@@ -111,6 +135,41 @@ TVSGS_HD inline void make_patch(
     patch.mean = mean + centre;
 }
 
+/// Weighted sums over the patch's image in a source, of values less the patch's mean.
+struct SourceSums {
+    float value = 0, square = 0, product = 0;
+};
+template <bool kClamp>  // false: the whole patch is known to fall inside
+TVSGS_HD inline SourceSums sum_source(const ReferencePatch& patch,
+                                      const GreyImage& source,
+                                      const PatchWarp& warp) {
+    const float reach = static_cast<float>(patch.side - 1);
+    const Vec3f step_x = 2 * warp.per_x, step_y = 2 * warp.per_y;
+    const Lanes4 lane_x = lanes(0, step_x.x, step_y.x, step_x.x + step_y.x);
+    const Lanes4 lane_y = lanes(0, step_x.y, step_y.y, step_x.y + step_y.y);
+    const Lanes4 lane_z = lanes(0, step_x.z, step_y.z, step_x.z + step_y.z);
+    Lanes4 value_sum{}, square_sum{}, product_sum{};
+    Vec3f row = warp.at_centre - reach * (warp.per_x + warp.per_y);
+    const float* weights = patch.weights;
+    const float* weighted = patch.weighted;
+    for (int j = 0; j < patch.side; j += 2) {
+        Vec3f h = row;
+        for (int i = 0; i < patch.side; i += 2, weights += 4, weighted += 4) {
+            const Lanes4 inverse_z = 1.0f / (h.z + lane_z);
+            const Lanes4 value = source.bilinear<kClamp>((h.x + lane_x) * inverse_z - 0.5f,
+                                                         (h.y + lane_y) * inverse_z - 0.5f) -
+                                 patch.mean;
+            const Lanes4 weighted_value = load_lanes(weights) * value;
+            value_sum += weighted_value;
+            square_sum += weighted_value * value;
+            product_sum += load_lanes(weighted) * value;
+            h += 2 * step_x;
+        }
+        row += 2 * step_y;
+    }
+    return {sum_of(value_sum), sum_of(square_sum), sum_of(product_sum)};
+}
+
 /// 1 - weighted correlation of the patch with its image in a source, in [0, 2]; 2 where the centre
 /// is not seen or either side has no texture.
 TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
@@ -120,41 +179,21 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
     const float reach = static_cast<float>(patch.side - 1);
     const float z_spread = reach * (std::abs(warp.per_x.z) + std::abs(warp.per_y.z));
     if (!(patch.variance > min_variance) || !(warp.at_centre.z > z_spread)) return kWorstCost;
-    const float width = static_cast<float>(source.width), height = static_cast<float>(source.height);
-    const float u_centre = warp.at_centre.x / warp.at_centre.z;
-    const float v_centre = warp.at_centre.y / warp.at_centre.z;
-    if (!(u_centre >= 0 && u_centre < width && v_centre >= 0 && v_centre < height))
-        return kWorstCost;
+    const float inverse_z = 1 / warp.at_centre.z;
+    const float u = warp.at_centre.x * inverse_z, v = warp.at_centre.y * inverse_z;
+    if (!source.contains(u, v, 0)) return kWorstCost;
 
-    const float u_max = width - 1, v_max = height - 1;
-    float sum = 0, squares = 0, covariance = 0;
-    Vec3f row = warp.at_centre - reach * (warp.per_x + warp.per_y);
-    for (int j = 0, k = 0; j < patch.side; ++j) {
-        Vec3f h = row;
-        for (int i = 0; i < patch.side; ++i, ++k) {
-            const float inverse_z = 1 / h.z;
-            float u = h.x * inverse_z - 0.5f, v = h.y * inverse_z - 0.5f;
-            u = u < 0 ? 0 : u > u_max ? u_max : u;
-            v = v < 0 ? 0 : v > v_max ? v_max : v;
-            int x = static_cast<int>(u), y = static_cast<int>(v);
-            x = x > source.width - 2 ? source.width - 2 : x;
-            y = y > source.height - 2 ? source.height - 2 : y;
-            const float fx = u - static_cast<float>(x), fy = v - static_cast<float>(y);
-            const float* p = source.pixels + static_cast<std::ptrdiff_t>(y) * source.width + x;
-            const float above = p[0] + fx * (p[1] - p[0]);
-            const float below = p[source.width] + fx * (p[source.width + 1] - p[source.width]);
-            const float value = above + fy * (below - above) - patch.mean;
-            const float weighted_value = patch.weights[k] * value;
-            sum += weighted_value;
-            squares += weighted_value * value;
-            covariance += patch.weighted[k] * value;
-            h += 2 * warp.per_x;
-        }
-        row += 2 * warp.per_y;
+    bool inside = true;  // a homography keeps a square convex: its corners tell
+    for (int corner = 0; corner < 4; ++corner) {
+        const Vec3f h = warp.at_centre + ((corner & 1) != 0 ? reach : -reach) * warp.per_x +
+                        ((corner & 2) != 0 ? reach : -reach) * warp.per_y;
+        inside &= source.contains(h.x / h.z, h.y / h.z, 0.51f);
     }
-    const float variance = squares - sum * sum;
+    const SourceSums sums =
+        inside ? sum_source<false>(patch, source, warp) : sum_source<true>(patch, source, warp);
+    const float variance = sums.square - sums.value * sums.value;
     if (!(variance > min_variance)) return kWorstCost;
-    const float cost = 1 - covariance / std::sqrt(patch.variance * variance);
+    const float cost = 1 - sums.product / std::sqrt(patch.variance * variance);
     return cost < 0 ? 0 : cost > kWorstCost ? kWorstCost : cost;
 }
 
@@ -196,8 +235,8 @@ TVSGS_HD inline Crosscheck crosscheck(const SourceView& source,
 
 /// Cosine of the angle at which the two cameras see a point.
 TVSGS_HD inline float triangulation_cosine(const SourceView& source, Vec3f point_reference) {
-    const Vec3f centre = -transpose_times(source.source_from_reference.R,
-                                          source.source_from_reference.t);
+    const Vec3f centre =
+        -transpose_times(source.source_from_reference.R, source.source_from_reference.t);
     return dot(normalize(point_reference), normalize(point_reference - centre));
 }
 

@@ -1,5 +1,4 @@
 #include "mvs/patch_match.h"
-
 #include "mvs/patch_match_impl.h"
 
 namespace tvsgs {

@@ -1,5 +1,5 @@
-// Multi-view stereo without a network: depth, normal and confidence of every view by PatchMatch, and
-// the coloured cloud they agree on.  [Zheng14, ACMM]
+// Multi-view stereo without a network: depth, normal and confidence of every view by PatchMatch,
+// and the coloured cloud they agree on.  [Zheng14, ACMM]
 #pragma once
 
 #include <cstdint>
@@ -11,8 +11,9 @@
 namespace tvsgs {
 
 struct StereoOptions {
-    int max_sources = 8, iterations = 4, geometric_rounds = 2, min_consistent = 0, min_segment = 100;
-    float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 0.5f,
+    int max_sources = 8, iterations = 4, geometric_rounds = 2, min_consistent = 0,
+        min_segment = 100;
+    float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 1,
           min_variance = 1e-5f;
     bool use_masks = false;
     std::int64_t seed = 0;
@@ -50,10 +51,10 @@ struct StereoResult {
     PointCloud cloud;              // with colours, normals (world frame) and confidences
 };
 
-/// Depth maps of all views and their fused cloud. `points`: sparse points of the scene, for the range
-/// of depths and the choice of view pairs; may be empty. The same bits from run to run and for any
-/// number of threads. Throws Error(ExitCode::input) for fewer than two views, when no pair of views
-/// overlaps and when no range of depths can be told.
+/// Depth maps of all views and their fused cloud. `points`: sparse points of the scene, for the
+/// range of depths and the choice of view pairs; may be empty. The same bits from run to run and
+/// for any number of threads. Throws Error(ExitCode::input) for fewer than two views, when no pair
+/// of views overlaps and when no range of depths can be told.
 StereoResult reconstruct_stereo(Cpu,
                                 const std::vector<View>& views,
                                 const std::vector<Vec3f>& points,

@@ -17,7 +17,7 @@ struct StereoPass {
     Span<const SourceView> sources;
     Span<SurfacePlane> planes;
     Span<float> costs;
-    Span<std::uint8_t> selected;  // sources in use, one bit each
+    Span<std::uint8_t> selected;              // sources in use, one bit each
     float far_inverse = 0, near_inverse = 0;  // 1 / depth: the range
     float min_variance = 0;
     int side = 6;  // of a patch, in samples
@@ -88,8 +88,9 @@ TVSGS_HD inline Vec3f random_normal(Vec3f ray, float angle, Random4 random) {
                   ray);
 }
 
-/// The first plane of each pixel: the best of a sweep of 128 parallel planes, with a random normal
-/// about the viewing ray.
+/// The first plane of each pixel: on one colour the best of a sweep of 128 parallel planes, on the
+/// other, which then looks at its neighbours before they look at it, a random one; normals are
+/// random about the viewing ray.
 struct SweepBody {
     static constexpr int kPlanes = 128;
     static constexpr float kNormalSpread = 0.35f;  // 20 degrees
@@ -104,13 +105,12 @@ struct SweepBody {
         const int count = pass.source_count();
         float best_cost = kWorstCost;
         SurfacePlane best{{0, 0, -1}, pass.depth_at(uniform(pass.random(x, y, 0, 0).v[0]))};
-        if (patch.variance > pass.min_variance) {
+        if (((x + y) & 1) != 0 && patch.variance > pass.min_variance) {
             for (int k = 0; k < kPlanes; ++k) {
-                const SurfacePlane plane{
-                    {0, 0, -1}, pass.depth_at((static_cast<float>(k) + 0.5f) / kPlanes)};
+                const SurfacePlane plane{{0, 0, -1},
+                                         pass.depth_at((static_cast<float>(k) + 0.5f) / kPlanes)};
                 float costs[kMaxSources];
-                for (int j = 0; j < count; ++j)
-                    costs[j] = pass.source_cost(j, x, y, patch, plane);
+                for (int j = 0; j < count; ++j) costs[j] = pass.source_cost(j, x, y, patch, plane);
                 const float cost = mean_of_best(costs, count, (count + 1) / 2);
                 if (cost < best_cost) best_cost = cost, best = plane;
             }
@@ -143,13 +143,11 @@ struct UpsampleBody {
         for (int corner = 0; corner < 4; ++corner) {
             const int cx = clamped(x0 + (corner & 1), coarse_camera.width_px);
             const int cy = clamped(y0 + (corner >> 1), coarse_camera.height_px);
-            const std::size_t there =
-                static_cast<std::size_t>(cy) * coarse_camera.width_px + cx;
+            const std::size_t there = static_cast<std::size_t>(cy) * coarse_camera.width_px + cx;
             const float dx = (static_cast<float>(x) + 0.5f) / 2 - (static_cast<float>(cx) + 0.5f);
             const float dy = (static_cast<float>(y) + 0.5f) / 2 - (static_cast<float>(cy) + 0.5f);
-            const float weight =
-                std::exp(-2 * (dx * dx + dy * dy) -
-                         10 * std::abs(grey - coarse_image.pixels[there]));
+            const float weight = std::exp(-2 * (dx * dx + dy * dy) -
+                                          10 * std::abs(grey - coarse_image.pixels[there]));
             if (weight > best) best = weight, from = there, place = {cx, cy};
         }
         const SurfacePlane plane = coarse_planes[from];
@@ -190,8 +188,8 @@ struct PropagateBody {
     StereoPass pass;
     Checkerboard board;
     int iteration = 0;
-    int best_sources = 0;        // > 0: the cost is the mean of that many best sources
-    Span<const float> depths;    // of all views: their distance counts; empty: images alone
+    int best_sources = 0;      // > 0: the cost is the mean of that many best sources
+    Span<const float> depths;  // of all views: their distance counts; empty: images alone
 
     /// Which sources count for a pixel.
     struct Weights {
@@ -230,8 +228,8 @@ struct PropagateBody {
         float best_cost = plane_cost(x, y, patch, weights, best, 1e9f);
         for (int c = 0; c < candidates.count; ++c) {
             const SurfacePlane& plane = candidates.planes[c];
-            const float cost =
-                combined_cost(x, y, plane, weights, 1e9f, [&](int j) { return candidates.costs[c][j]; });
+            const float cost = combined_cost(x, y, plane, weights, 1e9f,
+                                             [&](int j) { return candidates.costs[c][j]; });
             if (cost < best_cost) best_cost = cost, best = plane;
         }
 
@@ -249,8 +247,7 @@ struct PropagateBody {
 private:
     /// Regions 0-3: V shapes next to the pixel; 4-7: strips further out. Each offers its plane of
     /// least cost, continued to the pixel.
-    TVSGS_HD void add_candidate(
-        int x, int y, int region, Vec3f ray, Candidates& candidates) const {
+    TVSGS_HD void add_candidate(int x, int y, int region, Vec3f ray, Candidates& candidates) const {
         const int direction = region & 3;
         const int ax = direction == 0 ? 1 : direction == 1 ? -1 : 0;
         const int ay = direction == 2 ? 1 : direction == 3 ? -1 : 0;
@@ -272,8 +269,7 @@ private:
         }
         if (best_x < 0) return;
         const SurfacePlane plane = pass.planes[pass.index(best_x, best_y)];
-        const float depth =
-            depth_on_ray(plane, pixel_ray(pass.camera, best_x, best_y), ray);
+        const float depth = depth_on_ray(plane, pixel_ray(pass.camera, best_x, best_y), ray);
         if (pass.in_range(depth)) candidates.planes[candidates.count++] = {plane.normal, depth};
     }
 
@@ -323,9 +319,8 @@ private:
         const Crosscheck check =
             crosscheck(pass.sources[static_cast<std::size_t>(source)], pass.camera,
                        plane.depth * pixel_ray(pass.camera, x, y), depths);
-        return check.pixel >= 0 && check.reprojection_px < kGeometricCap_px
-                   ? check.reprojection_px
-                   : kGeometricCap_px;
+        return check.pixel >= 0 && check.reprojection_px < kGeometricCap_px ? check.reprojection_px
+                                                                            : kGeometricCap_px;
     }
 
     /// photometric(j): cost in source j. Stops early once the result must exceed `limit`.
@@ -429,10 +424,10 @@ struct MedianBody {
     TVSGS_HD void operator()(int i) const {
         if (!(pass.costs[static_cast<std::size_t>(i)] > 1e-3f)) return;
         const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
-        constexpr int kOffsets[21][2] = {{0, 0},  {0, -1}, {0, 1},  {0, -3}, {0, 3},  {0, -5},
-                                         {0, 5},  {-1, 0}, {1, 0},  {-3, 0}, {3, 0},  {-5, 0},
+        constexpr int kOffsets[21][2] = {{0, 0},  {0, -1},  {0, 1},  {0, -3}, {0, 3}, {0, -5},
+                                         {0, 5},  {-1, 0},  {1, 0},  {-3, 0}, {3, 0}, {-5, 0},
                                          {5, 0},  {-1, -2}, {-1, 2}, {1, -2}, {1, 2}, {-2, -1},
-                                         {-2, 1}, {2, -1}, {2, 1}};
+                                         {-2, 1}, {2, -1},  {2, 1}};
         float sorted[21];
         int count = 0;
         for (const auto& offset : kOffsets) {

@@ -25,9 +25,9 @@ public:
         pyramids_ = make_pyramids(views);
         std::vector<Camera> cameras;
         for (const StereoPyramid& pyramid : pyramids_) cameras.push_back(pyramid.levels[0].camera);
-        plans_ = plan_views(cameras, points,
-                            {options.max_sources, options.max_pair_angle, options.depth_near,
-                             options.depth_far});
+        plans_ = plan_views(
+            cameras, points,
+            {options.max_sources, options.max_pair_angle, options.depth_near, options.depth_far});
         for (const StereoPyramid& pyramid : pyramids_)
             levels_ = std::max(levels_, static_cast<int>(pyramid.levels.size()));
     }
@@ -41,8 +41,8 @@ public:
             for (int k = 0; k < on_images; ++k) iterate(iteration++, coarsest && k == 0, false);
             // Coarse levels get one round: it removes what the views do not agree on before it is
             // handed down.
-            const int rounds = level == 0 ? options_.geometric_rounds
-                                          : std::min(1, options_.geometric_rounds);
+            const int rounds =
+                level == 0 ? options_.geometric_rounds : std::min(1, options_.geometric_rounds);
             for (int round = 0; round < rounds; ++round) {
                 take_depths();
                 for (int k = 0; k < 2; ++k) iterate(iteration++, false, true);
@@ -112,8 +112,7 @@ private:
             if (first) {
                 parallel_for(Device{}, count, SweepBody{pass});
             } else if (same_size) {
-                parallel_for(Device{}, count,
-                             CopyBody{coarse[static_cast<std::size_t>(v)], pass});
+                parallel_for(Device{}, count, CopyBody{coarse[static_cast<std::size_t>(v)], pass});
             } else {
                 const StereoPass& from = coarse[static_cast<std::size_t>(v)];
                 parallel_for(Device{}, count,
@@ -181,13 +180,13 @@ private:
             const int width = pass.camera.width_px, height = pass.camera.height_px;
             const int best = by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0;
             for (int color = 0; color < 2; ++color)
-                parallel_for(Device{}, Checkerboard::count(width, height),
-                             PropagateBody{pass,
-                                           {width, height, color},
-                                           iteration,
-                                           best,
-                                           geometric ? std::as_const(depths_).span()
-                                                     : Span<const float>{}});
+                parallel_for(
+                    Device{}, Checkerboard::count(width, height),
+                    PropagateBody{pass,
+                                  {width, height, color},
+                                  iteration,
+                                  best,
+                                  geometric ? std::as_const(depths_).span() : Span<const float>{}});
         }
     }
 
@@ -212,10 +211,10 @@ private:
         const int wanted = options_.min_consistent > 0 ? options_.min_consistent
                            : few_views()               ? 1
                                                        : 2;
-        const Agreement filter{few_views() ? 1.0f : 1.5f, 0.01f,
-                               std::cos((few_views() ? 20 : 15) * degree), wanted};
-        const Agreement fusion{few_views() ? 1.0f : 2.0f, few_views() ? 0.005f : 0.01f,
-                               std::cos((few_views() ? 20 : 10) * degree), wanted};
+        // Few views stand far apart: their depths of slanted surfaces differ by more pixels.
+        const Agreement filter{few_views() ? 2.0f : 1.5f, 0.01f,
+                               std::cos((few_views() ? 40 : 15) * degree), wanted};
+        const Agreement fusion{2.0f, 0.01f, std::cos((few_views() ? 40 : 15) * degree), wanted};
 
         // 1. Believed depths; small pieces go.
         Buffer<float, Device> kept(pixels), confidences(pixels);
@@ -229,12 +228,12 @@ private:
             copy(options_.use_masks ? pyramids_[static_cast<std::size_t>(v)].mask
                                     : std::vector<std::uint8_t>(),
                  mask);
-            parallel_for(Device{}, pixel_count(v),
-                         FilterBody{pass, filter, options_.max_cost,
-                                    std::cos(options_.min_angle * degree),
-                                    std::as_const(depths_).span(), std::as_const(planes_).span(),
-                                    std::as_const(mask).span(), part(kept.span(), first, count),
-                                    part(confidences.span(), first, count)});
+            parallel_for(
+                Device{}, pixel_count(v),
+                FilterBody{pass, filter, options_.max_cost, std::cos(options_.min_angle * degree),
+                           std::as_const(depths_).span(), std::as_const(planes_).span(),
+                           std::as_const(mask).span(), part(kept.span(), first, count),
+                           part(confidences.span(), first, count)});
         }
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);
@@ -258,12 +257,11 @@ private:
         for (int v = 0; v < view_count(); ++v) {
             const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
             const auto first = static_cast<std::size_t>(first_pixel_[v]);
-            parallel_for(Device{}, pixel_count(v),
-                         ConfirmBody{pass, fusion, std::as_const(kept).span(),
-                                     std::as_const(planes_).span(),
-                                     part(confirmed.span(), first,
-                                          static_cast<std::size_t>(pixel_count(v))),
-                                     first_pixel_[v]});
+            parallel_for(
+                Device{}, pixel_count(v),
+                ConfirmBody{pass, fusion, std::as_const(kept).span(), std::as_const(planes_).span(),
+                            part(confirmed.span(), first, static_cast<std::size_t>(pixel_count(v))),
+                            first_pixel_[v]});
         }
         Buffer<FusedPoint, Device> points;
         for (int v = 0; v < view_count(); ++v) {

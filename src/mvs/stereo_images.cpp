@@ -38,8 +38,9 @@ StereoLevel halved(const StereoLevel& level) {
 std::uint32_t mean_color(std::uint32_t a, std::uint32_t b, std::uint32_t c, std::uint32_t d) {
     std::uint32_t out = 0;
     for (int shift = 0; shift < 24; shift += 8)
-        out |= (((a >> shift & 255) + (b >> shift & 255) + (c >> shift & 255) +
-                 (d >> shift & 255) + 2) / 4)
+        out |= (((a >> shift & 255) + (b >> shift & 255) + (c >> shift & 255) + (d >> shift & 255) +
+                 2) /
+                4)
                << shift;
     return out;
 }
@@ -112,7 +113,8 @@ SourceView make_source(const Camera& reference, const Camera& source, int view, 
         return Rigid3d{mat_cast<double>(T.R), vec_cast<double>(T.t)};
     };
     const Rigid3d T = exact(source.camera_from_world) * inverse(exact(reference.camera_from_world));
-    const Mat3<double> K{{{source.fx_px, 0, source.cx_px}, {0, source.fy_px, source.cy_px}, {0, 0, 1}}};
+    const Mat3<double> K{
+        {{source.fx_px, 0, source.cx_px}, {0, source.fy_px, source.cy_px}, {0, 0, 1}}};
     const double fx = reference.fx_px, fy = reference.fy_px;
     const Mat3<double> K_inverse{
         {{1 / fx, 0, -reference.cx_px / fx}, {0, 1 / fy, -reference.cy_px / fy}, {0, 0, 1}}};

@@ -23,8 +23,8 @@ struct StereoPyramid {
 /// Throws Error(ExitCode::input) for fewer than two views or views too small to hold a patch.
 void require_views(const std::vector<View>& views);
 
-/// The finest level is the photograph, halved until it is at most 1600 wide or high; the coarsest is
-/// at most 400.
+/// The finest level is the photograph, halved until it is at most 1600 wide or high; the coarsest
+/// is at most 400.
 std::vector<StereoPyramid> make_pyramids(const std::vector<View>& views);
 
 /// Of all views, one after another.

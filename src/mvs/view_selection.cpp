@@ -38,8 +38,7 @@ std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
     const SymEigen3<double> eigen = sym_eigen(A);
     if (!(eigen.values.z > 1e-6 * eigen.values.x)) return std::nullopt;
     const Vec3d y = transpose_times(eigen.vectors, b);
-    return eigen.vectors *
-           Vec3d{y.x / eigen.values.x, y.y / eigen.values.y, y.z / eigen.values.z};
+    return eigen.vectors * Vec3d{y.x / eigen.values.x, y.y / eigen.values.y, y.z / eigen.values.z};
 }
 
 void set_range(const Camera& camera,
@@ -128,8 +127,7 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         }
         std::stable_sort(scores.begin(), scores.end(),
                          [](const Score& a, const Score& b) { return a.score > b.score; });
-        const auto count =
-            std::min(scores.size(), static_cast<std::size_t>(options.max_sources));
+        const auto count = std::min(scores.size(), static_cast<std::size_t>(options.max_sources));
         for (std::size_t k = 0; k < count; ++k) plan.sources.push_back(scores[k].view);
         with_sources += count > 0;
     }

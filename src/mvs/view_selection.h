@@ -19,9 +19,9 @@ struct ViewPlanOptions {
     float near_depth, far_depth;  // 0: from the points, else from where the cameras look
 };
 
-/// The plan of every view. A source is good when it sees what the view sees, under an angle of about
-/// 5 degrees or more.  [MVSNet, A.2] Throws Error(ExitCode::input) when no view has a source, and
-/// when a range is not given and neither 20 points nor crossing axes tell it.
+/// The plan of every view. A source is good when it sees what the view sees, under an angle of
+/// about 5 degrees or more.  [MVSNet, A.2] Throws Error(ExitCode::input) when no view has a source,
+/// and when a range is not given and neither 20 points nor crossing axes tell it.
 std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
                                  const ViewPlanOptions& options);

@@ -26,6 +26,12 @@ using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<fl
                                                  3,
                                                  unsigned>;
 
+/// The shortest rotation that takes the z axis to a unit vector.
+Quatf rotation_to(Vec3f n) {
+    if (!(n.z > -0.9999f)) return {0, 1, 0, 0};  // half a turn about x
+    return normalize(Quatf{1 + n.z, -n.y, n.x, 0});
+}
+
 }  // namespace
 
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
@@ -35,8 +41,8 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
     const Tree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
     const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        unsigned index[16];
-        float squared[16];
+        unsigned index[32];
+        float squared[32];
         const std::size_t found =
             tree.knnSearch(&points[static_cast<std::size_t>(i)].x, wanted, index, squared);
         // The point itself is among them at distance 0, or another at the same place: either way
@@ -65,7 +71,8 @@ float median_depth(const Scene& scene) {
 }
 
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree) {
-    std::vector<Vec3f> positions, colors;
+    std::vector<Vec3f> positions, colors, normals;
+    const bool use_normals = options.use_normals && !scene.points.normals.empty();
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
         const Vec3f p = scene.points.positions[i];
         const bool at_camera = std::any_of(
@@ -75,6 +82,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         positions.push_back(p);
         colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f}
                                                      : scene.points.colors[i]);
+        if (use_normals) normals.push_back(scene.points.normals[i]);
     }
     if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
         spdlog::warn("{} initial points lie within 0.01 world units of a camera and are left out",
@@ -94,6 +102,10 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         const float log_scale = 0.5f * std::log(std::max(squared[i], 1e-7f));
         g.log_scales[i] = {log_scale, log_scale, log_scale};
         g.quats[i] = {1, 0, 0, 0};
+        if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros
+            g.quats[i] = rotation_to(normalize(normals[i]));
+            g.log_scales[i].z += std::log(options.thickness);
+        }
         g.opacity_logits[i] = logit;
         g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / static_cast<float>(kShC0);
     }

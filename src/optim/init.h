@@ -9,16 +9,42 @@ namespace tvsgs {
 
 struct InitOptions {
     float opacity = 0.1f;
+    int min_points = 2000;
+    bool use_normals = true;
+    float thickness = 0.1f;
+    // A cloud from outside:
+    float thin = 0;
+    int max_points = 1500000, outlier_neighbours = 20;
+    float outlier_deviations = 0, min_in_frame = 0.1f;
 
     template <class Visitor>
     void fields(Visitor& field) {
         field("opacity", opacity, {0.001, 0.999}, "of every Gaussian at the start");
+        field("min_points", min_points, {0, 1e9},
+              "with fewer points tvsgs-train makes a cloud by stereo first; 0: never");
+        field("use_normals", use_normals,
+              "Gaussians lie flat on the normals of the cloud, where it has any");
+        field("thickness", thickness, {1e-3, 1},
+              "standard deviation along the normal over that across");
+        field("thin", thin, {0, 1e9},
+              "scene.init_ply: one point per cube of that edge, world units; 0: all");
+        field("max_points", max_points, {0, 1e9},
+              "scene.init_ply and stereo: thinned to at most that many points; 0: all");
+        field("outlier_neighbours", outlier_neighbours, {1, 30},
+              "scene.init_ply: points whose distance to that many others counts");
+        field("outlier_deviations", outlier_deviations, {0, 100},
+              "scene.init_ply: points farther than mean + that many standard deviations from "
+              "their neighbours go; 0: none");
+        field("min_in_frame", min_in_frame, {0, 1},
+              "scene.init_ply: share of its points that two training views must see, else it is "
+              "refused");
     }
 };
 
 /// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
 /// three nearest other points, at least 1e-3.5 world units; identity rotations; base colour from
-/// the point. Points within 1e-2 of a training camera, where directions and projections lose their
+/// the point. With normals (and use_normals) the third axis is the normal and `thickness` as long.
+/// Points within 1e-2 of a training camera, where directions and projections lose their
 /// meaning, are dropped. Throws Error(ExitCode::input) when none is left.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
@@ -26,7 +52,8 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
 /// it; 0 without any.
 float median_depth(const Scene& scene);
 
-/// Mean squared distance to the `k` nearest other points, exact; duplicates count as 0.
+/// Mean squared distance to the `k` (at most 30) nearest other points, exact; duplicates count as
+/// 0.
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k);
 
 }  // namespace tvsgs

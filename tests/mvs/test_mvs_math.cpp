@@ -1,0 +1,154 @@
+// The formulas of stereo for one pixel.
+#include "analytic_scene.h"
+#include "mvs/depth_segments.h"
+#include "mvs/mvs_math.h"
+#include "mvs/patch_match_bodies.h"
+#include "mvs/stereo_images.h"
+#include "support/numeric.h"
+
+namespace tvsgs {
+namespace {
+
+TEST(PlaneWarp, FollowsPointsOfThePlane) {
+    const Camera reference = test::arc_camera(200, 150, 0.1),
+                 other = test::arc_camera(220, 160, 0.5);
+    const SourceView source = make_source(reference, other, 1, 0);
+    const int x = 93, y = 71;
+    const SurfacePlane plane{normalize(Vec3f{0.3f, -0.2f, -0.9f}), 3.7f};
+    const PatchWarp warp = plane_warp(source, reference, x, y, plane);
+    for (const auto& [dx, dy] : {std::pair{0, 0}, {7, 0}, {0, -7}, {-5, 3}}) {
+        const Vec3f own = pixel_ray(reference, x, y), ray = pixel_ray(reference, x + dx, y + dy);
+        const Vec3f point = depth_on_ray(plane, own, ray) * ray;
+        EXPECT_NEAR(dot(plane.normal, point), plane.depth * dot(plane.normal, own), 1e-5);
+        const Vec3f there = source.source_from_reference * point;
+        const Vec3f h = warp.at_centre + float(dx) * warp.per_x + float(dy) * warp.per_y;
+        // Floats of a few hundred pixels: a thousandth of a pixel is ample.
+        EXPECT_NEAR(h.x / h.z, other.fx_px * there.x / there.z + other.cx_px, 1e-3);
+        EXPECT_NEAR(h.y / h.z, other.fy_px * there.y / there.z + other.cy_px, 1e-3);
+    }
+}
+
+class PatchCost : public testing::Test {
+protected:
+    static constexpr int kWidth = 40, kHeight = 30;
+    static float pattern(int x, int y) { return float(test::texture({0.05 * x, 0.05 * y, 0.3})); }
+    template <class F>
+    static std::vector<float> image(const F& f) {
+        std::vector<float> pixels;
+        for (int y = 0; y < kHeight; ++y)
+            for (int x = 0; x < kWidth; ++x) pixels.push_back(float(f(x, y)));
+        return pixels;
+    }
+    /// The source shows the same pixels, moved by `shift`.
+    static float cost(const std::vector<float>& reference,
+                      const std::vector<float>& source,
+                      float shift = 0,
+                      int side = 6) {
+        ReferencePatch patch;
+        make_patch({reference.data(), kWidth, kHeight}, 18, 14, side, patch);
+        return patch_cost(patch, {source.data(), kWidth, kHeight},
+                          {{18.5f + shift, 14.5f, 1}, {1, 0, 0}, {0, 1, 0}}, 1e-5f);
+    }
+};
+
+TEST_F(PatchCost, KnowsLikenessWhateverTheExposure) {
+    const std::vector<float> same = image(pattern);
+    for (const int side : {4, 6, 8}) EXPECT_NEAR(cost(same, same, 0, side), 0, 1e-5);
+    EXPECT_NEAR(cost(same, image([](int x, int y) { return 0.1 + 0.6 * pattern(x, y); })), 0, 1e-4);
+    EXPECT_NEAR(cost(same, image([](int x, int y) { return 1 - pattern(x, y); })), 2, 1e-4);
+    EXPECT_GT(cost(same, same, 3), 0.2) << "moved by three pixels";
+    const float half = cost(same, same, 0.5f);
+    EXPECT_TRUE(half > 0 && half < cost(same, same, 1)) << half;
+}
+
+TEST_F(PatchCost, RefusesWhatCannotBeCompared) {
+    const std::vector<float> same = image(pattern);
+    const std::vector<float> flat = image([](int, int) { return 0.4; });
+    EXPECT_EQ(cost(flat, same), kWorstCost);
+    EXPECT_EQ(cost(same, flat), kWorstCost);
+    EXPECT_EQ(cost(same, same, 100), kWorstCost) << "outside";
+    EXPECT_EQ(cost(same, same, std::nanf("")), kWorstCost);
+    ReferencePatch patch;
+    make_patch({same.data(), kWidth, kHeight}, 18, 14, 6, patch);
+    EXPECT_EQ(patch_cost(patch, {same.data(), kWidth, kHeight},
+                         {{-18, -14, -1}, {1, 0, 0}, {0, 1, 0}}, 1e-5f),
+              kWorstCost)
+        << "behind the camera";
+}
+
+TEST_F(PatchCost, WorksAtTheBorder) {
+    const std::vector<float> same = image(pattern);
+    ReferencePatch patch;
+    for (const auto& [x, y] : {std::pair{0, 0}, {kWidth - 1, kHeight - 1}, {1, kHeight - 1}}) {
+        make_patch({same.data(), kWidth, kHeight}, x, y, 8, patch);
+        EXPECT_NEAR(
+            patch_cost(patch, {same.data(), kWidth, kHeight},
+                       {{float(x) + 0.5f, float(y) + 0.5f, 1}, {1, 0, 0}, {0, 1, 0}}, 1e-5f),
+            0, 1e-4);
+    }
+}
+
+TEST(Crosscheck, AgreesWithTheSurface) {
+    const Camera reference = test::arc_camera(120, 90, 0), other = test::arc_camera(120, 90, 0.3);
+    const SourceView source = make_source(reference, other, 1, 0);
+    std::vector<float> depths;
+    for (int y = 0; y < 90; ++y)
+        for (int x = 0; x < 120; ++x)
+            depths.push_back(float(test::trace(other, x + 0.5, y + 0.5).depth));
+    const Span<const float> span{depths.data(), depths.size()};
+    int checked = 0;
+    for (int y = 5; y < 85; y += 7)
+        for (int x = 40; x < 80; x += 7) {
+            const float depth = float(test::trace(reference, x + 0.5, y + 0.5).depth);
+            const Vec3f ray = pixel_ray(reference, x, y);
+            const Crosscheck check = crosscheck(source, reference, depth * ray, span);
+            if (check.pixel < 0 || !(std::abs(check.point_reference.z - depth) < 0.05f)) continue;
+            ++checked;
+            EXPECT_LT(check.reprojection_px, 1.5) << "half a source pixel, on a slant";
+            const Crosscheck off = crosscheck(source, reference, 0.85f * depth * ray, span);
+            if (off.pixel >= 0) {
+                EXPECT_GT(off.reprojection_px, 2) << x << " " << y;
+            }
+        }
+    EXPECT_GT(checked, 20);
+}
+
+TEST(Checkerboard, VisitsEveryPixelOnce) {
+    for (const auto& [width, height] : {std::pair{1, 1}, {33, 17}, {64, 32}, {31, 50}}) {
+        std::vector<int> visits(std::size_t(width * height), 0);
+        for (int color = 0; color < 2; ++color)
+            for (int i = 0; i < Checkerboard::count(width, height); ++i) {
+                const Vec2<int> p = Checkerboard{width, height, color}.pixel(i);
+                if (p.x >= width || p.y >= height) continue;
+                EXPECT_EQ((p.x + p.y) & 1, color);
+                ++visits[std::size_t(p.y * width + p.x)];
+            }
+        EXPECT_EQ(std::count(visits.begin(), visits.end(), 1), width * height);
+    }
+}
+
+TEST(Facing, NormalsCanBeSeen) {
+    test::Random random(3);
+    for (int i = 0; i < 200; ++i) {
+        const Vec3f ray{float(random.uniform(-1, 1)), float(random.uniform(-1, 1)), 1};
+        const Vec3f n = facing(normalize(vec_cast<float>(random.normal3())), ray);
+        EXPECT_NEAR(norm(n), 1, 1e-5);
+        EXPECT_LT(dot(n, ray), -kMinFacing);
+    }
+}
+
+TEST(DepthSegments, SmallPiecesGo) {
+    std::vector<float> depth(30 * 20, 2.0f), confidence(30 * 20, 1.0f);
+    for (int y = 5; y < 8; ++y)
+        for (int x = 5; x < 8; ++x)
+            depth[std::size_t(y * 30 + x)] = 2.1f;  // 9 pixels, a step of 5 %
+    depth[0] = 0;
+    remove_small_segments({{30, 20, depth.data(), confidence.data()}}, 10);
+    EXPECT_EQ(depth[6 * 30 + 6], 0);
+    EXPECT_EQ(confidence[6 * 30 + 6], 0);
+    EXPECT_EQ(depth[1], 2);
+    EXPECT_EQ(std::count(depth.begin(), depth.end(), 0.0f), 10);
+}
+
+}  // namespace
+}  // namespace tvsgs
