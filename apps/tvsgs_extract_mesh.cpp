@@ -28,95 +28,13 @@ constexpr int kMeshResolution = 1024;       // as 2DGS and FatesGS
 constexpr double kShareOfFreeMemory = 0.6;  // marching cubes needs half as much again
 
 struct Arguments {
-    std::string model, out, device = "auto", memory, bbox;
-    float voxel_size = 0, truncation = 0, depth_max = 0, alpha_min = 0.5f, min_weight = 1;
+    std::string model, out, device = "auto";
+    std::int64_t max_bytes = 0;  // of the voxels; 0: a share of the free memory
+    DepthRules rules;            // depth_max 0: automatic
+    float voxel_size = 0, truncation = 0, min_weight = 1;
     int mesh_resolution = 0, clusters = 50;
     bool no_masks = false, no_preview = false, quiet = false, verbose = false;
 };
-
-/// The run's configuration, if there is one, gives the scene; flags override it.
-Arguments parse(int argc, char** argv, RunOptions& options) {
-    Arguments arguments;
-    OptionTable table;
-    options.add_to(table);
-    std::vector<std::pair<std::string, std::string>> flags;
-    CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
-    app.get_formatter()->column_width(46);
-    const auto scene_flag = [&](const char* names, const char* key, const char* help) {
-        app.add_option_function<std::string>(
-               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
-            ->group("Scene (default: that of the run)");
-    };
-    app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
-        ->required();
-    app.add_option("-o,--out,--output", arguments.out,
-                   "mesh to write [RUN/mesh/mesh.ply, or mesh.ply beside the splats]");
-    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
-    app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
-    app.add_flag("--verbose", arguments.verbose, "more detail");
-    scene_flag("-s,--scene,--source-path,--data", "scene.path", "folder of the scene");
-    scene_flag("--images", "scene.images", "folder of the photographs inside the scene");
-    scene_flag("-r,--resolution", "scene.resolution",
-               "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
-    scene_flag("--split", "scene.split", "list of splits.json to render");
-    scene_flag("--train-list", "scene.train_list", "file with one image per line");
-    scene_flag("--views", "scene.views", "views by index into the sorted images: 23,24,33");
-    scene_flag("-n,--num-views", "scene.num_views", "that many views, evenly chosen");
-    scene_flag("--masks", "scene.masks", "folder of the masks");
-    const char* group = "Volume";
-    app.add_option("--voxel-size", arguments.voxel_size,
-                   "world units [depth-max / mesh-resolution]")
-        ->group(group)
-        ->check(kPositive);
-    app.add_option("--mesh-resolution", arguments.mesh_resolution,
-                   "voxels along depth-max [1024, fewer for small images]")
-        ->group(group)
-        ->check(CLI::Range(8, 65536));
-    app.add_option("--truncation", arguments.truncation, "world units [5 voxels]")
-        ->group(group)
-        ->check(kPositive);
-    app.add_option("--depth-max", arguments.depth_max,
-                   "depths from there on are dropped [twice the distance of the cameras' focus]")
-        ->group(group)
-        ->check(kPositive);
-    app.add_option("--bbox", arguments.bbox, "x0,y0,z0,x1,y1,z1: surface outside is dropped")
-        ->group(group);
-    app.add_option("--alpha-min", arguments.alpha_min, "least coverage of a pixel [0.5]; 0: any")
-        ->group(group)
-        ->check(CLI::Range(0.0, 1.0));
-    app.add_flag("--no-masks", arguments.no_masks, "fuse what lies outside of the masks as well")
-        ->group(group);
-    app.add_option("--min-weight", arguments.min_weight, "views that must have seen a voxel [1]")
-        ->group(group)
-        ->check(CLI::Range(1, 65535));
-    app.add_option("--clusters", arguments.clusters, "largest components to keep [50]; 0: all")
-        ->group(group)
-        ->check(CLI::Range(0, 1000000000));
-    app.add_option("--memory", arguments.memory,
-                   "bytes the voxels may take, as 8G or 500M [60 % of what is free]")
-        ->group(group);
-    app.add_flag("--no-preview", arguments.no_preview, "write no picture of the mesh")
-        ->group(group);
-    app.set_version_flag("--version", kVersion);
-    parse_command_line(app, argc, argv);
-
-    std::error_code failure;
-    if (!fs::exists(arguments.model, failure))
-        throw Error(
-            ExitCode::input,
-            str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
-    if (fs::is_directory(arguments.model, failure))
-        table.read_file(run_config_path(arguments.model));
-    for (const auto& [key, value] : flags) table.set(key, value, "the command line");
-    if (options.scene.path.empty())
-        throw Error(
-            ExitCode::usage,
-            str(arguments.model,
-                ": is no run folder, so it does not say which scene it shows; give --scene DIR"));
-    options.scene.need_points = false;
-    options.scene.min_train_views = 1;
-    return arguments;
-}
 
 /// A number with an optional suffix K, M, G or T (powers of 1024).
 std::int64_t parse_bytes(const std::string& text) {
@@ -153,6 +71,94 @@ void parse_box(const std::string& text, DepthRules& rules) {
     rules.box_max = {numbers[3], numbers[4], numbers[5]};
 }
 
+/// The run's configuration, if there is one, gives the scene; flags override it.
+Arguments parse(int argc, char** argv, RunOptions& options) {
+    Arguments arguments;
+    OptionTable table;
+    options.add_to(table);
+    std::vector<std::pair<std::string, std::string>> flags;
+    std::string box, memory;
+    arguments.rules.depth_max = 0, arguments.rules.alpha_min = 0.5f;
+    CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
+    app.get_formatter()->column_width(46);
+    const auto scene_flag = [&](const char* names, const char* key, const char* help) {
+        app.add_option_function<std::string>(
+               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
+            ->group("Scene (default: that of the run)");
+    };
+    app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
+        ->required();
+    app.add_option("-o,--out,--output", arguments.out,
+                   "mesh to write [RUN/mesh/mesh.ply, or mesh.ply beside the splats]");
+    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
+    CLI::Option* quiet = app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
+    app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
+    scene_flag("-s,--scene,--source-path,--data", "scene.path", "folder of the scene");
+    scene_flag("--images", "scene.images", "folder of the photographs inside the scene");
+    scene_flag("-r,--resolution", "scene.resolution",
+               "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+    scene_flag("--split", "scene.split", "list of splits.json to render");
+    scene_flag("--train-list", "scene.train_list", "file with one image per line");
+    scene_flag("--views", "scene.views", "views by index into the sorted images: 23,24,33");
+    scene_flag("-n,--num-views", "scene.num_views", "that many views, evenly chosen");
+    scene_flag("--masks", "scene.masks", "folder of the masks");
+    const char* group = "Volume";
+    app.add_option("--voxel-size", arguments.voxel_size,
+                   "world units [depth-max / mesh-resolution]")
+        ->group(group)
+        ->check(kPositive);
+    app.add_option("--mesh-resolution", arguments.mesh_resolution,
+                   "voxels along depth-max [1024, fewer for small images]")
+        ->group(group)
+        ->check(CLI::Range(8, 65536));
+    app.add_option("--truncation", arguments.truncation, "world units [5 voxels]")
+        ->group(group)
+        ->check(kPositive);
+    app.add_option("--depth-max", arguments.rules.depth_max,
+                   "depths from there on are dropped [twice the distance of the cameras' focus]")
+        ->group(group)
+        ->check(kPositive);
+    app.add_option("--bbox", box, "x0,y0,z0,x1,y1,z1: surface outside is dropped")->group(group);
+    app.add_option("--alpha-min", arguments.rules.alpha_min,
+                   "least coverage of a pixel [0.5]; 0: any")
+        ->group(group)
+        ->check(CLI::Range(0.0, 1.0));
+    app.add_flag("--no-masks", arguments.no_masks, "fuse what lies outside of the masks as well")
+        ->group(group);
+    app.add_option("--min-weight", arguments.min_weight, "views that must have seen a voxel [1]")
+        ->group(group)
+        ->check(CLI::Range(1, 65535));
+    app.add_option("--clusters", arguments.clusters, "largest components to keep [50]; 0: all")
+        ->group(group)
+        ->check(CLI::Range(0, 1000000000));
+    app.add_option("--memory", memory,
+                   "bytes the voxels may take, as 8G or 500M [60 % of what is free]")
+        ->group(group);
+    app.add_flag("--no-preview", arguments.no_preview, "write no picture of the mesh")
+        ->group(group);
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    if (!box.empty()) parse_box(box, arguments.rules);
+    if (!memory.empty()) arguments.max_bytes = parse_bytes(memory);
+
+    std::error_code failure;
+    if (!fs::exists(arguments.model, failure))
+        throw Error(
+            ExitCode::input,
+            str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
+    if (fs::is_directory(arguments.model, failure))
+        table.read_file(run_config_path(arguments.model));
+    for (const auto& [key, value] : flags) table.set(key, value, "the command line");
+    if (options.scene.path.empty())
+        throw Error(
+            ExitCode::usage,
+            str(arguments.model,
+                ": is no run folder, so it does not say which scene it shows; give --scene DIR"));
+    options.scene.need_points = false;
+    options.scene.min_train_views = 1;
+    return arguments;
+}
+
 /// Median of the depths that are there; 0 without any.
 double median_depth(std::vector<float> depths) {
     std::erase_if(depths, [](float d) { return !(d > 0 && std::isfinite(d)); });
@@ -170,13 +176,18 @@ int automatic_resolution(const std::vector<View>& views) {
     return std::max(8, static_cast<int>(2 * focal_px));
 }
 
+std::vector<Camera> cameras_of(const std::vector<View>& views) {
+    std::vector<Camera> cameras;
+    for (const View& view : views) cameras.push_back(view.camera);
+    return cameras;
+}
+
 /// Depths beyond twice the distance from the nearest camera to what all look at are background.
 template <class Device>
 float automatic_depth_max(const std::vector<View>& views,
                           const Gaussians<Device>& gaussians,
                           Backbone<Device>& backbone) {
-    std::vector<Camera> cameras;
-    for (const View& view : views) cameras.push_back(view.camera);
+    const std::vector<Camera> cameras = cameras_of(views);
     std::optional<Focus> focus = find_focus(cameras);
     if (!focus) {
         const auto& rendered = backbone.forward(gaussians, cameras.front(), gaussians.sh_degree,
@@ -218,12 +229,9 @@ TriangleMesh extract(const Scene& scene,
     copy(splats, gaussians);
     const auto backbone = make_backbone<Device>(options.train.backbone, options.train.core);
 
-    DepthRules rules;
-    rules.alpha_min = arguments.alpha_min;
-    if (!arguments.bbox.empty()) parse_box(arguments.bbox, rules);
-    rules.depth_max = arguments.depth_max > 0
-                          ? arguments.depth_max
-                          : automatic_depth_max(scene.train, gaussians, *backbone);
+    DepthRules rules = arguments.rules;
+    if (rules.depth_max == 0)
+        rules.depth_max = automatic_depth_max(scene.train, gaussians, *backbone);
     TsdfOptions volume_options;
     const int resolution = arguments.mesh_resolution > 0 ? arguments.mesh_resolution
                                                          : automatic_resolution(scene.train);
@@ -234,10 +242,10 @@ TriangleMesh extract(const Scene& scene,
                                     ? arguments.truncation
                                     : kTruncationVoxels * volume_options.voxel_size;
     volume_options.max_bytes =
-        arguments.memory.empty()
-            ? static_cast<std::int64_t>(kShareOfFreeMemory *
-                                        static_cast<double>(free_bytes(Device{})))
-            : parse_bytes(arguments.memory);
+        arguments.max_bytes > 0
+            ? arguments.max_bytes
+            : static_cast<std::int64_t>(kShareOfFreeMemory *
+                                        static_cast<double>(free_bytes(Device{})));
     spdlog::info("voxels of {:.4g}, truncation {:.4g}, depths below {:.4g}",
                  volume_options.voxel_size, volume_options.truncation, rules.depth_max);
 
@@ -312,7 +320,8 @@ int command(int argc, char** argv) {
                  mesh.faces.size());
     if (!arguments.no_preview && !mesh.faces.empty()) {
         const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
-        write_png(picture, preview_mesh(mesh, 960, 720));
+        write_png(picture,
+                  preview_mesh(mesh, preview_camera(mesh, cameras_of(scene.train), 960, 720)));
         spdlog::info("{}: picture of the mesh", picture);
     }
     return 0;

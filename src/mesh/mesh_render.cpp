@@ -204,13 +204,47 @@ MeshRender render_mesh(const TriangleMesh& mesh,
     return out;
 }
 
-Camera preview_camera(const TriangleMesh& mesh, int width, int height) {
-    // The central 96 % of the vertices along each axis: floaters must not push the object into the
-    // distance.
-    Vec3f low{-1, -1, -1}, high{1, 1, 1};
+namespace {
+
+/// The camera whose axis agrees best with all others: of an arc the one in the middle; of a full
+/// ring, where all agree alike up to rounding, the first.
+const Camera& middle_camera(const std::vector<Camera>& cameras) {
+    Vec3f sum;
+    const auto axis = [](const Camera& camera) {
+        const float* row = camera.camera_from_world.R[2];
+        return Vec3f{row[0], row[1], row[2]};
+    };
+    for (const Camera& camera : cameras) sum += axis(camera);
+    const float tolerance = 1e-3f * static_cast<float>(cameras.size());
+    const Camera* best = &cameras.front();
+    for (const Camera& camera : cameras)
+        if (dot(axis(camera), sum) > dot(axis(*best), sum) + tolerance) best = &camera;
+    return *best;
+}
+
+}  // namespace
+
+Camera preview_camera(const TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      int width,
+                      int height) {
+    Camera camera = middle_camera(cameras);
+    const Mat3f R = camera.camera_from_world.R;
+    camera.cx_px = 0.5f * static_cast<float>(width);
+    camera.cy_px = 0.5f * static_cast<float>(height);
+    const float f =
+        std::min(camera.fx_px * static_cast<float>(width) / static_cast<float>(camera.width_px),
+                 camera.fy_px * static_cast<float>(height) / static_cast<float>(camera.height_px));
+    camera.fx_px = camera.fy_px = f;
+    camera.width_px = width, camera.height_px = height;
+    if (mesh.vertices.empty()) return camera;
+
+    // 1. The central 96 % of the vertices along each axis of the camera: floaters must not push the
+    // object into the distance.
+    Vec3f low, high;
     std::vector<float> values(mesh.vertices.size());
-    for (int c = 0; c < 3 && !values.empty(); ++c) {
-        for (std::size_t i = 0; i < values.size(); ++i) values[i] = mesh.vertices[i][c];
+    for (int c = 0; c < 3; ++c) {
+        for (std::size_t i = 0; i < values.size(); ++i) values[i] = (R * mesh.vertices[i])[c];
         const auto at = [&](double fraction) {
             const auto k =
                 static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
@@ -219,21 +253,19 @@ Camera preview_camera(const TriangleMesh& mesh, int width, int height) {
         };
         low[c] = at(0.02), high[c] = at(0.98);
     }
-    const Vec3f centre = 0.5f * (low + high);
-    const float radius = std::max(0.52f * norm(high - low), 1e-6f);
 
-    Camera camera;
-    camera.width_px = width, camera.height_px = height;
-    camera.fx_px = camera.fy_px = 1.5f * static_cast<float>(std::min(width, height));
-    camera.cx_px = 0.5f * static_cast<float>(width),
-    camera.cy_px = 0.5f * static_cast<float>(height);
-    const Vec3f backward = normalize(Vec3f{1, -0.6f, 0.55f});  // from the object to the camera
-    const Vec3f right = normalize(cross(Vec3f{0, 0, 1}, backward)), down = cross(right, backward);
-    Mat3f& R = camera.camera_from_world.R;
-    for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
-    // The ball of `radius` fills the shorter side: sin(half the angle of view) = radius / distance.
-    const float distance = radius * std::sqrt(1 + 4 * 1.5f * 1.5f);
-    camera.camera_from_world.t = -(R * (centre + distance * backward));
+    // 2. A camera that stands amid the surface, as in a room, stays there.
+    const Vec3f seen_from = -camera.camera_from_world.t;
+    bool amid = true;
+    for (int c = 0; c < 3; ++c) amid = amid && seen_from[c] > low[c] && seen_from[c] < high[c];
+    if (amid) return camera;
+
+    // 3. Else as far away as the front of the box needs to fit, with a margin.
+    constexpr float kMargin = 1.1f;
+    const Vec3f half = 0.5f * (high - low);
+    const float distance = kMargin * f * std::max(half.x / camera.cx_px, half.y / camera.cy_px);
+    const Vec3f middle = 0.5f * (low + high);
+    camera.camera_from_world.t = {-middle.x, -middle.y, std::max(distance, 1e-6f) - low.z};
     return camera;
 }
 
@@ -258,10 +290,6 @@ ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera) {
                color;
     };
     return to_8bit(box_filter(shade_samples(hits, kBackground, shade), kSamples));
-}
-
-ImageU8 preview_mesh(const TriangleMesh& mesh, int width, int height) {
-    return preview_mesh(mesh, preview_camera(mesh, width, height));
 }
 
 ImageU8 to_8bit(const ImageF& image) {

@@ -34,13 +34,16 @@ MeshRender render_mesh(const TriangleMesh& mesh,
 /// vertices.
 std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh);
 
-/// Camera that frames the bulk of the vertices (outliers aside) from a three-quarter view, z up.
-Camera preview_camera(const TriangleMesh& mesh, int width, int height);
+/// Camera that looks as the middle one of `cameras` (not empty) does and frames the bulk of the
+/// vertices, outliers aside.
+Camera preview_camera(const TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      int width,
+                      int height);
 
 /// RGB picture for people: vertex colours or grey, lit from the camera; the inner side of the
 /// surface is tinted red, so that holes and inverted parts show.
 ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera);
-ImageU8 preview_mesh(const TriangleMesh& mesh, int width, int height);
 
 /// Mean of n x n pixels each; the size must be a multiple of n.
 ImageF box_filter(const ImageF& image, int n);

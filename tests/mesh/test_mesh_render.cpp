@@ -99,7 +99,7 @@ TEST(MeshRender, EmptyMeshAndUnusedVertices) {
     const Camera camera = test_camera();
     TriangleMesh mesh;
     EXPECT_EQ(render_mesh(mesh, camera, {.background = {0.5f, 0, 0}}).color.at(3, 4), 0.5f);
-    EXPECT_EQ(preview_mesh(mesh, 32, 24).width, 32);
+    EXPECT_EQ(preview_mesh(mesh, preview_camera(mesh, {camera}, 32, 24)).width, 32);
     mesh.vertices.push_back({1, 2, 3});
     EXPECT_EQ(norm(vertex_normals(mesh)[0]), 0);
 }
@@ -127,6 +127,29 @@ TEST(MeshRender, PreviewTintsTheInside) {
     EXPECT_EQ(redness(), 0);
     for (Vec3i& face : mesh.faces) std::swap(face.y, face.z);
     EXPECT_GT(redness(), 50);
+}
+
+TEST(MeshRender, PreviewFramesTheMeshAsTheCamerasSeeIt) {
+    const Camera camera = test_camera();
+    TriangleMesh mesh = plane(camera, normalize(Vec3f{0.2f, 0.1f, 1}), 2);
+    for (Vec3f& vertex : mesh.vertices) vertex = 100.0f * vertex + Vec3f{0, 0, 30};
+    Camera turned = camera;  // looks elsewhere than the other two
+    turned.camera_from_world.R = Mat3f{{{0, 0, -1}, {0, 1, 0}, {1, 0, 0}}};
+    const Camera view = preview_camera(mesh, {turned, camera, camera}, 96, 48);
+    EXPECT_EQ(view.width_px, 96);
+    EXPECT_EQ(view.camera_from_world.R[2][2], camera.camera_from_world.R[2][2]);
+    float left = 96, right = 0, top = 48, bottom = 0;
+    for (const Vec3f& vertex : mesh.vertices) {
+        const Vec3f p = view.camera_from_world * vertex;
+        ASSERT_GT(p.z, 0);
+        const float x = view.fx_px * p.x / p.z + view.cx_px,
+                    y = view.fy_px * p.y / p.z + view.cy_px;
+        left = std::min(left, x), right = std::max(right, x);
+        top = std::min(top, y), bottom = std::max(bottom, y);
+    }
+    EXPECT_TRUE(left >= 0 && right <= 96 && top >= 0 && bottom <= 48)
+        << left << ' ' << right << ' ' << top << ' ' << bottom;
+    EXPECT_GT(std::max((right - left) / 96, (bottom - top) / 48), 0.7f) << "it fills the picture";
 }
 
 TEST(MeshRender, EightBitValuesAreRoundedAndClamped) {
