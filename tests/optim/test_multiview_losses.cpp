@@ -335,14 +335,13 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     const auto losses = make_losses<Cpu>(options, {});
     ASSERT_EQ(losses.size(), 2u);
     AdamOptions rates;
-    rates.position_start = rates.position_end = 1.5e-3f;
+    rates.position_start = rates.position_end = 2e-3f;
     Adam<Cpu> adam(rates, g);
     Objective<Cpu> objective;
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     const TensorField<Cpu> field;
-    double first = 0, last = 0;
-    for (int step = 1; step <= 60; ++step) {
+    for (int step = 1; step <= 40; ++step) {
         const auto& view = views[static_cast<std::size_t>(step % 3)];
         NeighbourView<Cpu>* neighbour = neighbours.render(step, view.index, views, g);
         const auto& images = backbone->forward(g, view.camera, 0, Channels::color_plane);
@@ -360,13 +359,10 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
         backbone->backward(g, objective.dL_dimages, objective.dL_dgaussians);
         neighbour->backward(g, objective.dL_dgaussians);
         adam.step(step, 1, 0, objective.dL_dgaussians, g, true);
-        if (step <= 3) first += objective.values[1];
-        if (step > 57) last += objective.values[1];
     }
-    EXPECT_LT(last, first);  // patches that a border cuts off stay as they are
-    // Sixty steps of at most 0.0015 could go 0.09; at most 0.02 may stay of the 0.05.
-    EXPECT_LT(off_plane(g).distance, 0.02);
-    EXPECT_LT(off_plane(g).tilt, 0.02);
+    // Adam's last steps are as long as its first: 0.002. A tenth of the way may be left beside.
+    EXPECT_LT(off_plane(g).distance, 0.007);
+    EXPECT_LT(off_plane(g).tilt, 0.005);
 }
 
 /// A photograph of the render at another exposure: photo = gain x render + offset.
