@@ -204,31 +204,11 @@ MeshRender render_mesh(const TriangleMesh& mesh,
     return out;
 }
 
-namespace {
-
-/// The camera whose axis agrees best with all others: of an arc the one in the middle; of a full
-/// ring, where all agree alike up to rounding, the first.
-const Camera& middle_camera(const std::vector<Camera>& cameras) {
-    Vec3f sum;
-    const auto axis = [](const Camera& camera) {
-        const float* row = camera.camera_from_world.R[2];
-        return Vec3f{row[0], row[1], row[2]};
-    };
-    for (const Camera& camera : cameras) sum += axis(camera);
-    const float tolerance = 1e-3f * static_cast<float>(cameras.size());
-    const Camera* best = &cameras.front();
-    for (const Camera& camera : cameras)
-        if (dot(axis(camera), sum) > dot(axis(*best), sum) + tolerance) best = &camera;
-    return *best;
-}
-
-}  // namespace
-
 Camera preview_camera(const TriangleMesh& mesh,
                       const std::vector<Camera>& cameras,
                       int width,
                       int height) {
-    Camera camera = middle_camera(cameras);
+    Camera camera = cameras[cameras.size() / 2];  // in the order of the names, along the path
     const Mat3f R = camera.camera_from_world.R;
     camera.cx_px = 0.5f * static_cast<float>(width);
     camera.cy_px = 0.5f * static_cast<float>(height);

@@ -34,7 +34,7 @@ MeshRender render_mesh(const TriangleMesh& mesh,
 /// vertices.
 std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh);
 
-/// Camera that looks as the middle one of `cameras` (not empty) does and frames the bulk of the
+/// Camera that looks as the middle one of `cameras` (one at least) does and frames the bulk of the
 /// vertices, outliers aside.
 Camera preview_camera(const TriangleMesh& mesh,
                       const std::vector<Camera>& cameras,

@@ -10,6 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
+#include "io/image_file.h"
 #include "support/numeric.h"
 
 namespace tvsgs {
@@ -195,7 +196,95 @@ TEST_F(Cli, ScenesThatCannotBeRead) {
     expect_refused("--scene cut_short", 3, ".bin");
 }
 
+TEST_F(Cli, ScenesThatLie) {
+    expect_refused("--scene scene/splits.json", 3, "is a file");
+    expect_refused("--scene nowhere", 3, "does not exist");
+    expect_refused("--scene scene --views 1", 3, "1 training views; expected at least 2");
+    expect_refused("--scene scene --split train_3 --eval", 2, "exclude each other");
+
+    spoiled_scene("half_model",
+                  [](const fs::path& scene) { fs::remove(scene / "sparse/0/cameras.txt"); });
+    expect_refused("--scene half_model", 3, "there is no cameras.{bin,txt}");
+    spoiled_scene("no_entry", [](const fs::path& scene) {
+        std::ofstream(scene / "sparse/0/images.txt") << "# none\n";
+    });
+    expect_refused("--scene no_entry", 3, "images.txt: lists no image");
+    spoiled_scene("far_pose", [](const fs::path& scene) {
+        std::string text = contents(scene / "sparse/0/images.txt");
+        std::size_t at = text.find("\n1 ") + 1;  // ID QW QX QY QZ TX ...
+        for (int field = 0; field < 5; ++field) at = text.find(' ', at) + 1;
+        text.replace(at, text.find(' ', at) - at, "1e300");
+        std::ofstream(scene / "sparse/0/images.txt") << text;
+    });
+    expect_refused("--scene far_pose", 3, "translation (1e+300");
+    spoiled_scene("cut_image", [](const fs::path& scene) {
+        const std::string png = contents(scene / "images/0003.png");
+        std::ofstream(scene / "images/0003.png", std::ios::binary) << png.substr(0, 300);
+    });
+    expect_refused("--scene cut_image", 3, "images/0003.png: decoding failed");
+    spoiled_scene("odd_size", [](const fs::path& scene) {
+        write_png(scene / "images/0003.png", ImageU8(48, 64, 3));
+    });
+    expect_refused("--scene odd_size", 3, "0003.png: 48x64 pixels; its camera has 64x48");
+    spoiled_scene("odd_mask", [](const fs::path& scene) {
+        write_png(scene / "masks/0003.png", ImageU8(5, 7, 1));
+    });
+    expect_refused("--scene odd_mask", 3, "masks/0003.png: 5x7 pixels; its image has 64x48");
+    fs::remove(folder_ / "odd_mask/masks/0003.png");
+    expect_refused("--scene odd_mask --masks masks", 3, "no mask for image '0003.png'");
+    spoiled_scene("odd_split", [](const fs::path& scene) {
+        std::ofstream(scene / "splits.json") << R"({"some": ["0001.png", "nope.png"]})";
+    });
+    expect_refused("--scene odd_split --split some", 3, "'nope.png' names none of the 12 images");
+}
+
+TEST_F(Cli, CloudsAndSplatsThatLie) {
+    const std::string ply = splats("run");
+    const auto save = [](const std::string& name, const std::string& bytes) {
+        std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    };
+    const std::string header =
+        "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\n"
+        "property float y\nproperty float z\nend_header\n";
+    save("short.ply", header + "1 2 3\n");
+    expect_refused("--scene scene --init-ply short.ply", 3, "short.ply: byte");
+    save("nan.ply", header + "nan 2 3\ninf 1 1\n");
+    expect_refused("--scene scene --init-ply nan.ply", 3, "nan.ply: holds no usable point");
+    Result r = call("eval", "geometry --gt scene/gt/mesh.ply --pred nan.ply");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("none of its 2 points is finite")) << r;
+    save("long.ply", header + "1 2 3\n3 2 1\n4 5 6\n");
+    r = call("eval", "geometry --gt scene/gt/mesh.ply --pred long.ply --samples 1000");
+    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("are the counts in its header right?")) << r;
+
+    const auto extract = [&](const std::string& name, const std::string& bytes) {
+        save(name, bytes);
+        const Result result =
+            call("extract-mesh", "--device cpu --scene scene -o no/mesh.ply -m " + name);
+        EXPECT_FALSE(fs::exists(folder_ / "no")) << name;
+        EXPECT_EQ(result.code, 3) << name << result;
+        return result;
+    };
+    EXPECT_TRUE(extract("cut.ply", ply.substr(0, ply.size() / 2)).says("the file is cut off"));
+    const std::size_t at = ply.find("element vertex ") + 15, end = ply.find('\n', at);
+    std::string none = ply.substr(0, ply.find("end_header\n") + 11);
+    EXPECT_TRUE(extract("none.ply", none.replace(at, end - at, "0")).says("holds no usable splat"));
+    // What is no text must not reach the terminal.
+    const Result noise = extract("noise.ply", "ply\nformat ascii 1.0\n\x1b[2J\x07 1\nend_header\n");
+    EXPECT_TRUE(noise.says("unknown keyword '?[2J?'")) << noise;
+}
+
 TEST_F(Cli, OutputsThatCannotBeWritten) {
+    Result full = call("extract-mesh", "-m run --mesh-resolution 48 --device cpu -o /dev/full");
+    EXPECT_EQ(full.code, 6) << full;
+    EXPECT_TRUE(fs::is_character_file("/dev/full"));
+    EXPECT_EQ(call("train", "--scene scene --device cpu --out scene").code, 2);
+    // --overwrite removes runs, not the work of other programs.
+    fs::create_directories(folder_ / "thesis/test");
+    std::ofstream(folder_ / "thesis/config.json") << "{}";
+    EXPECT_EQ(call("train", "--scene scene --device cpu --overwrite --out thesis").code, 2);
+    EXPECT_TRUE(fs::exists(folder_ / "thesis/test"));
     const std::string before = contents(folder_ / "run/config.json");
     Result r = call("train", "--scene scene --device cpu --iterations 1 --out run");
     EXPECT_EQ(r.code, 2) << r;
@@ -206,6 +295,48 @@ TEST_F(Cli, OutputsThatCannotBeWritten) {
     r = call("train", "--scene scene --device cpu --iterations 1 --out file");
     EXPECT_EQ(r.code, 6) << r;
     EXPECT_EQ(contents(folder_ / "file"), "precious");
+}
+
+TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {
+    const std::pair<const char*, int> cases[] = {{"INT", 130}, {"TERM", 143}, {"HUP", 129}};
+    for (const auto& [signal, code] : cases) {
+        const std::string run = std::string("stopped_") + signal;
+        // Sent when the log shows that the training runs. The code is that of the tool.
+        const std::string line = "cd '" + folder_.string() +
+                                 "' && exec 2>err.txt; " TVSGS_BIN_DIR
+                                 "/tvsgs-train --scene scene --device cpu --iterations 1000000 "
+                                 "--report-every 1 --eval --out " +
+                                 run + " & p=$!; for i in $(seq 600); do sleep 0.05; test -s " +
+                                 run + "/log.jsonl && break; done; kill -" + signal +
+                                 " $p; wait $p";
+        const int status = std::system(line.c_str());
+        EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, code) << signal;
+        const std::string message = contents(folder_ / "err.txt");
+        EXPECT_NE(message.find("the splats so far are in"), std::string::npos) << message;
+        EXPECT_NE(message.find("stopped by signal"), std::string::npos) << message;
+        int saved = 0;
+        for (const auto& file : fs::recursive_directory_iterator(folder_ / run / "point_cloud"))
+            saved += file.path().filename() == "point_cloud.ply";
+        EXPECT_EQ(saved, 1);
+        EXPECT_FALSE(fs::exists(folder_ / run / "test")) << "test views are not evaluated";
+    }
+}
+
+TEST_F(Cli, NamesWithSpacesAndBeyondAscii) {
+    fs::copy(folder_ / "scene", folder_ / "sc\u00e8ne \u5199\u771f", fs::copy_options::recursive);
+    Result r =
+        call("train", "--scene 'sc\u00e8ne \u5199\u771f/' --eval --device cpu --iterations 1");
+    EXPECT_EQ(r.code, 0) << r;
+    r = call("eval", "nvs -m 'runs/sc\u00e8ne \u5199\u771f' --device cpu");
+    EXPECT_EQ(r.code, 0) << r;
+}
+
+TEST_F(Cli, TheLastOfAFlagCounts) {
+    const Result r =
+        call("train", "--scene scene --device cpu --out twice --iterations 9 --iterations 1");
+    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(fs::exists(folder_ / "twice/point_cloud/iteration_1"));
+    expect_refused("--scene scene --quiet --verbose", 2, "--quiet");
 }
 
 TEST_F(Cli, NoGpu) {

@@ -133,9 +133,9 @@ TEST(MeshRender, PreviewFramesTheMeshAsTheCamerasSeeIt) {
     const Camera camera = test_camera();
     TriangleMesh mesh = plane(camera, normalize(Vec3f{0.2f, 0.1f, 1}), 2);
     for (Vec3f& vertex : mesh.vertices) vertex = 100.0f * vertex + Vec3f{0, 0, 30};
-    Camera turned = camera;  // looks elsewhere than the other two
+    Camera turned = camera;  // looks elsewhere
     turned.camera_from_world.R = Mat3f{{{0, 0, -1}, {0, 1, 0}, {1, 0, 0}}};
-    const Camera view = preview_camera(mesh, {turned, camera, camera}, 96, 48);
+    const Camera view = preview_camera(mesh, {turned, camera, turned}, 96, 48);
     EXPECT_EQ(view.width_px, 96);
     EXPECT_EQ(view.camera_from_world.R[2][2], camera.camera_from_world.R[2][2]);
     float left = 96, right = 0, top = 48, bottom = 0;
