@@ -1,7 +1,10 @@
 #include "io/image_file.h"
 
 #include <algorithm>
+#include <cerrno>
 #include <cmath>
+#include <cstdio>
+#include <cstring>
 #include <limits>
 #include <memory>
 
@@ -83,7 +86,11 @@ void append_bytes(void* out, void* data, int size) {
 
 ImageSize read_image_size(const std::string& path) {
     int width = 0, height = 0, channels = 0;
-    const int known = stbi_info(path.c_str(), &width, &height, &channels);
+    const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
+                                                               std::fclose);
+    if (!file)
+        throw input_error("E_IMAGE_READ: ", path, ": cannot be opened: ", std::strerror(errno));
+    const int known = stbi_info_from_file(file.get(), &width, &height, &channels);
     return checked_size(path, known, width, height, channels);
 }
 

@@ -60,6 +60,8 @@ TEST_F(ImageFile, UnreadableFiles) {
     expect_error(ExitCode::input, "none.png", [&] { read_image((folder / "none.png").string()); });
     expect_error(ExitCode::input, "none.png",
                  [&] { read_image_size((folder / "none.png").string()); });
+    expect_error(ExitCode::input, "nowhere.png: cannot be opened: No such file",
+                 [] { read_image_size("nowhere.png"); });
     expect_error(ExitCode::input, "E_IMAGE_READ",
                  [&] { read_image(write("text.png", "no image")); });
     expect_error(ExitCode::input, "E_IMAGE_READ", [&] { read_image(write("empty.png", "")); });
