@@ -10,7 +10,7 @@ width=160
 height=120
 config=configs/pgsr_sparse.json
 split=train_all
-train_flags=(--iterations 400)
+train_flags=(--iterations 1000 --set densify.until=600) # a growth near the end would show as noise
 mesh_flags=()
 taus=0.01,0.02,0.05 # the object is 2 units high
 
