@@ -213,8 +213,8 @@ private:
                                                        : 2;
         // Few views stand far apart: their depths of slanted surfaces differ by more pixels.
         const Agreement filter{few_views() ? 2.0f : 1.5f, 0.01f,
-                               std::cos((few_views() ? 40 : 15) * degree), wanted};
-        const Agreement fusion{2.0f, 0.01f, std::cos((few_views() ? 40 : 15) * degree), wanted};
+                               std::cos((few_views() ? 30 : 15) * degree), wanted};
+        const Agreement fusion{2.0f, 0.01f, std::cos((few_views() ? 30 : 15) * degree), wanted};
 
         // 1. Believed depths; small pieces go.
         Buffer<float, Device> kept(pixels), confidences(pixels);
