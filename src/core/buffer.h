@@ -36,6 +36,10 @@ struct MemoryUse {
 MemoryUse memory_use(Cpu);
 MemoryUse memory_use(Cuda);
 
+/// Waits until the device has done all work given to it.
+inline void synchronize(Cpu) {}
+void synchronize(Cuda);
+
 namespace detail {
 // Throw Error(ExitCode::memory) with the size asked for and the memory there is.
 void* allocate(Cpu, std::size_t bytes);

@@ -91,4 +91,9 @@ void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes) {
 }
 
 }  // namespace detail
+
+void synchronize(Cuda) {
+    check_cuda(cudaDeviceSynchronize());
+}
+
 }  // namespace tvsgs

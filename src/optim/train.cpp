@@ -3,8 +3,6 @@
 
 namespace tvsgs {
 
-void synchronize(Cpu) {}
-
 template Gaussians<Cpu> train<Cpu>(const Scene&, const TrainOptions&, const TrainCallbacks&);
 
 }  // namespace tvsgs

@@ -3,10 +3,6 @@
 
 namespace tvsgs {
 
-void synchronize(Cuda) {
-    check_cuda(cudaDeviceSynchronize());
-}
-
 template Gaussians<Cuda> train<Cuda>(const Scene&, const TrainOptions&, const TrainCallbacks&);
 
 }  // namespace tvsgs

@@ -106,8 +106,4 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks);
 
-/// Waits until the device has done all work given to it.
-void synchronize(Cpu);
-void synchronize(Cuda);
-
 }  // namespace tvsgs

@@ -11,16 +11,13 @@
 
 namespace tvsgs {
 
-struct TreePoint {
+struct alignas(16) TreePoint {
     Vec3f position;
     std::uint32_t index;  // of the splat
 };
 
-struct TreeNode {
-    Vec3f low;
-    std::uint32_t min_index;  // smallest splat index inside
-    Vec3f high;
-    std::uint32_t unused;
+struct alignas(16) TreeNode {
+    Vec3f low, high;
 };
 
 inline constexpr int kTreeFanout = 32;
@@ -55,32 +52,28 @@ struct TreeNodeBody {
 
     TVSGS_HD void operator()(int j) const {
         constexpr float kInfinity = std::numeric_limits<float>::infinity();
-        TreeNode node{{kInfinity, kInfinity, kInfinity},
-                      0xffffffffu,
-                      {-kInfinity, -kInfinity, -kInfinity},
-                      0};
+        TreeNode node{{kInfinity, kInfinity, kInfinity}, {-kInfinity, -kInfinity, -kInfinity}};
         const int below = level == 0 ? tree.points.size() : tree.level_size[level - 1];
         const int begin = j * kTreeFanout,
                   end = begin + kTreeFanout < below ? begin + kTreeFanout : below;
         for (int i = begin; i < end; ++i) {
             if (level == 0) {
-                const TreePoint point = tree.points[i];
-                grow(node, point.position, point.position, point.index);
+                const Vec3f position = tree.points[i].position;
+                grow(node, position, position);
             } else {
                 const TreeNode child = tree.nodes[tree.level_begin[level - 1] + i];
-                grow(node, child.low, child.high, child.min_index);
+                grow(node, child.low, child.high);
             }
         }
         tree.nodes[tree.level_begin[level] + j] = node;
     }
 
 private:
-    TVSGS_HD static void grow(TreeNode& node, Vec3f low, Vec3f high, std::uint32_t index) {
+    TVSGS_HD static void grow(TreeNode& node, Vec3f low, Vec3f high) {
         for (int axis = 0; axis < 3; ++axis) {
             node.low[axis] = low[axis] < node.low[axis] ? low[axis] : node.low[axis];
             node.high[axis] = high[axis] > node.high[axis] ? high[axis] : node.high[axis];
         }
-        node.min_index = index < node.min_index ? index : node.min_index;
     }
 };
 
@@ -114,19 +107,19 @@ TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
     return code;
 }
 
-/// Orders like (distance squared, index), distances that are not finite last.
-TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t index) {
+/// Orders like (distance squared, slot), distances that are not finite last.
+TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t slot) {
     const float ordered =
         squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
     // Adding zero turns -0 into 0.
-    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | index;
+    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | slot;
 }
-TVSGS_HD inline std::uint32_t key_index(std::uint64_t key) {
+TVSGS_HD inline std::uint32_t key_slot(std::uint64_t key) {
     return static_cast<std::uint32_t>(key);
 }
 
-/// A bound on the keys of all points in the node.
-TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q) {
+/// A bound on the keys of all points in a node whose first point is in `slot`.
+TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint32_t slot) {
     Vec3f d;
     for (int axis = 0; axis < 3; ++axis) {
         const float below = node.low[axis] - q[axis], above = q[axis] - node.high[axis];
@@ -134,13 +127,18 @@ TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q) {
         d[axis] = outside > 0 ? outside : 0;
     }
     // Differences round monotonically; the factor covers the few roundings of the sum of squares.
-    return distance_key(dot(d, d) * 0.999999f, node.min_index);
+    return distance_key(dot(d, d) * 0.999999f, slot);
 }
 
 /// Size in keys of the buffer that nearest() works in.
 inline int search_capacity(int wanted) {
     return (2 * wanted + 64 + 31) / 32 * 32;
 }
+
+/// What a query had to look at.
+struct SearchCounts {
+    int candidates = 0, leaves = 0;
+};
 
 /// One query by one warp.
 template <class Warp>
@@ -151,15 +149,16 @@ public:
         const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
         : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
 
-    /// The `wanted` points nearest to point `slot`, ties by index, itself excluded by index. Their
-    /// keys come first in the buffer, in no defined order; returns how many there are (fewer if the
-    /// tree holds fewer).
-    TVSGS_HD int run(int slot) {
-        self_ = tree_.points[slot];
+    /// The `wanted` points nearest to `position`, ties by slot. `self`: a slot to leave out, or -1;
+    /// `near`: a slot to begin at. Keys come first in the buffer, in no defined order; returns how
+    /// many there are (fewer if the tree holds fewer).
+    TVSGS_HD int run(Vec3f position, int self, int near) {
+        position_ = position;
+        self_ = self;
         // 1. Neighbours in Morton order, enough of them to bound the distance of the wanted-th.
         const int leaves = tree_.level_size[0];
-        const int window = min_of(leaves, (2 * wanted_ + 64) / kTreeFanout + 1);
-        window_begin_ = max_of(0, min_of(slot / kTreeFanout - window / 2, leaves - window));
+        const int window = min_of(leaves, (wanted_ + 64) / kTreeFanout + 1);
+        window_begin_ = max_of(0, min_of(near / kTreeFanout - window / 2, leaves - window));
         window_end_ = window_begin_ + window;
         for (int leaf = window_begin_; leaf < window_end_; ++leaf) scan_leaf(leaf);
         shrink();
@@ -168,45 +167,45 @@ public:
         shrink();
         return count_;
     }
+    TVSGS_HD const SearchCounts& counts() const { return counts_; }
 
 private:
     TVSGS_HD static int min_of(int a, int b) { return a < b ? a : b; }
     TVSGS_HD static int max_of(int a, int b) { return a > b ? a : b; }
 
-    TVSGS_HD std::uint64_t point_key(int point) const {
-        const TreePoint p = tree_.points[point];
-        const Vec3f d = p.position - self_.position;
-        return distance_key(dot(d, d), p.index);
-    }
-
     TVSGS_HD void scan_leaf(int leaf) {
         if (count_ + kTreeFanout > capacity_) shrink();
         const int begin = leaf * kTreeFanout;
-        const std::uint32_t mask = warp_.ballot32([&](int i) {
-            return begin + i < tree_.points.size() &&
-                   tree_.points[begin + i].index != self_.index && point_key(begin + i) < bound_;
-        });
-        warp_.for_each_bit(mask,
-                           [&](int i, int rank) { keys_[count_ + rank] = point_key(begin + i); });
-        count_ += Warp::bit_count(mask);
+        const std::uint64_t bound = bound_;
+        count_ += warp_.append32(
+            keys_ + count_,
+            [&](int i) -> std::uint64_t {
+                const int slot = begin + i;
+                if (slot >= tree_.points.size() || slot == self_) return ~0ull;
+                const Vec3f d = tree_.points[slot].position - position_;
+                return distance_key(dot(d, d), static_cast<std::uint32_t>(slot));
+            },
+            [bound](std::uint64_t key) { return key < bound; });
+        counts_.leaves += 1;
     }
 
     /// Keeps the wanted smallest keys; the largest of them bounds what may still enter.
     TVSGS_HD void shrink() {
         if (count_ < wanted_ || count_ == 0) return;
-        warp_.sync();
-        warp_.smallest_first(keys_, count_, wanted_);
-        warp_.sync();
-        bound_ = keys_[wanted_ - 1];
+        counts_.candidates += count_;
+        bound_ = warp_.smallest_first(keys_, count_, wanted_);
         count_ = wanted_;
-        warp_.sync();  // all have read the bound before anyone appends
+        counts_.candidates -= count_;
     }
 
+    TVSGS_HD std::uint64_t bound_of(int level, int node) const {
+        const int first_slot = node << (5 * (level + 1));
+        return node_key(tree_.nodes[tree_.level_begin[level] + node], position_,
+                        static_cast<std::uint32_t>(first_slot));
+    }
     TVSGS_HD std::uint32_t children_in_reach(int level, int first) const {
         return warp_.ballot32([&](int i) {
-            return first + i < tree_.level_size[level] &&
-                   node_key(tree_.nodes[tree_.level_begin[level] + first + i], self_.position) <
-                       bound_;
+            return first + i < tree_.level_size[level] && bound_of(level, first + i) < bound_;
         });
     }
 
@@ -225,8 +224,7 @@ private:
             const int node = first[level] + Warp::lowest_bit(open[level]);
             open[level] &= open[level] - 1;
             // The bound may have shrunk since the test.
-            if (!(node_key(tree_.nodes[tree_.level_begin[level] + node], self_.position) < bound_))
-                continue;
+            if (!(bound_of(level, node) < bound_)) continue;
             if (level > 0) {
                 --level;
                 first[level] = node * kTreeFanout;
@@ -241,9 +239,11 @@ private:
     const MortonTree& tree_;
     std::uint64_t* keys_;
     int capacity_, wanted_;
-    TreePoint self_{};
+    Vec3f position_{};
+    int self_ = -1;
     int count_ = 0, window_begin_ = 0, window_end_ = 0;
     std::uint64_t bound_ = ~0ull;
+    SearchCounts counts_;
 };
 
 }  // namespace tvsgs

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 
 #include "core/buffer.h"
 #include "tv/morton_tree.h"
@@ -10,16 +11,20 @@
 
 namespace tvsgs {
 
-/// Lists of one search; they hold until the number or the order of the splats changes.
+/// Lists of one search; they hold until the number or the order of the splats changes. They name
+/// usable splats by slot, their place in Morton order: what is near in space is near in memory.
+/// Voters are the slots and, after them, the fixed voters.
 template <class Device>
 struct Neighbours {
-    int k = 0;       // receivers of each usable splat: min(asked for, usable splats - 1)
+    int k = 0;       // receivers of each voter: min(asked for, usable splats - 1)
     int usable = 0;  // splats that take part
-    Buffer<std::uint32_t, Device>
-        receivers;  // [N, k] of voter i; in no defined order, undefined for unusable splats
-    Buffer<std::int64_t, Device> begin;         // [N + 1] where receiver i's voters begin
-    Buffer<std::uint32_t, Device> voters;       // [usable * k] ordered by voter
+    int voters_count = 0;
+    Buffer<TreePoint, Device> points;           // [usable] the splats in the slots, as searched
+    Buffer<std::uint32_t, Device> receivers;    // [voters_count, k] slots, in no defined order
+    Buffer<std::int64_t, Device> begin;         // [usable + 1] where receiver i's voters begin
+    Buffer<std::uint32_t, Device> voters;       // [voters_count * k] ascending for each receiver
     float largest_trace = 0, median_trace = 0;  // of the usable splats' covariances
+    std::int64_t candidates = 0, leaves = 0;    // looked at; only counted on request
 };
 
 /// Scratch memory of the search, kept between calls.
@@ -31,26 +36,34 @@ struct NeighbourScratch {
     Buffer<double, Device> sums;   // partial sums and their total
     Buffer<std::uint64_t, Device> codes;
     Buffer<std::uint32_t, Device> order;
-    Buffer<TreePoint, Device> points;
     Buffer<TreeNode, Device> nodes;
     Buffer<int, Device> cursors;
+    Buffer<SearchCounts, Device> counts;
 };
 
-/// For each usable splat the 2k nearest others, and among them the k nearest in its whitened space;
-/// ties by index. Exact for all inputs; splats with values that are not finite are left out.
-/// `noise` points to the global regulariser of the whitening, on the device. With fewer than two
-/// usable splats k is 0.
-void find_neighbours(const SplatSpans& splats,
-                     int k,
-                     const WhitenRule& rule,
-                     const double* noise,
+/// What a search is for.
+struct NeighbourQuery {
+    SplatSpans splats;
+    FixedVoterSpans fixed;
+    int k = 0;
+    WhitenRule rule;
+    const double* noise = nullptr;  // global regulariser of the whitening, on the device
+    bool count_work = false;
+};
+
+/// Called with the name of each stage when it is done: "keys", "tree", "search", "reverse".
+using StageDone = std::function<void(const char*)>;
+
+/// For each voter the 2k nearest usable splats but itself, and among them the k nearest in its
+/// whitened space; ties by slot. Exact for all inputs; splats with values that are not finite are
+/// left out. With fewer than two usable splats k is 0.
+void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Cpu>& scratch,
-                     Neighbours<Cpu>& out);
-void find_neighbours(const SplatSpans& splats,
-                     int k,
-                     const WhitenRule& rule,
-                     const double* noise,
+                     Neighbours<Cpu>& out,
+                     const StageDone& done = {});
+void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Cuda>& scratch,
-                     Neighbours<Cuda>& out);
+                     Neighbours<Cuda>& out,
+                     const StageDone& done = {});
 
 }  // namespace tvsgs

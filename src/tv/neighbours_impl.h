@@ -44,22 +44,26 @@ struct PickBody {
     TVSGS_HD void operator()(int) const { out[0] = sorted[low], out[1] = sorted[high]; }
 };
 
+/// `quantiles`: low and high of each axis.
+TVSGS_HD inline MortonCode code_in_box(Vec3f p, const float* quantiles) {
+    double extent = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double edge = double(quantiles[2 * axis + 1]) - double(quantiles[2 * axis]);
+        extent = edge > extent ? edge : extent;
+    }
+    return morton_code(p, {quantiles[0], quantiles[2], quantiles[4]}, extent);
+}
+
 struct CodeBody {
     SplatSpans splats;
-    const float* quantiles;  // low and high of each axis
+    const float* quantiles;
     bool high_word;
     Span<const std::uint32_t> order;
     Span<std::uint64_t> codes;
 
     TVSGS_HD void operator()(int slot) const {
         const int i = static_cast<int>(order[slot]);
-        double extent = 0;
-        for (int axis = 0; axis < 3; ++axis) {
-            const double edge = double(quantiles[2 * axis + 1]) - double(quantiles[2 * axis]);
-            extent = edge > extent ? edge : extent;
-        }
-        const MortonCode code =
-            morton_code(splats.means[i], {quantiles[0], quantiles[2], quantiles[4]}, extent);
+        const MortonCode code = code_in_box(splats.means[i], quantiles);
         codes[slot] = !splats.usable(i) ? ~0ull : high_word ? code.high : code.low;
     }
 };
@@ -78,53 +82,91 @@ struct TreePointBody {
     }
 };
 
-template <class Real>
-struct QueryBody {
-    SplatSpans splats;
-    WhitenRule rule;
-    const double* noise;
-    MortonTree tree;
-    int candidates, k, capacity;
-    Span<std::uint32_t> receivers;
+/// Where a point that is not in the tree would be: the slot to begin a search at.
+struct CodeSearch {
+    Span<const std::uint64_t> codes;  // high words, ascending
+    const float* quantiles;
 
-    template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void* scratch) const {
-        auto* keys = static_cast<std::uint64_t*>(scratch);
-        const int found = NearestSearch<Warp>(warp, tree, keys, capacity, candidates).run(slot);
-        const int voter = static_cast<int>(tree.points[slot].index);
-        const Mat3<Real> W = whitened_from_world(splats.whitening<Real>(voter, rule, *noise));
-        const Vec3<Real> mean = vec_cast<Real>(splats.means[voter]);
-        for (int r = warp.lane(); r < found; r += Warp::kLanes) {
-            const std::uint32_t receiver = key_index(keys[r]);
-            const Vec3<Real> d = W * (vec_cast<Real>(splats.means[receiver]) - mean);
-            keys[r] = distance_key(static_cast<float>(dot(d, d)), receiver);
+    TVSGS_HD int operator()(Vec3f p, int usable) const {
+        const std::uint64_t code = code_in_box(p, quantiles).high;
+        int low = 0, high = usable - 1;
+        while (low < high) {
+            const int middle = (low + high) / 2;
+            if (codes[middle] < code)
+                low = middle + 1;
+            else
+                high = middle;
         }
-        warp.sync();
-        warp.smallest_first(keys, found, k);
-        for (int r = warp.lane(); r < k; r += Warp::kLanes)
-            receivers[std::size_t(voter) * k + r] = key_index(keys[r]);
+        return low;
     }
 };
 
-/// Fills out.begin and out.voters from out.receivers; a splat with traces[i] = kLast has no list.
-void reverse_lists(Span<const TreePoint> points,
-                   NeighbourScratch<Cpu>& scratch,
-                   Neighbours<Cpu>& out);
-void reverse_lists(Span<const TreePoint> points,
-                   NeighbourScratch<Cuda>& scratch,
-                   Neighbours<Cuda>& out);
+struct QueryBody {
+    SplatSpans splats;
+    FixedVoterSpans fixed;
+    WhitenRule rule;
+    const double* noise;
+    MortonTree tree;
+    CodeSearch near;
+    int wanted, k, capacity;
+    Span<std::uint32_t> receivers;
+    Span<SearchCounts> counts;  // may be empty
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
+        auto* keys = static_cast<std::uint64_t*>(scratch);
+        const int usable = tree.points.size(), f = voter - usable;
+        const bool moves = voter < usable;  // else a fixed voter
+        const Vec3f position = moves ? tree.points[voter].position : fixed.means[f];
+        NearestSearch<Warp> search(warp, tree, keys, capacity, wanted);
+        const int found =
+            search.run(position, moves ? voter : -1, moves ? voter : near(position, usable));
+        const Mat3f W = whitened_from_world(
+            moves
+                ? splats.whitening<float>(static_cast<int>(tree.points[voter].index), rule, *noise)
+                : fixed.whitening<float>(f));
+        for (int r = warp.lane(); r < found; r += Warp::kLanes) {
+            const std::uint32_t receiver = key_slot(keys[r]);
+            const Vec3f d = W * (tree.points[receiver].position - position);
+            keys[r] = distance_key(dot(d, d), receiver);
+        }
+        warp.smallest_first(keys, found, k);
+        for (int r = warp.lane(); r < k; r += Warp::kLanes)
+            receivers[std::size_t(voter) * k + r] = key_slot(keys[r]);
+        if (!counts.empty() && warp.lane() == 0) counts[voter] = search.counts();
+    }
+};
+
+struct CandidatesTerm {
+    Span<const SearchCounts> counts;
+    TVSGS_HD double operator()(int i) const { return counts[i].candidates; }
+};
+struct LeavesTerm {
+    Span<const SearchCounts> counts;
+    TVSGS_HD double operator()(int i) const { return counts[i].leaves; }
+};
+
+/// Fills out.begin and out.voters from out.receivers.
+void reverse_lists(NeighbourScratch<Cpu>& scratch, Neighbours<Cpu>& out);
+void reverse_lists(NeighbourScratch<Cuda>& scratch, Neighbours<Cuda>& out);
+
+/// *the sum of the terms; waits for the device.
+template <class Device, class Term>
+double sum_now(NeighbourScratch<Device>& s, int count, const Term& term) {
+    s.sums.resize(kSumBlocks + 1);
+    s.sums.fill_zero();
+    add_sum(Device{}, count, term, 1, Span<double>{s.sums.data(), kSumBlocks},
+            s.sums.data() + kSumBlocks);
+    return to_host(s.sums).back();
+}
 
 template <class Device>
 void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
     const int count = splats.size();
     s.values.resize(count);
-    s.sums.resize(kSumBlocks + 1);
-    s.sums.fill_zero();
     parallel_for(Device{}, count, TraceBody{splats, s.values.span()});
-    add_sum(Device{}, count, UsableTerm{s.values.span()}, 1,
-            Span<double>{s.sums.data(), kSumBlocks}, s.sums.data() + kSumBlocks);
     // The one wait of a search: the shape of everything that follows depends on this number.
-    out.usable = static_cast<int>(to_host(s.sums).back());
+    out.usable = static_cast<int>(sum_now(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
@@ -136,8 +178,8 @@ void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbo
 
 /// Morton order of the usable splats, outliers clamped to the box of the 0.1% and 99.9% quantiles.
 template <class Device>
-void sort_points(const SplatSpans& splats, int usable, NeighbourScratch<Device>& s) {
-    const int count = splats.size();
+void sort_points(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
+    const int count = splats.size(), usable = out.usable;
     const int low = usable / 1000, high = usable - 1 - low;
     float* quantiles = s.stats.data() + 2;
     for (int axis = 0; axis < 3; ++axis) {
@@ -153,40 +195,54 @@ void sort_points(const SplatSpans& splats, int usable, NeighbourScratch<Device>&
                      CodeBody{splats, quantiles, high_word, s.order.span(), s.codes.span()});
         sort_by_key(s.codes, s.order, s.sort);
     }
-    s.points.resize(usable);
-    parallel_for(Device{}, usable, TreePointBody{splats, s.order.span(), s.points.span()});
+    out.points.resize(usable);
+    parallel_for(Device{}, usable, TreePointBody{splats, s.order.span(), out.points.span()});
 }
 
 template <class Device>
-void find_neighbours(const SplatSpans& splats,
-                     int k,
-                     const WhitenRule& rule,
-                     const double* noise,
+void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Device>& s,
-                     Neighbours<Device>& out) {
+                     Neighbours<Device>& out,
+                     const StageDone& done) {
+    const auto finish = [&](const char* stage) {
+        if (done) done(stage);
+    };
     out.k = 0;
-    count_usable(splats, s, out);
+    count_usable(query.splats, s, out);
     if (out.usable < 2) return;
-    sort_points(splats, out.usable, s);
+    sort_points(query.splats, s, out);
+    finish("keys");
 
     MortonTree tree;
     s.nodes.resize(set_tree_shape(tree, out.usable));
-    tree.points = s.points.span();
+    tree.points = out.points.span();
     tree.nodes = s.nodes.span();
     for (int level = 0; level < tree.levels; ++level)
         parallel_for(Device{}, tree.level_size[level], TreeNodeBody{tree, level});
+    finish("tree");
 
-    const int candidates = std::min(2 * k, out.usable - 1), capacity = search_capacity(candidates);
-    out.k = std::min(k, candidates);
-    out.receivers.resize(std::size_t(splats.size()) * out.k);
-    out.receivers.fill_zero();  // the rows of splats that are left out are read, though never used
-    for_each_warp(Device{}, out.usable, capacity * sizeof(std::uint64_t),
-                  QueryBody<VoteReal<Device>>{splats, rule, noise, tree, candidates, out.k,
-                                              capacity, out.receivers.span()});
+    const int wanted = std::min(2 * query.k, out.usable - 1), capacity = search_capacity(wanted);
+    out.k = std::min(query.k, wanted);
+    out.voters_count = out.usable + query.fixed.size();
+    out.receivers.resize(std::size_t(out.voters_count) * out.k);
+    s.counts.resize(query.count_work ? out.voters_count : 0);
+    for_each_warp(Device{}, out.voters_count, capacity * sizeof(std::uint64_t),
+                  QueryBody{query.splats, query.fixed, query.rule, query.noise, tree,
+                            CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k, capacity,
+                            out.receivers.span(), s.counts.span()});
+    finish("search");
 
-    out.begin.resize(std::size_t(splats.size()) + 1);
-    out.voters.resize(std::size_t(out.usable) * out.k);
-    reverse_lists(s.points.span(), s, out);
+    out.begin.resize(std::size_t(out.usable) + 1);
+    out.voters.resize(out.receivers.size());
+    reverse_lists(s, out);
+    finish("reverse");
+
+    if (query.count_work) {
+        out.candidates = static_cast<std::int64_t>(
+            sum_now(s, out.voters_count, CandidatesTerm{s.counts.span()}));
+        out.leaves =
+            static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
+    }
 }
 
 }  // namespace tvsgs::detail

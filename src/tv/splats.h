@@ -1,16 +1,10 @@
 // The part of the Gaussians that tensor voting reads.
 #pragma once
 
-#include <type_traits>
-
 #include "core/gaussians.h"
 #include "tv/vote_math.h"
 
 namespace tvsgs {
-
-/// The CPU twin is the reference and computes in double; the GPU computes in float.
-template <class Device>
-using VoteReal = std::conditional_t<std::is_same_v<Device, Cpu>, double, float>;
 
 struct SplatSpans {
     Span<const Vec3f> means, log_scales;
@@ -31,6 +25,20 @@ struct SplatSpans {
     template <class Real>
     TVSGS_HD Whitening<Real> whitening(int i, const WhitenRule& rule, double noise) const {
         return tvsgs::whitening(quat_cast<Real>(quats[i]), scales<Real>(i), rule, Real(noise));
+    }
+};
+
+/// Measured points that vote and do nothing else.
+struct FixedVoterSpans {
+    Span<const Vec3f> means, normals;  // normals: unit
+    Span<const float> scales;          // world units; the radius of what a point stands for
+    Span<const float> weights;         // strength of its votes
+
+    TVSGS_HD int size() const { return means.size(); }
+    template <class Real>
+    TVSGS_HD Whitening<Real> whitening(int i) const {
+        const Real s = scales[i];
+        return {{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {s, s, s}};
     }
 };
 

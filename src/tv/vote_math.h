@@ -3,6 +3,7 @@
 
 #include <cmath>
 
+#include "core/fast_math.h"
 #include "core/vec.h"
 
 namespace tvsgs {
@@ -75,15 +76,22 @@ TVSGS_HD Mat3<Real> whitened_from_world(const Whitening<Real>& w) {
     return W;
 }
 
+/// Two unit vectors at right angles to the unit vector `n` and to each other, without a branch.
+template <class Real>
+TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
+    const Real sign = n.z < 0 ? Real(-1) : Real(1), c = -1 / (sign + n.z), xy = n.x * n.y * c;
+    a = {1 + sign * n.x * n.x * c, sign * xy, -sign * n.x};
+    b = {xy, sign + n.y * n.y * c, -n.y};
+}
+
 /// All that the votes of one splat depend on. Silent voters have inverse_tau2 = 0, ball voters
-/// normal = 0.
+/// normal_world = 0.
 template <class Real>
 struct alignas(16) VoterRecord {
     Vec3<Real> mean;
-    Mat3<Real> W;             // whitened_from_world
-    Vec3<Real> normal;        // n': unit normal of the plate, whitened space
-    Vec3<Real> normal_world;  // R S' n': where the inverse whitening takes n'
     Real inverse_tau2;
+    Mat3<Real> W;             // to the whitened space; a plate's normal is its third axis
+    Vec3<Real> normal_world;  // where the inverse whitening takes that axis
     Real strength;
 };
 
@@ -94,7 +102,7 @@ TVSGS_HD bool can_vote(const VoterRecord<Real>& voter) {
 }
 template <class Real>
 TVSGS_HD bool is_ball(const VoterRecord<Real>& voter) {
-    return dot(voter.normal, voter.normal) == 0;
+    return dot(voter.normal_world, voter.normal_world) == 0;
 }
 
 template <class Real>
@@ -103,69 +111,104 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
-/// Sets what depends on the voter's tensor. `normal`: unit, world; zero for a ball voter.
+/// `normal`: unit, world; zero for a ball voter. Whitened axes are S'^-1 R^T up to a rotation,
+/// which changes no length and no angle: a plate turns them so that its normal is the third. That
+/// axis of the world is then normal / |S' R^T normal|, with none of the rounding of R and S' in its
+/// direction. A record that is not finite cannot vote: one such vote would spoil the sums of all
+/// its receivers.
 template <class Real>
-TVSGS_HD void set_orientation(VoterRecord<Real>& voter,
-                              const Whitening<Real>& w,
-                              Vec3<Real> normal,
-                              Real strength) {
+TVSGS_HD VoterRecord<Real> voter_record(
+    Vec3<Real> mean, const Whitening<Real>& w, Real tau, Vec3<Real> normal, Real strength) {
+    VoterRecord<Real> voter{
+        mean, inverse_square_or_zero(tau), whitened_from_world(w), {}, strength};
     const Vec3<Real> n = w.deviations * transpose_times(w.R, normal);
     const Real length = norm(n);
-    voter.normal = length > 0 ? n / length : Vec3<Real>{};
-    voter.normal_world = w.R * (w.deviations * voter.normal);
-    voter.strength = strength;
+    if (length > 0) {
+        const Vec3<Real> axis = n / length;
+        voter.normal_world = w.R * (w.deviations * axis);
+        const Vec3<Real> inverse{1 / w.deviations.x, 1 / w.deviations.y, 1 / w.deviations.z};
+        Vec3<Real> a, b;
+        orthonormal_basis(axis, a, b);
+        const Vec3<Real> rows[3] = {w.R * (inverse * a), w.R * (inverse * b), normal / length};
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j) voter.W[i][j] = rows[i][j];
+    }
+    const Vec3<Real> vectors = voter.mean + voter.normal_world;
+    Real finite = (dot(vectors, vectors) + voter.strength) * 0;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) finite += voter.W[i][j] * 0;
+    if (!(finite == 0)) voter.inverse_tau2 = 0;
+    return voter;
 }
 
 template <class Real>
 struct Vote {
-    bool cast = false;  // false: degenerate geometry or a silent voter, not even counted
-    Real decay{};       // V, in [0, 1]
-    Vec3<Real> v{};     // the vote is strength * decay * v v^T
+    bool cast = false;        // false: degenerate geometry or a silent voter, not even counted
+    Real decay{};             // V, in [0, 1]
+    Vec3<Real> v{};           // the vote is strength * decay * v v^T / |v|^2 or without the divisor
+    Real inverse_length2{1};  // 1 / |v|^2 where votes have length 1, else 1
 };
 
-namespace detail {
-template <class Real>
-TVSGS_HD Vec3<Real> mapped(Vec3<Real> v, const VoteRule& rule) {
-    if (!rule.unit_length) return v;
-    const Real length = norm(v);
-    return length > 0 ? v / length : v;
+/// (arc / chord)^2 of a vote at angle theta to the voter's plane, from sin^2 and cos^2.
+TVSGS_HD inline double arc_factor(double sin2, double cos2) {
+    const double theta = std::atan2(std::sqrt(sin2), std::sqrt(cos2)), theta2 = theta * theta;
+    const double series = 1 + theta2 / 6 + 7 * theta2 * theta2 / 360;
+    return theta < 1e-2 ? series * series : theta2 / sin2;
 }
-}  // namespace detail
+TVSGS_HD inline float arc_factor(float sin2, float cos2) {
+    // arcsin(sqrt y)^2 / y on [0, 1/2], relative error 7e-8; beyond 45 degrees from the complement.
+    const float y = sin2 < cos2 ? sin2 : cos2;
+    const float f =
+        1 + y * (0.33333173f +
+                 y * (0.17786196f +
+                      y * (0.11261225f +
+                           y * (0.09768046f +
+                                y * (-0.02683132f +
+                                     y * (0.3184036f + y * (-0.4072334f + y * 0.36673567f)))))));
+    const float complement = 1.57079633f - fast_sqrt(y * f);
+    return sin2 < cos2 ? f : complement * complement * fast_inverse(sin2);
+}
 
-/// `d`: receiver - voter.mean in the world; `dw`: the same in the whitened space.
+template <class Real>
+TVSGS_HD Vote<Real> scaled_vote(bool cast, Real decay, Vec3<Real> v, const VoteRule& rule) {
+    const Real length2 = dot(v, v);
+    return {cast, decay, v, rule.unit_length && length2 > 0 ? fast_inverse(length2) : Real(1)};
+}
+
+/// `d`: receiver - voter.mean in the world; `dw` = W d.
 template <class Real>
 TVSGS_HD Vote<Real> ball_vote(const VoterRecord<Real>& voter,
                               Vec3<Real> d,
                               Vec3<Real> dw,
                               const VoteRule& rule) {
     const Real l2 = dot(dw, dw), exponent = voter.inverse_tau2 * l2;
-    if (!(exponent > Real(kCoincident))) return {};
-    if (!(exponent <= Real(kMaxExponent))) return {true, 0, {}};
-    return {true, std::exp(-exponent), detail::mapped(d / std::sqrt(l2), rule)};
+    const bool cast = exponent > Real(kCoincident);
+    const bool reaches = cast && exponent <= Real(kMaxExponent);
+    return scaled_vote(cast, reaches ? fast_decay(exponent) : Real(0),
+                       (reaches ? fast_inverse_sqrt(l2) : Real(0)) * d, rule);
 }
 
+/// Without branches, so that it vectorises.
 template <class Real>
 TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
                                Vec3<Real> d,
                                Vec3<Real> dw,
                                const VoteRule& rule) {
-    const Real l2 = dot(dw, dw), exponent = voter.inverse_tau2 * l2;
-    if (!(exponent > Real(kCoincident))) return {};
-    const Real u = dot(dw, voter.normal);
-    const Vec3<Real> tangent = dw - u * voter.normal;  // l2 - u^2 would cancel
-    const Real t2 = dot(tangent, tangent), x = u * u / l2;
-    if (!(t2 > Real(kCoincident) * l2) || x > Real(rule.max_sin2)) return {};
-    const Real curvature_exponent = Real(16 * kLn10 / (kPi * kPi)) * 4 * x / l2;
-    if (!(exponent + curvature_exponent <= Real(kMaxExponent))) return {true, 0, {}};
-    const Real t = std::sqrt(t2), theta = std::atan2(std::abs(u), t), theta2 = theta * theta;
-    // (theta / sin theta)^2, and its series where both vanish.
-    const Real series = 1 + theta2 / 6 + 7 * theta2 * theta2 / 360;
-    const Real arc2 = theta < Real(1e-2) ? series * series : theta2 / x;
-    const Real decay = std::exp(-(exponent * arc2 + curvature_exponent));
-    // [cos 2 theta, sin 2 theta] in (tangent, n'), mapped back to the world without a matrix
-    // product.
-    const Real a = (1 - 2 * x) / t, b = 2 * u * t / l2 - a * u;
-    return {true, decay, detail::mapped(a * d + b * voter.normal_world, rule)};
+    const Real u = dw.z, t2 = dw.x * dw.x + dw.y * dw.y, l2 = t2 + u * u;
+    const Real inverse_l2 = fast_inverse(l2 > 0 ? l2 : Real(1));
+    const Real sin2 = u * u * inverse_l2, cos2 = t2 * inverse_l2;
+    const Real chord = voter.inverse_tau2 * l2;
+    const bool cast =
+        chord > Real(kCoincident) && cos2 > Real(kCoincident) && sin2 <= Real(rule.max_sin2);
+    const Real curvature = Real(16 * kLn10 / (kPi * kPi)) * 4 * sin2 * inverse_l2;
+    const bool reaches = cast && chord + curvature <= Real(kMaxExponent);
+    const Real exponent = chord * arc_factor(sin2, cos2) + curvature;
+    // [cos 2 theta, sin 2 theta] in (tangent, normal), mapped back without a matrix product.
+    const Real inverse_t = fast_inverse_sqrt(reaches ? t2 : Real(1));
+    const Real a = (cos2 - sin2) * inverse_t, b = 2 * u * t2 * inverse_t * inverse_l2 - a * u;
+    return scaled_vote(cast, reaches ? fast_decay(exponent) : Real(0),
+                       (reaches ? a : Real(0)) * d + (reaches ? b : Real(0)) * voter.normal_world,
+                       rule);
 }
 
 /// What a receiver adds up.
@@ -187,7 +230,7 @@ template <class Real>
 TVSGS_HD void add_vote(VoteSums<Real>& sums, Real strength, const Vote<Real>& vote) {
     if (!vote.cast) return;
     const Real w = strength * vote.decay;
-    add_outer(sums.tensor, w, vote.v);
+    add_outer(sums.tensor, w * vote.inverse_length2, vote.v);
     sums.squares += w * w;
     sums.votes += 1;
     sums.strong += vote.decay > Real(kStrongVote) ? Real(1) : Real(0);

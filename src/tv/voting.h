@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <string>
 #include <vector>
 
 #include "core/gaussians.h"
@@ -15,6 +16,7 @@ enum class NoiseMode { global, per_splat };
 enum class ScaleRule { ten_percent_at_median, median };
 enum class VoteMap { covariant, unit };
 enum class VoteStrength { relative, literal };
+enum class VotePrecision { single_precision, double_precision };
 
 struct TvOptions {
     bool enabled = true;
@@ -32,6 +34,8 @@ struct TvOptions {
     float virtual_range = 1;
     float max_vote_angle_deg = 90;
     int min_votes = 3;
+    VotePrecision precision = VotePrecision::single_precision;
+    std::string fixed_voters;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -62,6 +66,12 @@ struct TvOptions {
               "votes at larger angles to the tangent plane are not cast");
         field("min_votes", min_votes, {0, 1000},
               "received votes of strength over 1e-3 that the position loss asks for");
+        field.choice("precision", precision, {"single", "double"},
+                     "of the votes and their sums; double is for validation");
+        field(
+            "fixed_voters", fixed_voters,
+            "PLY of measured points (normals and a property 'weight' optional) that vote and never "
+            "move");
     }
 };
 
@@ -87,14 +97,40 @@ struct TensorField {
 /// Intermediate results of the last event, on the host; for tests and reports.
 struct VotingDetails {
     int k = 0;                             // receivers per voter
-    std::vector<std::uint32_t> receivers;  // [N, k] of voter i
+    std::vector<std::uint32_t> receivers;  // [N, k] of voter i; zeros for those that take no part
     std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
-    std::vector<std::uint32_t> voters;
-    std::vector<float> tau;          // [N] scale of voting; 0: silent
-    std::vector<float> variability;  // [N] radians; infinite where the tensor is not valid
+    std::vector<std::uint32_t> voters;     // ascending; a fixed voter counts from N on
+    std::vector<float> tau;                // [N] scale of voting; 0: silent
+    std::vector<float> variability;        // [N] radians; infinite where the tensor is not valid
     std::vector<float>
         strength;  // [N] RMS of received votes; infinite where the tensor is not valid
     std::vector<std::uint8_t> left_out;  // [N] in the top 5% of both
+};
+
+/// Measured points that vote, never move, are never rendered and have no loss.
+struct FixedVoters {
+    std::vector<Vec3f> means;
+    std::vector<Vec3f> normals;  // unit
+    std::vector<float> scales;   // world units; the radius of the surface a point stands for
+    std::vector<float> weights;  // strength of the votes: 1 is the most a splat can have
+
+    int size() const { return static_cast<int>(means.size()); }
+};
+
+struct VotingStage {
+    std::string name;
+    double ms;
+};
+
+/// What the last event did and what it cost; filled on request only.
+struct VotingProfile {
+    std::vector<VotingStage> stages;  // "keys", "tree", "search", "reverse" if lists were rebuilt;
+                                      // "records", "centres", "eigen", "masks", "virtual"
+    std::size_t bytes = 0;            // of lists and scratch, on the device
+    std::int64_t candidates = 0, leaves = 0;  // of the last search
+    std::int64_t silent_voters = 0;
+    std::int64_t votes = 0,
+                 culled_votes = 0;  // at the centres, cast by plates; culled: below 1e-12
 };
 
 struct SplatSpans;
@@ -119,6 +155,13 @@ public:
     /// i. Tensors are inherited, and the next vote() searches neighbours anew.
     void structure_changed(Span<const int> parents, TensorField<Device>& field);
 
+    /// Replaces the fixed voters; the next vote() searches neighbours anew.
+    void set_fixed_voters(const FixedVoters& voters);
+
+    /// With profiling on, vote() waits for the device around each stage.
+    void set_profiling(bool on);
+    VotingProfile profile() const;
+
     VotingDetails details() const;
 
     /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next
@@ -128,9 +171,11 @@ public:
 private:
     struct State;
 
-    void refresh(int step, const Gaussians<Device>& gaussians);
-    void build_records(const SplatSpans& splats, float flatness_limit, bool keep_tau);
-    void orient_records(const SplatSpans& splats, float flatness_limit, bool position);
+    void refresh(int step, const SplatSpans& splats);
+    template <class Real>
+    void event(const SplatSpans& splats, TensorField<Device>& field);
+    template <class Ballot>
+    void count_votes(const Ballot& ballot);
 
     TvOptions options_;
     std::unique_ptr<State> state_;

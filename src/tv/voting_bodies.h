@@ -15,7 +15,7 @@ struct NoiseTerm {  // trace of a usable splat's covariance, thin scales raised
     float flatness_limit;
     TVSGS_HD double operator()(int i) const {
         if (!splats.usable(i)) return 0;
-        const Vec3<double> s = limit_flatness(splats.scales<double>(i), double(flatness_limit));
+        const Vec3f s = limit_flatness(splats.scales<float>(i), flatness_limit);
         return dot(s, s);
     }
 };
@@ -33,40 +33,66 @@ struct NoiseBody {
     }
 };
 
-/// The part of voter i's record that does not depend on its tensor; tau from the current splats.
-template <class Real>
-struct RecordBody {
+/// The current splats in the slots of the last search, and the fixed voters after them.
+struct Slots {
+    Span<const TreePoint> points;
     SplatSpans splats;
+    FixedVoterSpans fixed;
+
+    TVSGS_HD int usable() const { return points.size(); }
+    TVSGS_HD int size() const { return points.size() + fixed.size(); }
+    TVSGS_HD int splat(int slot) const { return static_cast<int>(points[slot].index); }
+    /// Splats change between searches: one may have left the finite numbers.
+    TVSGS_HD bool usable(int voter) const {
+        return voter >= usable() || splats.usable(splat(voter));
+    }
+    TVSGS_HD Vec3f mean(int voter) const {
+        return voter < usable() ? splats.means[splat(voter)] : fixed.means[voter - usable()];
+    }
+    template <class Real>
+    TVSGS_HD Whitening<Real> whitening(int voter,
+                                       const WhitenRule& rule,
+                                       const double* noise) const {
+        return voter < usable() ? splats.whitening<Real>(splat(voter), rule, *noise)
+                                : fixed.whitening<Real>(voter - usable());
+    }
+};
+
+/// Centres in slot order: what is near in space is near in memory.
+struct MeanBody {
+    Slots slots;
+    Span<Vec3f> means;
+    TVSGS_HD void operator()(int slot) const { means[slot] = slots.mean(slot); }
+};
+
+/// Scales of voting, from the current splats.
+template <class Real>
+struct TauBody {
+    Slots slots;
     WhitenRule rule;
     const double* noise;
     Real tau_per_median;
     int k;
     Span<const std::uint32_t> receivers;
-    Span<VoterRecord<Real>> records;
-    Span<float> tau;  // may be empty
+    Span<const Vec3f> means;
+    Span<float> tau;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int i, void* scratch) const {
+    TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
         auto* distances = static_cast<Real*>(scratch);
-        VoterRecord<Real> record{};
-        record.mean = vec_cast<Real>(splats.means[i]);
         Real scale = 0;
-        if (splats.usable(i)) {  // the same answer in all lanes
-            record.W = whitened_from_world(splats.whitening<Real>(i, rule, *noise));
+        if (slots.usable(voter)) {  // the same answer in all lanes
+            const Mat3<Real> W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
+            const Vec3<Real> mean = vec_cast<Real>(slots.mean(voter));
             for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-                const std::uint32_t j = receivers[std::size_t(i) * k + r];
-                // A splat may have become usable since the search, its list undefined.
-                const Vec3<Real> mean = vec_cast<Real>(splats.means[j < records.count ? j : 0]);
-                const Real distance = norm(record.W * (mean - record.mean));
+                const Vec3f at = means[receivers[std::size_t(voter) * k + r]];
+                const Real distance = norm(W * (vec_cast<Real>(at) - mean));
                 distances[r] =
                     distance >= 0 ? distance : Real(kFar);  // not NaN: it has to be sorted
             }
             scale = tau_per_median * median(warp, distances, k);
-            record.inverse_tau2 = inverse_square_or_zero(scale);
         }
-        if (warp.lane() != 0) return;
-        records[i] = record;
-        if (!tau.empty()) tau[i] = static_cast<float>(scale);
+        if (warp.lane() == 0) tau[voter] = static_cast<float>(scale);
     }
 
 private:
@@ -89,9 +115,10 @@ struct FlagTerm {
     TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
 };
 
-/// How splat i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
+/// How voter i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
 /// as a ball.
-struct StrengthBody {
+struct OrientationBody {
+    Slots slots;
     bool literal;
     const double* saliency_sum;  // and the number of terms after it
     Span<const Vec3f> eigenvalues, normals;
@@ -99,52 +126,77 @@ struct StrengthBody {
     Span<Vec3f> voter_normals;
     Span<float> voter_strengths;
 
-    TVSGS_HD void operator()(int i) const {
-        const bool has_tensor = (flags[i] & kHasTensor) != 0;
-        voter_normals[i] = has_tensor ? normals[i] : Vec3f{};
-        if (!has_tensor) {
-            voter_strengths[i] = 1;
+    TVSGS_HD void operator()(int voter) const {
+        if (voter >= slots.usable()) {
+            voter_normals[voter] = slots.fixed.normals[voter - slots.usable()];
+            voter_strengths[voter] = slots.fixed.weights[voter - slots.usable()];
             return;
         }
+        const int i = slots.splat(voter);
+        const bool has_tensor = (flags[i] & kHasTensor) != 0;
+        voter_normals[voter] = has_tensor ? normals[i] : Vec3f{};
+        voter_strengths[voter] = 1;
+        if (!has_tensor) return;
         const Vec3f l = eigenvalues[i];
         const double mean =
             literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : double(l.x);
         const double strength = mean > 0 ? (double(l.y) - double(l.z)) / mean : 0;
-        voter_strengths[i] = strength > 0 ? static_cast<float>(strength) : 0.0f;
+        voter_strengths[voter] = strength > 0 ? static_cast<float>(strength) : 0.0f;
     }
 };
 
 template <class Real>
-struct OrientBody {
-    SplatSpans splats;
+struct RecordBody {
+    Slots slots;
     WhitenRule rule;
     const double* noise;
+    Span<const float> tau;
     Span<const Vec3f> voter_normals;
     Span<const float> voter_strengths;
     Span<VoterRecord<Real>> records;
 
-    TVSGS_HD void operator()(int i) const {
-        VoterRecord<Real>& record = records[i];
-        if (!can_vote(record)) return;
-        set_orientation(record, splats.whitening<Real>(i, rule, *noise),
-                        vec_cast<Real>(voter_normals[i]), Real(voter_strengths[i]));
-        // What is not finite cannot vote: a single such vote would spoil its receivers' sums.
-        Real finite =
-            (dot(record.normal, record.normal) + dot(record.normal_world, record.normal_world)) * 0;
-        for (int row = 0; row < 3; ++row)
-            for (int c = 0; c < 3; ++c) finite += record.W[row][c] * 0;
-        if (!(finite == 0)) record.inverse_tau2 = 0;
+    TVSGS_HD void operator()(int voter) const {
+        records[voter] =
+            slots.usable(voter)
+                ? voter_record(vec_cast<Real>(slots.mean(voter)),
+                               slots.whitening<Real>(voter, rule, noise), Real(tau[voter]),
+                               vec_cast<Real>(voter_normals[voter]), Real(voter_strengths[voter]))
+                : VoterRecord<Real>{};
     }
 };
+
+/// A whole record in the widest loads there are.
+template <class Real>
+TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
+#if defined(__CUDA_ARCH__)
+    constexpr int kWords = sizeof(VoterRecord<Real>) / sizeof(uint4);
+    struct Words {
+        uint4 w[kWords];
+    } words;
+#pragma unroll
+    for (int i = 0; i < kWords; ++i) words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
+    return __builtin_bit_cast(VoterRecord<Real>, words);
+#else
+    return from;
+#endif
+}
 
 /// Who receives from whom.
 template <class Real>
 struct Ballot {
     Span<const VoterRecord<Real>> records;
-    Span<const Vec3f> means;
+    Span<const Vec3f> means;  // by slot
     Span<const std::int64_t> begin;
     Span<const std::uint32_t> voters;
     VoteRule rule;
+
+    /// action(voter's record) for each of this lane's share of a slot's voters.
+    template <class Warp, class Action>
+    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
+        const std::int64_t end = begin[slot + 1];
+        for (std::int64_t e = begin[slot] + warp.lane(); e < end; e += Warp::kLanes)
+            action(load(records[voters[e]]));
+    }
 };
 
 /// One receiver's sums of a round at the centres, of ball votes or of plate votes.
@@ -152,33 +204,63 @@ template <class Real>
 struct CentreRoundBody {
     Ballot<Real> ballot;
     bool ball_round;  // only splats without a tensor cast and receive
+    Slots slots;
     Span<const std::uint8_t> flags;
-    Span<Sym3f> sums;
+    Span<Sym3f> sums;  // by slot, as the next two
     Span<float> strengths, strong_votes;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int i, void*) const {
-        if (ball_round && (flags[i] & kHasTensor) != 0) return;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[i]);
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        if (ball_round && (flags[slots.splat(slot)] & kHasTensor) != 0) return;
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
         VoteSums<Real> s;
-        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1];
-             e += Warp::kLanes) {
-            const VoterRecord<Real>& voter = ballot.records[ballot.voters[e]];
-            if (!can_vote(voter) || is_ball(voter) != ball_round) continue;
+        ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
+            if (!can_vote(voter) || is_ball(voter) != ball_round) return;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d;
             add_vote(s, voter.strength,
                      ball_round ? ball_vote(voter, d, dw, ballot.rule)
                                 : plate_vote(voter, d, dw, ballot.rule));
-        }
+        });
         Sym3<Real>& T = s.tensor;
         T.xx = warp.sum(T.xx), T.xy = warp.sum(T.xy), T.xz = warp.sum(T.xz);
         T.yy = warp.sum(T.yy), T.yz = warp.sum(T.yz), T.zz = warp.sum(T.zz);
         s.squares = warp.sum(s.squares), s.votes = warp.sum(s.votes), s.strong = warp.sum(s.strong);
         if (warp.lane() != 0) return;
-        sums[i] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
-        strengths[i] = static_cast<float>(std::sqrt(s.squares / (s.votes > 1 ? s.votes : Real(1))));
-        strong_votes[i] = static_cast<float>(s.strong);
+        sums[slot] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
+        strengths[slot] =
+            static_cast<float>(std::sqrt(s.squares / (s.votes > 1 ? s.votes : Real(1))));
+        strong_votes[slot] = static_cast<float>(s.strong);
     }
+};
+
+/// For reports: votes cast by plates at the centres, and those among them that are zero.
+template <class Real>
+struct VoteCountBody {
+    Ballot<Real> ballot;
+    Span<float> votes, culled;  // by slot
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
+        float cast = 0, zero = 0;
+        ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
+            if (!can_vote(voter) || is_ball(voter)) return;
+            const Vec3<Real> d = mean - voter.mean;
+            const Vote<Real> vote = plate_vote(voter, d, voter.W * d, ballot.rule);
+            cast += vote.cast ? 1.0f : 0.0f;
+            zero += vote.cast && vote.decay == 0 ? 1.0f : 0.0f;
+        });
+        cast = warp.sum(cast), zero = warp.sum(zero);
+        if (warp.lane() == 0) votes[slot] = cast, culled[slot] = zero;
+    }
+};
+struct ValueTerm {
+    Span<const float> values;
+    TVSGS_HD double operator()(int i) const { return values[i]; }
+};
+struct SilentTerm {
+    Span<const float> tau;
+    TVSGS_HD double operator()(int i) const { return inverse_square_or_zero(tau[i]) > 0 ? 0 : 1; }
 };
 
 inline constexpr std::uint8_t kValidNow =
@@ -189,14 +271,17 @@ inline constexpr std::uint8_t kValidNow =
 /// in the next round.
 struct EigenBody {
     bool ball_round;
+    Slots slots;
     Span<const Sym3f> sums;
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
+    Span<Vec3f> slot_normals;  // by slot: of the tensor there is now; zero for none
 
-    TVSGS_HD void operator()(int i) const {
+    TVSGS_HD void operator()(int slot) const {
+        const int i = slots.splat(slot);
         if (ball_round && (flags[i] & kHasTensor) != 0) return;
-        const Sym3f T = sums[i];
+        const Sym3f T = sums[slot];
         const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
         const double finite = (e.values.x + e.values.y + e.values.z) * 0;
         std::uint8_t flag = flags[i] & kHasTensor;
@@ -209,6 +294,7 @@ struct EigenBody {
             flag |= kValidNow;
         }
         flags[i] = flag;
+        slot_normals[slot] = (flag & kHasTensor) != 0 ? normals[i] : Vec3f{};
     }
 };
 
@@ -216,31 +302,31 @@ struct EigenBody {
 /// not valid, so that both statistics sort such splats to the end.
 struct VariabilityBody {
     int k;
+    Slots slots;
     Span<const std::uint32_t> receivers;
-    Span<const Vec3f> normals;
+    Span<const Vec3f> slot_normals;
     Span<const std::uint8_t> flags;
     Span<float> variability, strengths;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int i, void*) const {
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
         constexpr float kInvalid = std::numeric_limits<float>::infinity();
-        if ((flags[i] & kValidNow) == 0) {
-            if (warp.lane() == 0) variability[i] = kInvalid, strengths[i] = kInvalid;
+        if ((flags[slots.splat(slot)] & kValidNow) == 0) {
+            if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
             return;
         }
-        const Vec3f n = normals[i];
+        const Vec3f n = slot_normals[slot];
         float sum = 0, count = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            const std::uint32_t j = receivers[std::size_t(i) * k + r];
-            if (j >= flags.count || (flags[j] & kHasTensor) == 0) continue;
+            const Vec3f m = slot_normals[receivers[std::size_t(slot) * k + r]];
             // The angle from sine and cosine: arccos alone loses the small ones in float.
-            const float angle =
-                std::atan2(norm(cross(n, normals[j])), std::abs(dot(n, normals[j])));
-            sum += angle * angle;
-            count += 1;
+            const float angle = std::atan2(norm(cross(n, m)), std::abs(dot(n, m)));
+            const bool counts = dot(m, m) > 0;
+            sum += counts ? angle * angle : 0;
+            count += counts ? 1.0f : 0.0f;
         }
         sum = warp.sum(sum), count = warp.sum(count);
-        if (warp.lane() == 0) variability[i] = std::sqrt(sum / (count > 1 ? count : 1));
+        if (warp.lane() == 0) variability[slot] = std::sqrt(sum / (count > 1 ? count : 1));
     }
 };
 
@@ -254,22 +340,36 @@ TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
 
 /// Who takes part in the position loss.
 struct MaskBody {
+    Slots slots;
     float min_votes;
     const double* valid_count;
     Span<const float> variability, strengths, sorted_variability, sorted_strengths, strong_votes;
-    Span<std::uint8_t> flags, left_out;
+    Span<std::uint8_t> flags, left_out;  // left_out: by slot
 
-    TVSGS_HD void operator()(int i) const {
+    TVSGS_HD void operator()(int slot) const {
+        const int i = slots.splat(slot);
         const std::uint8_t flag = flags[i];
-        left_out[i] = 0;
+        left_out[slot] = 0;
         if ((flag & kValidNow) == 0) return;
-        left_out[i] = variability[i] > percentile95(sorted_variability, *valid_count) &&
-                              strengths[i] > percentile95(sorted_strengths, *valid_count)
-                          ? 1
-                          : 0;
+        left_out[slot] = variability[slot] > percentile95(sorted_variability, *valid_count) &&
+                                 strengths[slot] > percentile95(sorted_strengths, *valid_count)
+                             ? 1
+                             : 0;
         const bool position_valid =
-            (flag & kNormalValid) != 0 && left_out[i] == 0 && strong_votes[i] >= min_votes;
+            (flag & kNormalValid) != 0 && left_out[slot] == 0 && strong_votes[slot] >= min_votes;
         if (position_valid) flags[i] = flag | kPositionValid;
+    }
+};
+
+/// Before an event: nothing is valid yet, and the target of a splat that takes no part is its
+/// centre.
+struct BeginBody {
+    Span<const Vec3f> means;
+    Span<std::uint8_t> flags;
+    Span<Vec3f> targets;
+    TVSGS_HD void operator()(int i) const {
+        flags[i] &= kHasTensor;
+        targets[i] = means[i];
     }
 };
 
@@ -277,76 +377,105 @@ struct MaskBody {
 template <class Real>
 struct VirtualBody {
     Ballot<Real> ballot;
-    float range;  // reach, in largest scales
-    Span<const Vec3f> log_scales, normals;
+    bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
+    float range;        // reach, in largest scales
+    Slots slots;
+    Span<const Vec3f> eigenvalues, normals;
     Span<Vec3f> targets;
     Span<std::uint8_t> flags;
 
-    static constexpr int kGroup = 6;  // positions summed at a time: 36 sums in registers
-
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int i, void*) const {
-        const bool valid = (flags[i] & kValidNow) != 0;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[i]);
-        const Vec3<Real> s = exp(vec_cast<Real>(log_scales[i]));
-        const Real largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
-        const Vec3<Real> step = Real(range) * largest / 5 * vec_cast<Real>(normals[i]);
-        Real best = -1;
-        int best_m = 0;
-        if (valid) {
-            // 0, -1, 1, -2, ...: with a strict comparison a tie keeps the centre, then the nearer,
-            // then the negative.
-            group<0>(warp, i, mean, step, best, best_m);
-            group<kGroup>(warp, i, mean, step, best, best_m);
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        const int i = slots.splat(slot);
+        const std::uint8_t flag = flags[i];
+        warp.sync();  // all lanes have read the flag before it changes
+        if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
+        if ((flag & kValidNow) == 0) return;
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
+        const Vec3f s = slots.splats.scales<float>(i);
+        const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
+        const Vec3<Real> step = Real(range) * Real(largest) / 5 * vec_cast<Real>(normals[i]);
+        const Vec3f l = eigenvalues[i];
+        Best best{centre_known ? Real(l.y) - Real(l.z) : Real(-1), 0};
+        if constexpr (Warp::kLanes == 1) {
+            group<0, 12>(warp, slot, mean, step, best);  // 11 of them; vectors like 12
+        } else if (centre_known) {
+            group<1, 5>(warp, slot, mean, step, best);
+            group<6, 5>(warp, slot, mean, step, best);
+        } else {
+            group<0, 5>(warp, slot, mean, step, best);
+            group<5, 5>(warp, slot, mean, step, best);
+            group<10, 1>(warp, slot, mean, step, best);
         }
-        warp.sync();
-        if (warp.lane() != 0) return;
-        targets[i] = best_m == 0 ? ballot.means[i] : vec_cast<float>(mean + Real(best_m) * step);
-        flags[i] &= kHasTensor | kNormalValid | kPositionValid;
+        if (warp.lane() == 0 && best.m != 0)
+            targets[i] = vec_cast<float>(mean + Real(best.m) * step);
     }
 
 private:
+    struct Best {
+        Real saliency;
+        int m;
+    };
+    /// 0, -1, 1, -2, ...: with a strict comparison a tie keeps the centre, then the nearer, then
+    /// the negative.
     TVSGS_HD static constexpr int position(int j) { return j % 2 == 1 ? -(j + 1) / 2 : j / 2; }
 
-    template <int kFirst, class Warp>
+    template <int kFirst, int kCount, class Warp>
     TVSGS_HD void group(
-        const Warp& warp, int i, Vec3<Real> mean, Vec3<Real> step, Real& best, int& best_m) const {
-        constexpr int kCount = kFirst + kGroup > 11 ? 11 - kFirst : kGroup;
-        Sym3<Real> T[kCount]{};
-        for (std::int64_t e = ballot.begin[i] + warp.lane(); e < ballot.begin[i + 1];
-             e += Warp::kLanes) {
-            const VoterRecord<Real>& voter = ballot.records[ballot.voters[e]];
-            if (!can_vote(voter) || is_ball(voter)) continue;
+        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Best& best) const {
+        Real T[6][kCount] = {};
+        ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
+            if (!can_vote(voter) || is_ball(voter)) return;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d, step_w = voter.W * step;
-            unrolled<kCount>([&](auto j) {
-                const Real m = position(kFirst + j);
+            for_constants<kCount>([&](int j) {
+                const Real m = static_cast<Real>(position(kFirst + j));
                 const Vote<Real> vote =
                     plate_vote(voter, d + m * step, dw + m * step_w, ballot.rule);
-                if (vote.cast) add_outer(T[j], voter.strength * vote.decay, vote.v);
+                const Vec3<Real> v = vote.v,
+                                 wv = voter.strength * vote.decay * vote.inverse_length2 * v;
+                T[0][j] += wv.x * v.x, T[1][j] += wv.x * v.y, T[2][j] += wv.x * v.z;
+                T[3][j] += wv.y * v.y, T[4][j] += wv.y * v.z, T[5][j] += wv.z * v.z;
             });
-        }
-        Sym3<Real> mine{};  // each lane decomposes one of the tensors
-        unrolled<kCount>([&](auto j) {
-            const Sym3<Real> sum{warp.sum(T[j].xx), warp.sum(T[j].xy), warp.sum(T[j].xz),
-                                 warp.sum(T[j].yy), warp.sum(T[j].yz), warp.sum(T[j].zz)};
-            if constexpr (Warp::kLanes == 1)
-                keep_best(surface_saliency(sum), position(kFirst + j), best, best_m);
-            else if (warp.lane() == j)
-                mine = sum;
         });
-        if constexpr (Warp::kLanes > 1) {
-            const Real saliency = surface_saliency(mine);
+        if constexpr (Warp::kLanes == 1) {
+            for (int j = 0; j < kCount && kFirst + j < 11; ++j)
+                keep_best(surface_saliency({T[0][j], T[1][j], T[2][j], T[3][j], T[4][j], T[5][j]}),
+                          position(kFirst + j), best);
+        } else {
+            const Real saliency = surface_saliency(own_tensor(warp, T));
             for (int j = 0; j < kCount; ++j)
-                keep_best(warp.from_lane(saliency, j), position(kFirst + j), best, best_m);
+                keep_best(warp.from_lane(saliency, j), position(kFirst + j), best);
         }
+    }
+
+    /// Of kCount tensors summed over the lanes, lane j gets tensor j.
+    template <int kCount, class Warp>
+    TVSGS_HD static Sym3<Real> own_tensor(const Warp& warp, const Real (&T)[6][kCount]) {
+        Real entries[6];
+        if constexpr (sizeof(Real) == sizeof(float) && kCount > 1) {
+            static_assert(6 * kCount <= 32);
+            Real values[32] = {};
+            for (int c = 0; c < 6; ++c)
+                for (int j = 0; j < kCount; ++j) values[6 * j + c] = T[c][j];
+            const Real sum = warp.sums_to_lanes(values);
+            for (int c = 0; c < 6; ++c)
+                entries[c] = warp.from_lane(sum, (6 * warp.lane() + c) % 32);
+        } else {
+            for (int c = 0; c < 6; ++c)
+                for (int j = 0; j < kCount; ++j) {
+                    const Real sum = warp.sum(T[c][j]);
+                    if (warp.lane() == j || j == 0) entries[c] = sum;
+                }
+        }
+        return {entries[0], entries[1], entries[2], entries[3], entries[4], entries[5]};
     }
 
     TVSGS_HD static Real surface_saliency(const Sym3<Real>& T) {
         const Vec3<Real> values = sym_eigenvalues(T);
         return values.y - values.z;
     }
-    TVSGS_HD static void keep_best(Real saliency, int m, Real& best, int& best_m) {
-        if (saliency > best) best = saliency, best_m = m;  // NaN never wins
+    TVSGS_HD static void keep_best(Real saliency, int m, Best& best) {
+        if (saliency > best.saliency) best = {saliency, m};  // NaN never wins
     }
 };
 

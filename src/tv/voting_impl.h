@@ -1,10 +1,12 @@
 // The order of one voting event, the same for both twins; instantiated in voting.cpp and voting.cu.
 #pragma once
 
+#include <algorithm>
+#include <chrono>
 #include <cmath>
 
 #include "core/error.h"
-#include "tv/neighbours.h"
+#include "tv/neighbours_impl.h"
 #include "tv/voting_bodies.h"
 
 namespace tvsgs {
@@ -15,25 +17,62 @@ void warn_too_few(int usable, int count);
 void warn_giant(double ratio);
 
 enum Sum { kNoise, kPositionNoise, kUsable, kSaliency, kTensorCount, kValidCount, kSums };
+
+/// Waits for the device and notes what each stage took; does nothing unless asked to.
+template <class Device>
+class StageTimes {
+public:
+    bool on = false;
+    std::vector<VotingStage> stages;
+
+    void begin() {
+        if (!on) return;
+        stages.clear();
+        last_ = now();
+    }
+    void done(const char* name) {
+        if (!on) return;
+        const auto time = now();
+        stages.push_back({name, std::chrono::duration<double, std::milli>(time - last_).count()});
+        last_ = time;
+    }
+    void skip() { last_ = now(); }
+
+private:
+    using Clock = std::chrono::steady_clock;
+    static Clock::time_point now() {
+        synchronize(Device{});
+        return Clock::now();
+    }
+    Clock::time_point last_;
+};
 }  // namespace detail
 
 template <class Device>
 struct TensorVoter<Device>::State {
-    using Real = VoteReal<Device>;
-
     bool stale = true;     // lists do not fit the splats
     bool changed = false;  // since the last event
     int refreshed_at = 0;
     int listed = -1;  // splats at the last search
     bool warned_few = false, warned_giant = false;
+    detail::StageTimes<Device> times;
+    VotingProfile profile;
 
     Neighbours<Device> neighbours;
     NeighbourScratch<Device> scratch;
-    Buffer<VoterRecord<Real>, Device> records;
-    Buffer<float, Device> tau, strengths, variability, strong_votes, voter_strengths;
-    Buffer<float, Device> sorted_strengths, sorted_variability;
+    Buffer<Vec3f, Device> fixed_means, fixed_normals;
+    Buffer<float, Device> fixed_scales, fixed_weights;
+
+    // Of the voters: splats by slot, then fixed voters.
+    Buffer<VoterRecord<float>, Device> records;
+    Buffer<VoterRecord<double>, Device> double_records;
+    Buffer<float, Device> tau, position_tau, voter_strengths;
     Buffer<Vec3f, Device> voter_normals;
+    // Of the splats that take part, by slot.
+    Buffer<Vec3f, Device> means, normals;
     Buffer<Sym3f, Device> sums;
+    Buffer<float, Device> strengths, variability, strong_votes;
+    Buffer<float, Device> sorted_strengths, sorted_variability;
     Buffer<std::uint8_t, Device> left_out;
     Buffer<double, Device> partial, totals;
 
@@ -42,19 +81,38 @@ struct TensorVoter<Device>::State {
     Buffer<Vec3f, Device> vectors;
     Buffer<std::uint8_t, Device> flags;
 
+    FixedVoterSpans fixed() const {
+        return {fixed_means.span(), fixed_normals.span(), fixed_scales.span(),
+                fixed_weights.span()};
+    }
+    template <class Real>
+    auto& records_of() {
+        if constexpr (sizeof(Real) == sizeof(float))
+            return records;
+        else
+            return double_records;
+    }
     template <class Term>
     void total(detail::Sum which, int count, const Term& term) {
         add_sum(Device{}, count, term, 1, partial.span(), totals.data() + which);
     }
-    void resize(int count) {
-        records.resize(count), tau.resize(count), strengths.resize(count),
-            variability.resize(count);
-        strong_votes.resize(count), voter_strengths.resize(count), voter_normals.resize(count);
-        sums.resize(count), left_out.resize(count);
-        // Splats that take no part are skipped by the kernels, and their entries still get read.
-        tau.fill_zero(), strengths.fill_zero(), variability.fill_zero(), left_out.fill_zero();
-        partial.resize(kSumBlocks), totals.resize(detail::kSums);
-        totals.fill_zero();
+    template <class Term>
+    std::int64_t total_now(int count, const Term& term) {
+        return static_cast<std::int64_t>(detail::sum_now(scratch, count, term));
+    }
+    template <class... Buffers>
+    static std::size_t bytes_of(const Buffers&... buffers) {
+        return (... + (buffers.size() * sizeof(*buffers.data())));
+    }
+    std::size_t bytes() const {
+        const auto& n = neighbours;
+        const auto& s = scratch;
+        return bytes_of(n.points, n.receivers, n.begin, n.voters, s.sort.temporary, s.sort.keys,
+                        s.sort.values, s.sort.floats, s.values, s.codes, s.order, s.nodes,
+                        s.cursors) +
+               bytes_of(records, double_records, tau, position_tau, voter_strengths, voter_normals,
+                        means, normals, sums, strengths, variability, strong_votes,
+                        sorted_strengths, sorted_variability, left_out, tensors, vectors, flags);
     }
 };
 
@@ -71,6 +129,40 @@ bool TensorVoter<Device>::due(int step) const {
 }
 
 namespace detail {
+
+/// Lists of slots as lists of splats, on the host.
+template <class Device>
+VotingDetails lists_by_splat(const Neighbours<Device>& near, int count) {
+    VotingDetails result;
+    result.k = near.k;
+    result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
+    if (near.k == 0) return result;
+    const auto points = to_host(near.points);
+    const auto receivers = to_host(near.receivers), voters = to_host(near.voters);
+    const auto begin = to_host(near.begin);
+    const auto splat = [&](std::uint32_t voter) {
+        return voter < points.size()
+                   ? points[voter].index
+                   : static_cast<std::uint32_t>(voter - points.size() + std::size_t(count));
+    };
+    result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
+    std::vector<int> slot_of(static_cast<std::size_t>(count), -1);
+    for (std::size_t slot = 0; slot < points.size(); ++slot) {
+        slot_of[points[slot].index] = static_cast<int>(slot);
+        for (int r = 0; r < near.k; ++r)
+            result.receivers[std::size_t(points[slot].index) * near.k + r] =
+                points[receivers[slot * near.k + r]].index;
+    }
+    for (int i = 0; i < count; ++i) {
+        const int slot = slot_of[i];
+        if (slot >= 0)
+            for (auto e = begin[slot]; e < begin[slot + 1]; ++e)
+                result.voters.push_back(splat(voters[e]));
+        std::sort(result.voters.begin() + result.begin[i], result.voters.end());
+        result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
+    }
+    return result;
+}
 
 template <class Device>
 void clear(int count, TensorField<Device>& field) {
@@ -102,12 +194,14 @@ void sorted_copy(const Buffer<float, Device>& from,
 }  // namespace detail
 
 template <class Device>
-void TensorVoter<Device>::refresh(int step, const Gaussians<Device>& gaussians) {
+void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
     State& s = *state_;
-    const SplatSpans splats = splat_spans(gaussians);
-    find_neighbours(splats, options_.k, detail::whiten_rule(options_, options_.flatness_limit),
-                    s.totals.data() + detail::kNoise, s.scratch, s.neighbours);
+    find_neighbours(
+        {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
+         s.totals.data() + detail::kNoise, s.times.on},
+        s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.refreshed_at = step;
+    s.listed = splats.size();
     s.stale = false;
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
@@ -121,112 +215,151 @@ void TensorVoter<Device>::refresh(int step, const Gaussians<Device>& gaussians) 
         detail::warn_giant(ratio);
 }
 
-/// Records of all voters for votes with one flatness limit; orient_records() completes them.
-template <class Device>
-void TensorVoter<Device>::build_records(const SplatSpans& splats,
-                                        float flatness_limit,
-                                        bool keep_tau) {
-    State& s = *state_;
-    using Real = typename State::Real;
-    const double per_median = options_.scale_rule == ScaleRule::median ? 1 : 1 / std::sqrt(kLn10);
-    const double* noise = s.totals.data() + (keep_tau ? detail::kNoise : detail::kPositionNoise);
-    for_each_warp(
-        Device{}, splats.size(), s.neighbours.k * sizeof(Real),
-        detail::RecordBody<Real>{splats, detail::whiten_rule(options_, flatness_limit), noise,
-                                 Real(per_median), s.neighbours.k, s.neighbours.receivers.span(),
-                                 s.records.span(), keep_tau ? s.tau.span() : Span<float>{}});
-}
-
-template <class Device>
-void TensorVoter<Device>::orient_records(const SplatSpans& splats,
-                                         float flatness_limit,
-                                         bool position) {
-    State& s = *state_;
-    parallel_for(Device{}, splats.size(),
-                 detail::OrientBody<typename State::Real>{
-                     splats, detail::whiten_rule(options_, flatness_limit),
-                     s.totals.data() + (position ? detail::kPositionNoise : detail::kNoise),
-                     s.voter_normals.span(), s.voter_strengths.span(), s.records.span()});
-}
-
 template <class Device>
 void TensorVoter<Device>::vote(int step,
                                const Gaussians<Device>& gaussians,
                                TensorField<Device>& field) {
     using namespace detail;
-    using Real = typename State::Real;
     State& s = *state_;
     const int count = gaussians.size();
+    const SplatSpans splats = splat_spans(gaussians);
     if (static_cast<int>(field.flags.size()) != count)
         clear(count, field);  // nothing was inherited
     s.stale = s.stale || s.listed != count;
     s.changed = false;
-    s.resize(count);
-    const SplatSpans splats = splat_spans(gaussians);
+    s.times.begin();
 
-    // 1. The regulariser of the whitening: 1e-4 of the mean trace.
+    // The regulariser of the whitening: 1e-4 of the mean trace.
+    s.partial.resize(kSumBlocks), s.totals.resize(kSums);
+    s.totals.fill_zero();
     s.total(kUsable, count, UsableSplatTerm{splats});
     s.total(kNoise, count, NoiseTerm{splats, options_.flatness_limit});
     s.total(kPositionNoise, count, NoiseTerm{splats, options_.flatness_limit_position});
     for (const Sum noise : {kNoise, kPositionNoise})
         parallel_for(Device{}, 1, NoiseBody{s.totals.data() + kUsable, s.totals.data() + noise});
 
-    // 2. Lists, when they are due; scales of voting always.
-    if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at) {
-        refresh(step, gaussians);
-        s.listed = count;
-    }
-    const Neighbours<Device>& near = s.neighbours;
-    if (near.k == 0) {
+    if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at)
+        refresh(step, splats);
+    if (s.neighbours.k == 0) {
         clear(count, field);
         return;
     }
-    build_records(splats, options_.flatness_limit, true);
+    if (options_.precision == VotePrecision::single_precision)
+        event<float>(splats, field);
+    else
+        event<double>(splats, field);
+}
 
-    // 3. A ball round among the splats without a tensor, then a plate round.
-    const Ballot<Real> ballot{s.records.span(), splats.means, near.begin.span(), near.voters.span(),
+/// The event itself, on lists that are up to date.
+template <class Device>
+template <class Real>
+void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& field) {
+    using namespace detail;
+    State& s = *state_;
+    const Neighbours<Device>& near = s.neighbours;
+    const Slots slots{near.points.span(), splats, s.fixed()};
+    const int usable = slots.usable(), voters = slots.size();
+    auto& records = s.template records_of<Real>();
+    records.resize(voters), s.tau.resize(voters), s.position_tau.resize(voters);
+    s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
+    s.means.resize(usable), s.normals.resize(usable), s.sums.resize(usable);
+    s.strengths.resize(usable), s.variability.resize(usable), s.strong_votes.resize(usable);
+    s.left_out.resize(usable);
+
+    const Real per_median =
+        options_.scale_rule == ScaleRule::median ? Real(1) : Real(1 / std::sqrt(kLn10));
+    const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
+        for_each_warp(
+            Device{}, voters, near.k * sizeof(Real),
+            TauBody<Real>{slots, whiten_rule(options_, flatness_limit), s.totals.data() + noise,
+                          per_median, near.k, near.receivers.span(), s.means.span(), tau.span()});
+    };
+    const auto make_records = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
+        parallel_for(Device{}, voters,
+                     RecordBody<Real>{slots, whiten_rule(options_, flatness_limit),
+                                      s.totals.data() + noise, tau.span(), s.voter_normals.span(),
+                                      s.voter_strengths.span(), records.span()});
+    };
+
+    // 1. What holds for all rounds: centres, and scales of voting.
+    parallel_for(Device{}, splats.size(),
+                 BeginBody{splats.means, field.flags.span(), field.targets.span()});
+    parallel_for(Device{}, usable, MeanBody{slots, s.means.span()});
+    find_tau(options_.flatness_limit, kNoise, s.tau);
+    s.times.done("records");
+
+    // 2. A ball round among the splats without a tensor, then a plate round.
+    const Ballot<Real> ballot{records.span(), s.means.span(), near.begin.span(), near.voters.span(),
                               vote_rule(options_)};
     for (const bool ball_round : {true, false}) {
         if (!ball_round) {
-            s.total(kSaliency, count, SaliencyTerm{field.eigenvalues.span(), field.flags.span()});
-            s.total(kTensorCount, count, FlagTerm{kHasTensor, field.flags.span()});
+            s.total(kSaliency, splats.size(),
+                    SaliencyTerm{field.eigenvalues.span(), field.flags.span()});
+            s.total(kTensorCount, splats.size(), FlagTerm{kHasTensor, field.flags.span()});
         }
-        parallel_for(
-            Device{}, count,
-            StrengthBody{options_.strength == VoteStrength::literal, s.totals.data() + kSaliency,
-                         field.eigenvalues.span(), field.normals.span(), field.flags.span(),
-                         s.voter_normals.span(), s.voter_strengths.span()});
-        orient_records(splats, options_.flatness_limit, false);
-        for_each_warp(Device{}, count, 0,
-                      CentreRoundBody<Real>{ballot, ball_round, field.flags.span(), s.sums.span(),
-                                            s.strengths.span(), s.strong_votes.span()});
-        parallel_for(Device{}, count,
-                     EigenBody{ball_round, s.sums.span(), field.tensors.span(),
-                               field.eigenvalues.span(), field.normals.span(), field.flags.span()});
+        parallel_for(Device{}, voters,
+                     OrientationBody{slots, options_.strength == VoteStrength::literal,
+                                     s.totals.data() + kSaliency, field.eigenvalues.span(),
+                                     field.normals.span(), field.flags.span(),
+                                     s.voter_normals.span(), s.voter_strengths.span()});
+        make_records(options_.flatness_limit, kNoise, s.tau);
+        s.times.done("records");
+        for_each_warp(
+            Device{}, usable, 0,
+            CentreRoundBody<Real>{ballot, ball_round, slots, field.flags.span(), s.sums.span(),
+                                  s.strengths.span(), s.strong_votes.span()});
+        s.times.done("centres");
+        parallel_for(Device{}, usable,
+                     EigenBody{ball_round, slots, s.sums.span(), field.tensors.span(),
+                               field.eigenvalues.span(), field.normals.span(), field.flags.span(),
+                               s.normals.span()});
+        s.times.done("eigen");
     }
+    if (s.times.on) count_votes(ballot);
 
-    // 4. Masks.
-    for_each_warp(Device{}, count, 0,
-                  VariabilityBody{near.k, near.receivers.span(), field.normals.span(),
+    // 3. Masks.
+    for_each_warp(Device{}, usable, 0,
+                  VariabilityBody{near.k, slots, near.receivers.span(), s.normals.span(),
                                   field.flags.span(), s.variability.span(), s.strengths.span()});
-    s.total(kValidCount, count, FlagTerm{kValidNow, field.flags.span()});
+    s.total(kValidCount, splats.size(), FlagTerm{kValidNow, field.flags.span()});
     sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
     sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
-    parallel_for(Device{}, count,
-                 MaskBody{static_cast<float>(options_.min_votes), s.totals.data() + kValidCount,
-                          s.variability.span(), s.strengths.span(), s.sorted_variability.span(),
-                          s.sorted_strengths.span(), s.strong_votes.span(), field.flags.span(),
-                          s.left_out.span()});
+    parallel_for(Device{}, usable,
+                 MaskBody{slots, static_cast<float>(options_.min_votes),
+                          s.totals.data() + kValidCount, s.variability.span(), s.strengths.span(),
+                          s.sorted_variability.span(), s.sorted_strengths.span(),
+                          s.strong_votes.span(), field.flags.span(), s.left_out.span()});
+    s.times.done("masks");
 
-    // 5. Virtual receivers, by the voters of the plate round just done.
-    if (options_.flatness_limit_position != options_.flatness_limit) {
-        build_records(splats, options_.flatness_limit_position, false);
-        orient_records(splats, options_.flatness_limit_position, true);
+    // 4. Virtual receivers, by the voters of the plate round just done.
+    const bool same_voters = options_.flatness_limit_position == options_.flatness_limit;
+    if (!same_voters) {
+        find_tau(options_.flatness_limit_position, kPositionNoise, s.position_tau);
+        make_records(options_.flatness_limit_position, kPositionNoise, s.position_tau);
+        s.times.done("records");
     }
+    for_each_warp(Device{}, usable, 0,
+                  VirtualBody<Real>{ballot, same_voters, options_.virtual_range, slots,
+                                    field.eigenvalues.span(), field.normals.span(),
+                                    field.targets.span(), field.flags.span()});
+    s.times.done("virtual");
+}
+
+/// Counters of the round just done, for the profile.
+template <class Device>
+template <class Ballot>
+void TensorVoter<Device>::count_votes(const Ballot& ballot) {
+    State& s = *state_;
+    const int usable = s.neighbours.usable;
+    s.sorted_strengths.resize(usable), s.sorted_variability.resize(usable);
     for_each_warp(
-        Device{}, count, 0,
-        VirtualBody<Real>{ballot, options_.virtual_range, splats.log_scales, field.normals.span(),
-                          field.targets.span(), field.flags.span()});
+        Device{}, usable, 0,
+        detail::VoteCountBody{ballot, s.sorted_strengths.span(), s.sorted_variability.span()});
+    s.profile.votes = s.total_now(usable, detail::ValueTerm{s.sorted_strengths.span()});
+    s.profile.culled_votes = s.total_now(usable, detail::ValueTerm{s.sorted_variability.span()});
+    s.profile.silent_voters =
+        s.total_now(static_cast<int>(s.tau.size()), detail::SilentTerm{s.tau.span()});
+    s.times.skip();
 }
 
 template <class Device>
@@ -250,11 +383,47 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 }
 
 template <class Device>
+void TensorVoter<Device>::set_fixed_voters(const FixedVoters& voters) {
+    State& s = *state_;
+    copy(voters.means, s.fixed_means);
+    copy(voters.normals, s.fixed_normals);
+    copy(voters.scales, s.fixed_scales);
+    copy(voters.weights, s.fixed_weights);
+    s.stale = true;
+}
+
+template <class Device>
+void TensorVoter<Device>::set_profiling(bool on) {
+    state_->times.on = on;
+}
+
+template <class Device>
+VotingProfile TensorVoter<Device>::profile() const {
+    const State& s = *state_;
+    VotingProfile result = s.profile;
+    for (const VotingStage& stage : s.times.stages) {  // one entry for each name
+        const auto same = std::find_if(result.stages.begin(), result.stages.end(),
+                                       [&](const auto& other) { return other.name == stage.name; });
+        if (same == result.stages.end())
+            result.stages.push_back(stage);
+        else
+            same->ms += stage.ms;
+    }
+    result.bytes = s.bytes();
+    result.candidates = s.neighbours.candidates;
+    result.leaves = s.neighbours.leaves;
+    return result;
+}
+
+template <class Device>
 void TensorVoter<Device>::set_receivers(int step,
                                         int k,
                                         const std::vector<std::uint32_t>& receivers) {
     State& s = *state_;
+    Neighbours<Device>& near = s.neighbours;
     const int count = static_cast<int>(receivers.size()) / k;
+    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // slots are splats
+    for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
     std::vector<std::int64_t> begin(std::size_t(count) + 1, 0);
     for (const std::uint32_t receiver : receivers) ++begin[receiver + std::size_t(1)];
     for (int i = 0; i < count; ++i) begin[i + 1] += begin[i];
@@ -262,11 +431,12 @@ void TensorVoter<Device>::set_receivers(int step,
     std::vector<std::uint32_t> voters(receivers.size());
     for (std::size_t e = 0; e < receivers.size(); ++e)
         voters[next[receivers[e]]++] = static_cast<std::uint32_t>(e / k);
-    copy(receivers, s.neighbours.receivers);
-    copy(begin, s.neighbours.begin);
-    copy(voters, s.neighbours.voters);
-    s.neighbours.k = k;
-    s.neighbours.usable = s.listed = count;
+    copy(points, near.points);
+    copy(receivers, near.receivers);
+    copy(begin, near.begin);
+    copy(voters, near.voters);
+    near.k = k;
+    near.usable = near.voters_count = s.listed = count;
     s.refreshed_at = step;
     s.stale = false;
 }
@@ -274,14 +444,20 @@ void TensorVoter<Device>::set_receivers(int step,
 template <class Device>
 VotingDetails TensorVoter<Device>::details() const {
     const State& s = *state_;
-    return {s.neighbours.k,
-            to_host(s.neighbours.receivers),
-            to_host(s.neighbours.begin),
-            to_host(s.neighbours.voters),
-            to_host(s.tau),
-            to_host(s.variability),
-            to_host(s.strengths),
-            to_host(s.left_out)};
+    VotingDetails result = detail::lists_by_splat(s.neighbours, std::max(s.listed, 0));
+    const auto points = to_host(s.neighbours.points);
+    const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
+        out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
+        if (values.size() < points.size()) return;  // no event yet
+        const std::vector<T> host = to_host(values);
+        for (std::size_t slot = 0; slot < points.size(); ++slot)
+            out[points[slot].index] = host[slot];
+    };
+    by_splat(s.tau, result.tau);
+    by_splat(s.variability, result.variability);
+    by_splat(s.strengths, result.strength);
+    by_splat(s.left_out, result.left_out);
+    return result;
 }
 
 }  // namespace tvsgs

@@ -35,20 +35,23 @@ struct SerialWarp {
         for (int i = 0; i < 32; ++i) mask |= predicate(i) ? 1u << i : 0u;
         return mask;
     }
-    /// action(i, rank) for the set bits i of a mask, each with the number of set bits below it.
-    template <class Action>
-    void for_each_bit(std::uint32_t mask, const Action& action) const {
-        int rank = 0;
-        for (; mask != 0; mask &= mask - 1) action(__builtin_ctz(mask), rank++);
+    /// Appends the accepted ones of key(0), ..., key(31) to `out`; returns how many.
+    template <class Key, class Accept>
+    int append32(std::uint64_t* out, const Key& key, const Accept& accept) const {
+        int count = 0;
+        for (int i = 0; i < 32; ++i) {
+            out[count] = key(i);
+            count += accept(out[count]) ? 1 : 0;
+        }
+        return count;
     }
     static int lowest_bit(std::uint32_t mask) { return __builtin_ctz(mask); }
-    static int bit_count(std::uint32_t mask) { return __builtin_popcount(mask); }
 
-    /// Afterwards the `wanted` smallest keys come first, and keys[wanted - 1] is the largest of
-    /// them.
-    template <class Key>
-    void smallest_first(Key* keys, int count, int wanted) const {
-        if (wanted > 0 && wanted <= count) std::nth_element(keys, keys + wanted - 1, keys + count);
+    /// Afterwards the `wanted` smallest of `count` different keys come first, 0 < wanted <= count;
+    /// returns the largest of them.
+    static std::uint64_t smallest_first(std::uint64_t* keys, int count, int wanted) {
+        std::nth_element(keys, keys + wanted - 1, keys + count);
+        return keys[wanted - 1];
     }
 };
 
@@ -86,22 +89,26 @@ TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
 template <class Warp, class Real>
 TVSGS_HD Real median(const Warp& warp, Real* values, int count) {
     const int upper = count / 2;
-    warp.smallest_first(values, count, upper + 1);
-    if (count % 2 == 1) return values[upper];
-    Real below = values[upper - 1];
-    if constexpr (Warp::kLanes == 1)  // only partly sorted
-        for (int i = 0; i < upper; ++i) below = values[i] > below ? values[i] : below;
-    return (below + values[upper]) / 2;
+    if constexpr (Warp::kLanes == 1) {
+        std::nth_element(values, values + upper, values + count);
+        return count % 2 == 1 ? values[upper]
+                              : (*std::max_element(values, values + upper) + values[upper]) / 2;
+    } else {
+        bitonic_sort(warp, values, count);
+        return count % 2 == 1 ? values[upper] : (values[upper - 1] + values[upper]) / 2;
+    }
 }
 
-/// action(0), ..., action(kCount - 1) with constants for arguments, so that small arrays stay in
-/// registers.
+/// action(0), ..., action(kCount - 1): unrolled on a GPU, so that small arrays stay in registers;
+/// vectorised on a CPU.
 template <int kCount, class Action>
-TVSGS_HD void unrolled(const Action& action) {
-    if constexpr (kCount > 0) {
-        unrolled<kCount - 1>(action);
-        action(std::integral_constant<int, kCount - 1>{});
-    }
+TVSGS_HD void for_constants(const Action& action) {
+#if defined(__CUDA_ARCH__)
+#pragma unroll
+#else
+#pragma omp simd
+#endif
+    for (int j = 0; j < kCount; ++j) action(j);
 }
 
 /// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp,

@@ -1,6 +1,9 @@
 // CUDA twins of warp.h. For .cu files only.
 #pragma once
 
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
@@ -26,9 +29,6 @@ struct CudaWarp {
     __host__ __device__ static int lowest_bit(std::uint32_t mask) {
         return __ffs(static_cast<int>(mask)) - 1;
     }
-    __host__ __device__ static int bit_count(std::uint32_t mask) {
-        return __popc(mask);
-    }
     template <class T>
     __host__ __device__ T sum(T x) const {  // the same tree, hence the same bits, in all lanes
         for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
@@ -42,15 +42,135 @@ struct CudaWarp {
     __host__ __device__ std::uint32_t ballot32(const Predicate& predicate) const {
         return __ballot_sync(kAll, predicate(lane()));
     }
+    template <class Key, class Accept>
+    __host__ __device__ int append32(std::uint64_t* out,
+                                     const Key& key,
+                                     const Accept& accept) const {
+        const std::uint64_t mine = key(lane());
+        const bool accepted = accept(mine);
+        return append(out, mine, accepted);
+    }
+    /// Sum i over all lanes ends in lane i: five rounds in which each lane keeps the half of the
+    /// values that its number asks for and gives the other half away.
+    __host__ __device__ static float sums_to_lanes(float (&values)[32]) {
+        return halve<16>(values);
+    }
+    __host__ __device__ std::uint64_t smallest_first(std::uint64_t* keys,
+                                                     int count,
+                                                     int wanted) const {
+        sync();
+        if (count > 512) {
+            bitonic_sort(*this, keys, count);
+            return keys[wanted - 1];
+        }
+        return count <= 256 ? select<8>(keys, count, wanted) : select<16>(keys, count, wanted);
+    }
+
+private:
+    __device__ static int append(std::uint64_t* out, std::uint64_t key, bool accepted) {
+        const unsigned mask = __ballot_sync(kAll, accepted);
+        if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
+        return __popc(mask);
+    }
+    template <int kHalf>
+    __device__ __forceinline__ static float halve(float* values) {
+        const bool upper = (threadIdx.x & kHalf) != 0;
+#pragma unroll
+        for (int i = 0; i < kHalf; ++i) {
+            const float mine = upper ? values[i + kHalf] : values[i];
+            const float other = upper ? values[i] : values[i + kHalf];
+            values[i] = mine + __shfl_xor_sync(kAll, other, kHalf);
+        }
+        if constexpr (kHalf > 1)
+            return halve<kHalf / 2>(values);
+        else
+            return values[0];
+    }
+
+    /// The wanted-th smallest of the words in the lanes, by bisection of the range they span: about
+    /// ten rounds for words that differ.
+    template <int kPerLane>
+    __device__ std::uint32_t kth_word(const std::uint32_t (&words)[kPerLane], int wanted) const {
+        std::uint32_t low = 0xffffffffu, high = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) low = min(low, words[r]);
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r)  // all ones is padding
+            high = max(high, words[r] == 0xffffffffu ? 0u : words[r]);
+        low = reduce_min(low), high = ~reduce_min(~high);
+        while (low < high) {
+            const std::uint32_t middle = low + (high - low) / 2;
+            int count = 0;
+#pragma unroll
+            for (int r = 0; r < kPerLane; ++r)
+                count += __popc(__ballot_sync(kAll, words[r] <= middle));
+            if (count >= wanted) {
+                high = middle;
+                if (count == wanted) break;
+            } else {
+                low = middle + 1;
+            }
+        }
+        return high;
+    }
+    /// smallest_first() for keys that fit the lanes' registers.
+    template <int kPerLane>
+    __device__ std::uint64_t select(std::uint64_t* keys, int count, int wanted) const {
+        std::uint32_t high[kPerLane], low[kPerLane];
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const int i = r * 32 + lane();
+            const std::uint64_t key = i < count ? keys[i] : ~0ull;
+            high[r] = static_cast<std::uint32_t>(key >> 32);
+            low[r] = static_cast<std::uint32_t>(key);
+        }
+        sync();
+        const std::uint32_t last = kth_word(high, wanted);
+        int below = 0, equal = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            below += __popc(__ballot_sync(kAll, high[r] < last));
+            equal += __popc(__ballot_sync(kAll, high[r] == last));
+        }
+        std::uint32_t last_low = 0xffffffffu;
+        if (below + equal > wanted) {  // ties: by the low words
+            std::uint32_t tied[kPerLane];
+#pragma unroll
+            for (int r = 0; r < kPerLane; ++r) tied[r] = high[r] == last ? low[r] : 0xffffffffu;
+            last_low = kth_word(tied, wanted - below);
+        }
+        int kept = 0;
+        std::uint64_t largest = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const bool accepted = high[r] < last || (high[r] == last && low[r] <= last_low);
+            const std::uint64_t key = static_cast<std::uint64_t>(high[r]) << 32 | low[r];
+            const bool real = r * 32 + lane() < count;
+            kept += append(keys + kept, key, accepted && real);
+            if (accepted && real && key > largest) largest = key;
+        }
+        sync();
+        const std::uint32_t top = ~reduce_min(~static_cast<std::uint32_t>(largest >> 32));
+        const bool mine = static_cast<std::uint32_t>(largest >> 32) == top;
+        return static_cast<std::uint64_t>(top) << 32 |
+               ~reduce_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
+    }
+    __device__ static std::uint32_t reduce_min(std::uint32_t x) {
+#if __CUDA_ARCH__ >= 800
+        return __reduce_min_sync(kAll, x);
+#else
+        for (int offset = 16; offset > 0; offset /= 2) x = min(x, __shfl_xor_sync(kAll, x, offset));
+        return x;
+#endif
+    }
+
+public:
 #else
     __host__ __device__ int lane() const {
         return 0;
     }
     __host__ __device__ void sync() const {}
     __host__ __device__ static int lowest_bit(std::uint32_t) {
-        return 0;
-    }
-    __host__ __device__ static int bit_count(std::uint32_t) {
         return 0;
     }
     template <class T>
@@ -65,16 +185,17 @@ struct CudaWarp {
     __host__ __device__ std::uint32_t ballot32(const Predicate&) const {
         return 0;
     }
+    template <class Key, class Accept>
+    __host__ __device__ int append32(std::uint64_t*, const Key&, const Accept&) const {
+        return 0;
+    }
+    __host__ __device__ static float sums_to_lanes(float (&)[32]) {
+        return 0;
+    }
+    __host__ __device__ std::uint64_t smallest_first(std::uint64_t*, int, int) const {
+        return 0;
+    }
 #endif
-    template <class Action>
-    __host__ __device__ void for_each_bit(std::uint32_t mask, const Action& action) const {
-        const int i = lane();
-        if ((mask >> i & 1u) != 0) action(i, bit_count(mask & ((1u << i) - 1)));
-    }
-    template <class Key>
-    __host__ __device__ void smallest_first(Key* keys, int count, int /*wanted*/) const {
-        bitonic_sort(*this, keys, count);
-    }
 };
 
 namespace detail {
@@ -93,7 +214,7 @@ void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body)
     if (count <= 0) return;
     constexpr std::size_t kBlockBytes = 32 << 10;  // below the 48 KiB that need no opting in
     const std::size_t bytes = (scratch_bytes + 15) / 16 * 16;
-    int warps = 4;
+    int warps = 8;  // neighbours in space: what one reads is then in the cache of the others
     while (warps > 1 && bytes * warps > kBlockBytes) warps /= 2;
     detail::warp_kernel<<<(count + warps - 1) / warps, 32 * warps, bytes * warps>>>(
         count, static_cast<int>(bytes), body);
@@ -133,15 +254,19 @@ inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
     values.swap(scratch.values);
 }
 
-/// out[i] = in[0] + ... + in[i - 1]; in place is fine.
-inline void exclusive_scan(Buffer<std::int64_t, Cuda>& values, SortScratch<Cuda>& scratch) {
-    const int count = static_cast<int>(values.size());
-    if (count == 0) return;
+/// out[i] = term(0) + ... + term(i - 1).
+template <class Term>
+void exclusive_scan(const Term& term, Buffer<std::int64_t, Cuda>& out, SortScratch<Cuda>& scratch) {
+    const auto terms =
+        thrust::make_transform_iterator(thrust::make_counting_iterator<std::int64_t>(0), term);
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceScan::ExclusiveSum(temporary, bytes, terms, out.data(),
+                                                 static_cast<std::int64_t>(out.size())));
+    };
     std::size_t bytes = 0;
-    check_cuda(cub::DeviceScan::ExclusiveSum(nullptr, bytes, values.data(), values.data(), count));
+    run(nullptr, bytes);
     scratch.temporary.resize(bytes);
-    check_cuda(cub::DeviceScan::ExclusiveSum(scratch.temporary.data(), bytes, values.data(),
-                                             values.data(), count));
+    run(scratch.temporary.data(), bytes);
 }
 
 }  // namespace tvsgs

@@ -2,6 +2,7 @@
 #include "core/error.h"
 #include "tv/neighbours.h"
 #include "tv/tv_support.h"
+#include "tv/voting_impl.h"
 
 namespace tvsgs::test {
 namespace {
@@ -75,7 +76,7 @@ void expect_exact(const std::string& kind, int count, int k) {
     const auto noise_there = to_device<Device>(std::vector<double>{noise});
     NeighbourScratch<Device> scratch;
     Neighbours<Device> found;
-    find_neighbours(splat_spans(g), k, WhitenRule{}, noise_there.data(), scratch, found);
+    find_neighbours({splat_spans(g), {}, k, {}, noise_there.data()}, scratch, found);
     ASSERT_EQ(found.usable, usable_count);
     if (usable_count < 2) {
         EXPECT_EQ(found.k, 0);
@@ -83,7 +84,14 @@ void expect_exact(const std::string& kind, int count, int k) {
     }
     const int wanted = std::min(2 * k, usable_count - 1);
     ASSERT_EQ(found.k, std::min(k, wanted));
-    const auto receivers = to_host(found.receivers);
+    const VotingDetails lists = detail::lists_by_splat(found, count);
+    const auto& receivers = lists.receivers;
+
+    // Ties go by slot.
+    const auto points = to_host(found.points);
+    std::vector<std::uint32_t> slot_of(count);
+    for (std::uint32_t slot = 0; slot < points.size(); ++slot) slot_of[points[slot].index] = slot;
+    const auto splat = [&](std::uint64_t key) { return points[key_slot(key)].index; };
 
     std::vector<std::vector<std::uint32_t>> voters_of(count);
     for (int i = 0; i < count; ++i) {
@@ -91,15 +99,14 @@ void expect_exact(const std::string& kind, int count, int k) {
         std::vector<std::uint64_t> keys;
         for (int j = 0; j < count; ++j) {
             const Vec3f d = cloud.means[j] - cloud.means[i];
-            if (j != i && usable[j])
-                keys.push_back(distance_key(dot(d, d), static_cast<std::uint32_t>(j)));
+            if (j != i && usable[j]) keys.push_back(distance_key(dot(d, d), slot_of[j]));
         }
         std::sort(keys.begin(), keys.end());
         const auto euclidean = [&](std::uint32_t j) {
             return double(
                 norm(vec_cast<double>(cloud.means[j]) - vec_cast<double>(cloud.means[i])));
         };
-        const double reach = euclidean(key_index(keys[wanted - 1]));
+        const double reach = euclidean(splat(keys[wanted - 1]));
         keys.resize(wanted);
         const auto W =
             whitened_from_world(whitening(quat_cast<double>(cloud.quats[i]),
@@ -108,14 +115,14 @@ void expect_exact(const std::string& kind, int count, int k) {
             return norm(W * (vec_cast<double>(cloud.means[j]) - vec_cast<double>(cloud.means[i])));
         };
         for (auto& key : keys) {
-            const double distance = whitened(key_index(key));
-            key = distance_key(float(distance * distance), key_index(key));
+            const double distance = whitened(splat(key));
+            key = distance_key(float(distance * distance), key_slot(key));
         }
         std::sort(keys.begin(), keys.end());
-        const double farthest = whitened(key_index(keys[found.k - 1]));
+        const double farthest = whitened(splat(keys[found.k - 1]));
 
         std::vector<std::uint32_t> expected, differ;
-        for (int r = 0; r < found.k; ++r) expected.push_back(key_index(keys[r]));
+        for (int r = 0; r < found.k; ++r) expected.push_back(splat(keys[r]));
         std::sort(expected.begin(), expected.end());
         const auto row = sorted_row(receivers, found.k, i);
         EXPECT_EQ(std::adjacent_find(row.begin(), row.end()), row.end()) << "listed twice by " << i;
@@ -124,7 +131,7 @@ void expect_exact(const std::string& kind, int count, int k) {
         for (const auto j : differ) {
             ASSERT_LT(j, std::uint32_t(count));
             // Float distances may order neighbours the other way round that are this close, on
-            // either boundary. A tie of exact equals has one answer: the smaller index.
+            // either boundary. A tie of exact equals has one answer: the smaller slot.
             const bool tie = std::abs(euclidean(j) / reach - 1) < 1e-6 ||
                              std::abs(whitened(j) / farthest - 1) < 1e-5;
             EXPECT_TRUE(tie && kind != "coincident") << "splat " << i << ", neighbour " << j;
@@ -132,8 +139,8 @@ void expect_exact(const std::string& kind, int count, int k) {
         for (const auto j : row) voters_of[j].push_back(static_cast<std::uint32_t>(i));
     }
     // The reverse lists hold the same edges, ordered by voter.
-    const auto begin = to_host(found.begin);
-    const auto voters = to_host(found.voters);
+    const auto& begin = lists.begin;
+    const auto& voters = lists.voters;
     ASSERT_EQ(begin.back(), std::int64_t(usable_count) * found.k);
     for (int i = 0; i < count; ++i)
         EXPECT_EQ(
@@ -167,9 +174,9 @@ TYPED_TEST(NeighbourTwins, MassiveCoincidenceTakesNoQuadraticTime) {
     const auto noise = to_device<TypeParam>(std::vector<double>{1e-6});
     NeighbourScratch<TypeParam> scratch;
     Neighbours<TypeParam> found;
-    find_neighbours(splat_spans(g), k, WhitenRule{}, noise.data(), scratch, found);
-    // All distances tie, so that the smallest indices win.
-    const auto receivers = to_host(found.receivers);
+    find_neighbours({splat_spans(g), {}, k, {}, noise.data()}, scratch, found);
+    // All distances tie, and slots keep the order of equal points: the smallest indices win.
+    const auto receivers = detail::lists_by_splat(found, kCount).receivers;
     for (int i = 0; i < kCount; ++i) {
         std::vector<std::uint32_t> expected;
         for (std::uint32_t j = 0; expected.size() < k; ++j)
