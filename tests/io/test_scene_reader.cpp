@@ -192,6 +192,13 @@ TEST_F(SceneReader, ResolutionAndPrincipalPoint) {
     EXPECT_EQ(scene.train[2].camera.fx_px, 5);
     EXPECT_EQ(scene.train[2].camera.cx_px, 2.5f);
     EXPECT_EQ(scene.train[2].camera.cy_px, 1);
+    EXPECT_TRUE(scene.train[2].grey.empty());  // the photograph will do
+    options.grey_scale = 0.5f;
+    EXPECT_EQ(read().train[2].grey.width, 8);
+    EXPECT_EQ(read().train[2].grey.height, 6);
+    EXPECT_EQ(read().train[2].grey.channels, 1);
+    options.grey_scale = 0.25f;  // no finer than the file
+    EXPECT_EQ(read().train[2].grey.width, 8);
     options.center_principal_point = true;
     scene = read();
     EXPECT_EQ(scene.train[2].camera.cx_px, 2);
