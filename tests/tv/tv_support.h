@@ -3,13 +3,13 @@
 
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
 #include <type_traits>
 #include <vector>
 
+#include "bench_field.h"
 #include "core/cuda_device.h"
 #include "core/gaussians.h"
 #include "tv/vote_math.h"
@@ -49,64 +49,13 @@ Gaussians<Device> to_gaussians(const Cloud& cloud) {
     return g;
 }
 
-struct FieldOnHost {
-    std::vector<Sym3f> tensors;
-    std::vector<Vec3f> eigenvalues, normals, targets;
-    std::vector<std::uint8_t> flags;
-    VotingDetails details;
-};
-
-template <class Device>
-FieldOnHost read(const TensorField<Device>& field, const TensorVoter<Device>& voter) {
-    return {to_host(field.tensors), to_host(field.eigenvalues), to_host(field.normals),
-            to_host(field.targets), to_host(field.flags),       voter.details()};
-}
-
-/// `events` events on a static cloud: the first is a ball round and a plate round, the others a
-/// plate round each; virtual receivers follow every time. `receivers`: lists to use instead of a
-/// search.
+/// As on Gaussians (bench_field.h).
 template <class Device>
 FieldOnHost run_events(const Cloud& cloud,
                        const TvOptions& options,
                        int events,
                        const std::vector<std::uint32_t>& receivers = {}) {
-    const Gaussians<Device> g = to_gaussians<Device>(cloud);
-    TensorVoter<Device> voter(options);
-    if (!receivers.empty())
-        voter.set_receivers(options.start, static_cast<int>(receivers.size()) / cloud.size(),
-                            receivers);
-    TensorField<Device> field;
-    for (int event = 0; event < events; ++event)
-        voter.vote(options.start + event * options.vote_every, g, field);
-    return read(field, voter);
-}
-
-inline double frobenius(const Sym3f& T) {
-    const double off = double(T.xy) * T.xy + double(T.xz) * T.xz + double(T.yz) * T.yz;
-    return std::sqrt(double(T.xx) * T.xx + double(T.yy) * T.yy + double(T.zz) * T.zz + 2 * off);
-}
-inline Sym3f difference(const Sym3f& a, const Sym3f& b) {
-    return {a.xx - b.xx, a.xy - b.xy, a.xz - b.xz, a.yy - b.yy, a.yz - b.yz, a.zz - b.zz};
-}
-/// Between two axes; exact for small angles.
-inline double angle_deg(Vec3<double> a, Vec3<double> b) {
-    return std::atan2(norm(cross(a, b)), std::abs(dot(a, b))) * 180 / 3.14159265358979;
-}
-inline double angle_deg(Vec3f a, Vec3f b) {
-    return angle_deg(vec_cast<double>(a), vec_cast<double>(b));
-}
-/// (lambda_2 - lambda_3) / lambda_1.
-inline double relative_gap(Vec3f eigenvalues) {
-    return eigenvalues.x > 0 ? double(eigenvalues.y - eigenvalues.z) / eigenvalues.x : 0;
-}
-
-inline std::vector<std::uint32_t> sorted_row(const std::vector<std::uint32_t>& lists,
-                                             int k,
-                                             int i) {
-    std::vector<std::uint32_t> row(lists.begin() + std::ptrdiff_t(i) * k,
-                                   lists.begin() + std::ptrdiff_t(i + 1) * k);
-    std::sort(row.begin(), row.end());
-    return row;
+    return tvsgs::run_events(to_gaussians<Device>(cloud), options, events, receivers);
 }
 
 /// Same draws everywhere: std::normal_distribution differs between libraries.

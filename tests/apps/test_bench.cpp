@@ -1,0 +1,85 @@
+// tvsgs-bench: fresh cases of the oracle, what it refuses, and its timings.
+#include "apps/test_bench.h"
+
+namespace tvsgs {
+namespace {
+
+using nlohmann::json;
+
+TEST_F(Bench, AgreesWithTheOracleOnFreshCases) {
+    if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
+    expect_agreement("few", "--shape sphere --n 50 --k 100 --seed 11");  // fewer than 2k
+    expect_agreement("smallest_k", "--shape planes --n 400 --k 4 --seed 12");
+    expect_agreement("sphere", "--shape sphere --n 900 --k 33 --seed 13 --mode per_splat");
+    expect_agreement("cluster", "--shape cluster --n 600 --k 50 --seed 14 --vote-map unit");
+    expect_agreement("limit", "--shape planes --n 800 --k 100 --seed 15 --flatness-limit 1");
+    expect_agreement("plain", "--shape sphere --n 500 --k 16 --seed 16 --no-whiten");
+}
+
+TEST_F(Bench, LeavesWithCode8BeyondABound) {
+    if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
+    const std::string path = make_case("spoiled", "--shape sphere --n 100 --k 10 --seed 17");
+    ASSERT_EQ(vote("--case '" + path + "' --device cpu").code, 0);
+    // A thousandth more in every tensor: ten times the bound.
+    ASSERT_EQ(shell(find_python() + " -c \"import numpy as np; z = dict(np.load('" + path +
+                    "')); z['tensor'] *= 1.001; np.savez('" + path + "', **z)\""),
+              0);
+    const Result r = vote("--case '" + path + "' --device cpu");
+    EXPECT_EQ(r.code, 8) << r.err;
+    ASSERT_EQ(r.lines.size(), 1u);
+    EXPECT_FALSE(r.lines[0].at("met").get<bool>());
+    EXPECT_NEAR(r.lines[0].at("tensor").get<double>(), 1e-3, 2e-4);
+    EXPECT_NE(r.err.find("tensor"), std::string::npos) << r.err;
+}
+
+TEST_F(Bench, SaysWhatItCannotUse) {
+    EXPECT_EQ(vote("").code, 2);
+    EXPECT_EQ(vote("--case a.npz --synthetic 10").code, 2);
+    EXPECT_EQ(vote("--synthetic 100 --shape cube").code, 2);
+    EXPECT_EQ(vote("--synthetic 100 --device cpu --set tv.kk=3").code, 2);
+    EXPECT_EQ(vote("--case nowhere.npz --device cpu").code, 3);
+    std::ofstream(folder_ / "text.npz") << "no archive";
+    EXPECT_EQ(vote("--case '" + (folder_ / "text.npz").string() + "' --device cpu").code, 3);
+}
+
+TEST_F(Bench, TimesEveryShape) {
+    for (const std::string& device : devices())
+        for (const std::string shape :
+             {"sphere", "planes", "cluster", "line", "coincident", "outliers"}) {
+            SCOPED_TRACE(shape + " on " + device);
+            const Result r = vote(
+                "--synthetic 700 --repetitions 2 --warm-up 1 --set tv.k=20 "
+                "--errors --shape " +
+                shape + " --device " + device);
+            ASSERT_EQ(r.code, 0) << r.err;
+            ASSERT_EQ(r.lines.size(), 1u);
+            const json results = r.lines[0].at("results");
+            ASSERT_GE(results.size(), 1u);
+            for (const json& result : results) {
+                EXPECT_GT(result.at("event_ms").get<double>(), 0);
+                const json& counters = result.at("counters");
+                // Every usable splat lists k others, and all splats of these shapes are usable.
+                EXPECT_DOUBLE_EQ(counters.at("in_degree_mean").get<double>(), 20);
+                EXPECT_GT(result.at("memory").at("voter_and_field_bytes").get<double>(),
+                          700 * 20 * 4);
+                const json& error = result.at("normal_error");
+                EXPECT_EQ(error.at("not_finite").get<int>(), 0);
+                if (device == "cpu") {
+                    EXPECT_EQ(error.at("max_deg").get<double>(), 0) << "the reference itself";
+                }
+            }
+        }
+}
+
+TEST_F(Bench, CloudsDependOnTheSeedAlone) {
+    const std::string same = "--synthetic 500 --repetitions 1 --device cpu --set tv.k=10 --seed ";
+    const auto counters = [&](const std::string& seed) {
+        const Result r = vote(same + seed);
+        return r.code == 0 ? r.lines.at(0).at("results")[0].at("counters").dump() : r.err;
+    };
+    EXPECT_EQ(counters("1"), counters("1"));
+    EXPECT_NE(counters("1"), counters("2"));
+}
+
+}  // namespace
+}  // namespace tvsgs

@@ -1,0 +1,108 @@
+// tvsgs-bench as a user runs it, on cases that the oracle makes afresh.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "support/numeric.h"
+
+namespace tvsgs {
+
+namespace fs = std::filesystem;
+
+inline int shell(const std::string& line) {
+    const int status = std::system(line.c_str());
+    return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+}
+
+/// A Python with numpy and scipy; empty where there is none.
+inline std::string find_python() {
+    for (const std::string python : {"python3", "/usr/bin/python3"})
+        if (shell(python + " -c 'import numpy, scipy' >/dev/null 2>&1") == 0) return python;
+    return "";
+}
+
+class Bench : public testing::Test {
+protected:
+    struct Result {
+        int code;
+        std::vector<nlohmann::json> lines;
+        std::string err;
+    };
+
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_bench_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static Result vote(const std::string& arguments) {
+        const fs::path out = folder_ / "out.txt", err = folder_ / "err.txt";
+        const int code = shell(TVSGS_BIN_DIR "/tvsgs-bench vote " + arguments + " >'" +
+                               out.string() + "' 2>'" + err.string() + "'");
+        Result result{code, {}, ""};
+        std::ifstream lines(out);
+        for (std::string line; std::getline(lines, line);)
+            result.lines.push_back(nlohmann::json::parse(line));
+        std::ostringstream text;
+        text << std::ifstream(err).rdbuf();
+        result.err = text.str();
+        return result;
+    }
+
+    static std::vector<std::string> devices() {
+        if (test::no_cuda().empty()) return {"cpu", "cuda"};
+        return {"cpu"};
+    }
+
+    /// Why no case can be made; empty when one can.
+    static std::string no_oracle() {
+        if (!fs::exists(oracle())) return "no oracle at " + oracle();
+        if (find_python().empty()) return "no python3 with numpy and scipy";
+        return "";
+    }
+    static std::string oracle() { return TVSGS_SHARED_DIR "/spec/reference/tensor_voting.py"; }
+
+    /// Lets the oracle write a case; returns its path.
+    static std::string make_case(const std::string& name, const std::string& flags) {
+        const std::string path = (folder_ / (name + ".npz")).string();
+        EXPECT_EQ(shell("OMP_NUM_THREADS=1 " + find_python() + " '" + oracle() + "' --make '" +
+                        path + "' " + flags),
+                  0)
+            << flags;
+        return path;
+    }
+
+    /// Within the bounds of the specification, and what is ours as close as on the stored cases.
+    static void expect_agreement(const std::string& name, const std::string& flags) {
+        const std::string path = make_case(name, flags);
+        for (const std::string& device : devices()) {
+            const Result r = vote("--case '" + path + "' --device " + device);
+            ASSERT_EQ(r.code, 0) << flags << " on " << device << ": " << r.err;
+            ASSERT_EQ(r.lines.size(), 1u);
+            const nlohmann::json& d = r.lines[0];
+            const double splats = d.at("splats");
+            std::printf("%-28s %s\n", (name + " " + device).c_str(), d.dump().c_str());
+            EXPECT_LT(d.at("tau"), 1e-5) << flags;  // float coordinates and logarithmic scales
+            EXPECT_LT(d.at("target_steps"), 1e-2) << flags;
+            // Where saliencies, percentiles or gaps are equal to rounding, either side is right.
+            EXPECT_LE(d.at("targets_elsewhere").get<double>(), 1e-3 * splats) << flags;
+            EXPECT_LE(d.at("left_out").get<double>(), 1e-3 * splats) << flags;
+            EXPECT_LE(d.at("flags").get<double>(), 1e-3 * splats) << flags;
+            EXPECT_LE(d.at("weak").get<double>(), 0.02 * splats) << flags << ": little is compared";
+        }
+    }
+
+    static inline fs::path folder_;
+};
+
+}  // namespace tvsgs
