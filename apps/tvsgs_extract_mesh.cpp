@@ -176,6 +176,18 @@ int automatic_resolution(const std::vector<View>& views) {
     return std::max(8, static_cast<int>(2 * focal_px));
 }
 
+/// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
+/// pixels do not touch, the surface falls apart into specks.
+void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
+    const double pixel = median_depth(std::move(depths)) / std::max(camera.fx_px, camera.fy_px);
+    if (2 * volume.truncation >= pixel) return;
+    throw Error(ExitCode::usage, str("voxels of ", volume.voxel_size, " with a truncation of ",
+                                     volume.truncation, ": the pixels lie ", pixel,
+                                     " apart on the surface, so it would have gaps; give "
+                                     "a --voxel-size of about ",
+                                     pixel, ", or a --truncation of at least ", pixel));
+}
+
 std::vector<Camera> cameras_of(const std::vector<View>& views) {
     std::vector<Camera> cameras;
     for (const View& view : views) cameras.push_back(view.camera);
@@ -254,12 +266,17 @@ TriangleMesh extract(const Scene& scene,
     Buffer<float, Device> depth;
     Buffer<std::uint8_t, Device> mask, fates;
     double median = 0;
+    bool checked = false;
     for (const View& view : scene.train) {
         const auto& rendered =
             backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
         copy(arguments.no_masks ? std::vector<std::uint8_t>() : view.mask.pixels, mask);
         counts +=
             clean_depth(rendered, view.camera, std::as_const(mask).span(), rules, depth, fates);
+        if (!checked && counts.kept > 0) {
+            check_truncation(view.camera, to_host(depth), volume_options);
+            checked = true;
+        }
         with_context("fusing " + view.name, [&] {
             volume.integrate({view.camera, std::as_const(depth).span(), rendered.color.span()});
         });

@@ -6,10 +6,11 @@
 #include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
-#include <numeric>
 #include <set>
 
 #include "core/error.h"
+#include "core/log.h"
+#include "core/nearest_name.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -29,24 +30,14 @@ std::string json_text(std::string_view text) {
     return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
+bool is_utf8(const std::string& text) {
+    return Json::parse(json_text(text)).get<std::string>() == text;  // nothing had to be replaced
+}
+
 std::string normalized(std::string_view key) {
     std::string out(trimmed(key));
     std::replace(out.begin(), out.end(), '-', '_');
     return out;
-}
-
-int edit_distance(std::string_view a, std::string_view b) {
-    std::vector<int> row(b.size() + 1);
-    std::iota(row.begin(), row.end(), 0);
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        int diagonal = row[0]++;
-        for (std::size_t j = 0; j < b.size(); ++j) {
-            const int replace = diagonal + (a[i] != b[j]);
-            diagonal = row[j + 1];
-            row[j + 1] = std::min({replace, row[j] + 1, row[j + 1] + 1});
-        }
-    }
-    return row.back();
 }
 
 /// A JSON text without duplicate keys, which the library itself would accept silently.
@@ -170,14 +161,12 @@ const Option* find_option(const std::vector<Option>& options, const std::string&
 [[noreturn]] void throw_unknown(const std::vector<Option>& options,
                                 const std::string& key,
                                 const std::string& source) {
-    const Option* nearest = nullptr;
-    int best = std::max(3, static_cast<int>(key.size()) / 2);  // farther ones are no help
-    for (const Option& option : options)
-        if (const int distance = edit_distance(key, option.key); distance < best)
-            best = distance, nearest = &option;
-    throw Error(ExitCode::usage,
-                str(source, ": unknown key '", key, "'; ",
-                    nearest ? str("did you mean '", nearest->key, "'?") : "--help lists the keys"));
+    std::vector<std::string> keys;
+    for (const Option& option : options) keys.push_back(option.key);
+    const std::string near = nearest_name(key, keys);
+    throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
+                                     near.empty() ? "tvsgs-train --list-keys prints them all"
+                                                  : str("did you mean '", near, "'?")));
 }
 
 /// Appends every leaf below `json` with its dotted key.
@@ -269,6 +258,11 @@ std::string OptionTable::json(const std::string& info_json) const {
         const bool is_string =
             option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
         value = is_string ? Json(option.get()) : Json::parse(option.get());
+        if (is_string && !is_utf8(option.get()))
+            spdlog::warn(
+                "{} '{}' is not UTF-8, so config.json cannot hold it; rename it, or give it again "
+                "to the commands that take the run",
+                option.key, option.get());
     }
     if (!info_json.empty()) out["info"] = Json::parse(info_json);
     return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";

@@ -4,11 +4,9 @@
 
 #include <bit>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <memory>
 
-#include "core/error.h"
+#include "io/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -241,10 +239,7 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
 }
 
 NpyArray read_npy(const std::string& path) {
-    std::ifstream file(path, std::ios::binary);
-    if (!file) throw Error(ExitCode::input, str(path, ": cannot be opened"));
-    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    return parse_npy(bytes, path);
+    return parse_npy(read_bytes(path), path);
 }
 
 NpzArchive read_npz(const std::string& path) {

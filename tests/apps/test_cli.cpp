@@ -1,5 +1,6 @@
 // The commands as a user runs them: scene, training, mesh and scores; and what they refuse.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -57,10 +58,13 @@ protected:
 
     /// Runs tvsgs-<tool> in the folder of the test.
     static Result call(const std::string& tool, const std::string& arguments) {
-        const std::string line = "cd '" + folder_.string() +
-                                 "' && OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " +
-                                 arguments + " >out.txt 2>err.txt";
-        const int status = std::system(line.c_str());
+        return shell("OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " + arguments +
+                     " >out.txt 2>err.txt");
+    }
+
+    /// Runs a script there.
+    static Result shell(const std::string& script) {
+        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
         return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(folder_ / "out.txt"),
                 contents(folder_ / "err.txt")};
     }
@@ -148,6 +152,13 @@ TEST_F(Cli, MeshAndScores) {
     EXPECT_EQ(call("eval", "nvs -m run --device cpu --require 'psnr>=99'").code, 8);
 }
 
+TEST_F(Cli, VoxelsThatNoPixelFills) {
+    const Result r = call("extract-mesh", "-m run --voxel-size 1e-6 --device cpu -o no/mesh.ply");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("apart on the surface")) << r;
+    EXPECT_FALSE(fs::exists(folder_ / "no"));
+}
+
 TEST_F(Cli, UsageErrorsNameTheNearest) {
     expect_refused("--scene scene --iteratoins 3", 2, "--iterations");
     expect_refused("--scene scene --set loss.flaten.weight=3", 2, "loss.flatten.weight");
@@ -178,7 +189,7 @@ TEST_F(Cli, ScenesThatCannotBeRead) {
     spoiled_scene("no_points", [](const fs::path& scene) {
         std::ofstream(scene / "sparse/0/points3D.txt") << "# none\n";
     });
-    expect_refused("--scene no_points", 3, "points");
+    expect_refused("--scene no_points --set init.min_points=0", 3, "no initial points");
     spoiled_scene("nan_pose", [](const fs::path& scene) {
         std::string text = contents(scene / "sparse/0/images.txt");
         std::size_t at = text.find("\n1 ") + 1;  // ID QW QX QY QZ TX ...
@@ -302,18 +313,14 @@ TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {
     for (const auto& [signal, code] : cases) {
         const std::string run = std::string("stopped_") + signal;
         // Sent when the log shows that the training runs. The code is that of the tool.
-        const std::string line = "cd '" + folder_.string() +
-                                 "' && exec 2>err.txt; " TVSGS_BIN_DIR
-                                 "/tvsgs-train --scene scene --device cpu --iterations 1000000 "
-                                 "--report-every 1 --eval --out " +
-                                 run + " & p=$!; for i in $(seq 600); do sleep 0.05; test -s " +
-                                 run + "/log.jsonl && break; done; kill -" + signal +
-                                 " $p; wait $p";
-        const int status = std::system(line.c_str());
-        EXPECT_EQ(WIFEXITED(status) ? WEXITSTATUS(status) : -1, code) << signal;
-        const std::string message = contents(folder_ / "err.txt");
-        EXPECT_NE(message.find("the splats so far are in"), std::string::npos) << message;
-        EXPECT_NE(message.find("stopped by signal"), std::string::npos) << message;
+        const Result r = shell("exec 2>err.txt; " TVSGS_BIN_DIR
+                               "/tvsgs-train --scene scene --device cpu --iterations 1000000 "
+                               "--report-every 1 --eval --out " +
+                               run + " & p=$!; for i in $(seq 600); do sleep 0.05; test -s " + run +
+                               "/log.jsonl && break; done; kill -" + signal + " $p; wait $p");
+        EXPECT_EQ(r.code, code) << signal;
+        EXPECT_TRUE(r.says("the splats so far are in")) << r;
+        EXPECT_TRUE(r.says("stopped by signal")) << r;
         int saved = 0;
         for (const auto& file : fs::recursive_directory_iterator(folder_ / run / "point_cloud"))
             saved += file.path().filename() == "point_cloud.ply";
@@ -322,12 +329,52 @@ TEST_F(Cli, SignalsEndTrainingWithItsSplatsSaved) {
     }
 }
 
+// A pipe in the place of an output holds a command there until somebody reads.
+
+TEST_F(Cli, SignalsStopTheEvaluation) {
+    const fs::path run = folder_ / "unscored";
+    fs::create_directories(run / "test");
+    for (const char* picture : {"test/0000.png", "test/0000_normal.png"})
+        ASSERT_EQ(::mkfifo((run / picture).c_str(), 0600), 0);
+    const Result r = shell(
+        "exec 2>err.txt; " TVSGS_BIN_DIR
+        "/tvsgs-train --scene scene --device cpu --iterations 1 --eval --out unscored & p=$!; "
+        "cd unscored/test; exec 3<0000.png; kill -INT $p; cat <&3 >../picture.png; "
+        "cat 0000_normal.png >/dev/null; wait $p");
+    EXPECT_EQ(r.code, 130) << r;
+    EXPECT_TRUE(r.says("stopped by signal 2")) << r;
+    EXPECT_EQ(read_image_size(run / "picture.png").width, 64) << "the view in hand is finished";
+    EXPECT_TRUE(fs::exists(run / "point_cloud/iteration_1/point_cloud.ply"));
+    EXPECT_FALSE(fs::exists(run / "eval/nvs.json")) << "scores of some views are no scores";
+}
+
+TEST_F(Cli, SignalsEndOtherCommandsAtOnce) {
+    ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
+    for (const char* command :
+         {"extract-mesh -m run --mesh-resolution 48 --device cpu --out pipe",
+          "eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --samples 99 --out pipe",
+          "synth --out endless --views 9999"}) {
+        const Result r = shell(std::string("exec >out.txt 2>err.txt; " TVSGS_BIN_DIR "/tvsgs-") +
+                               command + " & p=$!; sleep 0.5; kill -INT $p; wait $p");
+        EXPECT_EQ(r.code, 130) << command << ": " << r;
+    }
+    EXPECT_FALSE(fs::exists(folder_ / "endless"));
+}
+
 TEST_F(Cli, NamesWithSpacesAndBeyondAscii) {
     fs::copy(folder_ / "scene", folder_ / "sc\u00e8ne \u5199\u771f", fs::copy_options::recursive);
     Result r =
         call("train", "--scene 'sc\u00e8ne \u5199\u771f/' --eval --device cpu --iterations 1");
     EXPECT_EQ(r.code, 0) << r;
     r = call("eval", "nvs -m 'runs/sc\u00e8ne \u5199\u771f' --device cpu");
+    EXPECT_EQ(r.code, 0) << r;
+
+    // JSON cannot hold this name.
+    fs::copy(folder_ / "scene", folder_ / "sc\xe8ne", fs::copy_options::recursive);
+    r = call("train", "--scene 'sc\xe8ne' --eval --device cpu --iterations 1 --out latin");
+    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("is not UTF-8")) << r;
+    r = call("eval", "nvs -m latin --device cpu --scene 'sc\xe8ne'");
     EXPECT_EQ(r.code, 0) << r;
 }
 
@@ -357,7 +404,8 @@ TEST_F(Cli, ReadersOfARunNameWhatIsMissing) {
 // Last in the file: after all of the above.
 TEST_F(Cli, NothingHalfWrittenIsLeft) {
     for (const auto& file : fs::recursive_directory_iterator(folder_))
-        EXPECT_EQ(file.path().filename().string().find(".tmp"), std::string::npos) << file.path();
+        for (const char* mark : {".tmp-", ".partial-"})
+            EXPECT_EQ(file.path().string().find(mark), std::string::npos) << file.path();
 }
 
 }  // namespace
