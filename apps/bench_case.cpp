@@ -1,8 +1,9 @@
 #include "bench_case.h"
 
-#include <iterator>
+#include <optional>
 
 #include "core/error.h"
+#include "core/rng.h"
 
 namespace tvsgs {
 namespace {
@@ -47,22 +48,49 @@ private:
     double mean_trace_ = 0;
 };
 
+/// How far list `mine` of splat i is from a right one, however ties of either distance resolve: no
+/// member may lie beyond the 2k-th Euclidean neighbour, and no nearer splat may be left out that is
+/// nearer in the whitened space than the list's last.
+double list_error(const VotingCase& c,
+                  const WhitenedDistance& distance,
+                  int i,
+                  const std::vector<std::uint32_t>& mine) {
+    const std::uint32_t self = static_cast<std::uint32_t>(i);
+    std::vector<double> reach(std::size_t(c.size()));
+    for (std::uint32_t j = 0; j < reach.size(); ++j)
+        reach[j] =
+            norm(vec_cast<double>(c.splats.means[j]) - vec_cast<double>(c.splats.means[self]));
+    std::vector<double> sorted = reach;
+    const auto last =
+        sorted.begin() + std::min(2 * std::ptrdiff_t(c.options.k), std::ptrdiff_t(c.size()) - 1);
+    reach[self] = -1;  // not its own neighbour: rank 0
+    sorted[self] = -1;
+    std::nth_element(sorted.begin(), last, sorted.end());
+    const double limit = *last;
+    const auto beyond = [](double value, double bound) {
+        return value <= bound ? 0 : bound > 0 ? value / bound - 1 : 1;
+    };
+    double error = 0, farthest = 0;
+    for (const auto j : mine) {
+        error = std::max(error, j == self ? 1 : beyond(reach[j], limit));
+        farthest = std::max(farthest, distance(i, j));
+    }
+    for (std::uint32_t j = 0; j < reach.size(); ++j)
+        if (j != self && reach[j] < limit * (1 - 1e-6) &&
+            !std::binary_search(mine.begin(), mine.end(), j))
+            error = std::max(error, beyond(farthest, distance(i, j)));
+    return error;
+}
+
 void compare_lists(const VotingCase& c, const VotingDetails& details, CaseDifferences& out) {
     const WhitenedDistance distance(c);
     for (int i = 0; i < c.size(); ++i) {
         const auto mine = sorted_row(details.receivers, c.k, i),
                    oracles = sorted_row(c.receivers, c.k, i);
-        std::vector<std::uint32_t> differ;
-        std::set_symmetric_difference(mine.begin(), mine.end(), oracles.begin(), oracles.end(),
-                                      std::back_inserter(differ));
-        if (differ.empty()) continue;
+        if (mine == oracles) continue;
         ++out.lists_with_ties;
-        double farthest = 0;
-        for (const auto j : oracles) farthest = std::max(farthest, distance(i, j));
-        for (const auto j : differ) {
-            const double off = distance(i, j);
-            if (off != farthest) out.list = std::max(out.list, std::abs(off / farthest - 1));
-        }
+        const bool twice = std::adjacent_find(mine.begin(), mine.end()) != mine.end();
+        out.list = std::max(out.list, twice ? 1 : list_error(c, distance, i, mine));
     }
 }
 
@@ -73,8 +101,56 @@ bool heard_from_tensorless(const FieldOnHost& f, int i) {
     return false;
 }
 
+/// Per splat, how far a unit in the last place of the inputs moves the results in double: the error
+/// that no computation in float can be blamed for.
+struct Conditioning {
+    std::vector<double> tensor, normal_deg;  // largest of a few draws; the first absolute
+};
+constexpr int kDraws = 4;
+constexpr double kSlack = 10;  // of so few draws the largest is below the worst case
+
+Gaussians<Cpu> moved(const Gaussians<Cpu>& splats, std::uint32_t draw) {
+    Gaussians<Cpu> result;
+    copy(splats, result);
+    std::uint64_t index = 0;
+    const auto move = [&](float& x) {
+        x *= 1 + 1.2e-7f * (uniform(random4(0, RandomStream::test, index++, draw).v[0]) - 0.5f);
+    };
+    const auto move3 = [&](Vec3f& v) { move(v.x), move(v.y), move(v.z); };
+    for (int i = 0; i < splats.size(); ++i) {
+        const std::size_t s = std::size_t(i);
+        Quatf& q = result.quats[s];
+        move3(result.means[s]), move3(result.log_scales[s]);
+        move(q.w), move(q.x), move(q.y), move(q.z);
+    }
+    return result;
+}
+
+Conditioning conditioning(const VotingCase& c) {
+    TvOptions exact = c.options;
+    exact.precision = VotePrecision::double_precision;
+    const std::size_t count = std::size_t(c.size());
+    const FieldOnHost here = run_events(c.splats, exact, c.rounds, c.receivers);
+    Conditioning result{std::vector<double>(count), std::vector<double>(count)};
+    for (std::uint32_t draw = 0; draw < kDraws; ++draw) {
+        const FieldOnHost there = run_events(moved(c.splats, draw), exact, c.rounds, c.receivers);
+        for (std::size_t s = 0; s < count; ++s) {
+            result.tensor[s] = std::max(result.tensor[s],
+                                        frobenius(difference(here.tensors[s], there.tensors[s])));
+            result.normal_deg[s] =
+                std::max(result.normal_deg[s], angle_deg(here.normals[s], there.normals[s]));
+        }
+    }
+    return result;
+}
+
 void compare_field(const VotingCase& c, const FieldOnHost& f, CaseDifferences& out) {
     const int count = c.size();
+    std::optional<Conditioning> moves;
+    const auto moves_of = [&]() -> const Conditioning& {
+        if (!moves) moves = conditioning(c);
+        return *moves;
+    };
     std::vector<double> sizes, gaps;
     for (int i = 0; i < count; ++i) {
         sizes.push_back(frobenius(sym(c.at("tensor"), i)));
@@ -84,7 +160,9 @@ void compare_field(const VotingCase& c, const FieldOnHost& f, CaseDifferences& o
     // error of the inputs (scales are stored as logarithms) grows by a factor of up to 50.
     const double least = 0.01 * middle(sizes);
     const auto widen = [](double& largest, double value) {
-        if (!(value <= largest)) largest = value;  // NaN stays
+        const bool wider = !(value <= largest);  // NaN stays
+        if (wider) largest = value;
+        return wider;
     };
     for (int i = 0; i < count; ++i) {
         const std::size_t s = std::size_t(i);
@@ -99,12 +177,22 @@ void compare_field(const VotingCase& c, const FieldOnHost& f, CaseDifferences& o
             continue;
         }
         const Sym3f oracle = sym(c.at("tensor"), i);
-        widen(out.tensor, frobenius(difference(f.tensors[s], oracle)) / std::max(sizes[s], least));
+        const double size = std::max(sizes[s], least);
+        const double off_tensor = frobenius(difference(f.tensors[s], oracle)) / size;
+        const double off_normal = gaps[s] > kComparedGap ? angle_deg(vec_cast<double>(f.normals[s]),
+                                                                     vec(c.at("normal"), i))
+                                                         : 0;
+        if ((off_tensor > kTensorBound && off_tensor <= kSlack * moves_of().tensor[s] / size) ||
+            (off_normal > kNormalBoundDeg && off_normal <= kSlack * moves_of().normal_deg[s])) {
+            ++out.excused;
+            continue;
+        }
+        if (widen(out.tensor, off_tensor)) out.tensor_at = i;
+        if (widen(out.normal_deg, off_normal)) out.normal_at = i;
         out.flags += ((f.flags[s] & kNormalValid) != 0) != (gaps[s] >= kMinNormalGap);
         if (!heard_from_tensorless(f, i))
             widen(out.strength, std::abs(f.details.strength[s] / strength - 1));
         if (!(gaps[s] > kComparedGap)) continue;
-        widen(out.normal_deg, angle_deg(vec_cast<double>(f.normals[s]), vec(c.at("normal"), i)));
 
         // Less what storing a point as floats rounds away. Another receiver is as good where
         // saliencies tie.
@@ -185,6 +273,7 @@ VotingCase read_voting_case(const std::string& path) {
 CaseDifferences compare_with_case(const VotingCase& c, const RunCase& run) {
     FieldOnHost field = run({});
     CaseDifferences out;
+    out.splats = c.size();
     out.same_length = field.details.k == c.k;
     if (!out.same_length) return out;
     compare_lists(c, field.details, out);
@@ -196,8 +285,11 @@ CaseDifferences compare_with_case(const VotingCase& c, const RunCase& run) {
 std::vector<CaseBound> case_bounds(const CaseDifferences& d) {
     // Ties are within the rounding of float distances and of scales stored as logarithms.
     return {{"list", d.same_length ? d.list : 1, 1e-5},
-            {"tensor", d.tensor, 1e-4},
-            {"normal_deg", d.normal_deg, 0.1}};
+            {"tensor", d.tensor, kTensorBound},
+            {"normal_deg", d.normal_deg, kNormalBoundDeg},
+            // A few votes only, or from far outliers, make for badly conditioned sums; in a trained
+            // scene there are next to none.
+            {"excused_share", double(d.excused) / std::max(d.splats, 1), 0.05}};
 }
 
 }  // namespace tvsgs

@@ -28,14 +28,19 @@ struct VotingCase {
 /// Throws Error(ExitCode::input) where an array is missing or has another shape.
 VotingCase read_voting_case(const std::string& path);
 
-/// Largest differences over all splats. Everything but `list` is measured with the oracle's own
+/// Largest differences over the splats. Everything but `list` is measured with the oracle's own
 /// lists, since ties that resolve the other way change sums.
 struct CaseDifferences {
     bool same_length = false;  // of the lists; nothing else is measured if not
-    double list = 0;    // relative distance of what only one list holds from the end of the other
-    double tau = 0;     // relative
-    double tensor = 0;  // relative to the tensor, or to 1% of the middle one if that is more
-    double normal_deg = 0;    // where the eigenvalue gap allows
+    double list = 0;           // relative error in distance of lists other than the oracle's: ties
+    double tau = 0;            // relative
+    // Of the splats that are not excused.
+    double tensor = 0;      // relative to the tensor, or to 1% of the middle one if that is more
+    double normal_deg = 0;  // where the eigenvalue gap allows
+    int tensor_at = -1, normal_at = -1;  // the splats of these
+    int splats = 0;
+    int excused = 0;          // splats beyond a bound by less than ten times what a unit in the
+                              // last place of the inputs does to them, computed in double
     double target_steps = 0;  // in steps of the virtual receivers; of equal choices
     double variability_deg = 0;
     double strength = 0;  // relative
@@ -62,7 +67,10 @@ CaseDifferences compare_case_on(const VotingCase& stored, Device) {
                              }));
 }
 
-/// A difference and its bound in section 6 of the specification.
+// Bounds of section 6 of the specification.
+inline constexpr double kTensorBound = 1e-4, kNormalBoundDeg = 0.1;
+
+/// A difference and its bound.
 struct CaseBound {
     const char* name;
     double value, limit;

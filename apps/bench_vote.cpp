@@ -16,7 +16,7 @@ namespace tvsgs {
 namespace {
 
 /// Keys that trade memory or time against precision; --errors tries all their values.
-constexpr std::string_view kTradeKeys[] = {"tv.lists"};
+constexpr std::string_view kTradeKeys[] = {"tv.lists", "tv.precision"};
 
 constexpr std::string_view kRebuildStages[] = {"keys", "tree", "search", "reverse"};
 
@@ -138,17 +138,45 @@ JsonLine normal_errors(const Gaussians<Cpu>& cloud,
     return json;
 }
 
+bool is_trade(const Option& option) {
+    return std::find(std::begin(kTradeKeys), std::end(kTradeKeys), option.key) !=
+           std::end(kTradeKeys);
+}
+
+/// Of `from` what the rules of a stored case leave open.
+void take_trades(TvOptions from, TvOptions& to) {
+    OptionTable source, target;
+    source.add("tv", from), target.add("tv", to);
+    for (const Option& option : source.options())
+        if (is_trade(option)) target.set(option.key, option.get(), "tvsgs-bench");
+}
+
+RunOptions run_options(const std::vector<std::string>& configs,
+                       const std::vector<std::string>& settings) {
+    RunOptions run;
+    OptionTable table;
+    run.add_to(table);
+    for (const std::string& path : configs) table.read_file(path);
+    for (const std::string& setting : settings) {
+        const std::size_t at = setting.find('=');
+        if (at == std::string::npos)
+            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
+        table.set(setting.substr(0, at), setting.substr(at + 1), "--set");
+    }
+    return run;
+}
+
 /// The configured options, or one entry for every combination of the values of kTradeKeys.
 struct Choice {
     std::string name;
     TvOptions options;
 };
-std::vector<Choice> choices(RunOptions& run, OptionTable& table, bool all) {
+std::vector<Choice> choices(RunOptions& run, bool all) {
+    OptionTable table;
+    run.add_to(table);
     std::vector<Choice> list = {{"", run.train.tv}};
     for (const Option& option : table.options()) {
-        const bool trades = std::find(std::begin(kTradeKeys), std::end(kTradeKeys), option.key) !=
-                            std::end(kTradeKeys);
-        if (!trades) continue;
+        if (!is_trade(option)) continue;
         std::vector<Choice> longer;
         for (const Choice& shorter : list)
             for (const std::string& value :
@@ -172,6 +200,8 @@ std::string differences_json(const VotingCase& c,
     for (const CaseBound& bound : case_bounds(d)) bounds.add(bound.name, bound.limit);
     json.add("case", c.name)
         .add("device", device)
+        .add("precision",
+             c.options.precision == VotePrecision::single_precision ? "single" : "double")
         .add("splats", c.size())
         .add("k", c.k)
         .add("list", d.list)
@@ -181,6 +211,9 @@ std::string differences_json(const VotingCase& c,
         .add("target_steps", d.target_steps)
         .add("variability_deg", d.variability_deg)
         .add("strength", d.strength)
+        .add("tensor_at", d.tensor_at)
+        .add("normal_at", d.normal_at)
+        .add("excused", d.excused)
         .add("lists_with_ties", d.lists_with_ties)
         .add("targets_elsewhere", d.targets_elsewhere)
         .add("flags", d.flags)
@@ -231,14 +264,13 @@ int VoteBench::run() const {
 }
 
 int VoteBench::compare_cases() const {
-    if (!configs_.empty() || !settings_.empty())
-        throw Error(ExitCode::usage,
-                    "--case brings its own options; leave --config and --set away");
     const DeviceChoice device = choose_device(device_);
+    const RunOptions run = run_options(configs_, settings_);
     bool all_met = true;
     std::string lines;
     for (const std::string& path : cases_) {
-        const VotingCase stored = read_voting_case(path);
+        VotingCase stored = read_voting_case(path);
+        take_trades(run.train.tv, stored.options);
         const CaseDifferences d =
             on_device(device, [&](auto tag) { return compare_case_on(stored, tag); });
         bool met = true;
@@ -258,24 +290,19 @@ int VoteBench::compare_cases() const {
 }
 
 int VoteBench::time_synthetic() const {
-    RunOptions run;
-    OptionTable table;
-    run.add_to(table);
-    for (const std::string& path : configs_) table.read_file(path);
-    for (const std::string& setting : settings_) {
-        const std::size_t at = setting.find('=');
-        if (at == std::string::npos)
-            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
-        table.set(setting.substr(0, at), setting.substr(at + 1), "--set");
-    }
+    RunOptions run = run_options(configs_, settings_);
     const DeviceChoice device = choose_device(device_);
     const Gaussians<Cpu> cloud = make_bench_cloud(shape_, synthetic_, seed_);
     FieldOnHost reference;
-    if (errors_) reference = run_events(cloud, run.train.tv, 2);
+    if (errors_) {
+        TvOptions exact = run.train.tv;
+        exact.precision = VotePrecision::double_precision;
+        reference = run_events(cloud, exact, 2);
+    }
 
     JsonLine json;
     std::string results;
-    for (const Choice& choice : choices(run, table, errors_)) {
+    for (const Choice& choice : choices(run, errors_)) {
         JsonLine result;
         result.add("choice", choice.name);
         const Measured m = on_device(device, [&](auto tag) {
