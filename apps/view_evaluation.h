@@ -29,7 +29,7 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
                           const std::string& run) {
     auto backbone = make_backbone<Device>(options.backbone, options.core);
     ViewScores scores;
-    std::string per_view;
+    JsonLine per_view;
     int finite = 0;
     for (const View& view : views) {
         SignalGuard::check();
@@ -45,10 +45,7 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
         line.add("psnr", view_psnr)
             .add("ssim", view_ssim.padded)
             .add("ssim_valid", view_ssim.valid);
-        JsonLine named;
-        named.add_json(view.name, line.text());
-        const std::string body = named.text();
-        per_view += (per_view.empty() ? "" : ", ") + body.substr(1, body.size() - 2);
+        per_view.add_json(view.name, line.text());
 
         const std::string stem =
             run + "/test/" + std::filesystem::path(view.name).replace_extension().string();
@@ -61,7 +58,7 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
     report.add("psnr", scores.mean_psnr)
         .add("ssim", scores.mean_ssim)
         .add("views", static_cast<int>(views.size()));
-    report.add_json("per_view", "{" + per_view + "}");
+    report.add_json("per_view", per_view.text());
     write_text_file(run + "/eval/nvs.json", report.text() + "\n");
     return scores;
 }
