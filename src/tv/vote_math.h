@@ -141,6 +141,12 @@ TVSGS_HD VoterRecord<Real> voter_record(
     return voter;
 }
 
+template <class To>
+TVSGS_HD VoterRecord<To> record_cast(const VoterRecord<double>& r) {
+    return {vec_cast<To>(r.mean), static_cast<To>(r.inverse_tau2), mat_cast<To>(r.W),
+            vec_cast<To>(r.normal_world), static_cast<To>(r.strength)};
+}
+
 template <class Real>
 struct Vote {
     bool cast = false;        // false: degenerate geometry or a silent voter, not even counted
@@ -149,34 +155,31 @@ struct Vote {
     Real inverse_length2{1};  // 1 / |v|^2 where votes have length 1, else 1
 };
 
-/// (arc / chord)^2 of a vote at angle theta to the voter's plane, from sin^2 and cos^2.
-TVSGS_HD inline double arc_factor(double sin2, double cos2) {
-    const double theta = std::atan2(std::sqrt(sin2), std::sqrt(cos2)), theta2 = theta * theta;
-    const double series = 1 + theta2 / 6 + 7 * theta2 * theta2 / 360;
-    return theta < 1e-2 ? series * series : theta2 / sin2;
+/// arc / chord of a vote at angle theta to the voter's plane.
+TVSGS_HD inline double arc_factor(double sine, double cosine) {
+    const double theta = angle_of(sine, cosine), theta2 = theta * theta;
+    return theta < 1e-2 ? 1 + theta2 / 6 + 7 * theta2 * theta2 / 360 : theta / sine;
 }
-TVSGS_HD inline float arc_factor(float sin2, float cos2) {
-    // arcsin(sqrt y)^2 / y on [0, 1/2], relative error 7e-8; beyond 45 degrees from the complement.
-    const float y = sin2 < cos2 ? sin2 : cos2;
-    const float f =
-        1 + y * (0.33333173f +
-                 y * (0.17786196f +
-                      y * (0.11261225f +
-                           y * (0.09768046f +
-                                y * (-0.02683132f +
-                                     y * (0.3184036f + y * (-0.4072334f + y * 0.36673567f)))))));
-    const float complement = 1.57079633f - fast_sqrt(y * f);
-    return sin2 < cos2 ? f : complement * complement * fast_inverse(sin2);
+template <class Math>
+TVSGS_HD float arc_factor(float sine, float cosine) {
+    // Below 45 degrees the polynomial of the arc sine is the factor itself.
+    const float s = sine > 1e-30f ? sine : 1.0f;
+    const float theta = sine > 1e-30f ? angle_of(sine, cosine) : 1.0f;
+    return theta * Math::inverse(s);
+}
+template <class Math>
+TVSGS_HD double arc_factor(double sine, double cosine) {
+    return arc_factor(sine, cosine);
 }
 
-template <class Real>
+template <class Math, class Real>
 TVSGS_HD Vote<Real> scaled_vote(bool cast, Real decay, Vec3<Real> v, const VoteRule& rule) {
     const Real length2 = dot(v, v);
-    return {cast, decay, v, rule.unit_length && length2 > 0 ? fast_inverse(length2) : Real(1)};
+    return {cast, decay, v, rule.unit_length && length2 > 0 ? Math::inverse(length2) : Real(1)};
 }
 
 /// `d`: receiver - voter.mean in the world; `dw` = W d.
-template <class Real>
+template <class Math, class Real>
 TVSGS_HD Vote<Real> ball_vote(const VoterRecord<Real>& voter,
                               Vec3<Real> d,
                               Vec3<Real> dw,
@@ -184,31 +187,33 @@ TVSGS_HD Vote<Real> ball_vote(const VoterRecord<Real>& voter,
     const Real l2 = dot(dw, dw), exponent = voter.inverse_tau2 * l2;
     const bool cast = exponent > Real(kCoincident);
     const bool reaches = cast && exponent <= Real(kMaxExponent);
-    return scaled_vote(cast, reaches ? fast_decay(exponent) : Real(0),
-                       (reaches ? fast_inverse_sqrt(l2) : Real(0)) * d, rule);
+    return scaled_vote<Math>(cast, reaches ? Math::decay(exponent) : Real(0),
+                             (reaches ? Math::inverse_sqrt(l2) : Real(0)) * d, rule);
 }
 
 /// Without branches, so that it vectorises.
-template <class Real>
+template <class Math, class Real>
 TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
                                Vec3<Real> d,
                                Vec3<Real> dw,
                                const VoteRule& rule) {
     const Real u = dw.z, t2 = dw.x * dw.x + dw.y * dw.y, l2 = t2 + u * u;
-    const Real inverse_l2 = fast_inverse(l2 > 0 ? l2 : Real(1));
+    const Real inverse_l = Math::inverse_sqrt(l2 > 0 ? l2 : Real(1));
+    const Real inverse_l2 = inverse_l * inverse_l;
     const Real sin2 = u * u * inverse_l2, cos2 = t2 * inverse_l2;
     const Real chord = voter.inverse_tau2 * l2;
     const bool cast =
         chord > Real(kCoincident) && cos2 > Real(kCoincident) && sin2 <= Real(rule.max_sin2);
     const Real curvature = Real(16 * kLn10 / (kPi * kPi)) * 4 * sin2 * inverse_l2;
     const bool reaches = cast && chord + curvature <= Real(kMaxExponent);
-    const Real exponent = chord * arc_factor(sin2, cos2) + curvature;
+    const Real inverse_t = Math::inverse_sqrt(reaches ? t2 : Real(1));
+    const Real sine = std::abs(u) * inverse_l, cosine = t2 * inverse_t * inverse_l;
+    const Real arc = arc_factor<Math>(sine, cosine), exponent = chord * (arc * arc) + curvature;
     // [cos 2 theta, sin 2 theta] in (tangent, normal), mapped back without a matrix product.
-    const Real inverse_t = fast_inverse_sqrt(reaches ? t2 : Real(1));
     const Real a = (cos2 - sin2) * inverse_t, b = 2 * u * t2 * inverse_t * inverse_l2 - a * u;
-    return scaled_vote(cast, reaches ? fast_decay(exponent) : Real(0),
-                       (reaches ? a : Real(0)) * d + (reaches ? b : Real(0)) * voter.normal_world,
-                       rule);
+    return scaled_vote<Math>(
+        cast, reaches ? Math::decay(exponent) : Real(0),
+        (reaches ? a : Real(0)) * d + (reaches ? b : Real(0)) * voter.normal_world, rule);
 }
 
 /// What a receiver adds up.

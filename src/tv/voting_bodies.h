@@ -15,7 +15,7 @@ struct NoiseTerm {  // trace of a usable splat's covariance, thin scales raised
     float flatness_limit;
     TVSGS_HD double operator()(int i) const {
         if (!splats.usable(i)) return 0;
-        const Vec3f s = limit_flatness(splats.scales<float>(i), flatness_limit);
+        const Vec3<double> s = limit_flatness(splats.scales<double>(i), double(flatness_limit));
         return dot(s, s);
     }
 };
@@ -58,11 +58,14 @@ struct Slots {
     }
 };
 
-/// Centres in slot order: what is near in space is near in memory.
+/// In slot order what is near in space is near in memory. One 16-byte load each.
+struct alignas(16) SlotVector {
+    Vec3f v;
+};
 struct MeanBody {
     Slots slots;
-    Span<Vec3f> means;
-    TVSGS_HD void operator()(int slot) const { means[slot] = slots.mean(slot); }
+    Span<SlotVector> means;
+    TVSGS_HD void operator()(int slot) const { means[slot].v = slots.mean(slot); }
 };
 
 /// Scales of voting, from the current splats.
@@ -71,32 +74,26 @@ struct TauBody {
     Slots slots;
     WhitenRule rule;
     const double* noise;
-    Real tau_per_median;
+    float tau_per_median;
     int k;
     Span<const std::uint32_t> receivers;
-    Span<const Vec3f> means;
+    Span<const SlotVector> means;
     Span<float> tau;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
-        auto* distances = static_cast<Real*>(scratch);
-        Real scale = 0;
+        float scale = 0;
         if (slots.usable(voter)) {  // the same answer in all lanes
             const Mat3<Real> W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
             const Vec3<Real> mean = vec_cast<Real>(slots.mean(voter));
-            for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-                const Vec3f at = means[receivers[std::size_t(voter) * k + r]];
-                const Real distance = norm(W * (vec_cast<Real>(at) - mean));
-                distances[r] =
-                    distance >= 0 ? distance : Real(kFar);  // not NaN: it has to be sorted
-            }
-            scale = tau_per_median * median(warp, distances, k);
+            const std::uint32_t* list = receivers.data + std::size_t(voter) * k;
+            scale = tau_per_median * warp.median(k, static_cast<float*>(scratch), [&](int r) {
+                const Vec3<Real> at = vec_cast<Real>(means[list[r]].v);
+                return static_cast<float>(norm(W * (at - mean)));
+            });
         }
-        if (warp.lane() == 0) tau[voter] = static_cast<float>(scale);
+        if (warp.lane() == 0) tau[voter] = scale;
     }
-
-private:
-    static constexpr float kFar = std::numeric_limits<float>::infinity();
 };
 
 /// Saliency of the splats that have a tensor, and their number, for the common rescale of literal
@@ -145,6 +142,7 @@ struct OrientationBody {
     }
 };
 
+/// Computed in double for both kinds of record: a thin splat magnifies the rounding of its axes.
 template <class Real>
 struct RecordBody {
     Slots slots;
@@ -156,12 +154,13 @@ struct RecordBody {
     Span<VoterRecord<Real>> records;
 
     TVSGS_HD void operator()(int voter) const {
-        records[voter] =
-            slots.usable(voter)
-                ? voter_record(vec_cast<Real>(slots.mean(voter)),
-                               slots.whitening<Real>(voter, rule, noise), Real(tau[voter]),
-                               vec_cast<Real>(voter_normals[voter]), Real(voter_strengths[voter]))
-                : VoterRecord<Real>{};
+        if (!slots.usable(voter)) {
+            records[voter] = {};
+            return;
+        }
+        records[voter] = record_cast<Real>(voter_record<double>(
+            vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
+            tau[voter], vec_cast<double>(voter_normals[voter]), voter_strengths[voter]));
     }
 };
 
@@ -185,7 +184,7 @@ TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
 template <class Real>
 struct Ballot {
     Span<const VoterRecord<Real>> records;
-    Span<const Vec3f> means;  // by slot
+    Span<const SlotVector> means;
     Span<const std::int64_t> begin;
     Span<const std::uint32_t> voters;
     VoteRule rule;
@@ -212,14 +211,14 @@ struct CentreRoundBody {
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
         if (ball_round && (flags[slots.splat(slot)] & kHasTensor) != 0) return;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot].v);
         VoteSums<Real> s;
         ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
             if (!can_vote(voter) || is_ball(voter) != ball_round) return;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d;
             add_vote(s, voter.strength,
-                     ball_round ? ball_vote(voter, d, dw, ballot.rule)
-                                : plate_vote(voter, d, dw, ballot.rule));
+                     ball_round ? ball_vote<ExactMath>(voter, d, dw, ballot.rule)
+                                : plate_vote<ExactMath>(voter, d, dw, ballot.rule));
         });
         Sym3<Real>& T = s.tensor;
         T.xx = warp.sum(T.xx), T.xy = warp.sum(T.xy), T.xz = warp.sum(T.xz);
@@ -241,12 +240,12 @@ struct VoteCountBody {
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot].v);
         float cast = 0, zero = 0;
         ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
             if (!can_vote(voter) || is_ball(voter)) return;
             const Vec3<Real> d = mean - voter.mean;
-            const Vote<Real> vote = plate_vote(voter, d, voter.W * d, ballot.rule);
+            const Vote<Real> vote = plate_vote<FastMath>(voter, d, voter.W * d, ballot.rule);
             cast += vote.cast ? 1.0f : 0.0f;
             zero += vote.cast && vote.decay == 0 ? 1.0f : 0.0f;
         });
@@ -276,7 +275,7 @@ struct EigenBody {
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
-    Span<Vec3f> slot_normals;  // by slot: of the tensor there is now; zero for none
+    Span<SlotVector> slot_normals;  // of the tensor there is now; zero for none
 
     TVSGS_HD void operator()(int slot) const {
         const int i = slots.splat(slot);
@@ -294,7 +293,7 @@ struct EigenBody {
             flag |= kValidNow;
         }
         flags[i] = flag;
-        slot_normals[slot] = (flag & kHasTensor) != 0 ? normals[i] : Vec3f{};
+        slot_normals[slot].v = (flag & kHasTensor) != 0 ? normals[i] : Vec3f{};
     }
 };
 
@@ -304,7 +303,7 @@ struct VariabilityBody {
     int k;
     Slots slots;
     Span<const std::uint32_t> receivers;
-    Span<const Vec3f> slot_normals;
+    Span<const SlotVector> slot_normals;
     Span<const std::uint8_t> flags;
     Span<float> variability, strengths;
 
@@ -315,12 +314,12 @@ struct VariabilityBody {
             if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
             return;
         }
-        const Vec3f n = slot_normals[slot];
+        const Vec3f n = slot_normals[slot].v;
         float sum = 0, count = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            const Vec3f m = slot_normals[receivers[std::size_t(slot) * k + r]];
+            const Vec3f m = slot_normals[receivers[std::size_t(slot) * k + r]].v;
             // The angle from sine and cosine: arccos alone loses the small ones in float.
-            const float angle = std::atan2(norm(cross(n, m)), std::abs(dot(n, m)));
+            const float angle = angle_of(norm(cross(n, m)), std::abs(dot(n, m)));
             const bool counts = dot(m, m) > 0;
             sum += counts ? angle * angle : 0;
             count += counts ? 1.0f : 0.0f;
@@ -391,27 +390,34 @@ struct VirtualBody {
         warp.sync();  // all lanes have read the flag before it changes
         if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
         if ((flag & kValidNow) == 0) return;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot]);
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot].v);
         const Vec3f s = slots.splats.scales<float>(i);
         const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
         const Vec3<Real> step = Real(range) * Real(largest) / 5 * vec_cast<Real>(normals[i]);
         const Vec3f l = eigenvalues[i];
         Best best{centre_known ? Real(l.y) - Real(l.z) : Real(-1), 0};
         if constexpr (Warp::kLanes == 1) {
-            group<0, 12>(warp, slot, mean, step, best);  // 11 of them; vectors like 12
-        } else if (centre_known) {
-            group<1, 5>(warp, slot, mean, step, best);
-            group<6, 5>(warp, slot, mean, step, best);
+            Real T[6][12] = {};  // 11 of them; vectors like 12
+            add_votes<0>(warp, slot, mean, step, T);
+            for (int j = 0; j < 11; ++j)
+                keep_best(surface_saliency({T[0][j], T[1][j], T[2][j], T[3][j], T[4][j], T[5][j]}),
+                          position(j), best);
         } else {
-            group<0, 5>(warp, slot, mean, step, best);
-            group<5, 5>(warp, slot, mean, step, best);
-            group<10, 1>(warp, slot, mean, step, best);
+            Sym3<Real> mine{};  // lane j decomposes the tensor at position(j)
+            if (!centre_known) collect<0, 1>(warp, slot, mean, step, mine);
+            collect<1, kGroup>(warp, slot, mean, step, mine);
+            if constexpr (kGroup < 10)
+                collect<1 + kGroup, 10 - kGroup>(warp, slot, mean, step, mine);
+            const Real saliency = surface_saliency(mine);
+            for (int j = centre_known ? 1 : 0; j < 11; ++j)
+                keep_best(warp.from_lane(saliency, j), position(j), best);
         }
         if (warp.lane() == 0 && best.m != 0)
             targets[i] = vec_cast<float>(mean + Real(best.m) * step);
     }
 
 private:
+    static constexpr int kGroup = 5;  // positions summed at a time: 30 sums in registers
     struct Best {
         Real saliency;
         int m;
@@ -420,54 +426,56 @@ private:
     /// the negative.
     TVSGS_HD static constexpr int position(int j) { return j % 2 == 1 ? -(j + 1) / 2 : j / 2; }
 
+    /// Adds this lane's share of the votes at position(kFirst), ... to the six entries of tensors.
     template <int kFirst, int kCount, class Warp>
-    TVSGS_HD void group(
-        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Best& best) const {
-        Real T[6][kCount] = {};
+    TVSGS_HD void add_votes(
+        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Real (&T)[6][kCount]) const {
         ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
             if (!can_vote(voter) || is_ball(voter)) return;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d, step_w = voter.W * step;
             for_constants<kCount>([&](int j) {
                 const Real m = static_cast<Real>(position(kFirst + j));
                 const Vote<Real> vote =
-                    plate_vote(voter, d + m * step, dw + m * step_w, ballot.rule);
+                    plate_vote<FastMath>(voter, d + m * step, dw + m * step_w, ballot.rule);
                 const Vec3<Real> v = vote.v,
                                  wv = voter.strength * vote.decay * vote.inverse_length2 * v;
                 T[0][j] += wv.x * v.x, T[1][j] += wv.x * v.y, T[2][j] += wv.x * v.z;
                 T[3][j] += wv.y * v.y, T[4][j] += wv.y * v.z, T[5][j] += wv.z * v.z;
             });
         });
-        if constexpr (Warp::kLanes == 1) {
-            for (int j = 0; j < kCount && kFirst + j < 11; ++j)
-                keep_best(surface_saliency({T[0][j], T[1][j], T[2][j], T[3][j], T[4][j], T[5][j]}),
-                          position(kFirst + j), best);
-        } else {
-            const Real saliency = surface_saliency(own_tensor(warp, T));
-            for (int j = 0; j < kCount; ++j)
-                keep_best(warp.from_lane(saliency, j), position(kFirst + j), best);
-        }
     }
 
-    /// Of kCount tensors summed over the lanes, lane j gets tensor j.
-    template <int kCount, class Warp>
-    TVSGS_HD static Sym3<Real> own_tensor(const Warp& warp, const Real (&T)[6][kCount]) {
-        Real entries[6];
-        if constexpr (sizeof(Real) == sizeof(float) && kCount > 1) {
-            static_assert(6 * kCount <= 32);
-            Real values[32] = {};
-            for (int c = 0; c < 6; ++c)
-                for (int j = 0; j < kCount; ++j) values[6 * j + c] = T[c][j];
-            const Real sum = warp.sums_to_lanes(values);
-            for (int c = 0; c < 6; ++c)
-                entries[c] = warp.from_lane(sum, (6 * warp.lane() + c) % 32);
+    /// Lane kFirst + j gets tensor j, summed over the lanes.
+    template <int kFirst, int kCount, class Warp>
+    TVSGS_HD void collect(
+        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Sym3<Real>& mine) const {
+        Real T[6][kCount] = {};
+        add_votes<kFirst>(warp, slot, mean, step, T);
+        const int j = warp.lane() - kFirst;
+        const bool is_mine = j >= 0 && j < kCount;
+        Real entries[6] = {};
+        if constexpr (sizeof(Real) == sizeof(float)) {
+            constexpr int kEntries = 5;  // tensors that fit one exchange
+            for (int first = 0; first < kCount; first += kEntries) {
+                Real values[32] = {};
+                for (int c = 0; c < 6; ++c)
+                    for (int t = first; t < first + kEntries && t < kCount; ++t)
+                        values[6 * (t - first) + c] = T[c][t];
+                const Real sum = warp.sums_to_lanes(values);
+                for (int c = 0; c < 6; ++c) {
+                    const Real entry = warp.from_lane(sum, (6 * (j - first) + c) & 31);
+                    if (j >= first && j < first + kEntries) entries[c] = entry;
+                }
+            }
         } else {
             for (int c = 0; c < 6; ++c)
-                for (int j = 0; j < kCount; ++j) {
-                    const Real sum = warp.sum(T[c][j]);
-                    if (warp.lane() == j || j == 0) entries[c] = sum;
+                for (int t = 0; t < kCount; ++t) {
+                    const Real sum = warp.sum(T[c][t]);
+                    if (t == j) entries[c] = sum;
                 }
         }
-        return {entries[0], entries[1], entries[2], entries[3], entries[4], entries[5]};
+        if (is_mine)
+            mine = {entries[0], entries[1], entries[2], entries[3], entries[4], entries[5]};
     }
 
     TVSGS_HD static Real surface_saliency(const Sym3<Real>& T) {

@@ -69,7 +69,7 @@ struct TensorVoter<Device>::State {
     Buffer<float, Device> tau, position_tau, voter_strengths;
     Buffer<Vec3f, Device> voter_normals;
     // Of the splats that take part, by slot.
-    Buffer<Vec3f, Device> means, normals;
+    Buffer<detail::SlotVector, Device> means, normals;
     Buffer<Sym3f, Device> sums;
     Buffer<float, Device> strengths, variability, strong_votes;
     Buffer<float, Device> sorted_strengths, sorted_variability;
@@ -129,6 +129,12 @@ bool TensorVoter<Device>::due(int step) const {
 }
 
 namespace detail {
+
+/// Only one CPU thread needs memory to select a median in; a warp has registers.
+template <class Device>
+struct TauScratch {
+    static std::size_t bytes(int k) { return std::is_same_v<Device, Cpu> ? k * sizeof(float) : 0; }
+};
 
 /// Lists of slots as lists of splats, on the host.
 template <class Device>
@@ -266,8 +272,8 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     s.strengths.resize(usable), s.variability.resize(usable), s.strong_votes.resize(usable);
     s.left_out.resize(usable);
 
-    const Real per_median =
-        options_.scale_rule == ScaleRule::median ? Real(1) : Real(1 / std::sqrt(kLn10));
+    const float per_median =
+        options_.scale_rule == ScaleRule::median ? 1.0f : static_cast<float>(1 / std::sqrt(kLn10));
     const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
         for_each_warp(
             Device{}, voters, near.k * sizeof(Real),

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 #include <utility>
 #include <vector>
@@ -53,6 +54,19 @@ struct SerialWarp {
         std::nth_element(keys, keys + wanted - 1, keys + count);
         return keys[wanted - 1];
     }
+
+    /// Of value(0), ..., value(count - 1) >= 0, NaN last; the mean of the two middle ones for an
+    /// even count. `scratch` has room for them.
+    template <class Value>
+    float median(int count, float* scratch, const Value& value) const {
+        for (int i = 0; i < count; ++i) {
+            const float v = value(i);
+            scratch[i] = v >= 0 ? v : std::numeric_limits<float>::infinity();
+        }
+        float* upper = scratch + count / 2;
+        std::nth_element(scratch, upper, scratch + count);
+        return count % 2 == 1 ? *upper : (*std::max_element(scratch, upper) + *upper) / 2;
+    }
 };
 
 /// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put
@@ -81,21 +95,6 @@ TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
             }
             warp.sync();
         }
-    }
-}
-
-/// Of values in scratch memory, which it re-orders; the mean of the two middle ones for an even
-/// count.
-template <class Warp, class Real>
-TVSGS_HD Real median(const Warp& warp, Real* values, int count) {
-    const int upper = count / 2;
-    if constexpr (Warp::kLanes == 1) {
-        std::nth_element(values, values + upper, values + count);
-        return count % 2 == 1 ? values[upper]
-                              : (*std::max_element(values, values + upper) + values[upper]) / 2;
-    } else {
-        bitonic_sort(warp, values, count);
-        return count % 2 == 1 ? values[upper] : (values[upper - 1] + values[upper]) / 2;
     }
 }
 

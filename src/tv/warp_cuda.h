@@ -66,7 +66,39 @@ struct CudaWarp {
         return count <= 256 ? select<8>(keys, count, wanted) : select<16>(keys, count, wanted);
     }
 
+    template <class Value>
+    __host__ __device__ float median(int count, float*, const Value& value) const {
+        return count <= 128 ? median_of<4>(count, value) : median_of<16>(count, value);
+    }
+
 private:
+    template <int kPerLane, class Value>
+    __device__ float median_of(int count, const Value& value) const {
+        std::uint32_t words[kPerLane];  // numbers that are not negative order like their bits
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const int i = r * 32 + lane();
+            const float v = i < count ? value(i) : 0.0f;
+            words[r] = i >= count ? 0xffffffffu : __float_as_uint(v >= 0 ? v + 0.0f : INFINITY);
+        }
+        // Bounds that hold count / 2 of them, not more, need not be one of them.
+        const int lower = count % 2 == 1 ? count / 2 + 1 : count / 2;
+        const std::uint32_t bound = kth_word(words, lower);
+        std::uint32_t below = 0, above = 0xffffffffu;
+        int held = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const bool in = words[r] <= bound;
+            below = in ? max(below, words[r]) : below;
+            above = in ? above : min(above, words[r]);
+            held += __popc(__ballot_sync(kAll, in));
+        }
+        below = ~reduce_min(~below), above = reduce_min(above);
+        if (count % 2 == 1) return __uint_as_float(below);
+        // More than half at or below the bound: both middle ones equal it.
+        if (held > lower) above = below;
+        return (__uint_as_float(below) + __uint_as_float(above)) / 2;
+    }
     __device__ static int append(std::uint64_t* out, std::uint64_t key, bool accepted) {
         const unsigned mask = __ballot_sync(kAll, accepted);
         if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
@@ -193,6 +225,10 @@ public:
         return 0;
     }
     __host__ __device__ std::uint64_t smallest_first(std::uint64_t*, int, int) const {
+        return 0;
+    }
+    template <class Value>
+    __host__ __device__ float median(int, float*, const Value&) const {
         return 0;
     }
 #endif
