@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/fast_math.h"
 #include "core/vec.h"
 
 namespace tvsgs {
@@ -17,13 +18,17 @@ struct SymEigen3 {
 namespace detail {
 
 /// Rotation in the plane (p, q) that zeroes A[p][q]; r is the third axis.
-template <class Real, bool kVectors>
+template <class Math, class Real, bool kVectors>
 TVSGS_HD void jacobi_rotate(Real (&A)[3][3], Mat3<Real>& V, int p, int q, int r) {
-    const Real theta = (A[q][q] - A[p][p]) / (2 * A[p][q]);
-    // An off-diagonal zero makes theta infinite or NaN; there is nothing to rotate then.
-    Real t = (theta < 0 ? Real(-1) : Real(1)) / (std::abs(theta) + std::sqrt(theta * theta + 1));
+    // Beyond 1e15 the rotation is nothing, and the square below stays in range.
+    const Real quotient = (A[q][q] - A[p][p]) * Math::inverse(2 * A[p][q]);
+    const Real theta = std::abs(quotient) < Real(1e15) ? quotient : Real(1e15);
+    const Real hypotenuse2 = theta * theta + 1;
+    // An off-diagonal zero has no angle; there is nothing to rotate then.
+    Real t = (theta < 0 ? Real(-1) : Real(1)) *
+             Math::inverse(std::abs(theta) + hypotenuse2 * Math::inverse_sqrt(hypotenuse2));
     if (A[p][q] == 0) t = 0;
-    const Real c = 1 / std::sqrt(t * t + 1), s = t * c;
+    const Real c = Math::inverse_sqrt(t * t + 1), s = t * c;
     A[p][p] -= t * A[p][q];
     A[q][q] += t * A[p][q];
     A[p][q] = A[q][p] = 0;
@@ -49,7 +54,7 @@ TVSGS_HD void swap_if_ascending(Real& a, Real& b, Vec3<Real>& va, Vec3<Real>& vb
     }
 }
 
-template <class Real, bool kVectors>
+template <class Math, class Real, bool kVectors>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
     // Scaled first, so that squares neither overflow nor vanish: entries of 1e-30 to 1e30 work in
     // float.
@@ -63,9 +68,9 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
     Mat3<Real> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     constexpr int kSweeps = sizeof(Real) > 4 ? 6 : 5;  // quadratic convergence, with one to spare
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
-        jacobi_rotate<Real, kVectors>(A, V, 0, 1, 2);
-        jacobi_rotate<Real, kVectors>(A, V, 0, 2, 1);
-        jacobi_rotate<Real, kVectors>(A, V, 1, 2, 0);
+        jacobi_rotate<Math, Real, kVectors>(A, V, 0, 1, 2);
+        jacobi_rotate<Math, Real, kVectors>(A, V, 0, 2, 1);
+        jacobi_rotate<Math, Real, kVectors>(A, V, 1, 2, 0);
     }
     Real a = A[0][0], b = A[1][1], c = A[2][2];
     Vec3<Real> va = column(V, 0), vb = column(V, 1), vc = column(V, 2);
@@ -84,13 +89,13 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
 /// NaN values.
 template <class Real>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& A) {
-    return detail::sym_eigen<Real, true>(A);
+    return detail::sym_eigen<ExactMath, Real, true>(A);
 }
 
-/// The values alone, descending; the same numbers as sym_eigen's.
-template <class Real>
+/// The values alone, descending.
+template <class Math = ExactMath, class Real>
 TVSGS_HD Vec3<Real> sym_eigenvalues(const Sym3<Real>& A) {
-    return detail::sym_eigen<Real, false>(A).values;
+    return detail::sym_eigen<Math, Real, false>(A).values;
 }
 
 }  // namespace tvsgs

@@ -21,7 +21,7 @@ struct alignas(16) TreeNode {
 };
 
 inline constexpr int kTreeFanout = 32;
-inline constexpr int kMaxTreeLevels = 7;  // 32^7 leaves
+inline constexpr int kMaxTreeLevels = 6;  // 2^31 points
 
 /// Node j of a level covers nodes (level 0: points) 32 j ... 32 j + 31 below it.
 struct MortonTree {
@@ -162,8 +162,8 @@ public:
         window_end_ = window_begin_ + window;
         for (int leaf = window_begin_; leaf < window_end_; ++leaf) scan_leaf(leaf);
         shrink();
-        // 2. Whatever else may hold a nearer point: depth first, children in Morton order.
-        descend();
+        // 2. Whatever else may hold a nearer point.
+        descend<kMaxTreeLevels - 1>(0);
         shrink();
         return count_;
     }
@@ -198,39 +198,34 @@ private:
         counts_.candidates -= count_;
     }
 
-    TVSGS_HD std::uint64_t bound_of(int level, int node) const {
-        const int first_slot = node << (5 * (level + 1));
-        return node_key(tree_.nodes[tree_.level_begin[level] + node], position_,
-                        static_cast<std::uint32_t>(first_slot));
-    }
     TVSGS_HD std::uint32_t children_in_reach(int level, int first) const {
         return warp_.ballot32([&](int i) {
-            return first + i < tree_.level_size[level] && bound_of(level, first + i) < bound_;
+            const int node = first + i;
+            return node < tree_.level_size[level] &&
+                   node_key(tree_.nodes[tree_.level_begin[level] + node], position_,
+                            static_cast<std::uint32_t>(node) << (5 * (level + 1))) < bound_;
         });
     }
 
-    TVSGS_HD void descend() {
-        int first[kMaxTreeLevels];  // node that bit 0 stands for
-        std::uint32_t open[kMaxTreeLevels];
-        const int top = tree_.levels - 1;
-        int level = top;
-        first[top] = 0;
-        open[top] = children_in_reach(top, 0);
-        while (level <= top) {
-            if (open[level] == 0) {
-                ++level;
-                continue;
-            }
-            const int node = first[level] + Warp::lowest_bit(open[level]);
-            open[level] &= open[level] - 1;
-            // The bound may have shrunk since the test.
-            if (!(bound_of(level, node) < bound_)) continue;
-            if (level > 0) {
-                --level;
-                first[level] = node * kTreeFanout;
-                open[level] = children_in_reach(level, first[level]);
-            } else if (node < window_begin_ || node >= window_end_) {
+    /// Depth first below the node whose first child is `first`, children in Morton order.
+    template <int kLevel>
+    TVSGS_HD void descend(int first) {
+        if (kLevel >= tree_.levels) {
+            if constexpr (kLevel > 0) descend<kLevel - 1>(0);
+            return;
+        }
+        std::uint64_t tested = bound_;
+        std::uint32_t open = children_in_reach(kLevel, first);
+        while (open != 0) {
+            const int node = first + Warp::lowest_bit(open);
+            open &= open - 1;
+            if constexpr (kLevel > 0)
+                descend<kLevel - 1>(node * kTreeFanout);
+            else if (node < window_begin_ || node >= window_end_)
                 scan_leaf(node);
+            if (bound_ != tested) {  // shrunk: fewer may be in reach
+                tested = bound_;
+                open &= children_in_reach(kLevel, first);
             }
         }
     }

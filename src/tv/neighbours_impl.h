@@ -102,6 +102,8 @@ struct CodeSearch {
 };
 
 struct QueryBody {
+    static constexpr int kMinBlocks = 4;  // 48 ms for 1.5 million splats without, 31 ms with (H200)
+
     SplatSpans splats;
     FixedVoterSpans fixed;
     WhitenRule rule;

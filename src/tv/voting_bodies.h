@@ -68,28 +68,62 @@ struct MeanBody {
     TVSGS_HD void operator()(int slot) const { means[slot].v = slots.mean(slot); }
 };
 
-/// Scales of voting, from the current splats.
+/// A whole record in the widest loads there are.
 template <class Real>
-struct TauBody {
+TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
+#if defined(__CUDA_ARCH__)
+    constexpr int kWords = sizeof(VoterRecord<Real>) / sizeof(uint4);
+    struct Words {
+        uint4 w[kWords];
+    } words;
+#pragma unroll
+    for (int i = 0; i < kWords; ++i) words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
+    return __builtin_bit_cast(VoterRecord<Real>, words);
+#else
+    return from;
+#endif
+}
+
+/// The part of the records that TauBody reads: W, and inverse_tau2 = 0 for who cannot vote.
+template <class Real>
+struct WhiteningBody {
     Slots slots;
     WhitenRule rule;
     const double* noise;
+    Span<VoterRecord<Real>> records;
+
+    TVSGS_HD void operator()(int voter) const {
+        VoterRecord<Real> record{};
+        if (slots.usable(voter)) {
+            record.mean = vec_cast<Real>(slots.mean(voter));
+            record.W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
+            record.inverse_tau2 = 1;
+        }
+        records[voter] = record;
+    }
+};
+
+/// Scales of voting, from the current splats.
+template <class Real>
+struct TauBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+
     float tau_per_median;
     int k;
     Span<const std::uint32_t> receivers;
     Span<const SlotVector> means;
+    Span<const VoterRecord<Real>> records;
     Span<float> tau;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
+        const VoterRecord<Real> record = load(records[voter]);
         float scale = 0;
-        if (slots.usable(voter)) {  // the same answer in all lanes
-            const Mat3<Real> W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
-            const Vec3<Real> mean = vec_cast<Real>(slots.mean(voter));
+        if (can_vote(record)) {  // the same answer in all lanes
             const std::uint32_t* list = receivers.data + std::size_t(voter) * k;
             scale = tau_per_median * warp.median(k, static_cast<float*>(scratch), [&](int r) {
                 const Vec3<Real> at = vec_cast<Real>(means[list[r]].v);
-                return static_cast<float>(norm(W * (at - mean)));
+                return static_cast<float>(norm(record.W * (at - record.mean)));
             });
         }
         if (warp.lane() == 0) tau[voter] = scale;
@@ -164,22 +198,6 @@ struct RecordBody {
     }
 };
 
-/// A whole record in the widest loads there are.
-template <class Real>
-TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
-#if defined(__CUDA_ARCH__)
-    constexpr int kWords = sizeof(VoterRecord<Real>) / sizeof(uint4);
-    struct Words {
-        uint4 w[kWords];
-    } words;
-#pragma unroll
-    for (int i = 0; i < kWords; ++i) words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
-    return __builtin_bit_cast(VoterRecord<Real>, words);
-#else
-    return from;
-#endif
-}
-
 /// Who receives from whom.
 template <class Real>
 struct Ballot {
@@ -201,6 +219,8 @@ struct Ballot {
 /// One receiver's sums of a round at the centres, of ball votes or of plate votes.
 template <class Real>
 struct CentreRoundBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+
     Ballot<Real> ballot;
     bool ball_round;  // only splats without a tensor cast and receive
     Slots slots;
@@ -375,6 +395,8 @@ struct BeginBody {
 /// Position loss targets: the centre or the virtual receiver of largest surface saliency.
 template <class Real>
 struct VirtualBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+
     Ballot<Real> ballot;
     bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
     float range;        // reach, in largest scales
@@ -479,7 +501,7 @@ private:
     }
 
     TVSGS_HD static Real surface_saliency(const Sym3<Real>& T) {
-        const Vec3<Real> values = sym_eigenvalues(T);
+        const Vec3<Real> values = sym_eigenvalues<FastMath>(T);
         return values.y - values.z;
     }
     TVSGS_HD static void keep_best(Real saliency, int m, Best& best) {

