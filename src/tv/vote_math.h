@@ -162,10 +162,8 @@ TVSGS_HD inline double arc_factor(double sine, double cosine) {
 }
 template <class Math>
 TVSGS_HD float arc_factor(float sine, float cosine) {
-    // Below 45 degrees the polynomial of the arc sine is the factor itself.
-    const float s = sine > 1e-30f ? sine : 1.0f;
-    const float theta = sine > 1e-30f ? angle_of(sine, cosine) : 1.0f;
-    return theta * Math::inverse(s);
+    const float s = sine > 1e-30f ? sine : 1e-30f;  // where the angle is its sine
+    return angle_of(s, cosine) * Math::inverse(s);
 }
 template <class Math>
 TVSGS_HD double arc_factor(double sine, double cosine) {

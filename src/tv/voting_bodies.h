@@ -68,19 +68,37 @@ struct MeanBody {
     TVSGS_HD void operator()(int slot) const { means[slot].v = slots.mean(slot); }
 };
 
-/// A whole record in the widest loads there are.
+#if defined(__CUDACC__)
+template <class Real>
+struct RecordWords {
+    static constexpr int kCount = sizeof(VoterRecord<Real>) / sizeof(uint4);
+    uint4 w[kCount];
+};
+#endif
+
+/// Whole records in the widest loads and stores there are: entry by entry they cost four times the
+/// traffic.
 template <class Real>
 TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
 #if defined(__CUDA_ARCH__)
-    constexpr int kWords = sizeof(VoterRecord<Real>) / sizeof(uint4);
-    struct Words {
-        uint4 w[kWords];
-    } words;
+    RecordWords<Real> words;
 #pragma unroll
-    for (int i = 0; i < kWords; ++i) words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
+    for (int i = 0; i < RecordWords<Real>::kCount; ++i)
+        words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
     return __builtin_bit_cast(VoterRecord<Real>, words);
 #else
     return from;
+#endif
+}
+template <class Real>
+TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
+#if defined(__CUDA_ARCH__)
+    const auto words = __builtin_bit_cast(RecordWords<Real>, record);
+#pragma unroll
+    for (int i = 0; i < RecordWords<Real>::kCount; ++i)
+        reinterpret_cast<uint4*>(&to)[i] = words.w[i];
+#else
+    to = record;
 #endif
 }
 
@@ -99,7 +117,7 @@ struct WhiteningBody {
             record.W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
             record.inverse_tau2 = 1;
         }
-        records[voter] = record;
+        store(record, records[voter]);
     }
 };
 
@@ -188,13 +206,12 @@ struct RecordBody {
     Span<VoterRecord<Real>> records;
 
     TVSGS_HD void operator()(int voter) const {
-        if (!slots.usable(voter)) {
-            records[voter] = {};
-            return;
-        }
-        records[voter] = record_cast<Real>(voter_record<double>(
-            vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
-            tau[voter], vec_cast<double>(voter_normals[voter]), voter_strengths[voter]));
+        VoterRecord<Real> record{};
+        if (slots.usable(voter))
+            record = record_cast<Real>(voter_record<double>(
+                vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
+                tau[voter], vec_cast<double>(voter_normals[voter]), voter_strengths[voter]));
+        store(record, records[voter]);
     }
 };
 
@@ -393,7 +410,7 @@ struct BeginBody {
 };
 
 /// Position loss targets: the centre or the virtual receiver of largest surface saliency.
-template <class Real>
+template <class Real, bool kUnitVotes>
 struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
 
@@ -452,13 +469,15 @@ private:
     template <int kFirst, int kCount, class Warp>
     TVSGS_HD void add_votes(
         const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Real (&T)[6][kCount]) const {
+        VoteRule rule = ballot.rule;
+        rule.unit_length = kUnitVotes;  // a constant
         ballot.for_each_voter(warp, slot, [&](const VoterRecord<Real>& voter) {
             if (!can_vote(voter) || is_ball(voter)) return;
             const Vec3<Real> d = mean - voter.mean, dw = voter.W * d, step_w = voter.W * step;
             for_constants<kCount>([&](int j) {
                 const Real m = static_cast<Real>(position(kFirst + j));
                 const Vote<Real> vote =
-                    plate_vote<FastMath>(voter, d + m * step, dw + m * step_w, ballot.rule);
+                    plate_vote<FastMath>(voter, d + m * step, dw + m * step_w, rule);
                 const Vec3<Real> v = vote.v,
                                  wv = voter.strength * vote.decay * vote.inverse_length2 * v;
                 T[0][j] += wv.x * v.x, T[1][j] += wv.x * v.y, T[2][j] += wv.x * v.z;

@@ -346,10 +346,17 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
         make_records(options_.flatness_limit_position, kPositionNoise, s.position_tau);
         s.times.done("records");
     }
-    for_each_warp(Device{}, usable, 0,
-                  VirtualBody<Real>{ballot, same_voters, options_.virtual_range, slots,
-                                    field.eigenvalues.span(), field.normals.span(),
-                                    field.targets.span(), field.flags.span()});
+    const auto vote_at_virtual_receivers = [&]<bool kUnitVotes>() {
+        for_each_warp(
+            Device{}, usable, 0,
+            VirtualBody<Real, kUnitVotes>{ballot, same_voters, options_.virtual_range, slots,
+                                          field.eigenvalues.span(), field.normals.span(),
+                                          field.targets.span(), field.flags.span()});
+    };
+    if (options_.vote_map == VoteMap::unit)
+        vote_at_virtual_receivers.template operator()<true>();
+    else
+        vote_at_virtual_receivers.template operator()<false>();
     s.times.done("virtual");
 }
 
