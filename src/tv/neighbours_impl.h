@@ -172,6 +172,7 @@ void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbo
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
+    s.stats.fill_zero();  // read back whole, before the quantiles are known
     parallel_for(Device{}, 1,
                  PickBody{s.values.span(), out.usable / 2, out.usable - 1, s.stats.data()});
     const std::vector<float> stats = to_host(s.stats);
