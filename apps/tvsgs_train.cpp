@@ -2,6 +2,7 @@
 #include <filesystem>
 
 #include "common.h"
+#include "io/ply.h"
 #include "progress.h"
 #include "run_folder.h"
 #include "run_options.h"
@@ -231,6 +232,8 @@ int command(int argc, char** argv) {
     options.scene.points_required = options.train.init.min_points == 0;
     Scene scene = read_scene(options.scene);
     prepare_points(device, options, scene);
+    if (!options.train.tv.fixed_voters.empty())
+        scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
     RunFolder run(arguments.out);
     run.save_config(table.json(run_info(device, argc, argv)));
     run.save_cameras(scene);

@@ -22,13 +22,14 @@ struct PointCloud {
     std::vector<Vec3f> positions;  // world units
     std::vector<Vec3f> colors;     // [0, 1]; empty: grey
     std::vector<Vec3f> normals;    // unit; empty: none
-    std::vector<float> confidences{};  // [0, 1]; empty: none
+    std::vector<float> confidences{};  // stereo: [0, 1]; empty: none
 };
 
 struct Scene {
     std::string path;
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud
+    PointCloud fixed_voters;        // measured points of tv.fixed_voters; confidences are weights
     float extent = 0;  // 1.1 x the largest distance of a training camera from their mean
 };
 

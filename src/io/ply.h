@@ -10,8 +10,8 @@
 namespace tvsgs {
 
 /// Any PLY with x y z: ASCII or binary of either byte order, extra properties skipped. Faces, if
-/// any, are triangulated as fans. Colours (uchar 0-255 or float 0-1) and normals are read where
-/// present.
+/// any, are triangulated as fans. Colours (uchar 0-255 or float 0-1), normals and confidences
+/// (properties confidence or weight) are read where present.
 struct PlyContents {
     PointCloud points;
     std::vector<Vec3i> faces;

@@ -289,6 +289,7 @@ void read_cloud(PlyReader& in, const Element& vertex, PlyContents& out) {
     std::array<int, 3> color{vertex.find({"red", "r", "diffuse_red"}),
                              vertex.find({"green", "g", "diffuse_green"}),
                              vertex.find({"blue", "b", "diffuse_blue"})};
+    const int weight = vertex.find({"confidence", "weight"});
     out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
     const auto complete = [](const std::array<int, 3>& columns) {
         return *std::min_element(columns.begin(), columns.end()) >= 0;
@@ -311,6 +312,8 @@ void read_cloud(PlyReader& in, const Element& vertex, PlyContents& out) {
         in.read_row(vertex, row);
         points.positions.push_back(pick(row, xyz));
         if (has_normals) points.normals.push_back(normalize(pick(row, normal)));
+        if (weight >= 0)
+            points.confidences.push_back(static_cast<float>(row[static_cast<std::size_t>(weight)]));
         if (has_colors)
             points.colors.push_back(
                 clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1));

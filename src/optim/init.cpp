@@ -1,30 +1,13 @@
 #include "optim/init.h"
 
-#include <nanoflann.hpp>
-
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parallel.h"
+#include "optim/point_tree.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
 namespace {
-
-struct PointAdaptor {
-    const std::vector<Vec3f>& points;
-    std::size_t kdtree_get_point_count() const { return points.size(); }
-    float kdtree_get_pt(std::size_t i, std::size_t axis) const {
-        return points[i][static_cast<int>(axis)];
-    }
-    template <class Box>
-    bool kdtree_get_bbox(Box&) const {
-        return false;
-    }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointAdaptor>,
-                                                 PointAdaptor,
-                                                 3,
-                                                 unsigned>;
 
 /// The shortest rotation that takes the z axis to a unit vector.
 Quatf rotation_to(Vec3f n) {
@@ -38,7 +21,7 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
     std::vector<float> result(points.size(), 0);
     if (points.size() < 2) return result;
     const PointAdaptor adaptor{points};
-    const Tree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const PointTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
     const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
         unsigned index[32];

@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/rng.h"
+#include "optim/fixed_voters.h"
 #include "optim/loss_normal.h"
 #include "optim/train.h"
 
@@ -186,6 +187,8 @@ Gaussians<Device> train(const Scene& scene,
                        options.core.pixel_center});
     auto neighbours = make_neighbour_view<Device>(scene, options);
     TensorVoter<Device> voter(options.tv);
+    if (!scene.fixed_voters.positions.empty())
+        voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, options.tv.fixed_voters));
     TensorField<Device> field;
     Adam<Device> adam(options.lr, gaussians);
     Densifier<Device> densifier(options.densify, scene.extent, seed);

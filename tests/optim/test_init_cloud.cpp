@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "optim/fixed_voters.h"
 #include "optim/init_cloud.h"
 #include "support/random_gaussians.h"
 
@@ -144,6 +145,33 @@ TEST(InitGaussians, LieOnTheNormals) {
         EXPECT_NEAR(flat.log_scales[i].z - flat.log_scales[i].x, std::log(0.1), 1e-5);
         EXPECT_GT(dot(column(rotation(normalize(flat.quats[i])), 2), normals[i % 3]), 0.9999f);
     }
+}
+
+TEST(FixedVoters, NormalsRadiiAndWeightsOfAnyCloud) {
+    PointCloud cloud = square(400);
+    cloud.normals.clear();
+    cloud.positions.push_back({std::nanf(""), 0, 0});
+    cloud.confidences.push_back(1);
+    const FixedVoters voters = make_fixed_voters(cloud, "scan.ply");
+    ASSERT_EQ(voters.size(), 400);
+    for (std::size_t i = 0; i < 400; ++i) {
+        EXPECT_NEAR(std::abs(voters.normals[i].z), 1, 1e-6);  // the points lie in one plane exactly
+        EXPECT_GT(voters.scales[i], 0);
+        EXPECT_LT(voters.scales[i], 0.5f);
+        EXPECT_EQ(voters.weights[i], cloud.confidences[i]);
+    }
+    const auto refusal = [&](const PointCloud& points) -> std::string {
+        try {
+            make_fixed_voters(points, "scan.ply");
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::input);
+            return error.what();
+        }
+        return "accepted";
+    };
+    cloud.confidences[7] = -1;
+    EXPECT_NE(refusal(cloud).find("scan.ply: weight -1 of point 7"), std::string::npos);
+    EXPECT_NE(refusal(square(2)).find("at least 3"), std::string::npos);
 }
 
 }  // namespace

@@ -370,6 +370,57 @@ TYPED_TEST(Voting, NewSplatsInheritAndAreDueAtOnce) {
     EXPECT_FALSE(fresh.due(4));
 }
 
+TYPED_TEST(Voting, FixedVotersHoldTheSurface) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    // Measured points on a plane.
+    Random random(16);
+    FixedVoters fixed;
+    for (int i = 0; i < 2000; ++i) {
+        fixed.means.push_back({random.uniform(-1, 1), random.uniform(-1, 1), 0});
+        fixed.normals.push_back({0, 0, 1});
+        fixed.scales.push_back(0.05f);
+        fixed.weights.push_back(1);
+    }
+    const auto run = [&](const Cloud& cloud, const FixedVoters& voters) {
+        const auto g = to_gaussians<TypeParam>(cloud);
+        TensorVoter<TypeParam> voter(options_with(20));
+        voter.set_fixed_voters(voters);
+        TensorField<TypeParam> field;
+        for (const int step : {1, 11}) voter.vote(step, g, field);
+        return read(field, voter);
+    };
+    const auto splats = [&](float height, float noise) {
+        Cloud cloud;
+        for (int i = 0; i < 500; ++i)
+            cloud.add(
+                {random.uniform(-1, 1), random.uniform(-1, 1), height + noise * random.normal()},
+                {0.08f, 0.08f, 0.08f}, random.quat());
+        return cloud;
+    };
+    const auto height = [](const FieldOnHost& f) {
+        double sum = 0;
+        for (const Vec3f p : f.targets) sum += std::abs(double(p.z));
+        return sum / double(f.targets.size());
+    };
+    // Splats that all lie off the plane agree with each other: only the points pull them back.
+    const Cloud cloud = splats(0.05f, 0.01f);
+    const FieldOnHost without = run(cloud, {}), with = run(cloud, fixed);
+    EXPECT_GT(height(without), 0.9 * 0.05);
+    EXPECT_LT(height(with), 0.75 * height(without));
+    // Noisy splats near it get better normals.
+    const Cloud noisy = splats(0, 0.01f);
+    const std::vector<Vec3f> up(noisy.means.size(), {0, 0, 1});
+    EXPECT_LT(median_normal_error(run(noisy, fixed), up),
+              0.8 * median_normal_error(run(noisy, {}), up));
+    // They receive nothing and change no sizes; each casts k votes.
+    EXPECT_EQ(with.flags.size(), cloud.means.size());
+    EXPECT_EQ(with.details.voters.size(), (cloud.means.size() + 2000) * 20);
+    EXPECT_TRUE(same_bits(with, run(cloud, fixed)));
+    // Without weight they change nothing but the counts.
+    for (float& weight : fixed.weights) weight = 0;
+    EXPECT_NEAR(height(run(cloud, fixed)), height(without), 1e-6);
+}
+
 TYPED_TEST(Voting, WarnsOnce) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     std::ostringstream text;
