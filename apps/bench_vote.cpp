@@ -157,12 +157,7 @@ RunOptions run_options(const std::vector<std::string>& configs,
     OptionTable table;
     run.add_to(table);
     for (const std::string& path : configs) table.read_file(path);
-    for (const std::string& setting : settings) {
-        const std::size_t at = setting.find('=');
-        if (at == std::string::npos)
-            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
-        table.set(setting.substr(0, at), setting.substr(at + 1), "--set");
-    }
+    table.set_all(settings);
     return run;
 }
 

@@ -8,6 +8,7 @@
 #include "common.h"
 #include "io/image_file.h"
 #include "io/ply.h"
+#include "key_flags.h"
 #include "mesh/depth_clean.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/focus.h"
@@ -76,16 +77,11 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     Arguments arguments;
     OptionTable table;
     options.add_to(table);
-    std::vector<std::pair<std::string, std::string>> flags;
     std::string box, memory;
     arguments.rules.depth_max = 0, arguments.rules.alpha_min = 0.5f;
     CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
     app.get_formatter()->column_width(46);
-    const auto scene_flag = [&](const char* names, const char* key, const char* help) {
-        app.add_option_function<std::string>(
-               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
-            ->group("Scene (default: that of the run)");
-    };
+    KeyFlags flags(app);
     app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
         ->required();
     app.add_option("-o,--out,--output", arguments.out,
@@ -93,15 +89,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
     CLI::Option* quiet = app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
     app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
-    scene_flag("-s,--scene,--source-path,--data", "scene.path", "folder of the scene");
-    scene_flag("--images", "scene.images", "folder of the photographs inside the scene");
-    scene_flag("-r,--resolution", "scene.resolution",
-               "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
-    scene_flag("--split", "scene.split", "list of splits.json to render");
-    scene_flag("--train-list", "scene.train_list", "file with one image per line");
-    scene_flag("--views", "scene.views", "views by index into the sorted images: 23,24,33");
-    scene_flag("-n,--num-views", "scene.num_views", "that many views, evenly chosen");
-    scene_flag("--masks", "scene.masks", "folder of the masks");
+    flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
     app.add_option("--voxel-size", arguments.voxel_size,
                    "world units [depth-max / mesh-resolution]")
@@ -148,7 +136,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
             str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
     if (fs::is_directory(arguments.model, failure))
         table.read_file(run_config_path(arguments.model));
-    for (const auto& [key, value] : flags) table.set(key, value, "the command line");
+    flags.set_keys(table);
     if (options.scene.path.empty())
         throw Error(
             ExitCode::usage,

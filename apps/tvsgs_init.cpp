@@ -7,6 +7,7 @@
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
+#include "key_flags.h"
 #include "render/map_images.h"
 #include "stereo_cloud.h"
 
@@ -27,35 +28,11 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
                  "tvsgs-init"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> settings;
-    std::vector<std::pair<std::string, std::string>> flags;
-    const char* group = "Scene";
-    const auto flag = [&](const char* names, const char* key, const char* help) {
-        app.add_option_function<std::string>(
-               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
-            ->group(group);
-    };
-    flag("-s,--scene,--source-path,--data", "scene.path",
-         "folder of the scene: a COLMAP model and its photographs");
-    flag("--images", "scene.images", "folder of the photographs inside the scene [images]");
-    flag("-r,--resolution", "scene.resolution",
-         "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
-    flag("--split", "scene.split", "list of splits.json to use");
-    flag("--train-list", "scene.train_list", "file with one image per line");
-    flag("--test-list", "scene.test_list", "file with one image to leave out per line");
-    flag("--views", "scene.views", "views by index into the sorted images: 23,24,33");
-    flag("-n,--num-views", "scene.num_views", "that many views, evenly chosen");
-    app.add_flag_callback(
-           "--eval", [&] { flags.emplace_back("scene.eval", "true"); },
-           "every 8th view is left out, as in training")
-        ->group(group);
-    flag("--test-every", "scene.test_every", "with --eval: distance of the views left out [8]");
-    flag("--masks", "scene.masks", "folder of the masks [mask/ or masks/, or the alpha channel]");
-    group = "Stereo";
-    app.add_flag_callback(
-           "--use-masks", [&] { flags.emplace_back("stereo.use_masks", "true"); },
-           "no points outside the masks")
-        ->group(group);
-    flag("--seed", "stereo.seed", "of all random numbers");
+    KeyFlags flags(app);
+    flags.add_scene();
+    const char* group = "Stereo";
+    flags.add_switch("--use-masks", "stereo.use_masks", "no points outside the masks", group);
+    flags.add("--seed", "stereo.seed", "of all random numbers", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
     app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
         ->group(group)
@@ -80,13 +57,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     parse_command_line(app, argc, argv);
 
     table.read_environment();
-    for (const auto& [key, value] : flags) table.set(key, value, "the command line");
-    for (const std::string& setting : settings) {
-        const std::size_t equals = setting.find('=');
-        if (equals == std::string::npos)
-            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
-        table.set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
-    }
+    flags.set_keys(table);
+    table.set_all(settings);
     return arguments;
 }
 

@@ -3,6 +3,7 @@
 
 #include "common.h"
 #include "io/ply.h"
+#include "key_flags.h"
 #include "progress.h"
 #include "run_folder.h"
 #include "run_options.h"
@@ -27,35 +28,14 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         "tvsgs-train"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> configs, settings;
-    std::vector<std::pair<std::string, std::string>>
-        flags;  // key, value: set after files and environment
-    const char* group = "Scene";
-    const auto flag = [&](const char* names, const char* key, const char* help) {
-        app.add_option_function<std::string>(
-               names, [&flags, key](const std::string& v) { flags.emplace_back(key, v); }, help)
-            ->group(group);
-    };
-    flag("-s,--scene,--source-path,--data", "scene.path",
-         "folder of the scene: a COLMAP model and its photographs");
-    flag("--images", "scene.images", "folder of the photographs inside the scene [images]");
-    flag("-r,--resolution", "scene.resolution",
-         "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
-    flag("--split", "scene.split", "list of splits.json to train on; its list 'test' is tested");
-    flag("--train-list", "scene.train_list", "file with one training image per line");
-    flag("--test-list", "scene.test_list", "file with one test image per line");
-    flag("--views", "scene.views", "training views by index into the sorted images: 23,24,33");
-    flag("-n,--num-views", "scene.num_views", "that many training views, evenly chosen");
-    app.add_flag_callback(
-           "--eval", [&] { flags.emplace_back("scene.eval", "true"); },
-           "every 8th view is a test view")
-        ->group(group);
-    flag("--test-every", "scene.test_every", "with --eval: distance of the test views [8]");
-    flag("--masks", "scene.masks", "folder of the masks [mask/ or masks/, or the alpha channel]");
-    flag("--init-ply", "scene.init_ply", "initial cloud instead of the model's points");
-    group = "Training";
-    flag("--iterations", "iterations", "training iterations");
-    flag("--seed", "seed", "of all random numbers");
-    flag("--max-gaussians", "densify.max_gaussians", "growth stops there");
+    KeyFlags flags(app);
+    flags.add_scene();
+    flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
+              "Scene");
+    const char* group = "Training";
+    flags.add("--iterations", "iterations", "training iterations", group);
+    flags.add("--seed", "seed", "of all random numbers", group);
+    flags.add("--max-gaussians", "densify.max_gaussians", "growth stops there", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
     app.add_flag("--deterministic", arguments.deterministic,
                  "accepted for scripts: every run is reproducible bit for bit")
@@ -96,13 +76,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
 
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
-    for (const auto& [key, value] : flags) table.set(key, value, "the command line");
-    for (const std::string& setting : settings) {
-        const std::size_t equals = setting.find('=');
-        if (equals == std::string::npos)
-            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
-        table.set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
-    }
+    flags.set_keys(table);
+    table.set_all(settings);
     return arguments;
 }
 
@@ -232,7 +207,7 @@ int command(int argc, char** argv) {
     options.scene.points_required = options.train.init.min_points == 0;
     Scene scene = read_scene(options.scene);
     prepare_points(device, options, scene);
-    if (!options.train.tv.fixed_voters.empty())
+    if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
         scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
     RunFolder run(arguments.out);
     run.save_config(table.json(run_info(device, argc, argv)));

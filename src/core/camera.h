@@ -23,6 +23,16 @@ TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
             (static_cast<float>(y) + 0.5f - camera.cy_px) / camera.fy_px, 1};
 }
 
+/// Whether a world point lies before the camera and projects into the image.
+inline bool is_in_view(const Camera& camera, Vec3f point) {
+    const Vec3f p = camera.camera_from_world * point;
+    if (!(p.z > 0)) return false;
+    const float u = camera.fx_px * p.x / p.z + camera.cx_px;
+    const float v = camera.fy_px * p.y / p.z + camera.cy_px;
+    return u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
+           v < static_cast<float>(camera.height_px);
+}
+
 /// The camera of the same view at another image size; the field of view is kept.
 inline Camera scaled_camera(Camera camera, int width_px, int height_px) {
     const float sx = static_cast<float>(width_px) / static_cast<float>(camera.width_px);

@@ -196,6 +196,15 @@ void OptionTable::set(std::string_view key, std::string_view value, const std::s
     option->set(text);
 }
 
+void OptionTable::set_all(const std::vector<std::string>& settings) {
+    for (const std::string& setting : settings) {
+        const std::size_t equals = setting.find('=');
+        if (equals == std::string::npos)
+            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
+        set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
+    }
+}
+
 void OptionTable::read_file(const std::string& path) {
     std::string text;
     try {

@@ -42,6 +42,9 @@ public:
     /// one; so do values of a wrong type or out of range.
     void set(std::string_view key, std::string_view value, const std::string& source);
 
+    /// Each of `settings` is KEY=VALUE, as given to --set.
+    void set_all(const std::vector<std::string>& settings);
+
     /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors.
     /// The key "comment" is ignored at every level, and "info" at the top level, so that a run's
     /// resolved config.json can be fed back.

@@ -2,33 +2,15 @@
 
 #include <algorithm>
 #include <limits>
-#include <nanoflann.hpp>
 #include <numeric>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/point_tree.h"
 #include "core/rng.h"
 
 namespace tvsgs {
 namespace {
-
-/// What nanoflann asks of a point set.
-struct PointSet {
-    const std::vector<Vec3f>& points;
-
-    std::size_t kdtree_get_point_count() const { return points.size(); }
-    double kdtree_get_pt(std::size_t i, std::size_t axis) const {
-        return points[i][static_cast<int>(axis)];
-    }
-    template <class Box>
-    bool kdtree_get_bbox(Box&) const {
-        return false;
-    }
-};
-using Tree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<double, PointSet>,
-                                                 PointSet,
-                                                 3,
-                                                 std::size_t>;
 
 double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
@@ -90,15 +72,12 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
 
 std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
                                       const std::vector<Vec3f>& targets) {
-    const PointSet set{targets};
-    const Tree tree(3, set, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const PointTree<double> tree(targets);
     std::vector<double> distances(points.size());
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const Vec3d p = vec_cast<double>(points[i]);
-        const double query[3] = {p.x, p.y, p.z};
         std::size_t index = 0;
         double squared = std::numeric_limits<double>::infinity();
-        tree.knnSearch(query, 1, &index, &squared);
+        tree.nearest(points[i], 1, &index, &squared);
         distances[i] = std::sqrt(squared);
     });
     return distances;

@@ -14,15 +14,6 @@ namespace {
 constexpr std::size_t kEnoughPoints = 20;  // in a view, for percentiles of their depths
 constexpr double kDegree = 3.14159265358979 / 180;
 
-bool is_seen(const Camera& camera, Vec3f point) {
-    const Vec3f p = camera.camera_from_world * point;
-    if (!(p.z > 0)) return false;
-    const float u = camera.fx_px * p.x / p.z + camera.cx_px;
-    const float v = camera.fy_px * p.y / p.z + camera.cy_px;
-    return u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
-           v < static_cast<float>(camera.height_px);
-}
-
 /// The point nearest to all optical axes; none when they are parallel.
 std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
     Sym3<double> A;
@@ -92,7 +83,7 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         ViewPlan& plan = plans[i];
         std::vector<Vec3f> seen;
         for (std::size_t k = 0; k < points.size(); k += stride)
-            if (is_seen(cameras[i], points[k])) seen.push_back(points[k]);
+            if (is_in_view(cameras[i], points[k])) seen.push_back(points[k]);
         set_range(cameras[i], seen, focus, plan);
         if (options.near_depth > 0) plan.near_depth = options.near_depth;
         if (options.far_depth > 0) plan.far_depth = options.far_depth;
@@ -112,7 +103,7 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
             double score = 0, angle_sum = 0;
             int common = 0;
             for (const Vec3f p : seen) {
-                if (!is_seen(cameras[j], p)) continue;
+                if (!is_in_view(cameras[j], p)) continue;
                 const float cosine = dot(normalize(p - own), normalize(p - other));
                 const double angle =
                     std::acos(std::clamp(static_cast<double>(cosine), -1.0, 1.0)) / kDegree;

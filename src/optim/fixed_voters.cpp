@@ -1,23 +1,21 @@
 #include "optim/fixed_voters.h"
 
-#include <nanoflann.hpp>
-
 #include "core/eigen.h"
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/point_tree.h"
 #include "optim/init.h"
-#include "optim/point_tree.h"
 
 namespace tvsgs {
 namespace {
 
 /// Of the plane through the points nearest to point i, itself among them.
-Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree& tree, std::size_t i) {
+Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tree, std::size_t i) {
     constexpr std::size_t kPoints = 13;
-    unsigned index[kPoints];
+    std::size_t index[kPoints];
     float squared[kPoints];
     const std::size_t found =
-        tree.knnSearch(&points[i].x, std::min(kPoints, points.size()), index, squared);
+        tree.nearest(points[i], std::min(kPoints, points.size()), index, squared);
     Vec3<double> mean;
     for (std::size_t j = 0; j < found; ++j) mean += vec_cast<double>(points[index[j]]);
     mean = mean / static_cast<double>(found);
@@ -49,8 +47,7 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const std::string& path) 
                     str(path, ": ", voters.size(), " usable points; fixed voters need at least 3"));
     for (const float squared : mean_squared_neighbour_distance(voters.means, 3))
         voters.scales.push_back(std::sqrt(squared));
-    const PointAdaptor adaptor{voters.means};
-    const PointTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const PointTree<float> tree(voters.means);
     parallel_for(Cpu{}, voters.size(), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
         if (!(dot(voters.normals[at], voters.normals[at]) > 0.5f))

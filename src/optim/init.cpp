@@ -3,7 +3,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parallel.h"
-#include "optim/point_tree.h"
+#include "core/point_tree.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
@@ -20,14 +20,13 @@ Quatf rotation_to(Vec3f n) {
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
     std::vector<float> result(points.size(), 0);
     if (points.size() < 2) return result;
-    const PointAdaptor adaptor{points};
-    const PointTree tree(3, adaptor, nanoflann::KDTreeSingleIndexAdaptorParams(16));
+    const PointTree<float> tree(points);
     const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        unsigned index[32];
+        std::size_t index[32];
         float squared[32];
         const std::size_t found =
-            tree.knnSearch(&points[static_cast<std::size_t>(i)].x, wanted, index, squared);
+            tree.nearest(points[static_cast<std::size_t>(i)], wanted, index, squared);
         // The point itself is among them at distance 0, or another at the same place: either way
         // one zero goes.
         double sum = 0;

@@ -53,15 +53,6 @@ float extent(const std::vector<Vec3f>& points) {
     return norm(high - low);
 }
 
-bool is_inside(const Camera& camera, Vec3f point) {
-    const Vec3f p = camera.camera_from_world * point;
-    if (!(p.z > 0)) return false;
-    const float u = camera.fx_px * p.x / p.z + camera.cx_px;
-    const float v = camera.fy_px * p.y / p.z + camera.cy_px;
-    return u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
-           v < static_cast<float>(camera.height_px);
-}
-
 }  // namespace
 
 PointCloud select_points(const PointCloud& cloud, const std::vector<std::size_t>& indices) {
@@ -161,7 +152,7 @@ CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View
     for (std::size_t i = 0; i < cloud.positions.size(); i += stride) {
         int seen = 0;
         for (const View& view : views) {
-            seen += is_inside(view.camera, cloud.positions[i]);
+            seen += is_in_view(view.camera, cloud.positions[i]);
             if (seen == 2) break;
         }
         ++looked_at;

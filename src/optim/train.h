@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/scene.h"
+#include "core/stage_clock.h"
 #include "optim/adam.h"
 #include "optim/densify.h"
 #include "optim/init.h"
@@ -71,13 +72,6 @@ struct TrainOptions {
 inline int sh_degree_at(const ModelOptions& model, int step) {
     return std::min(model.sh_degree, step / model.sh_every);
 }
-
-/// Seconds by stage, measured with device synchronisation: only when TrainCallbacks::profile is
-/// set.
-struct StageTime {
-    const char* name;
-    double seconds;
-};
 
 struct TrainReport {
     int step = 0;

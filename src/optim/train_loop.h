@@ -1,10 +1,9 @@
 // The loop itself; included by one file per device.
 #pragma once
 
-#include <chrono>
-
 #include "core/error.h"
 #include "core/rng.h"
+#include "core/stage_clock.h"
 #include "optim/fixed_voters.h"
 #include "optim/loss_normal.h"
 #include "optim/train.h"
@@ -93,48 +92,6 @@ std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
         static_cast<std::uint64_t>(options.seed));
 }
 
-/// Times stages by waiting for the device around each; does nothing unless asked to.
-template <class Device>
-class StageClock {
-public:
-    explicit StageClock(bool on) : on_(on) {}
-
-    template <class Action>
-    decltype(auto) operator()(const char* name, Action&& action) {
-        const Lap lap(*this, name);
-        return action();
-    }
-    const std::vector<StageTime>& stages() const { return stages_; }
-
-private:
-    struct Lap {
-        Lap(StageClock& c, const char* n) : clock(c), name(n) {
-            if (clock.on_) begin = now();
-        }
-        ~Lap() {
-            if (clock.on_) clock.add(name, std::chrono::duration<double>(now() - begin).count());
-        }
-        static std::chrono::steady_clock::time_point now() {
-            synchronize(Device{});
-            return std::chrono::steady_clock::now();
-        }
-        StageClock& clock;
-        const char* name;
-        std::chrono::steady_clock::time_point begin;
-    };
-    void add(const char* name, double seconds) {
-        for (StageTime& stage : stages_)
-            if (stage.name == name) {
-                stage.seconds += seconds;
-                return;
-            }
-        stages_.push_back({name, seconds});
-    }
-
-    bool on_;
-    std::vector<StageTime> stages_;
-};
-
 /// Sizes and clears what the step adds to.
 template <class Device>
 void reset(Objective<Device>& objective,
@@ -187,7 +144,7 @@ Gaussians<Device> train(const Scene& scene,
                        options.core.pixel_center});
     auto neighbours = make_neighbour_view<Device>(scene, options);
     TensorVoter<Device> voter(options.tv);
-    if (!scene.fixed_voters.positions.empty())
+    if (options.tv.enabled && !scene.fixed_voters.positions.empty())
         voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, options.tv.fixed_voters));
     TensorField<Device> field;
     Adam<Device> adam(options.lr, gaussians);

@@ -167,7 +167,7 @@ void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbo
     const int count = splats.size();
     s.values.resize(count);
     parallel_for(Device{}, count, TraceBody{splats, s.values.span()});
-    // The one wait of a search: the shape of everything that follows depends on this number.
+    // A wait: the shape of everything that follows depends on this number.
     out.usable = static_cast<int>(sum_now(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
     sort(s.values, s.sort);

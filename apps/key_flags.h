@@ -1,0 +1,62 @@
+// Command-line flags that stand for configuration keys.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/config.h"
+
+namespace tvsgs {
+
+/// Notes what is given while the command line is read, so that it can be set after files and the
+/// environment. Must outlive the parsing.
+class KeyFlags {
+public:
+    explicit KeyFlags(CLI::App& app) : app_(app) {}
+    KeyFlags(const KeyFlags&) = delete;
+    KeyFlags& operator=(const KeyFlags&) = delete;
+
+    void add(const char* names, const char* key, const char* help, const char* group) {
+        app_.add_option_function<std::string>(
+                names, [this, key](const std::string& v) { given_.emplace_back(key, v); }, help)
+            ->group(group);
+    }
+    void add_switch(const char* names, const char* key, const char* help, const char* group) {
+        app_.add_flag_callback(
+                names, [this, key] { given_.emplace_back(key, "true"); }, help)
+            ->group(group);
+    }
+
+    /// Where the photographs are, and which of them to use.
+    void add_scene(const char* group = "Scene") {
+        add("-s,--scene,--source-path,--data", "scene.path",
+            "folder of the scene: a COLMAP model and its photographs", group);
+        add("--images", "scene.images", "folder of the photographs inside the scene [images]",
+            group);
+        add("-r,--resolution", "scene.resolution",
+            "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width", group);
+        add("--split", "scene.split", "list of splits.json to use; its list 'test' is left out",
+            group);
+        add("--train-list", "scene.train_list", "file with one image to use per line", group);
+        add("--test-list", "scene.test_list", "file with one image to leave out per line", group);
+        add("--views", "scene.views", "views by index into the sorted images: 23,24,33", group);
+        add("-n,--num-views", "scene.num_views", "that many views, evenly chosen", group);
+        add_switch("--eval", "scene.eval", "every 8th view is left out, as a test view", group);
+        add("--test-every", "scene.test_every", "with --eval: distance of the test views [8]",
+            group);
+        add("--masks", "scene.masks", "folder of the masks [mask/ or masks/, or the alpha channel]",
+            group);
+    }
+
+    void set_keys(OptionTable& table) const {
+        for (const auto& [key, value] : given_) table.set(key, value, "the command line");
+    }
+
+private:
+    CLI::App& app_;
+    std::vector<std::pair<std::string, std::string>> given_;
+};
+
+}  // namespace tvsgs
