@@ -6,6 +6,7 @@
 
 #include "core/buffer.h"
 #include "tv/morton_tree.h"
+#include "tv/neighbour_lists.h"
 #include "tv/splats.h"
 #include "tv/warp.h"
 
@@ -19,12 +20,18 @@ struct Neighbours {
     int k = 0;       // receivers of each voter: min(asked for, usable splats - 1)
     int usable = 0;  // splats that take part
     int voters_count = 0;
-    Buffer<TreePoint, Device> points;           // [usable] the splats in the slots, as searched
-    Buffer<std::uint32_t, Device> receivers;    // [voters_count, k] slots, in no defined order
+    ListStorage storage = ListStorage::full;
+    Buffer<TreePoint, Device> points;  // [usable] the splats in the slots, as searched
+    EdgeTiles<Device> tiles;           // the lists in the compact form; of full lists a step
+    // Of full lists only.
+    Buffer<std::uint32_t, Device> receivers;    // [voters_count, k] slots, ascending for each voter
     Buffer<std::int64_t, Device> begin;         // [usable + 1] where receiver i's voters begin
     Buffer<std::uint32_t, Device> voters;       // [voters_count * k] ascending for each receiver
     float largest_trace = 0, median_trace = 0;  // of the usable splats' covariances
     std::int64_t candidates = 0, leaves = 0;    // looked at; only counted on request
+
+    FullLists full_lists() const { return {k, receivers.span(), begin.span(), voters.span()}; }
+    CompactLists compact_lists() const { return tiles.lists(); }
 };
 
 /// Scratch memory of the search, kept between calls.
@@ -38,6 +45,8 @@ struct NeighbourScratch {
     Buffer<std::uint32_t, Device> order;
     Buffer<TreeNode, Device> nodes;
     Buffer<int, Device> cursors;
+    Buffer<std::int64_t, Device> begin;
+    Buffer<std::uint32_t, Device> rows;  // receivers of some voters, and what sorts the tiles
     Buffer<SearchCounts, Device> counts;
 };
 
@@ -49,6 +58,7 @@ struct NeighbourQuery {
     WhitenRule rule;
     const double* noise = nullptr;  // global regulariser of the whitening, on the device
     bool count_work = false;
+    ListStorage storage = ListStorage::full;
 };
 
 /// Called with the name of each stage when it is done: "keys", "tree", "search", "reverse".

@@ -1,11 +1,10 @@
-// What both twins of find_neighbours() share: only the sorts, the loops and the reversal of the
-// lists differ.
+// What both twins of find_neighbours() share: only the sorts and the loops differ.
 #pragma once
 
 #include <limits>
 
 #include "core/parallel.h"
-#include "tv/neighbours.h"
+#include "tv/neighbour_lists_impl.h"
 
 namespace tvsgs::detail {
 
@@ -68,11 +67,6 @@ struct CodeBody {
     }
 };
 
-struct IotaBody {
-    Span<std::uint32_t> values;
-    TVSGS_HD void operator()(int i) const { values[i] = static_cast<std::uint32_t>(i); }
-};
-
 struct TreePointBody {
     SplatSpans splats;
     Span<const std::uint32_t> order;
@@ -111,12 +105,14 @@ struct QueryBody {
     MortonTree tree;
     CodeSearch near;
     int wanted, k, capacity;
-    Span<std::uint32_t> receivers;
-    Span<SearchCounts> counts;  // may be empty
+    int first;                      // voter of the first row
+    Span<std::uint32_t> receivers;  // [rows, k] ascending in each row
+    Span<SearchCounts> counts;      // may be empty
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
+    TVSGS_HD void operator()(const Warp& warp, int row, void* scratch) const {
         auto* keys = static_cast<std::uint64_t*>(scratch);
+        const int voter = first + row;
         const int usable = tree.points.size(), f = voter - usable;
         const bool moves = voter < usable;  // else a fixed voter
         const Vec3f position = moves ? tree.points[voter].position : fixed.means[f];
@@ -133,9 +129,33 @@ struct QueryBody {
             keys[r] = distance_key(dot(d, d), receiver);
         }
         warp.smallest_first(keys, found, k);
-        for (int r = warp.lane(); r < k; r += Warp::kLanes)
-            receivers[std::size_t(voter) * k + r] = key_slot(keys[r]);
+        write_ascending(warp, keys, reinterpret_cast<std::uint32_t*>(keys + k),
+                        receivers.data + std::size_t(row) * k);
         if (!counts.empty() && warp.lane() == 0) counts[voter] = search.counts();
+    }
+
+private:
+    /// A search meets slots in ascending order but for the window it begins with, and selections
+    /// of up to 512 keep the order: most lists are then sorted but for a rotation.
+    template <class Warp>
+    TVSGS_HD void write_ascending(const Warp& warp,
+                                  const std::uint64_t* keys,
+                                  std::uint32_t* slots,
+                                  std::uint32_t* row) const {
+        int descents = 0, start = 0;
+        for (int r = warp.lane(); r < k; r += Warp::kLanes) {
+            slots[r] = key_slot(keys[r]);
+            const std::uint32_t before = key_slot(keys[r > 0 ? r - 1 : k - 1]);
+            if (before > slots[r]) ++descents, start += r;
+        }
+        descents = warp.sum(descents), start = warp.sum(start);
+        warp.sync();
+        if (descents > 1) {  // seen around the end, a rotation has one
+            warp.sort(slots, k);
+            start = 0;
+        }
+        for (int r = warp.lane(); r < k; r += Warp::kLanes)
+            row[r] = slots[start + r < k ? start + r : start + r - k];
     }
 };
 
@@ -147,10 +167,6 @@ struct LeavesTerm {
     Span<const SearchCounts> counts;
     TVSGS_HD double operator()(int i) const { return counts[i].leaves; }
 };
-
-/// Fills out.begin and out.voters from out.receivers.
-void reverse_lists(NeighbourScratch<Cpu>& scratch, Neighbours<Cpu>& out);
-void reverse_lists(NeighbourScratch<Cuda>& scratch, Neighbours<Cuda>& out);
 
 /// *the sum of the terms; waits for the device.
 template <class Device, class Term>
@@ -227,18 +243,17 @@ void find_neighbours(const NeighbourQuery& query,
     const int wanted = std::min(2 * query.k, out.usable - 1), capacity = search_capacity(wanted);
     out.k = std::min(query.k, wanted);
     out.voters_count = out.usable + query.fixed.size();
-    out.receivers.resize(std::size_t(out.voters_count) * out.k);
+    out.storage = query.storage;
     s.counts.resize(query.count_work ? out.voters_count : 0);
-    for_each_warp(Device{}, out.voters_count, capacity * sizeof(std::uint64_t),
-                  QueryBody{query.splats, query.fixed, query.rule, query.noise, tree,
-                            CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k, capacity,
-                            out.receivers.span(), s.counts.span()});
-    finish("search");
-
-    out.begin.resize(std::size_t(out.usable) + 1);
-    out.voters.resize(out.receivers.size());
-    reverse_lists(s, out);
-    finish("reverse");
+    store_lists(
+        s, out,
+        [&](int first, int count, Buffer<std::uint32_t, Device>& rows) {
+            for_each_warp(Device{}, count, capacity * sizeof(std::uint64_t),
+                          QueryBody{query.splats, query.fixed, query.rule, query.noise, tree,
+                                    CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k,
+                                    capacity, first, rows.span(), s.counts.span()});
+        },
+        done);
 
     if (query.count_work) {
         out.candidates = static_cast<std::int64_t>(

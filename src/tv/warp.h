@@ -29,6 +29,21 @@ struct SerialWarp {
     T from_lane(T x, int /*lane*/) const {
         return x;
     }
+    /// The sum over the lanes before this one.
+    int sum_before(int /*x*/) const { return 0; }
+    /// action(0), ..., action(31), each in a lane of its own if there are as many.
+    template <class Action>
+    void for_lanes(const Action& action) const {
+        for (int i = 0; i < 32; ++i) action(i);
+    }
+    /// The smallest of value(0), ..., value(31).
+    template <class Value>
+    std::uint32_t smallest32(const Value& value) const {
+        std::uint32_t smallest = value(0);
+        for (int i = 1; i < 32; ++i) smallest = std::min(smallest, value(i));
+        return smallest;
+    }
+    static void sort(std::uint32_t* keys, int count) { std::sort(keys, keys + count); }
     /// Bit i: predicate(i), i in [0, 32).
     template <class Predicate>
     std::uint32_t ballot32(const Predicate& predicate) const {
@@ -146,6 +161,40 @@ inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys,
                      [](const auto& a, const auto& b) { return a.first < b.first; });
     for (std::size_t i = 0; i < pairs.size(); ++i)
         keys[i] = pairs[i].first, values[i] = pairs[i].second;
+}
+
+namespace detail {
+struct IotaBody {
+    Span<std::uint32_t> values;
+    TVSGS_HD void operator()(int i) const { values[i] = static_cast<std::uint32_t>(i); }
+};
+}  // namespace detail
+
+/// The places of the keys, stably sorted by them, in `order`, and the keys in that order; keys are
+/// below `limit`. `spare` grows to two numbers per key.
+inline void stable_order(Span<const std::uint32_t> keys,
+                         int limit,
+                         Span<std::uint32_t> sorted,
+                         Span<std::uint32_t> order,
+                         Buffer<std::uint32_t, Cpu>& /*spare*/,
+                         SortScratch<Cpu>&) {
+    std::vector<std::size_t> next(static_cast<std::size_t>(limit) + 1, 0);
+    for (const std::uint32_t key : keys) ++next[key + std::size_t(1)];
+    for (std::size_t key = 0; key + 1 < next.size(); ++key) next[key + 1] += next[key];
+    for (std::size_t i = 0; i < keys.count; ++i) {
+        const std::size_t to = next[keys[i]]++;
+        sorted[to] = keys[i], order[to] = static_cast<std::uint32_t>(i);
+    }
+}
+
+/// out[i] = term(0) + ... + term(i - 1).
+template <class Term>
+void exclusive_scan(const Term& term, Buffer<std::int64_t, Cpu>& out, SortScratch<Cpu>&) {
+    std::int64_t sum = 0;
+    for (std::size_t i = 0; i < out.size(); ++i) {
+        out[i] = sum;
+        sum += term(static_cast<std::int64_t>(i));
+    }
 }
 
 }  // namespace tvsgs

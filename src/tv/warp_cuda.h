@@ -4,6 +4,7 @@
 #include <thrust/iterator/counting_iterator.h>
 #include <thrust/iterator/transform_iterator.h>
 
+#include <bit>
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
@@ -37,6 +38,26 @@ struct CudaWarp {
     template <class T>
     __host__ __device__ T from_lane(T x, int source) const {
         return __shfl_sync(kAll, x, source);
+    }
+    __host__ __device__ int sum_before(int x) const {
+        int sum = x;
+        for (int offset = 1; offset < 32; offset *= 2) {
+            const int other = __shfl_up_sync(kAll, sum, offset);
+            sum += lane() >= offset ? other : 0;
+        }
+        return sum - x;
+    }
+    template <class Action>
+    __host__ __device__ void for_lanes(const Action& action) const {
+        action(lane());
+        __syncwarp();
+    }
+    template <class Value>
+    __host__ __device__ std::uint32_t smallest32(const Value& value) const {
+        return reduce_min(value(lane()));
+    }
+    __host__ __device__ void sort(std::uint32_t* keys, int count) const {
+        bitonic_sort(*this, keys, count);
     }
     template <class Predicate>
     __host__ __device__ std::uint32_t ballot32(const Predicate& predicate) const {
@@ -213,6 +234,16 @@ public:
     __host__ __device__ T from_lane(T x, int) const {
         return x;
     }
+    __host__ __device__ int sum_before(int) const {
+        return 0;
+    }
+    template <class Action>
+    __host__ __device__ void for_lanes(const Action&) const {}
+    template <class Value>
+    __host__ __device__ std::uint32_t smallest32(const Value&) const {
+        return 0;
+    }
+    __host__ __device__ void sort(std::uint32_t*, int) const {}
     template <class Predicate>
     __host__ __device__ std::uint32_t ballot32(const Predicate&) const {
         return 0;
@@ -299,6 +330,34 @@ inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
     run(scratch.temporary.data(), bytes);
     keys.swap(scratch.keys);
     values.swap(scratch.values);
+}
+
+inline void stable_order(Span<const std::uint32_t> keys,
+                         int limit,
+                         Span<std::uint32_t> sorted,
+                         Span<std::uint32_t> order,
+                         Buffer<std::uint32_t, Cuda>& spare,
+                         SortScratch<Cuda>& scratch) {
+    if (keys.empty()) return;
+    const std::size_t count = keys.count, key_bytes = count * sizeof(std::uint32_t);
+    spare.resize(2 * count);
+    detail::copy(Cuda{}, keys.data, Cuda{}, sorted.data, key_bytes);
+    parallel_for(Cuda{}, keys.size(), detail::IotaBody{order});
+    cub::DoubleBuffer<std::uint32_t> by_key(sorted.data, spare.data()),
+        places(order.data, spare.data() + count);
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceRadixSort::SortPairs(
+            temporary, bytes, by_key, places, static_cast<std::int64_t>(count), 0,
+            static_cast<int>(std::bit_width(static_cast<std::uint32_t>(limit)))));
+    };
+    std::size_t bytes = 0;
+    run(nullptr, bytes);
+    scratch.temporary.resize(bytes);
+    run(scratch.temporary.data(), bytes);
+    if (by_key.Current() != sorted.data)
+        detail::copy(Cuda{}, by_key.Current(), Cuda{}, sorted.data, key_bytes);
+    if (places.Current() != order.data)
+        detail::copy(Cuda{}, places.Current(), Cuda{}, order.data, key_bytes);
 }
 
 /// out[i] = term(0) + ... + term(i - 1).

@@ -176,12 +176,23 @@ TYPED_TEST(NeighbourTwins, MassiveCoincidenceTakesNoQuadraticTime) {
     Neighbours<TypeParam> found;
     find_neighbours({splat_spans(g), {}, k, {}, noise.data()}, scratch, found);
     // All distances tie, and slots keep the order of equal points: the smallest indices win.
-    const auto receivers = detail::lists_by_splat(found, kCount).receivers;
+    const VotingDetails lists = detail::lists_by_splat(found, kCount);
+    const auto& receivers = lists.receivers;
     for (int i = 0; i < kCount; ++i) {
         std::vector<std::uint32_t> expected;
         for (std::uint32_t j = 0; expected.size() < k; ++j)
             if (j != std::uint32_t(i)) expected.push_back(j);
         ASSERT_EQ(sorted_row(receivers, k, i), expected) << "splat " << i;
+    }
+    // A few receivers then have nearly all voters.
+    const auto begin = to_host(found.begin);
+    const auto voters = to_host(found.voters);
+    for (int slot = 0; slot < kCount; ++slot) {
+        ASSERT_EQ(begin[slot + 1] - begin[slot], slot < k ? kCount - 1 : slot == k ? k : 0);
+        for (auto e = begin[slot]; e < begin[slot + 1]; ++e) {
+            const auto rank = static_cast<int>(e - begin[slot]);
+            ASSERT_EQ(voters[e], static_cast<std::uint32_t>(rank + (rank >= slot && slot < k)));
+        }
     }
 }
 

@@ -1,0 +1,187 @@
+// How the lists of neighbours are stored, and how they are read. Both forms hold the same edges in
+// the same order, and hand them to the lanes of a warp in the same way: sums over them agree bit
+// for bit.
+#pragma once
+
+#include <bit>
+#include <cstdint>
+
+#include "core/buffer.h"
+
+namespace tvsgs {
+
+/// full: one number per edge and direction. compact: about a byte per edge for both.
+enum class ListStorage { full, compact };
+
+/// Plain lists.
+struct FullLists {
+    int k;                                // receivers of each voter
+    Span<const std::uint32_t> receivers;  // [voters, k] ascending for each voter
+    Span<const std::int64_t> begin;       // [usable + 1] where receiver i's voters begin
+    Span<const std::uint32_t> voters;     // ascending for each receiver
+
+    /// Of one warp, for receivers_of().
+    static std::size_t scratch_bytes(int /*k*/) { return 0; }
+
+    /// The voter's k receivers.
+    template <class Warp>
+    TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
+        return receivers.data + std::size_t(voter) * k;
+    }
+    /// action(voter) for this lane's share of the slot's voters: number e goes to lane e % 32.
+    template <class Warp, class Action>
+    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
+        const std::int64_t end = begin[slot + 1];
+        for (std::int64_t e = begin[slot] + warp.lane(); e < end; e += Warp::kLanes)
+            action(voters[e]);
+    }
+};
+
+/// Who of 32 voters votes for whom of 8 receivers. Both sides are neighbours in Morton order, hence
+/// in space, so that few tiles hold all edges: on surfaces 75 for 32 voters of 100 votes each.
+/// One sector of memory. [GPU design, section 11.5; narrower tiles than there, for both directions]
+struct alignas(32) EdgeTile {
+    static constexpr int kVoters = 32, kReceivers = 8;
+    std::uint32_t voters[kReceivers];  // bit v of word r: voter v votes for receiver r
+};
+
+/// The members of a set of up to 32 numbers, from `first` on, go to `out` after those of the lanes
+/// before; returns how many there are in all.
+template <class Warp>
+TVSGS_HD int write_members(const Warp& warp,
+                           std::uint32_t mask,
+                           std::uint32_t first,
+                           std::uint32_t* out) {
+    const int mine = std::popcount(mask), before = warp.sum_before(mine);
+    out += before;
+    for (; mask != 0; mask &= mask - 1)
+        *out++ = first + static_cast<std::uint32_t>(Warp::lowest_bit(mask));
+    return warp.from_lane(before + mine, Warp::kLanes - 1);
+}
+
+/// Place of the set bit number n, counted from 0.
+TVSGS_HD inline int place_of_bit(std::uint32_t mask, int n) {
+    int place = 0;
+    for (int half = 16; half > 0; half /= 2) {
+        const int below = std::popcount(mask & ((1u << half) - 1));
+        const bool above = n >= below;
+        n -= above ? below : 0;
+        mask >>= above ? half : 0;
+        place += above ? half : 0;
+    }
+    return place;
+}
+
+/// Lists as tiles.
+struct CompactLists {
+    Span<const EdgeTile> tiles;                // ordered by block of voters, then of receivers
+    Span<const std::uint32_t> receiver_block;  // of each tile
+    Span<const std::int64_t> voter_begin;      // [blocks of voters + 1]
+    // The other way: ordered by block of receivers, then of voters.
+    Span<const std::uint32_t> place;  // in `tiles`
+    Span<const std::uint32_t> voter_block;
+    Span<const std::int64_t> receiver_begin;  // [blocks of receivers + 1]
+
+    static std::size_t scratch_bytes(int k) { return std::size_t(k) * sizeof(std::uint32_t); }
+
+    template <class Warp>
+    TVSGS_HD const std::uint32_t* receivers_of(const Warp& warp, int voter, void* scratch) const {
+        auto* list = static_cast<std::uint32_t*>(scratch);
+        const int block = voter / EdgeTile::kVoters, bit = voter % EdgeTile::kVoters;
+        const std::int64_t end = voter_begin[block + 1];
+        int count = 0;
+        for (std::int64_t first = voter_begin[block]; first < end; first += Warp::kLanes) {
+            const std::int64_t t = first + warp.lane();
+            std::uint32_t mask = 0, receiver = 0;
+            if (t < end) {
+                const EdgeTile tile = tiles[t];
+                for (int r = 0; r < EdgeTile::kReceivers; ++r)
+                    mask |= (tile.voters[r] >> bit & 1) << r;
+                receiver = receiver_block[t] * EdgeTile::kReceivers;
+            }
+            count += write_members(warp, mask, receiver, list + count);
+        }
+        warp.sync();
+        return list;
+    }
+
+    template <class Warp, class Action>
+    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
+        const std::int64_t end = receiver_begin[slot / EdgeTile::kReceivers + 1];
+        std::int64_t first = receiver_begin[slot / EdgeTile::kReceivers];
+        if constexpr (Warp::kLanes == 1) {
+            for (; first < end; ++first)
+                for (std::uint32_t mask = voters_in(first, slot); mask != 0; mask &= mask - 1)
+                    action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
+        } else {
+            // 32 tiles at a time, a lane each, then the voters in them by number. Those of an
+            // incomplete 32 wait in their lanes for the next tiles.
+            std::uint32_t voter = 0;
+            int found = 0;
+            for (bool last = false; !last;) {
+                const std::int64_t t = first + warp.lane();
+                const std::uint32_t mask = t < end ? voters_in(t, slot) : 0;
+                const std::uint32_t base = t < end ? first_voter(t) : 0;
+                const int mine = std::popcount(mask), before = warp.sum_before(mine);
+                const int known = found;
+                found += warp.from_lane(before + mine, Warp::kLanes - 1);
+                first += Warp::kLanes;
+                last = first >= end;
+                for (int e = known / 32 * 32 + warp.lane(); e - warp.lane() < found; e += 32) {
+                    const std::uint32_t candidate = member(warp, mask, base, before, e - known);
+                    if (e >= known) voter = candidate;
+                    const bool complete = e - warp.lane() + 32 <= found;
+                    if (complete || (last && e < found)) action(voter);
+                }
+            }
+        }
+    }
+
+    /// The slot's voters to `out`, for which it takes a whole warp.
+    template <class Warp>
+    TVSGS_HD void write_voters(const Warp& warp, int slot, std::uint32_t* out) const {
+        const std::int64_t end = receiver_begin[slot / EdgeTile::kReceivers + 1];
+        for (std::int64_t first = receiver_begin[slot / EdgeTile::kReceivers]; first < end;
+             first += Warp::kLanes) {
+            const std::int64_t t = first + warp.lane();
+            out += write_members(warp, t < end ? voters_in(t, slot) : 0,
+                                 t < end ? first_voter(t) : 0, out);
+        }
+    }
+
+    TVSGS_HD std::uint32_t voters_in(std::int64_t t, int slot) const {
+        return tiles[place[t]].voters[slot % EdgeTile::kReceivers];
+    }
+
+private:
+    TVSGS_HD std::uint32_t first_voter(std::int64_t t) const {
+        return voter_block[t] * EdgeTile::kVoters;
+    }
+    /// Number e of the members of the lanes' sets, `before` of which are in lower lanes.
+    template <class Warp>
+    TVSGS_HD static std::uint32_t member(
+        const Warp& warp, std::uint32_t mask, std::uint32_t base, int before, int e) {
+        int lane = 0;  // the last one with before <= e; empty sets come before the one after them
+        for (int step = Warp::kLanes / 2; step > 0; step /= 2)
+            if (warp.from_lane(before, lane + step) <= e) lane += step;
+        const int n = e - warp.from_lane(before, lane);
+        return warp.from_lane(base, lane) +
+               static_cast<std::uint32_t>(place_of_bit(warp.from_lane(mask, lane), n));
+    }
+};
+
+/// Owns tiles. Their number is known when all are made: the buffers may be longer.
+template <class Device>
+struct EdgeTiles {
+    std::size_t count = 0;
+    Buffer<EdgeTile, Device> tiles;
+    Buffer<std::uint32_t, Device> receiver_block, place, voter_block;
+    Buffer<std::int64_t, Device> voter_begin, receiver_begin;
+
+    CompactLists lists() const {
+        return {{tiles.data(), count}, {receiver_block.data(), count}, voter_begin.span(),
+                {place.data(), count}, {voter_block.data(), count},    receiver_begin.span()};
+    }
+};
+
+}  // namespace tvsgs
