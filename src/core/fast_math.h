@@ -68,6 +68,19 @@ struct FastMath : ExactMath {
 #endif
 };
 
+/// a b + c, on a GPU rounded once: what must come out alike in two kernels is not left to the
+/// compiler's choice of what to fuse.
+TVSGS_HD inline float multiply_add(float a, float b, float c) {
+#if defined(__CUDA_ARCH__)
+    return __fmaf_rn(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+TVSGS_HD inline double multiply_add(double a, double b, double c) {
+    return a * b + c;
+}
+
 /// The angle in [0, pi/2] of a point with these coordinates on the unit circle, without a branch:
 /// arcsin of the smaller by a polynomial, relative error 1e-7.
 TVSGS_HD inline float angle_of(float sine, float cosine) {

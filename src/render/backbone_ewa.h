@@ -75,12 +75,12 @@ private:
 
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
-        parallel_for(Device{}, g.size(),
-                     ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(),
-                                            g.quats.span(), g.opacity_logits.span(), g.sh.span(),
-                                            splats_.shapes.span(), splats_.features.span(),
-                                            splats_.depths.span(), splats_.rects.span(),
-                                            splats_.touched.span(), statistics_.radii_px.span()});
+        parallel_for(
+            Device{}, g.size(),
+            ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(),
+                                   g.opacity_logits.span(), g.sh.span(), splats_.shapes.span(),
+                                   splats_.features.span(), splats_.depths.span(),
+                                   splats_.rects.span(), statistics_.radii_px.span()});
         build_tile_lists(splats_, grid_, lists_);
         blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_);
     }
@@ -89,16 +89,14 @@ private:
     void backward_as(const Gaussians<Device>& g,
                      const ImageGradients<Device>& dL_dimages,
                      Gaussians<Device>& dL) {
-        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages,
-                                   slot_gradients_);
-        const Buffer<SplatGradients<float>, Device>& slots = slot_gradients_;
+        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slots_);
         parallel_for(Device{}, g.size(),
                      ProjectBackwardBody<kChannels>{
                          view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
-                         splats_.shapes.span(), splats_.features.span(), splats_.touched.span(),
-                         lists_.first_slot.span(), slots.span(), dL.means.span(),
-                         dL.log_scales.span(), dL.quats.span(), dL.opacity_logits.span(),
-                         dL.sh.span(), statistics_.dL_dmeans2d.span(),
+                         splats_.shapes.span(), splats_.features.span(), lists_.slot_counts.span(),
+                         lists_.first_slot.span(), slots_.gradients.span(), slots_.drawn.span(),
+                         dL.means.span(), dL.log_scales.span(), dL.quats.span(),
+                         dL.opacity_logits.span(), dL.sh.span(), statistics_.dL_dmeans2d.span(),
                          statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
     }
 
@@ -112,7 +110,7 @@ private:
     BlendState<Device> state_;
     RenderedImages<Device> images_;
     ScreenStatistics<Device> statistics_;
-    Buffer<SplatGradients<float>, Device> slot_gradients_;
+    SlotGradients<Device> slots_;
 };
 
 }  // namespace tvsgs

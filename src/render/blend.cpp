@@ -21,8 +21,9 @@ Box box_in_tile(const SplatShape<float>& s, int left, int top, int right, int bo
     const auto last = [](float high, int most) {
         return std::min(most, static_cast<int>(std::floor(std::min(high, 1e6f))) + 1);
     };
-    return {first(s.mean.x - s.extent.x - 0.5f, left), first(s.mean.y - s.extent.y - 0.5f, top),
-            last(s.mean.x + s.extent.x - 0.5f, right), last(s.mean.y + s.extent.y - 0.5f, bottom)};
+    const Vec2f extent = splat_extent(s);
+    return {first(s.mean.x - extent.x - 0.5f, left), first(s.mean.y - extent.y - 0.5f, top),
+            last(s.mean.x + extent.x - 0.5f, right), last(s.mean.y + extent.y - 0.5f, bottom)};
 }
 
 Vec2f offset(const SplatShape<float>& s, int x, int y) {
@@ -56,9 +57,9 @@ void blend_tiles(const ViewSplats<Cpu>& splats,
         int open = (t.right - t.left) * (t.bottom - t.top);
         const TileSpan span = lists.spans[static_cast<std::size_t>(tile)];
         for (std::uint32_t at = span.begin; at < span.end && open > 0; ++at) {
-            const std::uint32_t splat = lists.splat_of_slot[lists.slots[at]];
+            const std::uint32_t splat = lists.splats[at];
             const SplatShape<float>& s = splats.shapes[splat];
-            const SplatFeatures<float>& f = splats.features[splat];
+            const SplatFeatures<float>& f = splats.features[splat].f;
             const Box box = box_in_tile(s, t.left, t.top, t.right, t.bottom);
             for (int y = box.y0; y < box.y1; ++y)
                 for (int x = box.x0; x < box.x1; ++x) {
@@ -90,9 +91,9 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
                      const ImageGradients<Cpu>& dL_dimages,
-                     Buffer<SplatGradients<float>, Cpu>& slot_gradients) {
-    slot_gradients.resize(static_cast<std::size_t>(lists.slot_count));
-    slot_gradients.fill_zero();
+                     SlotGradients<Cpu>& slots) {
+    slots.resize(static_cast<std::size_t>(lists.slot_count));
+    slots.drawn.fill_zero();
     const PixelGradientReader<kChannels> read{dL_dimages.color.span(), dL_dimages.normal.span(),
                                               dL_dimages.distance.span()};
     parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
@@ -109,20 +110,24 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
         const TileSpan span = lists.spans[static_cast<std::size_t>(tile)];
         for (std::uint32_t at = last; at-- > 0;) {
             const std::uint32_t slot = lists.slots[span.begin + at];
-            const std::uint32_t splat = lists.splat_of_slot[slot];
+            const std::uint32_t splat = lists.splats[span.begin + at];
             const SplatShape<float>& s = splats.shapes[splat];
-            const SplatFeatures<float>& f = splats.features[splat];
+            const SplatFeatures<float>& f = splats.features[splat].f;
             const Box box = box_in_tile(s, t.left, t.top, t.right, t.bottom);
             SplatGradients<float> g{};
+            bool drawn = false;
             for (int y = box.y0; y < box.y1; ++y)
                 for (int x = box.x0; x < box.x1; ++x) {
                     const int p = (y - t.top) * kTileSize + x - t.left;
                     if (at >= stop[p]) continue;
                     const Vec2f d = offset(s, x, y);
                     const SplatAlpha<float> a = splat_alpha(s, d);
-                    if (a.alpha > 0) blend_vjp<kChannels>(pixels[p], s, f, d, a, g);
+                    if (a.alpha == 0) continue;
+                    drawn = true;
+                    blend_vjp<kChannels>(pixels[p], s, f, d, a, g);
                 }
-            slot_gradients[slot] = g;
+            slots.gradients[slot] = g;
+            slots.drawn[slot] = drawn;
         }
     });
 }
@@ -134,7 +139,7 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
     template void blend_tiles_vjp<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,      \
                                             const TileGrid&, const RenderedImages<Cpu>&,        \
                                             const BlendState<Cpu>&, const ImageGradients<Cpu>&, \
-                                            Buffer<SplatGradients<float>, Cpu>&);
+                                            SlotGradients<Cpu>&);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

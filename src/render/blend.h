@@ -13,6 +13,15 @@ struct BlendState {
     Buffer<std::uint32_t, Device> stop;  // [H W]
 };
 
+/// A gradient per slot; those of slots that drew nothing are not written.
+template <class Device>
+struct SlotGradients {
+    Buffer<SplatGradients<float>, Device> gradients;
+    Buffer<std::uint8_t, Device> drawn;  // 0: there is none
+
+    void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
+};
+
 /// Overwrites the images of the channel set, background black. Depth only with plane channels,
 /// along the rays of `camera`.
 template <Channels kChannels>
@@ -30,7 +39,7 @@ void blend_tiles(const ViewSplats<Cuda>& splats,
                  RenderedImages<Cuda>& images,
                  BlendState<Cuda>& state);
 
-/// dL/d of the images to one gradient per slot; `slot_gradients` is resized and overwritten. Images
+/// dL/d of the images to one gradient per slot; `slots` is resized and overwritten. Images
 /// without a gradient buffer count as zero. No floating-point atomics: bit-identical from run to
 /// run.
 template <Channels kChannels>
@@ -40,7 +49,7 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
                      const ImageGradients<Cpu>& dL_dimages,
-                     Buffer<SplatGradients<float>, Cpu>& slot_gradients);
+                     SlotGradients<Cpu>& slots);
 template <Channels kChannels>
 void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      const TileLists<Cuda>& lists,
@@ -48,7 +57,7 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      const RenderedImages<Cuda>& images,
                      const BlendState<Cuda>& state,
                      const ImageGradients<Cuda>& dL_dimages,
-                     Buffer<SplatGradients<float>, Cuda>& slot_gradients);
+                     SlotGradients<Cuda>& slots);
 
 /// Writes a finished pixel, shared by both devices.
 template <Channels kChannels>

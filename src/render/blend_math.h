@@ -2,8 +2,11 @@
 // their lists with these. [Kerbl23, Eq. 2-3], plane channels and unbiased depth: [PGSR]
 #pragma once
 
-#include "core/vec.h"
+#include <limits>
+
+#include "core/fast_math.h"
 #include "render/backbone.h"
+#include "render/projection_math.h"
 
 namespace tvsgs {
 
@@ -13,14 +16,27 @@ inline constexpr float kMaxAlpha =
 inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
 inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
 
-/// The ellipse of a splat in the image.
+/// The ellipse of a splat in the image; in whole 16-byte words.
 template <class Real>
-struct SplatShape {
-    Vec2<Real> mean;    // px, corner convention
-    Sym2<Real> conic;   // 1/px^2
-    Real opacity;       // activated
-    Vec2<Real> extent;  // half-widths of the box in which alpha can reach kMinAlpha, px
+struct alignas(16) SplatShape {
+    Vec2<Real> mean;         // px, corner convention
+    EllipseRoot<Real> root;  // 1/px
+    Real opacity;            // activated
+    Real reach;  // of the Gaussian's exponent: alpha is kMinAlpha or more where it is at most this
 };
+
+template <class Real>
+TVSGS_HD Real splat_reach(Real opacity) {
+    return std::log(opacity / Real(kMinAlpha));
+}
+
+/// Half-widths of the box in which alpha can reach kMinAlpha, px.
+template <class Real>
+TVSGS_HD Vec2<Real> splat_extent(const SplatShape<Real>& s) {
+    const EllipseRoot<Real>& R = s.root;
+    return {std::sqrt(s.reach * (R.xy * R.xy + R.yy * R.yy)) / (R.xx * R.yy),
+            std::sqrt(s.reach) / R.yy};
+}
 
 /// What a splat adds to the channels.
 template <class Real>
@@ -55,13 +71,18 @@ struct SplatAlpha {
     Real gauss, alpha;
 };
 
-/// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this.
+/// R d, whose squared length is the exponent of the splat's Gaussian.
+template <class Real>
+TVSGS_HD Vec2<Real> whitened(const EllipseRoot<Real>& root, Vec2<Real> d) {
+    return {multiply_add(root.xy, d.y, root.xx * d.x), root.yy * d.y};
+}
+
+/// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this. FastMath:
+/// where alpha is not cut off, its exponential is right to 5 units in the last place.
 template <class Real>
 TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
-    const Real power =
-        Real(-0.5) * (s.conic.xx * d.x * d.x + s.conic.yy * d.y * d.y) - s.conic.xy * d.x * d.y;
-    if (!(power <= 0)) return {0, 0};
-    const Real gauss = std::exp(power);
+    const Vec2<Real> w = whitened(s.root, d);
+    const Real gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
     const Real alpha = s.opacity * gauss;
     if (!(alpha >= Real(kMinAlpha))) return {0, 0};
     return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
@@ -89,12 +110,12 @@ template <class Real>
 struct PixelBackward {
     Real T;  // behind the next splat to visit; starts at the final transmittance
     SplatFeatures<Real> dL_dpixel;  // gradient of the blended channels
-    SplatFeatures<Real> behind{};   // blended features behind, as if seen with T = 1
+    Real behind = 0;                // <dL_dpixel, blended features behind, as if seen with T = 1>
 };
 
-/// Gradients of one splat; what a backward pass sums over pixels.
+/// Gradients of one splat; what a backward pass sums over pixels. In whole 16-byte words.
 template <class Real>
-struct SplatGradients {
+struct alignas(16) SplatGradients {
     Vec2<Real> mean, abs_mean;  // per px; abs: sum of absolute values per pixel
     Sym2<Real> conic;  // xy holds the derivative of the packed entry (both off-diagonal places)
     Real opacity;
@@ -114,23 +135,19 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         Vec2<Real> d,
                         SplatAlpha<Real> a,
                         SplatGradients<Real>& g) {
-    const Real T = pixel.T / (1 - a.alpha);  // in front of this splat
-    const Real dL_dalpha = T * (feature_dot<kChannels>(f, pixel.dL_dpixel) -
-                                feature_dot<kChannels>(pixel.behind, pixel.dL_dpixel));
+    const Real T = pixel.T * FastMath::inverse(1 - a.alpha);  // in front of this splat
+    const Real step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
+    const Real dL_dalpha = T * step;
     add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
-
-    // behind <- alpha f + (1 - alpha) behind
-    SplatFeatures<Real> behind{};
-    add_features<kChannels>(behind, a.alpha, f);
-    add_features<kChannels>(behind, 1 - a.alpha, pixel.behind);
-    pixel.behind = behind;
+    pixel.behind += a.alpha * step;  // features behind <- alpha f + (1 - alpha) features behind
     pixel.T = T;
 
-    const Real dL_dgauss = s.opacity * dL_dalpha;
-    g.opacity += a.gauss * dL_dalpha;
-    const Real common = a.gauss * dL_dgauss;
-    const Vec2<Real> dL_dmean = {-common * (s.conic.xx * d.x + s.conic.xy * d.y),
-                                 -common * (s.conic.xy * d.x + s.conic.yy * d.y)};
+    const Real gauss_dL_dalpha = a.gauss * dL_dalpha;
+    g.opacity += gauss_dL_dalpha;
+    const Real common = s.opacity * gauss_dL_dalpha;
+    const Vec2<Real> w = whitened(s.root, d);  // conic d = 2 R^T w
+    const Vec2<Real> dL_dmean = {-2 * common * (s.root.xx * w.x),
+                                 -2 * common * (s.root.xy * w.x + s.root.yy * w.y)};
     g.mean += dL_dmean;
     g.abs_mean += Vec2<Real>{std::abs(dL_dmean.x), std::abs(dL_dmean.y)};
     g.conic.xx -= Real(0.5) * common * d.x * d.x;
@@ -139,29 +156,44 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     if (T > Real(kFrontTransmittance)) g.front_pixels += 1;
 }
 
-/// Least value of the conic's quadratic form over the rectangle of pixel centres [low, high].
+/// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as
+/// rounding allows: splat_alpha's own exponent is nowhere in it less. Written without anything to
+/// fuse, so that all kernels get the same bits.
 template <class Real>
-TVSGS_HD Real least_quadratic(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     const auto clamped = [](Real value, Real lo, Real hi) {
         return value < lo ? lo : value > hi ? hi : value;
     };
-    const Real nearest_x = clamped(s.mean.x, low.x, high.x),
-               nearest_y = clamped(s.mean.y, low.y, high.y);
-    const Real dx = nearest_x - s.mean.x, dy = nearest_y - s.mean.y;
+    const EllipseRoot<Real>& R = s.root;
+    const Vec2<Real> from = low - s.mean, to = high - s.mean;
+    const Real dx = clamped(0, from.x, to.x), dy = clamped(0, from.y, to.y);
     if (dx == 0 && dy == 0) return 0;
-    const auto q = [&](Real x, Real y) {
-        return s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y;
+    const auto at = [&](Real x, Real y) {
+        // Two evaluations of w.x, here and in splat_alpha, differ by less than kError size.
+        constexpr Real kError = 4 * std::numeric_limits<Real>::epsilon();
+        const Real size = multiply_add(std::abs(R.xy), std::abs(y), R.xx * std::abs(x));
+        const Vec2<Real> w = whitened(R, {x, y});
+        const Real surely = multiply_add(-kError, size, std::abs(w.x)), u = surely > 0 ? surely : 0;
+        return multiply_add(u, u, w.y * w.y);
     };
     // The minimum lies on an edge that faces the mean.
     Real least = Real(3e38);
-    if (dx != 0)
-        least = q(dx, clamped(-s.conic.xy * dx / s.conic.yy, low.y - s.mean.y, high.y - s.mean.y));
+    if (dx != 0) {
+        const Real yy = multiply_add(R.xy, R.xy, R.yy * R.yy);
+        least = at(dx, clamped(-(R.xx * R.xy) * dx * FastMath::inverse(yy), from.y, to.y));
+    }
     if (dy != 0) {
-        const Real other =
-            q(clamped(-s.conic.xy * dy / s.conic.xx, low.x - s.mean.x, high.x - s.mean.x), dy);
+        const Real other = at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy);
         least = other < least ? other : least;
     }
     return least;
+}
+
+/// Whether alpha can reach kMinAlpha at a pixel centre in [low, high]; rounding may only say yes
+/// too often.
+template <class Real>
+TVSGS_HD bool may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+    return least_exponent(s, low, high) <= s.reach + Real(1e-4);
 }
 
 /// The plane's depth along a pixel ray r (z = 1): D = distance / -(normal . r); 0 where it is

@@ -190,10 +190,26 @@ TVSGS_HD ProjectionGradients<Real> projection_vjp(const Pinhole<Real>& camera,
     return out;
 }
 
-/// Inverse of a 2D covariance with positive determinant `det`.
+/// Upper triangular root R of half the inverse of a 2D covariance: a splat's Gaussian at `offset`
+/// from its mean is exp(-|R offset|^2). Unlike the inverse itself it loses nothing to cancellation
+/// where splats are needles.
 template <class Real>
-TVSGS_HD Sym2<Real> conic(const Sym2<Real>& covariance2d, Real det) {
-    return {covariance2d.yy / det, -covariance2d.xy / det, covariance2d.xx / det};
+struct EllipseRoot {
+    Real xx{}, xy{}, yy{};
+};
+
+/// `det` is the covariance's determinant, positive.
+template <class Real>
+TVSGS_HD EllipseRoot<Real> ellipse_root(const Sym2<Real>& covariance2d, Real det) {
+    const Real xx = std::sqrt(Real(0.5) * covariance2d.yy / det);
+    return {xx, -xx * covariance2d.xy / covariance2d.yy, std::sqrt(Real(0.5) / covariance2d.yy)};
+}
+
+/// The inverse covariance.
+template <class Real>
+TVSGS_HD Sym2<Real> conic(const EllipseRoot<Real>& root) {
+    return {2 * root.xx * root.xx, 2 * root.xx * root.xy,
+            2 * (root.xy * root.xy + root.yy * root.yy)};
 }
 
 /// dL/dSigma2 = -Q G Q, full-matrix entries in and out.

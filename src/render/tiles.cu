@@ -1,3 +1,6 @@
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
 #include <cub/cub.cuh>
 
 #include "core/parallel.h"
@@ -6,16 +9,123 @@
 namespace tvsgs {
 namespace {
 
-/// First and last slot of each tile, read off the sorted keys.
+constexpr int kThreads = 256;
+constexpr std::uint32_t kLaneTiles = 6;  // above, a splat's tiles are shared among the warp's lanes
+constexpr unsigned kAll = 0xffffffffu;
+
+/// Projected splats as the kernels see them.
+struct Projected {
+    TileGrid grid;
+    Span<const SplatShape<float>> shapes;
+    Span<const TileRect> rects;
+};
+
+/// Calls found(splat, position, tile) for the tiles that each lane's splat meets, position counting
+/// them row by row from `first` on; returns the lane's count. To be called by whole warps;
+/// has_splat false: no splat.
+template <class Found>
+__device__ std::uint32_t walk_tiles(const Projected& in,
+                                    bool has_splat,
+                                    std::uint32_t splat,
+                                    std::uint32_t first,
+                                    const Found& found) {
+    const unsigned lane = threadIdx.x % 32;
+    const TileRect rect = has_splat ? in.rects[splat] : TileRect{};
+    const std::uint32_t candidates = rect.count();
+    std::uint32_t count = 0;
+    if (candidates > 0 && candidates <= kLaneTiles) {
+        const SplatShape<float> shape = in.shapes[splat];
+        for (std::uint32_t at = 0; at < candidates; ++at) {
+            const TileRect tile = rect_tile(rect, at);
+            if (ellipse_meets_tiles(shape, in.grid, tile))
+                found(splat, first + count++, tile_index(in.grid, tile));
+        }
+    }
+    for (unsigned large = __ballot_sync(kAll, candidates > kLaneTiles); large != 0;
+         large &= large - 1) {
+        const int source = __ffs(static_cast<int>(large)) - 1;
+        const std::uint32_t shared_splat = __shfl_sync(kAll, splat, source);
+        const std::uint32_t shared_first = __shfl_sync(kAll, first, source);
+        const SplatShape<float> shape = in.shapes[shared_splat];
+        const TileRect shared_rect = in.rects[shared_splat];
+        const std::uint32_t total = shared_rect.count();
+        std::uint32_t before = 0;
+        for (std::uint32_t base = 0; base < total; base += 32) {
+            const std::uint32_t at = base + lane;
+            const TileRect tile = rect_tile(shared_rect, at < total ? at : 0);
+            const bool meets = at < total && ellipse_meets_tiles(shape, in.grid, tile);
+            const unsigned mask = __ballot_sync(kAll, meets);
+            if (meets)
+                found(shared_splat, shared_first + before + __popc(mask & ((1u << lane) - 1)),
+                      tile_index(in.grid, tile));
+            before += __popc(mask);
+        }
+        if (lane == static_cast<unsigned>(source)) count = before;
+    }
+    return count;
+}
+
+__global__ void __launch_bounds__(kThreads)
+    count_slots_kernel(Projected in, Span<std::uint32_t> slot_counts) {
+    const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
+    const bool has_splat = i < slot_counts.count;
+    const std::uint32_t count =
+        walk_tiles(in, has_splat, i, 0, [](std::uint32_t, std::uint32_t, std::uint32_t) {});
+    if (has_splat) slot_counts[i] = count;
+}
+
+/// Slots of the splats in their order by depth; on entry `first_of` holds each one's first slot.
+template <class Key>
+__global__ void __launch_bounds__(kThreads) emit_slots_kernel(Projected in,
+                                                              Span<const std::uint32_t> order,
+                                                              Span<const std::uint32_t> first_of,
+                                                              Span<std::uint32_t> first_slot,
+                                                              Key* tile_keys,
+                                                              Span<std::uint32_t> slots,
+                                                              Span<std::uint32_t> splat_of_slot) {
+    const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
+    const bool has_splat = k < order.count;
+    const std::uint32_t splat = has_splat ? order[k] : 0, first = has_splat ? first_of[k] : 0;
+    if (has_splat) first_slot[splat] = first;
+    walk_tiles(in, has_splat, splat, first,
+               [&](std::uint32_t of, std::uint32_t slot, std::uint32_t tile) {
+                   tile_keys[slot] = static_cast<Key>(tile);
+                   slots[slot] = slot;
+                   splat_of_slot[slot] = of;
+               });
+}
+
+struct DepthKeyBody {
+    Span<const std::uint32_t> visible;
+    Span<const float> depths;
+    Span<std::uint32_t> keys;
+
+    TVSGS_HD void operator()(int k) const { keys[k] = depth_key(depths[visible[k]]); }
+};
+
+struct SlotsOf {
+    Span<const std::uint32_t> slot_counts;
+    TVSGS_HD std::uint32_t operator()(std::uint32_t splat) const { return slot_counts[splat]; }
+};
+
+struct Widen {
+    TVSGS_HD std::uint64_t operator()(std::uint32_t count) const { return count; }
+};
+
+/// First and last position of each tile, read off the sorted keys; and the sorted slots' splats.
+template <class Key>
 struct TileSpansBody {
-    Span<const std::uint64_t> keys;
+    const Key* keys;
+    Span<const std::uint32_t> slots, splat_of_slot;
+    Span<std::uint32_t> splats;
     Span<TileSpan> spans;
 
     TVSGS_HD void operator()(int i) const {
-        const std::uint64_t tile = keys[i] >> 32;
+        splats[i] = splat_of_slot[slots[i]];
+        const Key tile = keys[i];
         const auto position = static_cast<std::uint32_t>(i);
-        if (i == 0 || keys[i - 1] >> 32 != tile) spans[tile].begin = position;
-        if (i + 1 == keys.size() || keys[i + 1] >> 32 != tile) spans[tile].end = position + 1;
+        if (i == 0 || keys[i - 1] != tile) spans[tile].begin = position;
+        if (i + 1 == slots.size() || keys[i + 1] != tile) spans[tile].end = position + 1;
     }
 };
 
@@ -28,45 +138,89 @@ void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& oper
     check_cuda(operation(temporary.data(), bytes));
 }
 
+/// Splats with slots, by depth, then index.
+void sort_by_depth(const ViewSplats<Cuda>& splats, TileLists<Cuda>& lists) {
+    parallel_for(Cuda{}, lists.visible_count,
+                 DepthKeyBody{std::as_const(lists.visible).span(), splats.depths.span(),
+                              lists.depth_keys.span()});
+    with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortPairs(temp, bytes, lists.depth_keys.data(),
+                                               lists.depth_keys_sorted.data(), lists.visible.data(),
+                                               lists.order.data(), lists.visible_count, 0,
+                                               31);  // the sign is always 0
+    });
+}
+
+/// Emits the slots in that order and sorts them by tile; `Key` holds a tile's index.
+template <class Key>
+void emit_and_sort(const Projected& in, const TileGrid& grid, TileLists<Cuda>& lists) {
+    Buffer<std::uint32_t, Cuda>& first_of = lists.depth_keys;  // no longer needed
+    with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
+        return cub::DeviceScan::ExclusiveSum(
+            temp, bytes,
+            thrust::make_transform_iterator(lists.order.data(),
+                                            SlotsOf{std::as_const(lists.slot_counts).span()}),
+            first_of.data(), lists.visible_count);
+    });
+    Key* const keys = reinterpret_cast<Key*>(lists.tile_keys.data());
+    Key* const keys_sorted = reinterpret_cast<Key*>(lists.tile_keys_sorted.data());
+    emit_slots_kernel<<<(lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
+        in, std::as_const(lists.order).span(), std::as_const(first_of).span(),
+        lists.first_slot.span(), keys, lists.slots_unsorted.span(), lists.splat_of_slot.span());
+    check_launch();
+    int bits = 1;
+    while ((1ll << bits) < grid.count()) ++bits;
+    with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
+        return cub::DeviceRadixSort::SortPairs(temp, bytes, keys, keys_sorted,
+                                               lists.slots_unsorted.data(), lists.slots.data(),
+                                               lists.slot_count, 0, bits);
+    });
+    parallel_for(Cuda{}, lists.slot_count,
+                 TileSpansBody<Key>{keys_sorted, std::as_const(lists.slots).span(),
+                                    std::as_const(lists.splat_of_slot).span(), lists.splats.span(),
+                                    lists.spans.span()});
+}
+
 }  // namespace
 
 void build_tile_lists(const ViewSplats<Cuda>& splats,
                       const TileGrid& grid,
                       TileLists<Cuda>& lists) {
-    const int n = static_cast<int>(splats.touched.size());
-    lists.first_slot.resize(n);
-    lists.spans.resize(grid.count());
+    const int n = static_cast<int>(splats.rects.size());
+    lists.slot_counts.resize(n), lists.first_slot.resize(n), lists.visible.resize(n);
+    lists.spans.resize(grid.count()), lists.totals.resize(2);
     lists.spans.fill_zero();
-    lists.slot_count = 0;
+    lists.slot_count = lists.visible_count = 0;
     if (n == 0) return;
+    const Projected in{grid, splats.shapes.span(), splats.rects.span()};
+    count_slots_kernel<<<(n + kThreads - 1) / kThreads, kThreads>>>(in, lists.slot_counts.span());
+    check_launch();
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
-        return cub::DeviceScan::ExclusiveSum(temp, bytes, splats.touched.data(),
-                                             lists.first_slot.data(), n);
+        return cub::DeviceSelect::Flagged(
+            temp, bytes, thrust::make_counting_iterator<std::uint32_t>(0), lists.slot_counts.data(),
+            lists.visible.data(), lists.totals.data(), n);
     });
-    std::uint64_t last[2];  // the one host synchronisation of a render
-    detail::copy(Cuda{}, lists.first_slot.data() + n - 1, Cpu{}, &last[0], sizeof last[0]);
-    detail::copy(Cuda{}, splats.touched.data() + n - 1, Cpu{}, &last[1], sizeof last[1]);
-    const std::uint64_t total = last[0] + last[1];
+    with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
+        return cub::DeviceReduce::Sum(
+            temp, bytes, thrust::make_transform_iterator(lists.slot_counts.data(), Widen{}),
+            lists.totals.data() + 1, n);
+    });
+    const auto totals = to_host(lists.totals);  // the one host synchronisation of a render
+    const std::size_t visible = totals[0], total = totals[1];
     check_slot_count(total);
+    lists.visible_count = static_cast<int>(visible);
     lists.slot_count = static_cast<int>(total);
+    lists.order.resize(visible), lists.depth_keys.resize(visible);
+    lists.depth_keys_sorted.resize(visible);
+    lists.slots.resize(total), lists.splats.resize(total), lists.slots_unsorted.resize(total);
+    lists.splat_of_slot.resize(total);
+    lists.tile_keys.resize(total), lists.tile_keys_sorted.resize(total);
     if (total == 0) return;
-    lists.keys.resize(total), lists.keys_sorted.resize(total);
-    lists.slots_unsorted.resize(total), lists.slots.resize(total),
-        lists.splat_of_slot.resize(total);
-    parallel_for(
-        Cuda{}, n,
-        EmitSlotsBody{grid, splats.shapes.span(), splats.depths.span(), splats.rects.span(),
-                      splats.touched.span(), lists.first_slot.span(), lists.keys.span(),
-                      lists.slots_unsorted.span(), lists.splat_of_slot.span()});
-    int bits = 32;
-    while ((1ll << (bits - 32)) < grid.count()) ++bits;
-    with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
-        return cub::DeviceRadixSort::SortPairs(
-            temp, bytes, lists.keys.data(), lists.keys_sorted.data(), lists.slots_unsorted.data(),
-            lists.slots.data(), lists.slot_count, 0, bits);
-    });
-    parallel_for(Cuda{}, lists.slot_count,
-                 TileSpansBody{lists.keys_sorted.span(), lists.spans.span()});
+    sort_by_depth(splats, lists);
+    if (grid.count() <= 1 << 16)
+        emit_and_sort<std::uint16_t>(in, grid, lists);
+    else
+        emit_and_sort<std::uint32_t>(in, grid, lists);
 }
 
 }  // namespace tvsgs

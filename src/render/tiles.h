@@ -5,23 +5,27 @@
 
 namespace tvsgs {
 
-/// Slots [begin, end) of a tile in TileLists::slots.
+/// Positions [begin, end) of a tile in TileLists::slots.
 struct TileSpan {
     std::uint32_t begin, end;
 };
 
-/// A slot is one (splat, tile) pair, numbered in the order of the splats; a splat's slots are
-/// contiguous.
+/// A slot is one (splat, tile) pair. Slots are numbered by the depth of their splats, then the
+/// splats' index, then tile: so a splat's slots are contiguous, and a stable sort by tile leaves
+/// every tile's slots front to back.
 template <class Device>
 struct TileLists {
-    Buffer<std::uint64_t, Device> first_slot;     // [N] first slot of each splat
-    Buffer<std::uint32_t, Device> splat_of_slot;  // [slots]
-    Buffer<std::uint32_t, Device> slots;          // [slots] by tile, then depth, then splat index
-    Buffer<TileSpan, Device> spans;               // [tiles]
-    int slot_count = 0;
+    Buffer<std::uint32_t, Device> slot_counts;  // [N] 0: draws nothing
+    Buffer<std::uint32_t, Device> first_slot;   // [N] undefined where there are none
+    Buffer<std::uint32_t, Device> slots;        // [slots] by tile, then depth, then splat index
+    Buffer<std::uint32_t, Device> splats;       // [slots] of these slots
+    Buffer<TileSpan, Device> spans;             // [tiles]
+    int slot_count = 0, visible_count = 0;      // visible: splats with slots
 
-    Buffer<std::uint64_t, Device> keys, keys_sorted;  // scratch
-    Buffer<std::uint32_t, Device> slots_unsorted;
+    // Scratch.
+    Buffer<std::uint64_t, Device> totals;
+    Buffer<std::uint32_t, Device> visible, order, depth_keys, depth_keys_sorted;  // [visible]
+    Buffer<std::uint32_t, Device> splat_of_slot, slots_unsorted, tile_keys, tile_keys_sorted;
     Buffer<std::uint8_t, Device> temporary;
 };
 
@@ -29,35 +33,25 @@ struct TileLists {
 void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileLists<Cpu>& lists);
 void build_tile_lists(const ViewSplats<Cuda>& splats, const TileGrid& grid, TileLists<Cuda>& lists);
 
-/// Writes the slots of splat i with their sort keys (tile, bits of the depth): positive floats
-/// order like integers.
-struct EmitSlotsBody {
-    TileGrid grid;
-    Span<const SplatShape<float>> shapes;
-    Span<const float> depths;
-    Span<const TileRect> rects;
-    Span<const std::uint64_t> touched, first_slot;
-    Span<std::uint64_t> keys;
-    Span<std::uint32_t> slots, splat_of_slot;
+/// Positive floats order like their bits.
+TVSGS_HD inline std::uint32_t depth_key(float depth) {
+    union {
+        float value;
+        std::uint32_t bits;
+    } u{depth};
+    return u.bits;
+}
 
-    TVSGS_HD void operator()(int i) const {
-        if (touched[i] == 0) return;
-        union {
-            float value;
-            std::uint32_t bits;
-        } depth{depths[i]};
-        std::uint64_t slot = first_slot[i];
-        for (int ty = rects[i].y0; ty < rects[i].y1; ++ty)
-            for (int tx = rects[i].x0; tx < rects[i].x1; ++tx) {
-                if (!ellipse_meets_tile(shapes[i], grid, tx, ty)) continue;
-                keys[slot] =
-                    (static_cast<std::uint64_t>(ty * grid.columns + tx) << 32) | depth.bits;
-                slots[slot] = static_cast<std::uint32_t>(slot);
-                splat_of_slot[slot] = static_cast<std::uint32_t>(i);
-                ++slot;
-            }
-    }
-};
+/// Tile of a rectangle, counted row by row.
+TVSGS_HD inline TileRect rect_tile(TileRect rect, std::uint32_t at) {
+    const std::uint32_t width = static_cast<std::uint32_t>(rect.x1 - rect.x0);
+    const auto x = static_cast<std::uint16_t>(rect.x0 + at % width),
+               y = static_cast<std::uint16_t>(rect.y0 + at / width);
+    return {x, y, static_cast<std::uint16_t>(x + 1), static_cast<std::uint16_t>(y + 1)};
+}
+TVSGS_HD inline std::uint32_t tile_index(const TileGrid& grid, TileRect tile) {
+    return static_cast<std::uint32_t>(tile.y0 * grid.columns + tile.x0);
+}
 
 inline constexpr std::uint64_t kMaxSlots = (1ull << 31) - 1;
 

@@ -26,41 +26,42 @@ inline TileGrid tile_grid(int width, int height) {
 /// Tiles [x0, x1) x [y0, y1).
 struct TileRect {
     std::uint16_t x0, y0, x1, y1;
-};
 
-/// Projected Gaussians, all [N]; entries of invisible ones (touched == 0) are undefined.
-template <class Device>
-struct ViewSplats {
-    Buffer<SplatShape<float>, Device> shapes;
-    Buffer<SplatFeatures<float>, Device> features;
-    Buffer<float, Device> depths;  // z in the camera frame
-    Buffer<TileRect, Device> rects;
-    Buffer<std::uint64_t, Device> touched;  // tiles that the ellipse meets
-
-    void resize(std::size_t n) {
-        shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n), touched.resize(n);
+    TVSGS_HD std::uint32_t count() const {
+        return static_cast<std::uint32_t>(x1 - x0) * static_cast<std::uint32_t>(y1 - y0);
     }
 };
 
-/// Largest and smallest pixel centre of a tile, clipped to the image.
-TVSGS_HD inline bool ellipse_meets_tile(const SplatShape<float>& shape,
-                                        const TileGrid& grid,
-                                        int tx,
-                                        int ty) {
-    const float x0 = static_cast<float>(tx * kTileSize) + 0.5f,
-                y0 = static_cast<float>(ty * kTileSize) + 0.5f;
-    const float x1 =
-        static_cast<float>(tx * kTileSize + kTileSize < grid.width ? tx * kTileSize + kTileSize
-                                                                   : grid.width) -
-        0.5f;
-    const float y1 =
-        static_cast<float>(ty * kTileSize + kTileSize < grid.height ? ty * kTileSize + kTileSize
-                                                                    : grid.height) -
-        0.5f;
-    // Alpha reaches kMinAlpha where the quadratic form is at most 2 ln(255 opacity). A little
-    // slack: rounding here may only add tiles.
-    const float reach = 2 * std::log(shape.opacity / kMinAlpha);
-    return least_quadratic(shape, {x0, y0}, {x1, y1}) <= reach * 1.0001f + 1e-4f;
+/// In whole 16-byte words.
+struct alignas(16) FeatureRecord {
+    SplatFeatures<float> f;
+};
+
+/// Projected Gaussians, all [N]. A Gaussian whose rectangle is empty is not in view; its other
+/// entries are undefined.
+template <class Device>
+struct ViewSplats {
+    Buffer<SplatShape<float>, Device> shapes;
+    Buffer<FeatureRecord, Device> features;
+    Buffer<float, Device> depths;    // z in the camera frame
+    Buffer<TileRect, Device> rects;  // tiles of the ellipse's box
+
+    void resize(std::size_t n) {
+        shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n);
+    }
+};
+
+/// Whether a splat may draw in these tiles, not all empty.
+TVSGS_HD inline bool ellipse_meets_tiles(const SplatShape<float>& shape,
+                                         const TileGrid& grid,
+                                         TileRect tiles) {
+    const int right = tiles.x1 * kTileSize, bottom = tiles.y1 * kTileSize;
+    // First and last pixel centres, clipped to the image.
+    return may_draw(shape,
+                    {static_cast<float>(tiles.x0 * kTileSize) + 0.5f,
+                     static_cast<float>(tiles.y0 * kTileSize) + 0.5f},
+                    {static_cast<float>(right < grid.width ? right : grid.width) - 0.5f,
+                     static_cast<float>(bottom < grid.height ? bottom : grid.height) - 0.5f});
 }
 
 /// What the projection of a Gaussian needs to know of the view.
@@ -81,14 +82,13 @@ struct ProjectBody {
     Span<const float> opacity_logits;
     Span<const Vec3f> sh;
     Span<SplatShape<float>> shapes;
-    Span<SplatFeatures<float>> features;
+    Span<FeatureRecord> features;
     Span<float> depths;
     Span<TileRect> rects;
-    Span<std::uint64_t> touched;
     Span<float> radii;
 
     TVSGS_HD void operator()(int i) const {
-        touched[i] = 0;
+        rects[i] = {};
         radii[i] = 0;
         const Vec3f p = view.camera.camera_from_world * means[i];
         if (!(p.z > view.near) || !is_finite(p)) return;
@@ -104,10 +104,10 @@ struct ProjectBody {
 
         SplatShape<float> s;
         s.mean = project_point(view.camera, p);
-        s.conic = conic(C, det);
+        s.root = ellipse_root(C, det);
         s.opacity = opacity;
-        const float reach = 2 * std::log(opacity / kMinAlpha);
-        s.extent = {std::sqrt(reach * C.xx), std::sqrt(reach * C.yy)};
+        s.reach = splat_reach(opacity);
+        const Vec2f extent = splat_extent(s);
         const TileGrid& grid = view.grid;
         const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
                                    std::uint16_t& last) {
@@ -116,12 +116,10 @@ struct ProjectBody {
             last = static_cast<std::uint16_t>(clamp(std::floor(high / size) + 1, 0.0f, most));
         };
         TileRect rect;
-        tile_range(s.mean.x - s.extent.x, s.mean.x + s.extent.x, grid.columns, rect.x0, rect.x1);
-        tile_range(s.mean.y - s.extent.y, s.mean.y + s.extent.y, grid.rows, rect.y0, rect.y1);
-        std::uint64_t count = 0;
-        for (int ty = rect.y0; ty < rect.y1; ++ty)
-            for (int tx = rect.x0; tx < rect.x1; ++tx) count += ellipse_meets_tile(s, grid, tx, ty);
-        if (count == 0) return;
+        tile_range(s.mean.x - extent.x, s.mean.x + extent.x, grid.columns, rect.x0, rect.x1);
+        tile_range(s.mean.y - extent.y, s.mean.y + extent.y, grid.rows, rect.y0, rect.y1);
+        // Which of the tiles it meets is tested where their lists are built.
+        if (rect.count() == 0 || !ellipse_meets_tiles(s, grid, rect)) return;
 
         // The 3-sigma radius of 3DGS: statistics only, the tiles come from the exact test.
         const float mid = 0.5f * (C.xx + C.yy);
@@ -130,7 +128,6 @@ struct ProjectBody {
         shapes[i] = s;
         depths[i] = p.z;
         rects[i] = rect;
-        touched[i] = count;
 
         SplatFeatures<float> f{};
         if constexpr (has_color(kChannels))
@@ -142,7 +139,7 @@ struct ProjectBody {
             f.normal = plane.normal;
             f.distance = plane.distance;
         }
-        features[i] = f;
+        features[i].f = f;
     }
 };
 
@@ -155,9 +152,10 @@ struct ProjectBackwardBody {
     Span<const Quatf> quats;
     Span<const Vec3f> sh;
     Span<const SplatShape<float>> shapes;
-    Span<const SplatFeatures<float>> features;
-    Span<const std::uint64_t> touched, first_slot;
+    Span<const FeatureRecord> features;
+    Span<const std::uint32_t> slot_counts, first_slot;
     Span<const SplatGradients<float>> slots;
+    Span<const std::uint8_t> drawn;         // whether a slot has a gradient
     Span<Vec3f> dL_dmeans, dL_dlog_scales;  // added to, as all below
     Span<Quatf> dL_dquats;
     Span<float> dL_dopacity_logits;
@@ -168,10 +166,12 @@ struct ProjectBackwardBody {
     TVSGS_HD void operator()(int i) const {
         stat_grad[i] = stat_abs[i] = {};
         stat_front[i] = 0;
-        if (touched[i] == 0) return;
+        if (slot_counts[i] == 0) return;
         SplatGradients<float> g{};
-        for (std::uint64_t slot = first_slot[i]; slot < first_slot[i] + touched[i]; ++slot) {
-            const SplatGradients<float>& s = slots[slot];
+        const std::uint32_t begin = first_slot[i], end = begin + slot_counts[i];
+        for (std::uint32_t slot = begin; slot < end; ++slot) {
+            if (!drawn[slot]) continue;
+            const SplatGradients<float> s = slots[slot];
             g.mean += s.mean;
             g.abs_mean += s.abs_mean;
             g.conic.xx += s.conic.xx, g.conic.xy += s.conic.xy, g.conic.yy += s.conic.yy;
@@ -192,7 +192,7 @@ struct ProjectBackwardBody {
         dL_dopacity_logits[i] += opacity * (1 - opacity) * g.opacity;
 
         const Sym2f dL_dcovariance2d =
-            conic_vjp(shapes[i].conic, Sym2f{g.conic.xx, 0.5f * g.conic.xy, g.conic.yy});
+            conic_vjp(conic(shapes[i].root), Sym2f{g.conic.xx, 0.5f * g.conic.xy, g.conic.yy});
         const auto projection = projection_vjp(view.camera, p, covariance(R, scales), g.mean,
                                                dL_dcovariance2d, view.exact_clamp);
         auto spread = covariance_vjp(R, scales, projection.dL_dcovariance);
@@ -208,7 +208,7 @@ struct ProjectBackwardBody {
         if constexpr (has_color(kChannels))
             dL_dmean +=
                 sh_color_vjp<float>(view.sh_degree, means[i] - view.centre, sh.data, means.count, i,
-                                    features[i].color, g.features.color, dL_dsh.data);
+                                    features[i].f.color, g.features.color, dL_dsh.data);
         dL_dmeans[i] += dL_dmean;
         dL_dlog_scales[i] += scales * spread.dL_ds;
         const Quatf dL_dquat = rotation_vjp(quats[i], spread.dL_dR);

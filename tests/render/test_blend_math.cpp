@@ -10,9 +10,21 @@ namespace {
 using test::central_difference;
 using test::close;
 
+/// Of an inverse covariance; NaN where that is not positive definite.
+EllipseRoot<double> root_of(const Sym2<double>& conic) {
+    const double det = 1 / (conic.xx * conic.yy - conic.xy * conic.xy);
+    return ellipse_root(Sym2<double>{conic.yy * det, -conic.xy * det, conic.xx * det}, det);
+}
+
 struct Splat {
-    SplatShape<double> shape;
+    Vec2<double> mean;
+    Sym2<double> conic;
+    double opacity;
     SplatFeatures<double> features;
+
+    SplatShape<double> shape() const {
+        return {mean, root_of(conic), opacity, splat_reach(opacity)};
+    }
 };
 
 std::vector<Splat> some_splats(int count, unsigned seed, double most_opacity) {
@@ -20,10 +32,9 @@ std::vector<Splat> some_splats(int count, unsigned seed, double most_opacity) {
     std::vector<Splat> splats;
     for (int i = 0; i < count; ++i) {
         Splat s{};
-        s.shape.mean = {random.uniform(-2, 2), random.uniform(-2, 2)};
-        s.shape.conic = {random.uniform(0.1, 0.3), random.uniform(-0.05, 0.05),
-                         random.uniform(0.1, 0.3)};
-        s.shape.opacity = random.uniform(0.3, most_opacity);
+        s.mean = {random.uniform(-2, 2), random.uniform(-2, 2)};
+        s.conic = {random.uniform(0.1, 0.3), random.uniform(-0.05, 0.05), random.uniform(0.1, 0.3)};
+        s.opacity = random.uniform(0.3, most_opacity);
         s.features = {random.normal3(), random.normal3(), random.normal()};
         splats.push_back(s);
     }
@@ -37,7 +48,7 @@ PixelForward<double> forward(const std::vector<Splat>& splats, std::size_t& stop
     PixelForward<double> pixel;
     stop = 0;
     for (std::size_t i = 0; i < splats.size(); ++i) {
-        const double alpha = splat_alpha(splats[i].shape, splats[i].shape.mean).alpha;
+        const double alpha = splat_alpha(splats[i].shape(), splats[i].mean).alpha;
         if (alpha == 0) continue;
         if (!blend<kAll>(pixel, alpha, splats[i].features)) break;
         stop = i + 1;
@@ -53,13 +64,12 @@ double value(const std::vector<Splat>& splats, const SplatFeatures<double>& w) {
 std::vector<SplatGradients<double>> backward(const std::vector<Splat>& splats,
                                              const SplatFeatures<double>& w) {
     std::size_t stop;
-    PixelBackward<double> pixel{forward(splats, stop).T, w, {}};
+    PixelBackward<double> pixel{forward(splats, stop).T, w};
     std::vector<SplatGradients<double>> g(splats.size());
     for (std::size_t i = stop; i-- > 0;) {
-        const auto a = splat_alpha(splats[i].shape, splats[i].shape.mean);
+        const auto a = splat_alpha(splats[i].shape(), splats[i].mean);
         if (a.alpha > 0)
-            blend_vjp<kAll>(pixel, splats[i].shape, splats[i].features, splats[i].shape.mean, a,
-                            g[i]);
+            blend_vjp<kAll>(pixel, splats[i].shape(), splats[i].features, splats[i].mean, a, g[i]);
     }
     // Walked back to the front, nothing is left to see through.
     EXPECT_TRUE(close(pixel.T, 1, 1e-12));
@@ -73,7 +83,7 @@ TEST(Blend, VjpAgainstDifferences) {
     std::vector<Splat> splats = some_splats(8, 5, 0.85);
     const auto g = backward(splats, kWeights);
     for (std::size_t i = 0; i < splats.size(); ++i) {
-        SplatShape<double>& s = splats[i].shape;
+        Splat& s = splats[i];
         SplatFeatures<double>& f = splats[i].features;
         const auto derivative = [&](double& parameter) {
             const double kept = parameter;
@@ -105,8 +115,8 @@ TEST(Blend, VjpAgainstDifferences) {
 
 TEST(Blend, OneOpaqueSplatAndItsClamp) {
     Splat s{};
-    s.shape.conic = {1, 0, 1};
-    s.shape.opacity = 0.999;
+    s.conic = {1, 0, 1};
+    s.opacity = 0.999;
     s.features.color = {1, 0.5, 0.25};
     std::size_t stop;
     const auto pixel = forward({s}, stop);
@@ -120,21 +130,22 @@ TEST(Blend, OneOpaqueSplatAndItsClamp) {
 
 TEST(Blend, CutOffs) {
     Splat faint{};
-    faint.shape.conic = {1, 0, 1};
-    faint.shape.opacity = 0.999 / 255;  // just below one step of 8-bit colour
-    EXPECT_EQ(splat_alpha(faint.shape, {0, 0}).alpha, 0);
-    faint.shape.opacity = 1.001 / 255;
-    EXPECT_GT(splat_alpha(faint.shape, {0, 0}).alpha, 0);
-    const SplatShape<double> indefinite{{0, 0}, {-1, 0, 1}, 0.5, {}};  // power > 0
-    EXPECT_EQ(splat_alpha(indefinite, {1, 0}).alpha, 0);
-    const SplatShape<double> broken{{0, 0}, {NAN, 0, 1}, 0.5, {}};
-    EXPECT_EQ(splat_alpha(broken, {1, 0}).alpha, 0);
+    faint.conic = {1, 0, 1};
+    faint.opacity = 0.999 / 255;  // just below one step of 8-bit colour
+    EXPECT_EQ(splat_alpha(faint.shape(), {0, 0}).alpha, 0);
+    faint.opacity = 1.001 / 255;
+    EXPECT_GT(splat_alpha(faint.shape(), {0, 0}).alpha, 0);
+    for (const Sym2<double> broken : {Sym2<double>{-1, 0, 1}, Sym2<double>{NAN, 0, 1}}) {
+        const SplatShape<double> s{{0, 0}, root_of(broken), 0.5, splat_reach(0.5)};
+        EXPECT_EQ(splat_alpha(s, {1, 0}).alpha, 0);
+        EXPECT_FALSE(may_draw(s, {1, 1}, {8, 8}));
+    }
 
     // Two splats of alpha 0.99 leave T = 1e-4, rounded just above or below; a third is not blended
     // in any case.
     Splat wall{};
-    wall.shape.conic = {1, 0, 1};
-    wall.shape.opacity = 0.99;
+    wall.conic = {1, 0, 1};
+    wall.opacity = 0.99;
     wall.features.color = {1, 1, 1};
     std::size_t stop;
     const auto pixel = forward({wall, wall, wall}, stop);
@@ -144,35 +155,75 @@ TEST(Blend, CutOffs) {
 
 TEST(Blend, FrontCountStopsAtHalf) {
     Splat s{};
-    s.shape.conic = {1, 0, 1};
-    s.shape.opacity = 0.4;
+    s.conic = {1, 0, 1};
+    s.opacity = 0.4;
     const auto g = backward({s, s, s}, kWeights);  // T in front: 1, 0.6, 0.36
     EXPECT_EQ(g[0].front_pixels, 1);
     EXPECT_EQ(g[1].front_pixels, 1);
     EXPECT_EQ(g[2].front_pixels, 0);
 }
 
-TEST(LeastQuadratic, AgainstAFineGrid) {
+TEST(LeastExponent, AgainstAFineGrid) {
     test::Random random(6);
     for (int trial = 0; trial < 200; ++trial) {
         SplatShape<double> s{};
         s.mean = {random.uniform(-10, 26), random.uniform(-10, 26)};
         const double a = random.uniform(0.01, 2), c = random.uniform(0.01, 2);
-        s.conic = {a, random.uniform(-0.95, 0.95) * std::sqrt(a * c), c};
+        s.root = root_of({a, random.uniform(-0.95, 0.95) * std::sqrt(a * c), c});
         const Vec2<double> low{0.5, 0.5}, high{15.5, 15.5};
         double least = 1e300;
         for (int i = 0; i <= 300; ++i)
             for (int j = 0; j <= 300; ++j) {
-                const double x = 0.5 + 0.05 * i - s.mean.x, y = 0.5 + 0.05 * j - s.mean.y;
-                least = std::min(least,
-                                 s.conic.xx * x * x + 2 * s.conic.xy * x * y + s.conic.yy * y * y);
+                const auto w =
+                    whitened(s.root, {0.5 + 0.05 * i - s.mean.x, 0.5 + 0.05 * j - s.mean.y});
+                least = std::min(least, dot(w, w));
             }
-        const double exact = least_quadratic(s, low, high);
+        const double exact = least_exponent(s, low, high);
         EXPECT_LE(exact, least + 1e-12);
-        // A grid of 0.05 px misses the minimum by at most 2 lambda_max d^2 with d <= 0.036, plus
+        // A grid of 0.05 px misses the minimum by at most lambda_max d^2 with d <= 0.036, plus
         // its slope: loose, but catches a wrong edge.
-        EXPECT_GE(exact, least - 0.02 - 0.1 * std::sqrt(least));
+        EXPECT_GE(exact, least - 0.01 - 0.1 * std::sqrt(least));
     }
+}
+
+TEST(MayDraw, NeverCullsAPixelThatDraws) {
+    // In float, as the kernels cull: needles and specks, far from and near to an 8 x 8 square, of
+    // opacities down to the cut-off. Whatever draws anywhere in it must not be culled.
+    test::Random random(16);
+    int drawn = 0, culled = 0;
+    for (int trial = 0; trial < 200000; ++trial) {
+        const double angle = random.uniform(0, 3.14159), c = std::cos(angle), s = std::sin(angle);
+        const double length = std::exp(random.uniform(-1, 8)),
+                     width = std::exp(random.uniform(-1, 2));
+        const double v1 = length * length, v2 = std::min(width * width, v1);
+        Sym2f C{float(v1 * c * c + v2 * s * s), float((v1 - v2) * c * s),
+                float(v1 * s * s + v2 * c * c)};
+        const float det = C.xx * C.yy - C.xy * C.xy;
+        if (!(det > 0)) continue;
+        SplatShape<float> shape{};
+        shape.root = ellipse_root(C, det);
+        shape.opacity = float(random.uniform(0, 1) < 0.5 ? 1 / (255 * random.uniform(0.5, 1))
+                                                         : random.uniform(0.004, 1));
+        shape.reach = splat_reach(shape.opacity);
+        // Near the ellipse's rim as seen from the square, often along the needle.
+        const double along = random.uniform(-4, 4) * length, across = random.uniform(-4, 4) * width;
+        const int left = int(random.uniform(0, 4000)) / 8 * 8,
+                  top = int(random.uniform(0, 4000)) / 8 * 8;
+        shape.mean = {float(left + 4 + along * c - across * s),
+                      float(top + 4 + along * s + across * c)};
+        bool draws = false;
+        for (int y = 0; y < 8; ++y)
+            for (int x = 0; x < 8; ++x)
+                draws |= splat_alpha(shape, {shape.mean.x - (float(left + x) + 0.5f),
+                                             shape.mean.y - (float(top + y) + 0.5f)})
+                             .alpha > 0;
+        const bool may = may_draw(shape, {float(left) + 0.5f, float(top) + 0.5f},
+                                  {float(left) + 7.5f, float(top) + 7.5f});
+        EXPECT_TRUE(may || !draws) << "trial " << trial;
+        drawn += draws, culled += !may;
+    }
+    EXPECT_GT(drawn, 5000);
+    EXPECT_GT(culled, 50000);
 }
 
 TEST(PlaneDepth, ValueVjpAndGuards) {

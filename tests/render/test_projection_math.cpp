@@ -120,7 +120,7 @@ TEST(Projection, OfficialClampKeepsTwiceTheDepthDerivative) {
 TEST(Conic, InverseAndVjp) {
     const Sym2<double> S{2.5, -0.7, 1.3}, w{0.4, -0.9, 0.6};
     const auto det = [](const Sym2<double>& m) { return m.xx * m.yy - m.xy * m.xy; };
-    const auto Q = conic(S, det(S));
+    const auto Q = conic(ellipse_root(S, det(S)));
     EXPECT_TRUE(close(S.xx * Q.xx + S.xy * Q.xy, 1, 1e-14));
     EXPECT_NEAR(S.xx * Q.xy + S.xy * Q.yy, 0, 1e-14);
     const auto g = conic_vjp(Q, w);
@@ -130,7 +130,7 @@ TEST(Conic, InverseAndVjp) {
             Sym2<double> moved = S;
             double* const entries[3] = {&moved.xx, &moved.xy, &moved.yy};
             *entries[entry] += t;
-            const auto q = conic(moved, det(moved));
+            const auto q = conic(ellipse_root(moved, det(moved)));
             return w.xx * q.xx + 2 * w.xy * q.xy + w.yy * q.yy;
         };
         EXPECT_TRUE(close(analytic[static_cast<std::size_t>(entry)], central_difference(value),

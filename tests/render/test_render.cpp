@@ -50,7 +50,7 @@ struct Reference {
                                         covariance(R, exp(log_scales[i])));
             S.xx += 0.3f, S.yy += 0.3f;
             shapes[i] = {project_point(camera, p),
-                         conic(S, S.xx * S.yy - S.xy * S.xy),
+                         ellipse_root(S, S.xx * S.yy - S.xy * S.xy),
                          1 / (1 + std::exp(-logits[i])),
                          {}};
             const Vec3d offset = means[i] - vec_cast<double>(camera_centre(c));
