@@ -8,17 +8,21 @@
 
 namespace tvsgs {
 
-/// Squared distances come as `Real`. The points must outlive the tree.
-template <class Real>
+/// Squared distances come as `Real`; coordinates are stored as `Coordinate`. The points must
+/// outlive the tree.
+template <class Real, class Coordinate = float>
 class PointTree {
 public:
-    explicit PointTree(const std::vector<Vec3f>& points)
+    explicit PointTree(const std::vector<Vec3<Coordinate>>& points)
         : points_{points}, tree_(3, points_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {}
     PointTree(const PointTree&) = delete;
     PointTree& operator=(const PointTree&) = delete;
 
     /// Up to `wanted` nearest points, nearest first; returns how many there are.
-    std::size_t nearest(Vec3f to, std::size_t wanted, std::size_t* index, Real* squared) const {
+    std::size_t nearest(Vec3<Coordinate> to,
+                        std::size_t wanted,
+                        std::size_t* index,
+                        Real* squared) const {
         const Real query[3] = {to.x, to.y, to.z};
         return tree_.knnSearch(query, wanted, index, squared);
     }
@@ -26,7 +30,7 @@ public:
 private:
     /// What nanoflann asks of a point set.
     struct Points {
-        const std::vector<Vec3f>& points;
+        const std::vector<Vec3<Coordinate>>& points;
 
         std::size_t kdtree_get_point_count() const { return points.size(); }
         Real kdtree_get_pt(std::size_t i, std::size_t axis) const {
@@ -39,11 +43,9 @@ private:
     };
 
     Points points_;
-    nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<Real, Points>,
-                                        Points,
-                                        3,
-                                        std::size_t>
-        tree_;
+    nanoflann::
+        KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<Real, Points>, Points, 3, std::size_t>
+            tree_;
 };
 
 }  // namespace tvsgs

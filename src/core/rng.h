@@ -17,7 +17,9 @@ enum class RandomStream : std::uint32_t {
     test = 5,
     neighbour = 6,
     patches = 7,
-    stereo = 8
+    stereo = 8,
+    thinning = 9,
+    ransac = 10
 };
 
 struct Random4 {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "core/gaussians.h"
 #include "core/mesh.h"
@@ -18,6 +19,15 @@ struct PlyContents {
     bool is_splats = false;  // it holds opacity, scale_* and rot_*: positions are splat centres
 };
 PlyContents read_ply(const std::string& path);
+
+/// Positions in full precision and faces, for measuring.
+struct PlyGeometry {
+    std::vector<Vec3d> positions;
+    std::vector<Vec3i> faces;
+    std::vector<float> opacity_logits;  // of splats only
+    bool is_splats = false;
+};
+PlyGeometry read_ply_geometry(const std::string& path);
 
 /// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
 /// splats are dropped with a warning.

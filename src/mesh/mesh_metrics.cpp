@@ -16,11 +16,19 @@ double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
-double median(std::vector<double> values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    if (values.size() % 2 == 1) return *middle;
-    return 0.5 * (*middle + *std::max_element(values.begin(), middle));
+template <class Real>
+std::vector<double> nearest(const std::vector<Vec3<Real>>& points,
+                            const std::vector<Vec3<Real>>& targets) {
+    const PointTree<double, Real> tree(targets);
+    std::vector<double> distances(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        std::size_t index = 0;
+        double squared = std::numeric_limits<double>::infinity();
+        tree.nearest(points[at], 1, &index, &squared);
+        distances[at] = std::sqrt(squared);
+    });
+    return distances;
 }
 
 /// Fraction of the distances strictly below tau.
@@ -72,15 +80,19 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
 
 std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
                                       const std::vector<Vec3f>& targets) {
-    const PointTree<double> tree(targets);
-    std::vector<double> distances(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        std::size_t index = 0;
-        double squared = std::numeric_limits<double>::infinity();
-        tree.nearest(points[i], 1, &index, &squared);
-        distances[i] = std::sqrt(squared);
-    });
-    return distances;
+    return nearest(points, targets);
+}
+
+std::vector<double> nearest_distances(const std::vector<Vec3d>& points,
+                                      const std::vector<Vec3d>& targets) {
+    return nearest(points, targets);
+}
+
+double median_of(std::vector<double> values) {
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    if (values.size() % 2 == 1) return *middle;
+    return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
 GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
@@ -110,8 +122,8 @@ GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
     metrics.accuracy = mean(to_truth);
     metrics.completeness = mean(to_prediction);
     metrics.chamfer = 0.5 * (metrics.accuracy + metrics.completeness);
-    metrics.median_accuracy = median(std::move(to_truth));
-    metrics.median_completeness = median(std::move(to_prediction));
+    metrics.median_accuracy = median_of(std::move(to_truth));
+    metrics.median_completeness = median_of(std::move(to_prediction));
     return metrics;
 }
 

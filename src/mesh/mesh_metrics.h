@@ -19,6 +19,11 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh,
 /// Distance of each point to the nearest of `targets` (not empty).
 std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
                                       const std::vector<Vec3f>& targets);
+std::vector<double> nearest_distances(const std::vector<Vec3d>& points,
+                                      const std::vector<Vec3d>& targets);
+
+/// Of an even number of values (at least one) the mean of the middle two.
+double median_of(std::vector<double> values);
 
 struct GeometryOptions {
     std::vector<double> taus;  // thresholds, in the units of the truth

@@ -1,0 +1,139 @@
+// tvsgs-eval geometry: distances between a prediction and the truth in one frame.
+#include <cmath>
+#include <memory>
+
+#include "eval.h"
+#include "io/atomic_file.h"
+#include "io/config.h"
+#include "io/crop_file.h"
+#include "io/ply.h"
+#include "mesh/mesh_metrics.h"
+
+namespace tvsgs {
+namespace {
+
+struct GeometryArguments {
+    std::string pred, gt, visible_gt, taus, crop, out;
+    double max_distance = 0;
+    std::int64_t samples = 1000000;
+    std::uint64_t seed = 0;
+    std::vector<std::string> require;
+};
+
+/// Points to measure from: even samples of a mesh, the points of a cloud, the centres of splats;
+/// those in the crop.
+std::vector<Vec3f> read_points(const std::string& path,
+                               const GeometryArguments& arguments,
+                               const Crop& crop) {
+    PlyContents ply = read_ply(path);
+    const char* kind = ply.is_splats       ? "splat centres"
+                       : ply.faces.empty() ? "points"
+                                           : "samples of the mesh";
+    std::vector<Vec3f> points;
+    if (ply.faces.empty()) {
+        points = std::move(ply.points.positions);
+    } else {
+        const TriangleMesh mesh{std::move(ply.points.positions), {}, std::move(ply.faces)};
+        points = with_context("reading " + path, [&] {
+            return sample_surface(mesh, static_cast<std::size_t>(arguments.samples),
+                                  arguments.seed);
+        });
+    }
+    const std::size_t before = points.size();
+    Vec3d lower{INFINITY, INFINITY, INFINITY}, upper = -lower;
+    std::erase_if(points, [&](Vec3f p) {
+        if (!is_finite(p)) return true;
+        for (int axis = 0; axis < 3; ++axis) {
+            lower[axis] = std::min<double>(lower[axis], p[axis]);
+            upper[axis] = std::max<double>(upper[axis], p[axis]);
+        }
+        return !contains(crop, vec_cast<double>(p));
+    });
+    spdlog::info("{}: {} {}, {} of them used", path, before, kind, points.size());
+    if (points.empty())
+        throw Error(
+            ExitCode::input,
+            before == 0 ? str(path, ": holds no points; nothing to compare")
+            : !(lower.x <= upper.x)
+                ? str(path, ": none of its ", before, " ", kind, " is finite")
+                : str(path, ": none of its ", before, " ", kind, " is inside of ", arguments.crop,
+                      "; they span (", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x,
+                      ", ", upper.y, ", ", upper.z, "); are frame and units those of the crop?"));
+    return points;
+}
+
+int geometry(const GeometryArguments& arguments) {
+    const std::vector<Bound> bounds = parse_bounds(arguments.require);
+    GeometryOptions options;
+    if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
+    options.max_distance = arguments.max_distance;
+    const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
+    const std::vector<Vec3f> prediction = read_points(arguments.pred, arguments, crop);
+    const std::vector<Vec3f> truth = read_points(arguments.gt, arguments, crop);
+    std::vector<Vec3f> visible;
+    if (!arguments.visible_gt.empty()) visible = read_points(arguments.visible_gt, arguments, crop);
+    const GeometryMetrics result = evaluate_geometry(prediction, truth, visible, options);
+
+    std::vector<Metric> metrics = {{"accuracy", result.accuracy},
+                                   {"completeness", result.completeness},
+                                   {"chamfer", result.chamfer},
+                                   {"median_accuracy", result.median_accuracy},
+                                   {"median_completeness", result.median_completeness}};
+    JsonLine json;
+    for (const Metric& metric : metrics) json.add(metric.key, metric.value);
+    std::string thresholds;
+    for (const auto& t : result.thresholds) {
+        const std::vector<Metric> at_tau = {
+            {"precision", t.precision}, {"recall", t.recall}, {"f1", t.f1}};
+        JsonLine line;
+        line.add("tau", t.tau);
+        for (const Metric& metric : at_tau) {
+            line.add(metric.key, metric.value);
+            metrics.push_back({str(metric.key, "@", t.tau), metric.value});
+        }
+        thresholds += (thresholds.empty() ? "" : ", ") + line.text();
+    }
+    json.add_json("thresholds", "[" + thresholds + "]");
+    JsonLine counts;
+    counts.add("pred", static_cast<std::int64_t>(prediction.size()))
+        .add("gt", static_cast<std::int64_t>(truth.size()));
+    if (!visible.empty()) counts.add("visible_gt", static_cast<std::int64_t>(visible.size()));
+    json.add_json("points", counts.text());
+    JsonLine inputs;
+    inputs.add("pred", arguments.pred).add("gt", arguments.gt);
+    if (!arguments.visible_gt.empty()) inputs.add("visible_gt", arguments.visible_gt);
+    if (!arguments.crop.empty()) inputs.add("crop", arguments.crop);
+    if (arguments.max_distance > 0) inputs.add("max_distance", arguments.max_distance);
+    inputs.add("samples", arguments.samples).add("seed", static_cast<std::int64_t>(arguments.seed));
+    json.add_json("inputs", inputs.text());
+
+    std::printf("%s\n", json.text().c_str());
+    if (!arguments.out.empty()) write_text_file(arguments.out, json.text() + "\n");
+    return check_bounds(bounds, metrics);
+}
+
+}  // namespace
+
+EvalCommand add_eval_geometry(CLI::App& app) {
+    const auto arguments = std::make_shared<GeometryArguments>();
+    GeometryArguments& a = *arguments;
+    CLI::App* command =
+        app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
+    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--gt", a.gt, "mesh or cloud (PLY)")->required();
+    command->add_option("--visible-gt", a.visible_gt,
+                        "part of the truth that completeness and recall ask for");
+    command->add_option("--tau", a.taus, "thresholds T,T,... of precision, recall and F1");
+    command->add_option("--max-distance", a.max_distance, "distances are capped there")
+        ->check(kPositive);
+    command->add_option("--crop", a.crop,
+                        "selection volume, {\"box\": ...} or a scene's gt/info.json");
+    command->add_option("--samples", a.samples, "points on a mesh [1000000]")
+        ->check(CLI::Range(1, 100000000));
+    command->add_option("--seed", a.seed, "of the samples [0]");
+    command->add_option("--out", a.out, "JSON file to write as well");
+    add_require(*command, a.require, "chamfer<=2 or f1@1>=0.4");
+    return {command, [arguments] { return geometry(*arguments); }};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,32 @@
+// Cameras of DTU scans as IDR and NeuS store them: cameras.npz, cameras_sphere.npz.
+// [input specification, 1.9]
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/rigid.h"
+
+namespace tvsgs {
+
+struct NpzCamera {
+    Vec3d rows[3];  // of world_mat, without its last column: pixel ~ rows * world + last
+    Vec3d last;
+    // The same matrix taken apart. The principal point is as in the file; skew is dropped.
+    double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
+    Rigid3d camera_from_world;
+};
+
+struct NpzCameras {
+    std::vector<NpzCamera> views;  // world_mat_0, world_mat_1, ...
+    // scale_mat: world (mm) = scale * normalised + offset; 1 and 0 where the file has none
+    double scale = 1;
+    Vec3d offset{};
+};
+
+/// Throws Error(ExitCode::input): E_NPZ_CAMERAS where matrices are missing, not 4x4, not finite or
+/// singular; E_SCALE_MAT where scale_mat is no uniform scale with a shift, or differs between
+/// views.
+NpzCameras read_npz_cameras(const std::string& path);
+
+}  // namespace tvsgs

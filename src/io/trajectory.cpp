@@ -1,0 +1,84 @@
+#include "io/trajectory.h"
+
+#include <cmath>
+
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+/// Words of a file, with the line they stand in.
+class Words {
+public:
+    Words(const std::string& path, const char* code)
+        : path_(path), code_(code), bytes_(read_bytes(path)), rest_(bytes_) {}
+
+    bool at_end() const { return trimmed(rest_).empty(); }
+
+    template <class Number>
+    Number next(const char* what) {
+        std::string_view before = rest_;
+        const std::string_view word = next_word(rest_);
+        for (const char& c : before.substr(0, before.size() - rest_.size())) line_ += c == '\n';
+        Number value{};
+        if (word.empty()) throw wrong(str("the file ends, expected ", what));
+        if (!parse_number(word, value))
+            throw wrong(str("'", shown(word), "' is not a valid ", what));
+        return value;
+    }
+
+    Affine3d matrix() {
+        double m[4][4];
+        for (auto& row : m)
+            for (double& entry : row) {
+                entry = next<double>("matrix entry");
+                if (!std::isfinite(entry)) throw wrong("a matrix entry is not finite");
+            }
+        if (m[3][0] != 0 || m[3][1] != 0 || m[3][2] != 0 || m[3][3] != 1)
+            throw wrong(str("the last row of the matrix is ", m[3][0], " ", m[3][1], " ", m[3][2],
+                            " ", m[3][3], ", expected 0 0 0 1"));
+        Affine3d T;
+        for (int i = 0; i < 3; ++i) {
+            for (int j = 0; j < 3; ++j) T.A[i][j] = m[i][j];
+            T.t[i] = m[i][3];
+        }
+        return T;
+    }
+    Error wrong(const std::string& what) const {
+        return input_error(code_, ": ", path_, ": line ", line_, ": ", what);
+    }
+
+private:
+    std::string path_, code_, bytes_;
+    std::string_view rest_;
+    int line_ = 1;
+};
+
+}  // namespace
+
+std::vector<TrajectoryPose> read_trajectory_log(const std::string& path) {
+    Words words(path, "E_TNT_TRAJ");
+    std::vector<TrajectoryPose> poses;
+    while (!words.at_end()) {
+        TrajectoryPose pose;
+        pose.index = words.next<int>("image index");
+        pose.registered = words.next<int>("image index") != -1;
+        words.next<int>("number");
+        pose.world_from_camera = words.matrix();
+        poses.push_back(pose);
+    }
+    if (poses.empty()) throw words.wrong("no pose; expected three integers and a 4x4 matrix each");
+    return poses;
+}
+
+Affine3d read_transform(const std::string& path) {
+    Words words(path, "E_TNT_TRANS");
+    const Affine3d T = words.matrix();
+    if (!words.at_end()) throw words.wrong("more than a 4x4 matrix");
+    if (!(determinant(T.A) > 0))
+        throw words.wrong(str("the matrix has determinant ", determinant(T.A),
+                              ", expected a similarity: rotation times a positive scale"));
+    return T;
+}
+
+}  // namespace tvsgs
