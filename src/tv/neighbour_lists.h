@@ -28,11 +28,12 @@ struct FullLists {
     TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
         return receivers.data + std::size_t(voter) * k;
     }
-    /// action(voter) for this lane's share of the slot's voters: number e goes to lane e % 32.
-    template <class Warp, class Action>
+    /// action(voter) for this lane's share of the slot's voters: number e goes to the lanes of
+    /// number e modulo kStride.
+    template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
         const std::int64_t end = begin[slot + 1];
-        for (std::int64_t e = begin[slot] + warp.lane(); e < end; e += Warp::kLanes)
+        for (std::int64_t e = begin[slot] + warp.lane() % kStride; e < end; e += kStride)
             action(voters[e]);
     }
 };
@@ -105,7 +106,7 @@ struct CompactLists {
         return list;
     }
 
-    template <class Warp, class Action>
+    template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
         const std::int64_t end = receiver_begin[slot / EdgeTile::kReceivers + 1];
         std::int64_t first = receiver_begin[slot / EdgeTile::kReceivers];
@@ -114,24 +115,30 @@ struct CompactLists {
                 for (std::uint32_t mask = voters_in(first, slot); mask != 0; mask &= mask - 1)
                     action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
-            // 32 tiles at a time, a lane each, then the voters in them by number. Those of an
-            // incomplete 32 wait in their lanes for the next tiles.
-            std::uint32_t voter = 0;
+            // 32 tiles at a time, a lane each, then the voters in them, number e to lane e % 32.
+            // Those of an incomplete 32 wait in their lanes for the next tiles.
+            std::uint32_t mine = 0;
             int found = 0;
             for (bool last = false; !last;) {
                 const std::int64_t t = first + warp.lane();
                 const std::uint32_t mask = t < end ? voters_in(t, slot) : 0;
                 const std::uint32_t base = t < end ? first_voter(t) : 0;
-                const int mine = std::popcount(mask), before = warp.sum_before(mine);
+                const int count = std::popcount(mask), before = warp.sum_before(count);
                 const int known = found;
-                found += warp.from_lane(before + mine, Warp::kLanes - 1);
+                found += warp.from_lane(before + count, Warp::kLanes - 1);
                 first += Warp::kLanes;
                 last = first >= end;
-                for (int e = known / 32 * 32 + warp.lane(); e - warp.lane() < found; e += 32) {
-                    const std::uint32_t candidate = member(warp, mask, base, before, e - known);
-                    if (e >= known) voter = candidate;
-                    const bool complete = e - warp.lane() + 32 <= found;
-                    if (complete || (last && e < found)) action(voter);
+                for (int e = known / Warp::kLanes * Warp::kLanes; e < found; e += Warp::kLanes) {
+                    const int own = e + warp.lane() - known;
+                    const std::uint32_t candidate = member(warp, mask, base, before, own);
+                    if (own >= 0) mine = candidate;
+                    if (e + Warp::kLanes > found && !last) continue;
+                    for (int part = 0; part < Warp::kLanes; part += kStride) {
+                        const int source = part + warp.lane() % kStride;
+                        const std::uint32_t voter =
+                            kStride == Warp::kLanes ? mine : warp.from_lane(mine, source);
+                        if (e + source < found) action(voter);
+                    }
                 }
             }
         }

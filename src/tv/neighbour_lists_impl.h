@@ -142,6 +142,42 @@ struct WriteVotersBody {
     }
 };
 
+/// Lists on the host, whatever form they are stored in.
+struct HostLists {
+    std::vector<std::uint32_t> receivers, voters;
+    std::vector<std::int64_t> begin;
+};
+template <class Device>
+HostLists host_lists(const Neighbours<Device>& near) {
+    if (near.storage == ListStorage::full)
+        return {to_host(near.receivers), to_host(near.voters), to_host(near.begin)};
+    EdgeTiles<Cpu> tiles;
+    tiles.count = near.tiles.count;
+    copy(near.tiles.tiles, tiles.tiles);
+    copy(near.tiles.receiver_block, tiles.receiver_block);
+    copy(near.tiles.place, tiles.place);
+    copy(near.tiles.voter_block, tiles.voter_block);
+    copy(near.tiles.voter_begin, tiles.voter_begin);
+    copy(near.tiles.receiver_begin, tiles.receiver_begin);
+    const CompactLists lists = tiles.lists();
+    HostLists out;
+    out.receivers.resize(std::size_t(near.voters_count) * near.k);
+    for (int voter = 0; voter < near.voters_count; ++voter)
+        lists.receivers_of(SerialWarp{}, voter, out.receivers.data() + std::size_t(voter) * near.k);
+    out.begin.push_back(0);
+    for (int slot = 0; slot < near.usable; ++slot) {
+        lists.for_each_voter<1>(SerialWarp{}, slot,
+                                [&](std::uint32_t voter) { out.voters.push_back(voter); });
+        out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));
+    }
+    return out;
+}
+
+template <class... Buffers>
+void free_memory(Buffers&... buffers) {
+    ((buffers = Buffers{}), ...);
+}
+
 inline int blocks_of(int count, int size) {
     return (count + size - 1) / size;
 }

@@ -261,6 +261,8 @@ void find_neighbours(const NeighbourQuery& query,
         out.leaves =
             static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
     }
+    if (out.storage == ListStorage::compact)  // the event needs none of it
+        free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);
 }
 
 }  // namespace tvsgs::detail

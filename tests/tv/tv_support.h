@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 #include <string>
@@ -81,6 +82,24 @@ public:
 private:
     std::mt19937 engine_;
 };
+
+/// Everyone votes for splat 5, and otherwise near or anywhere.
+inline std::vector<std::uint32_t> made_up_lists(int count, int k) {
+    Random random(11);
+    std::vector<std::uint32_t> receivers;
+    for (int i = 0; i < count; ++i) {
+        std::vector<std::uint32_t> row = {i == 5 ? 6u : 5u};
+        while (static_cast<int>(row.size()) < k) {
+            const float at = i % 2 == 0 ? random.uniform(0, float(count) - 1)
+                                        : float(i) + 2.0f * float(k) * (random.uniform() - 0.5f);
+            const auto j = static_cast<std::uint32_t>(std::clamp(at, 0.0f, float(count) - 1));
+            if (int(j) != i && std::find(row.begin(), row.end(), j) == row.end()) row.push_back(j);
+        }
+        std::sort(row.begin(), row.end());
+        receivers.insert(receivers.end(), row.begin(), row.end());
+    }
+    return receivers;
+}
 
 /// The twins of this build.
 using Devices = std::conditional_t<kHasCuda, ::testing::Types<Cpu, Cuda>, ::testing::Types<Cpu>>;
