@@ -44,6 +44,11 @@ public:
         return 0;
     }
     std::string json() const {
+        return json([](const std::string&, double, JsonLine&) {});
+    }
+    /// more(stage, median in ms, line) may add to each stage's object.
+    template <class More>
+    std::string json(const More& more) const {
         std::string list;
         for (const StageTimes& stage : stages_) {
             JsonLine line;
@@ -52,6 +57,7 @@ public:
                 .add("p10_ms", percentile(stage.ms, 10))
                 .add("p90_ms", percentile(stage.ms, 90))
                 .add("repetitions", static_cast<int>(stage.ms.size()));
+            more(stage.name, percentile(stage.ms, 50), line);
             list += (list.empty() ? "" : ", ") + line.text();
         }
         return "[" + list + "]";

@@ -1,4 +1,5 @@
 // tvsgs-bench: stage timings, and agreement with stored results; one class per subcommand.
+#include "bench_stages.h"
 #include "bench_vote.h"
 #include "common.h"
 
@@ -10,9 +11,10 @@ int command(int argc, char** argv) {
     app.require_subcommand(1);
     app.set_version_flag("--version", kVersion);
     const VoteBench vote(app);
+    const StagesBench stages(app);
     parse_command_line(app, argc, argv);
-    init_log(vote.quiet() ? Verbosity::quiet : Verbosity::normal);
-    return vote.run();
+    init_log(vote.quiet() || stages.quiet() ? Verbosity::quiet : Verbosity::normal);
+    return vote.parsed() ? vote.run() : stages.run();
 }
 
 }  // namespace

@@ -7,6 +7,7 @@
 
 #include "core/camera.h"
 #include "core/gaussians.h"
+#include "core/stage_clock.h"
 
 namespace tvsgs {
 
@@ -83,6 +84,12 @@ struct BackboneOptions {
     }
 };
 
+/// What one render draws.
+struct RenderCounts {
+    int visible = 0;  // splats in some tile's list
+    int slots = 0;    // entries of all lists
+};
+
 template <class Device>
 class Backbone {
 public:
@@ -102,6 +109,15 @@ public:
 
     /// Of the last forward() (radii) and backward() (the rest).
     virtual const ScreenStatistics<Device>& statistics() const = 0;
+
+    /// Of the last forward().
+    virtual RenderCounts counts() const { return {}; }
+
+    /// Times of the parts of forward() and backward(); off unless switched on.
+    StageClock<Device>& clock() { return clock_; }
+
+private:
+    StageClock<Device> clock_;
 };
 
 /// Throws Error(ExitCode::usage) naming the known ones when `name` is not among them.

@@ -47,6 +47,7 @@ public:
     }
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
+    RenderCounts counts() const override { return {lists_.visible_count, lists_.slot_count}; }
 
 private:
     template <class Action>
@@ -75,29 +76,40 @@ private:
 
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
-        parallel_for(
-            Device{}, g.size(),
-            ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(),
-                                   g.opacity_logits.span(), g.sh.span(), splats_.shapes.span(),
-                                   splats_.features.span(), splats_.depths.span(),
-                                   splats_.rects.span(), statistics_.radii_px.span()});
-        build_tile_lists(splats_, grid_, lists_);
-        blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_);
+        auto& clock = this->clock();
+        clock("project", [&] {
+            parallel_for(
+                Device{}, g.size(),
+                ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(),
+                                       g.opacity_logits.span(), g.sh.span(), splats_.shapes.span(),
+                                       splats_.features.span(), splats_.depths.span(),
+                                       splats_.rects.span(), statistics_.radii_px.span()});
+        });
+        clock("tile lists", [&] { build_tile_lists(splats_, grid_, lists_); });
+        clock("blend",
+              [&] { blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_); });
     }
 
     template <Channels kChannels>
     void backward_as(const Gaussians<Device>& g,
                      const ImageGradients<Device>& dL_dimages,
                      Gaussians<Device>& dL) {
-        blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slots_);
-        parallel_for(Device{}, g.size(),
-                     ProjectBackwardBody<kChannels>{
-                         view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
-                         splats_.shapes.span(), splats_.features.span(), lists_.slot_counts.span(),
-                         lists_.first_slot.span(), slots_.gradients.span(), slots_.drawn.span(),
-                         dL.means.span(), dL.log_scales.span(), dL.quats.span(),
-                         dL.opacity_logits.span(), dL.sh.span(), statistics_.dL_dmeans2d.span(),
-                         statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
+        auto& clock = this->clock();
+        clock("blend backward", [&] {
+            blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slots_);
+        });
+        clock("project backward", [&] {
+            const SlotGradients<Device>& slots = slots_;
+            parallel_for(
+                Device{}, g.size(),
+                ProjectBackwardBody<kChannels>{
+                    view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
+                    splats_.shapes.span(), splats_.features.span(), lists_.slot_counts.span(),
+                    lists_.first_slot.span(), slots.gradients.span(), slots.drawn.span(),
+                    dL.means.span(), dL.log_scales.span(), dL.quats.span(),
+                    dL.opacity_logits.span(), dL.sh.span(), statistics_.dL_dmeans2d.span(),
+                    statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
+        });
     }
 
     BackboneOptions options_;

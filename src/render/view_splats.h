@@ -51,6 +51,21 @@ struct ViewSplats {
     }
 };
 
+/// Tiles that the box of a splat's ellipse meets; none of them if it is outside the image.
+TVSGS_HD inline TileRect tile_rect(const SplatShape<float>& s, const TileGrid& grid) {
+    const Vec2f extent = splat_extent(s);
+    const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
+                               std::uint16_t& last) {
+        const float size = kTileSize, most = static_cast<float>(tiles);
+        first = static_cast<std::uint16_t>(clamp(std::floor(low / size), 0.0f, most));
+        last = static_cast<std::uint16_t>(clamp(std::floor(high / size) + 1, 0.0f, most));
+    };
+    TileRect rect;
+    tile_range(s.mean.x - extent.x, s.mean.x + extent.x, grid.columns, rect.x0, rect.x1);
+    tile_range(s.mean.y - extent.y, s.mean.y + extent.y, grid.rows, rect.y0, rect.y1);
+    return rect;
+}
+
 /// Whether a splat may draw in these tiles, not all empty.
 TVSGS_HD inline bool ellipse_meets_tiles(const SplatShape<float>& shape,
                                          const TileGrid& grid,
@@ -107,17 +122,8 @@ struct ProjectBody {
         s.root = ellipse_root(C, det);
         s.opacity = opacity;
         s.reach = splat_reach(opacity);
-        const Vec2f extent = splat_extent(s);
         const TileGrid& grid = view.grid;
-        const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
-                                   std::uint16_t& last) {
-            const float size = kTileSize, most = static_cast<float>(tiles);
-            first = static_cast<std::uint16_t>(clamp(std::floor(low / size), 0.0f, most));
-            last = static_cast<std::uint16_t>(clamp(std::floor(high / size) + 1, 0.0f, most));
-        };
-        TileRect rect;
-        tile_range(s.mean.x - extent.x, s.mean.x + extent.x, grid.columns, rect.x0, rect.x1);
-        tile_range(s.mean.y - extent.y, s.mean.y + extent.y, grid.rows, rect.y0, rect.y1);
+        const TileRect rect = tile_rect(s, grid);
         // Which of the tiles it meets is tested where their lists are built.
         if (rect.count() == 0 || !ellipse_meets_tiles(s, grid, rect)) return;
 

@@ -45,9 +45,10 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
-    static Result vote(const std::string& arguments) {
+    static Result vote(const std::string& arguments) { return bench("vote " + arguments); }
+    static Result bench(const std::string& arguments) {
         const fs::path out = folder_ / "out.txt", err = folder_ / "err.txt";
-        const int code = shell("OMP_NUM_THREADS=1 " TVSGS_BIN_DIR "/tvsgs-bench vote " + arguments +
+        const int code = shell("OMP_NUM_THREADS=1 " TVSGS_BIN_DIR "/tvsgs-bench " + arguments +
                                " >'" + out.string() + "' 2>'" + err.string() + "'");
         Result result{code, {}, ""};
         std::ifstream lines(out);

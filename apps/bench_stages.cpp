@@ -1,0 +1,274 @@
+#include "bench_stages.h"
+
+#include <omp.h>
+
+#include <cmath>
+
+#include "bench_stats.h"
+#include "core/rng.h"
+#include "io/atomic_file.h"
+#include "render/photometric.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr int kShDegree = 3;
+
+/// Shortest times that an H200's memory, arithmetic and shuffles allow for w540 and w1200 at full
+/// size, ms, with channels color; of color_plane where they differ.
+struct Floor {
+    const char* stage;
+    double w540, w1200, w540_plane, w1200_plane;
+};
+constexpr Floor kFloors[] = {
+    {"project", 0.130, 0.130, 0.130, 0.130},
+    {"tile lists", 0.040, 0.054, 0.040, 0.054},
+    {"blend", 0.045, 0.127, 0.049, 0.139},
+    {"photometric loss", 0.014, 0.051, 0.014, 0.051},
+    {"blend backward", 0.087, 0.321, 0.087, 0.321},
+};
+
+/// 0 where none is known.
+double floor_ms(const std::string& stage, const std::string& name, Channels channels) {
+    for (const Floor& f : kFloors)
+        if (stage == f.stage && channels != Channels::plane) {
+            const bool plane = has_plane(channels);
+            if (name == "w540") return plane ? f.w540_plane : f.w540;
+            if (name == "w1200") return plane ? f.w1200_plane : f.w1200;
+        }
+    return 0;
+}
+
+/// Uniform and normal numbers of one splat.
+class Draws {
+public:
+    explicit Draws(std::size_t splat) : splat_(splat) {}
+    double uniform(double low, double high) {
+        return low + (high - low) * static_cast<double>(tvsgs::uniform(bits()));
+    }
+    double normal() {
+        const double radius = std::sqrt(-2 * std::log(uniform(0, 1)));
+        return radius * std::cos(uniform(0, 6.283185307179586));
+    }
+
+private:
+    std::uint32_t bits() {
+        if (used_ % 4 == 0) four_ = random4(1, RandomStream::test, splat_, used_ / 4);
+        return four_.v[used_++ % 4];
+    }
+    std::size_t splat_;
+    std::uint32_t used_ = 0;
+    Random4 four_{};
+};
+
+struct Measured {
+    Timings timings;
+    RenderCounts counts;
+    std::int64_t bytes;
+};
+
+/// One view again and again: first as in training, with one wait at the end, then with a wait
+/// around every stage.
+template <class Device>
+Measured measure(const StageCase& c, Channels channels, int warm_up, int repetitions) {
+    const Camera camera = stage_camera(c);
+    const std::int64_t before = memory_use(Device{}).current_bytes;
+    Gaussians<Device> splats, dL_dsplats;
+    copy(make_stage_splats(c), splats);
+    resize(dL_dsplats, splats.size(), kShDegree);
+    const auto pixels = static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
+    std::vector<std::uint8_t> noise(3 * pixels);
+    for (std::size_t i = 0; i < noise.size(); ++i)
+        noise[i] = static_cast<std::uint8_t>(random4(2, RandomStream::test, i).v[0]);
+    const auto photo = to_device<Device>(noise);
+    PhotometricScratch<Device> scratch;
+    Buffer<float, Device> pixel_loss(pixels);
+    ImageGradients<Device> dL_dimages;
+    if (has_color(channels)) dL_dimages.color.resize(pixels);
+    if (has_plane(channels)) {
+        const float share = 1.0f / static_cast<float>(pixels);
+        copy(std::vector<Vec3f>(pixels, {share, share, -share}), dL_dimages.normal);
+        copy(std::vector<float>(pixels, share), dL_dimages.distance);
+    }
+    const auto backbone = make_backbone<Device>("pgsr", {});
+
+    const auto iteration = [&](StageClock<Device>& clock) {
+        clock("clear gradients", [&] {
+            fill_zero(dL_dsplats);
+            dL_dimages.color.fill_zero();
+        });
+        const auto& images = backbone->forward(splats, camera, kShDegree, channels);
+        if (has_color(channels))
+            clock("photometric loss", [&] {
+                photometric_loss(images.color.span(), photo.span(), c.width, c.height, {0.8f, 0.2f},
+                                 scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
+            });
+        backbone->backward(splats, dL_dimages, dL_dsplats);
+    };
+    Measured out{};
+    StageClock<Device> off;
+    for (int i = 0; i < warm_up; ++i) iteration(off);
+    for (int i = 0; i < repetitions; ++i) {
+        synchronize(Device{});
+        const Stopwatch watch;
+        iteration(off);
+        synchronize(Device{});
+        out.timings.add("all, one wait", watch.ms());
+    }
+    backbone->clock() = StageClock<Device>(true);
+    for (int i = 0; i < repetitions; ++i) {
+        StageClock<Device> own(true);
+        backbone->clock().clear();
+        iteration(own);
+        for (const auto* clock : {&own, &backbone->clock()})
+            for (const StageTime& stage : clock->stages())
+                out.timings.add(stage.name, 1e3 * stage.seconds);
+    }
+    out.counts = backbone->counts();
+    out.bytes = memory_use(Device{}).current_bytes - before;
+    return out;
+}
+
+}  // namespace
+
+const std::vector<StageCase>& stage_cases() {
+    using Kind = StageCase::Kind;
+    static const std::vector<StageCase> cases = {
+        {"w540", Kind::trained, 1'500'000, 960, 540},
+        {"w1200", Kind::trained, 1'500'000, 1600, 1200},
+        {"one_tile", Kind::one_tile, 1'500'000, 960, 540},
+        {"huge", Kind::huge, 2'000, 960, 540},
+        {"needles", Kind::needles, 100'000, 960, 540},
+        {"empty", Kind::empty, 1'500'000, 960, 540},
+        {"one", Kind::one, 1, 960, 540},
+    };
+    return cases;
+}
+
+Camera stage_camera(const StageCase& c) {
+    Camera camera;
+    camera.width_px = c.width, camera.height_px = c.height;
+    camera.fx_px = camera.fy_px = static_cast<float>(c.width);
+    camera.cx_px = 0.5f * static_cast<float>(c.width);
+    camera.cy_px = 0.5f * static_cast<float>(c.height);
+    return camera;  // at the origin, looking along z
+}
+
+Gaussians<Cpu> make_stage_splats(const StageCase& c) {
+    using Kind = StageCase::Kind;
+    const double f = c.width;
+    Gaussians<Cpu> g;
+    resize(g, c.splats, kShDegree);
+    fill_zero(g);
+#pragma omp parallel for schedule(static)
+    for (int splat = 0; splat < c.splats; ++splat) {
+        const auto i = static_cast<std::size_t>(splat);
+        Draws draw(i);
+        double x = draw.uniform(0, c.width), y = draw.uniform(0, c.height);
+        double z = draw.uniform(2, 6);
+        // In view at 960 pixels: 2 px of deviation and half opaque, so three tiles and about 35
+        // blended splats per pixel.
+        double size = 2.0 / 960, opacity = 1 / (1 + std::exp(-draw.normal()));
+        if (c.kind == Kind::one_tile) {
+            x = 480 + draw.uniform(4, 12), y = 272 + draw.uniform(4, 12);
+            size = 0.5 / 960, opacity = draw.uniform(0.004, 0.01);
+        }
+        if (c.kind == Kind::huge) size = 0.5, opacity = draw.uniform(0.004, 0.05);
+        if (c.kind == Kind::one) x = 0.5 * c.width, y = 0.5 * c.height;
+        const bool behind = c.kind == Kind::empty || (c.kind == Kind::trained && splat % 2 == 1);
+        if (behind) z = -z;
+        g.means[i] = {static_cast<float>((x - 0.5 * c.width) / f * z),
+                      static_cast<float>((y - 0.5 * c.height) / f * z), static_cast<float>(z)};
+        const double scale = std::log(size * std::abs(z));
+        const double a = scale + 0.4 * draw.normal(), b = scale + 0.4 * draw.normal();
+        g.log_scales[i] = {static_cast<float>(a), static_cast<float>(b),
+                           static_cast<float>(std::min(a, b) - 3)};
+        if (c.kind == Kind::needles) g.log_scales[i].x = static_cast<float>(scale + std::log(50.0));
+        g.quats[i] = {static_cast<float>(draw.normal()), static_cast<float>(draw.normal()),
+                      static_cast<float>(draw.normal()), static_cast<float>(draw.normal())};
+        g.opacity_logits[i] = static_cast<float>(std::log(opacity / (1 - opacity)));
+        for (std::size_t k = 0; k < static_cast<std::size_t>(sh_count(kShDegree)); ++k) {
+            const double spread = k == 0 ? 0.8 : 0.1;
+            g.sh[k * static_cast<std::size_t>(c.splats) + i] = {
+                static_cast<float>(draw.uniform(-spread, spread)),
+                static_cast<float>(draw.uniform(-spread, spread)),
+                static_cast<float>(draw.uniform(-spread, spread))};
+        }
+    }
+    return g;
+}
+
+StagesBench::StagesBench(CLI::App& app)
+    : command_(app.add_subcommand("stages", "times of the parts of a training iteration")) {
+    CLI::App& c = *command_;
+    std::vector<std::string> names;
+    for (const StageCase& known : stage_cases()) names.push_back(known.name);
+    c.add_option("--case", cases_, "one of the synthetic views; all where not given")
+        ->expected(1)
+        ->take_all()
+        ->check(CLI::IsMember(names));
+    c.add_option("--scale", scale_, "share of each case's splats; floors are given at 1 only")
+        ->check(CLI::Range(1e-6, 4.0))
+        ->capture_default_str();
+    c.add_option("--channels", channels_, "what is rendered")
+        ->check(CLI::IsMember({"color", "color_plane", "plane"}))
+        ->capture_default_str();
+    c.add_option("--repetitions", repetitions_, "timed repetitions")
+        ->check(CLI::Range(1, 100'000))
+        ->capture_default_str();
+    c.add_option("--warm-up", warm_up_, "repetitions before these")
+        ->check(CLI::Range(1, 100'000))
+        ->capture_default_str();
+    c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
+    c.add_option("--out", out_, "file to write the JSON to as well");
+    c.add_flag("--quiet", quiet_, "warnings and errors only");
+}
+
+int StagesBench::run() const {
+    const DeviceChoice device = choose_device(device_);
+    const Channels channels = channels_ == "color"         ? Channels::color
+                              : channels_ == "color_plane" ? Channels::color_plane
+                                                           : Channels::plane;
+    std::string lines;
+    for (StageCase c : stage_cases()) {
+        if (!cases_.empty() && std::find(cases_.begin(), cases_.end(), c.name) == cases_.end())
+            continue;
+        if (c.kind != StageCase::Kind::one)
+            c.splats = std::max(1, static_cast<int>(scale_ * c.splats));
+        const Measured m = on_device(device, [&](auto tag) {
+            return measure<decltype(tag)>(c, channels, warm_up_, repetitions_);
+        });
+        const std::string stages =
+            m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
+                const double floor =
+                    scale_ == 1 && device.cuda ? floor_ms(stage, c.name, channels) : 0;
+                if (floor > 0) line.add("floor_ms", floor).add("ratio", median_ms / floor);
+            });
+        JsonLine counters, json;
+        counters.add("splats", c.splats)
+            .add("visible", m.counts.visible)
+            .add("slots", m.counts.slots)
+            .add("bytes_held", m.bytes);
+        json.add("bench", "stages")
+            .add("version", kVersion)
+            .add("device", device.description)
+            .add("threads", omp_get_max_threads())
+            .add("case", c.name)
+            .add("width", c.width)
+            .add("height", c.height)
+            .add("channels", channels_)
+            .add_json("counters", counters.text())
+            .add_json("stages", stages);
+        std::printf("%s\n", json.text().c_str());
+        lines += json.text() + "\n";
+        if (quiet_) continue;
+        std::fprintf(stderr, "%s, %d x %d, %s, %s\n", c.name.c_str(), c.width, c.height,
+                     channels_.c_str(), device.description.c_str());
+        m.timings.print();
+        std::fprintf(stderr, "  counters %s\n", counters.text().c_str());
+    }
+    if (!out_.empty()) write_text_file(out_, lines);
+    return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,48 @@
+// tvsgs-bench stages: times of the parts of a training iteration on fixed synthetic views.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "common.h"
+#include "render/backbone.h"
+
+namespace tvsgs {
+
+/// Splats as one view sees them. The counts are of the case at full size.
+struct StageCase {
+    enum class Kind { trained, one_tile, huge, needles, empty, one };
+
+    std::string name;
+    Kind kind;
+    int splats, width, height;
+};
+
+/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; and worst
+/// cases.
+const std::vector<StageCase>& stage_cases();
+
+/// A pure function of its arguments; SH degree 3.
+Gaussians<Cpu> make_stage_splats(const StageCase& c);
+Camera stage_camera(const StageCase& c);
+
+class StagesBench {
+public:
+    /// Adds the subcommand; its flags are read into this object.
+    explicit StagesBench(CLI::App& app);
+
+    bool parsed() const { return command_->parsed(); }
+    /// Exit code; one line of JSON per case on standard output, tables on standard error.
+    int run() const;
+    bool quiet() const { return quiet_; }
+
+private:
+    CLI::App* command_;
+    std::vector<std::string> cases_;
+    std::string device_ = "auto", channels_ = "color", out_;
+    int repetitions_ = 50, warm_up_ = 20;
+    double scale_ = 1;
+    bool quiet_ = false;
+};
+
+}  // namespace tvsgs
