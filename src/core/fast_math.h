@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/device.h"
+#include "core/pack.h"
 
 namespace tvsgs {
 
@@ -18,7 +18,8 @@ struct ExactMath {
     }
     template <class Real>
     TVSGS_HD static Real inverse_sqrt(Real x) {
-        return 1 / std::sqrt(x);
+        using std::sqrt;
+        return 1 / sqrt(x);
     }
     /// exp(-x) for x >= 0.
     TVSGS_HD static double decay(double x) { return std::exp(-x); }
@@ -26,23 +27,49 @@ struct ExactMath {
 #if defined(__CUDA_ARCH__)
         return expf(-x);
 #else
-        // 2^z = 2^i 2^f with a polynomial for |f| <= 1/2: unlike std::exp it vectorises. The
-        // multiple of ln 2 is taken off in two parts, or its rounding would grow with x.
+        return decay_by_polynomial(x);
+#endif
+    }
+#if defined(__GNUC__)
+    static Pack<float> decay(Pack<float> x) {
+        return decay_by_polynomial(x);
+    }
+    static Pack<double> decay(Pack<double> x) {
+        for (int i = 0; i < Pack<double>::kSize; ++i) x.v[i] = std::exp(-x.v[i]);
+        return x;
+    }
+#endif
+
+private:
+    /// 2^z = 2^i 2^f with a polynomial for |f| <= 1/2. The multiple of ln 2 is taken off in two
+    /// parts, or its rounding would grow with x.
+    template <class Real>
+    static Real decay_by_polynomial(Real x) {
         constexpr float kLog2E = 1.4426950f;
         constexpr float kRounding = 12582912.0f;  // 1.5 * 2^23: adding it rounds to an integer
-        const float y = x < 86.0f ? x : 86.0f;
-        const float i = (-kLog2E * y + kRounding) - kRounding;
+        const Real y = select(x < Real(86), x, Real(86));
+        const Real rounded = kRounding - kLog2E * y, i = rounded - kRounding;
         constexpr float kLn2High = 0.693359375f, kLn2Low = -2.12194440e-4f;
-        const float f = ((-y - i * kLn2High) - i * kLn2Low) * kLog2E;
-        const float p =
+        const Real f = ((-y - i * kLn2High) - i * kLn2Low) * kLog2E;
+        const Real p =
             1 + f * (0.6931472f +
                      f * (0.24022646f +
                           f * (0.05550329f +
                                f * (0.00961852f + f * (0.001339986f + f * 0.00015337578f)))));
-        const auto exponent = static_cast<std::int32_t>(i) << 23;
-        return std::bit_cast<float>(std::bit_cast<std::int32_t>(p) + exponent);
-#endif
+        return times_power_of_two(p, rounded);
     }
+    /// p 2^i, where the lowest bits of `rounded` are those of i.
+    static float times_power_of_two(float p, float rounded) {
+        const auto exponent = std::bit_cast<std::uint32_t>(rounded) << 23;
+        return std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + exponent);
+    }
+#if defined(__GNUC__)
+    static Pack<float> times_power_of_two(Pack<float> p, Pack<float> rounded) {
+        using Bits [[gnu::vector_size(16)]] = std::uint32_t;
+        return reinterpret_cast<Pack<float>::Values>(reinterpret_cast<Bits>(p.v) +
+                                                     (reinterpret_cast<Bits>(rounded.v) << 23));
+    }
+#endif
 };
 
 struct FastMath : ExactMath {

@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "tv/neighbours_impl.h"
-#include "tv/voting_bodies.h"
+#include "tv/voting_virtual.h"
 
 namespace tvsgs {
 
@@ -266,7 +266,7 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     const Slots slots{near.points.span(), splats, s.fixed()};
     const int usable = slots.usable(), voters = slots.size();
     auto& records = s.template records_of<Real>();
-    records.resize(voters), s.tau.resize(voters), s.position_tau.resize(voters);
+    records.resize(voters), s.tau.resize(voters);
     s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
     s.means.resize(usable), s.normals.resize(usable), s.sums.resize(usable);
     s.strengths.resize(usable), s.variability.resize(usable), s.strong_votes.resize(usable);
@@ -282,9 +282,10 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
                       TauBody<Real>{per_median, near.k, near.receivers.span(), s.means.span(),
                                     records.span(), tau.span()});
     };
-    const auto make_records = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
+    const auto make_records = [&](bool ball_round, float flatness_limit, Sum noise,
+                                  Buffer<float, Device>& tau) {
         parallel_for(Device{}, voters,
-                     RecordBody<Real>{slots, whiten_rule(options_, flatness_limit),
+                     RecordBody<Real>{ball_round, slots, whiten_rule(options_, flatness_limit),
                                       s.totals.data() + noise, tau.span(), s.voter_normals.span(),
                                       s.voter_strengths.span(), records.span()});
     };
@@ -310,7 +311,7 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
                                      s.totals.data() + kSaliency, field.eigenvalues.span(),
                                      field.normals.span(), field.flags.span(),
                                      s.voter_normals.span(), s.voter_strengths.span()});
-        make_records(options_.flatness_limit, kNoise, s.tau);
+        make_records(ball_round, options_.flatness_limit, kNoise, s.tau);
         s.times.done("records");
         for_each_warp(
             Device{}, usable, 0,
@@ -342,8 +343,9 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     // 4. Virtual receivers, by the voters of the plate round just done.
     const bool same_voters = options_.flatness_limit_position == options_.flatness_limit;
     if (!same_voters) {
+        s.position_tau.resize(voters);
         find_tau(options_.flatness_limit_position, kPositionNoise, s.position_tau);
-        make_records(options_.flatness_limit_position, kPositionNoise, s.position_tau);
+        make_records(false, options_.flatness_limit_position, kPositionNoise, s.position_tau);
         s.times.done("records");
     }
     const auto vote_at_virtual_receivers = [&]<bool kUnitVotes>() {

@@ -13,17 +13,26 @@
 
 #include "core/buffer.h"
 #include "core/device.h"
+#include "core/pack.h"
 
 namespace tvsgs {
 
 struct SerialWarp {
     static constexpr int kLanes = 1;
+    template <class Real>
+    using Lane = Pack<Real>;  // what one lane computes with
 
     int lane() const { return 0; }
     void sync() const {}  // also orders the lanes' accesses to memory
     template <class T>
     T sum(T x) const {
         return x;
+    }
+    template <class T>
+    T sum(Pack<T> x) const {
+        T total = 0;
+        for (int i = 0; i < Pack<T>::kSize; ++i) total += x[i];
+        return total;
     }
     template <class T>
     T from_lane(T x, int /*lane*/) const {
@@ -70,6 +79,8 @@ struct SerialWarp {
         return keys[wanted - 1];
     }
 
+    /// Numbers that median() needs room for.
+    TVSGS_HD static int median_scratch(int count) { return count; }
     /// Of value(0), ..., value(count - 1) >= 0, NaN last; the mean of the two middle ones for an
     /// even count. `scratch` has room for them.
     template <class Value>
@@ -113,14 +124,17 @@ TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     }
 }
 
-/// action(0), ..., action(kCount - 1): unrolled on a GPU, so that small arrays stay in registers;
-/// vectorised on a CPU.
+/// As Warp::median_scratch(): only a CPU thread needs memory to select in; a warp has registers.
+template <class Device>
+int median_scratch(int count) {
+    return std::is_same_v<Device, Cpu> ? SerialWarp::median_scratch(count) : 0;
+}
+
+/// action(0), ..., action(kCount - 1): unrolled on a GPU, so that small arrays stay in registers.
 template <int kCount, class Action>
 TVSGS_HD void for_constants(const Action& action) {
 #if defined(__CUDA_ARCH__)
 #pragma unroll
-#else
-#pragma omp simd
 #endif
     for (int j = 0; j < kCount; ++j) action(j);
 }

@@ -19,6 +19,10 @@ namespace tvsgs {
 struct CudaWarp {
     static constexpr int kLanes = 32;
     static constexpr unsigned kAll = 0xffffffffu;
+    template <class Real>
+    using Lane = Real;
+
+    TVSGS_HD static int median_scratch(int /*count*/) { return 0; }
 
 #if defined(__CUDA_ARCH__)
     __host__ __device__ int lane() const {
@@ -71,10 +75,13 @@ struct CudaWarp {
         const bool accepted = accept(mine);
         return append(out, mine, accepted);
     }
-    /// Sum i over all lanes ends in lane i: five rounds in which each lane keeps the half of the
-    /// values that its number asks for and gives the other half away.
-    __host__ __device__ static float sums_to_lanes(float (&values)[32]) {
-        return halve<16>(values);
+    /// Sums over each half of the warp: lane i of a half gets those of values 2i and 2i + 1. Four
+    /// rounds in which each lane keeps the half of the values that its number asks for and gives
+    /// the other half away.
+    template <class T>
+    __host__ __device__ static void sums_to_half_lanes(T (&values)[32], T (&mine)[2]) {
+        halve<8>(values);
+        mine[0] = values[0], mine[1] = values[1];
     }
     __host__ __device__ std::uint64_t smallest_first(std::uint64_t* keys,
                                                      int count,
@@ -125,19 +132,17 @@ private:
         if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
         return __popc(mask);
     }
-    template <int kHalf>
-    __device__ __forceinline__ static float halve(float* values) {
-        const bool upper = (threadIdx.x & kHalf) != 0;
+    /// Exchanges with the lane kDistance away, and so on: 4 kDistance values become 2.
+    template <int kDistance, class T>
+    __device__ __forceinline__ static void halve(T* values) {
+        const bool upper = (threadIdx.x & kDistance) != 0;
 #pragma unroll
-        for (int i = 0; i < kHalf; ++i) {
-            const float mine = upper ? values[i + kHalf] : values[i];
-            const float other = upper ? values[i] : values[i + kHalf];
-            values[i] = mine + __shfl_xor_sync(kAll, other, kHalf);
+        for (int i = 0; i < 2 * kDistance; ++i) {
+            const T kept = upper ? values[i + 2 * kDistance] : values[i];
+            const T given = upper ? values[i] : values[i + 2 * kDistance];
+            values[i] = kept + __shfl_xor_sync(kAll, given, kDistance);
         }
-        if constexpr (kHalf > 1)
-            return halve<kHalf / 2>(values);
-        else
-            return values[0];
+        if constexpr (kDistance > 1) halve<kDistance / 2>(values);
     }
 
     /// The wanted-th smallest of the words in the lanes, by bisection of the range they span: about
@@ -252,9 +257,8 @@ public:
     __host__ __device__ int append32(std::uint64_t*, const Key&, const Accept&) const {
         return 0;
     }
-    __host__ __device__ static float sums_to_lanes(float (&)[32]) {
-        return 0;
-    }
+    template <class T>
+    __host__ __device__ static void sums_to_half_lanes(T (&)[32], T (&)[2]) {}
     __host__ __device__ std::uint64_t smallest_first(std::uint64_t*, int, int) const {
         return 0;
     }
@@ -303,13 +307,15 @@ inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
     const int count = static_cast<int>(keys.size());
     if (count == 0) return;
     scratch.floats.resize(keys.size());
+    cub::DoubleBuffer<float> both(keys.data(), scratch.floats.data());
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceRadixSort::SortKeys(temporary, bytes, both, count));
+    };
     std::size_t bytes = 0;
-    check_cuda(
-        cub::DeviceRadixSort::SortKeys(nullptr, bytes, keys.data(), scratch.floats.data(), count));
+    run(nullptr, bytes);
     scratch.temporary.resize(bytes);
-    check_cuda(cub::DeviceRadixSort::SortKeys(scratch.temporary.data(), bytes, keys.data(),
-                                              scratch.floats.data(), count));
-    keys.swap(scratch.floats);
+    run(scratch.temporary.data(), bytes);
+    if (both.Current() != keys.data()) keys.swap(scratch.floats);
 }
 
 inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
@@ -319,17 +325,18 @@ inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
     if (count == 0) return;
     scratch.keys.resize(keys.size());
     scratch.values.resize(keys.size());
+    cub::DoubleBuffer<std::uint64_t> both_keys(keys.data(), scratch.keys.data());
+    cub::DoubleBuffer<std::uint32_t> both_values(values.data(), scratch.values.data());
     const auto run = [&](void* temporary, std::size_t& bytes) {
-        check_cuda(cub::DeviceRadixSort::SortPairs(temporary, bytes, keys.data(),
-                                                   scratch.keys.data(), values.data(),
-                                                   scratch.values.data(), count));
+        check_cuda(
+            cub::DeviceRadixSort::SortPairs(temporary, bytes, both_keys, both_values, count));
     };
     std::size_t bytes = 0;
     run(nullptr, bytes);
     scratch.temporary.resize(bytes);
     run(scratch.temporary.data(), bytes);
-    keys.swap(scratch.keys);
-    values.swap(scratch.values);
+    if (both_keys.Current() != keys.data()) keys.swap(scratch.keys);
+    if (both_values.Current() != values.data()) values.swap(scratch.values);
 }
 
 inline void stable_order(Span<const std::uint32_t> keys,

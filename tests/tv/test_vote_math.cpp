@@ -160,8 +160,9 @@ TEST(VoteMath, ArcOfAllAngles) {
     for (int i = 0; i <= 1000; ++i) {
         const double theta = kPi / 2 * i / 1000, sine = std::sin(theta), cosine = std::cos(theta);
         const double wanted = i == 0 ? 1 : theta / sine;
-        EXPECT_NEAR(arc_factor(sine, cosine), wanted, 1e-9 * wanted);
-        EXPECT_NEAR(arc_factor<FastMath>(float(sine), float(cosine)), wanted, 5e-7 * wanted);
+        const double square = wanted * wanted;
+        EXPECT_NEAR(arc_factor2(sine, cosine), square, 1e-9 * square);
+        EXPECT_NEAR(arc_factor2(float(sine), float(cosine)), square, 5e-7 * square);
     }
 }
 

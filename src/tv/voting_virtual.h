@@ -1,0 +1,120 @@
+// The pass over virtual receivers: where along its normal a splat's surface is most salient.
+// [tensor voting specification, section 4]
+#pragma once
+
+#include "core/eigen.h"
+#include "tv/voting_bodies.h"
+
+namespace tvsgs::detail {
+
+/// Position loss targets: the centre or the virtual receiver of largest surface saliency.
+template <class Real, bool kUnitVotes>
+struct VirtualBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+
+    Ballot<Real> ballot;
+    bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
+    float range;        // reach, in largest scales
+    Slots slots;
+    Span<const Vec3f> eigenvalues, normals;
+    Span<Vec3f> targets;
+    Span<std::uint8_t> flags;
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        const int i = slots.splat(slot);
+        const std::uint8_t flag = flags[i];
+        warp.sync();  // all lanes have read the flag before it changes
+        if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
+        if ((flag & kValidNow) == 0) return;
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot].v);
+        const Vec3f s = slots.splats.scales<float>(i);
+        const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
+        const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
+        const Vec3f l = eigenvalues[i];
+        Best best{centre_known ? Real(l.y) - Real(l.z) : centre_saliency(warp, slot, mean), 0};
+        // A tie keeps the centre, then the nearer, then the negative.
+        if constexpr (Warp::kLanes == 1) {
+            using Lane = typename Warp::template Lane<Real>;
+            Lane below[6][kSide] = {}, above[6][kSide] = {};
+            add_votes<1>(warp, slot, mean, -step, below);
+            add_votes<1>(warp, slot, mean, step, above);
+            for (int t = 0; t < kSide; ++t) {
+                keep_best(surface_saliency(warp, below, t), -t - 1, best);
+                keep_best(surface_saliency(warp, above, t), t + 1, best);
+            }
+        } else {  // half a warp for the negative positions, half for the positive ones
+            constexpr int kHalf = 16;
+            const int half = warp.lane() / kHalf, lane = warp.lane() % kHalf;
+            Real T[6][kSide] = {};
+            add_votes<kHalf>(warp, slot, mean, half == 0 ? -step : step, T);
+            Real values[32] = {}, sums[2];
+            for (int t = 0; t < kSide; ++t)
+                for (int c = 0; c < 6; ++c) values[6 * t + c] = T[c][t];
+            warp.sums_to_half_lanes(values, sums);
+            Real entries[6];  // lane t of a half decomposes tensor t
+            for (int c = 0; c < 6; ++c)
+                entries[c] = warp.from_lane(sums[c % 2], half * kHalf + (3 * lane + c / 2) % kHalf);
+            const Real saliency = surface_saliency(entries);
+            for (int t = 0; t < kSide; ++t) {
+                keep_best(warp.from_lane(saliency, t), -t - 1, best);
+                keep_best(warp.from_lane(saliency, kHalf + t), t + 1, best);
+            }
+        }
+        if (warp.lane() == 0 && best.m != 0)
+            targets[i] = vec_cast<float>(mean + Real(best.m) * step);
+    }
+
+private:
+    static constexpr int kSide = 5;  // positions on each side of the centre
+    struct Best {
+        Real saliency;
+        int m;
+    };
+
+    /// Adds the votes at mean + step, mean + 2 step, ... to the six entries of each position's
+    /// tensor.
+    template <int kStride, class Warp, class Lane, int kCount>
+    TVSGS_HD void add_votes(
+        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
+        VoteRule rule = ballot.rule;
+        rule.unit_length = kUnitVotes;  // a constant
+        const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
+        ballot.template for_each_voter<kStride>(warp, slot, [&](const VoterRecord<Lane>& voter) {
+            const Vec3<Lane> d = from - voter.mean, dw = voter.W * d, by_w = voter.W * by;
+            for_constants<kCount>([&](int t) {
+                const Lane m = static_cast<Lane>(t + 1);
+                const Vote<Lane> vote =
+                    plate_vote<FastMath>(voter, d + m * by, dw + m * by_w, rule);
+                const Vec3<Lane> v = vote.v,
+                                 wv = voter.strength * vote.decay * vote.inverse_length2 * v;
+                T[0][t] += wv.x * v.x, T[1][t] += wv.x * v.y, T[2][t] += wv.x * v.z;
+                T[3][t] += wv.y * v.y, T[4][t] += wv.y * v.z, T[5][t] += wv.z * v.z;
+            });
+        });
+    }
+
+    template <class Warp>
+    TVSGS_HD Real centre_saliency(const Warp& warp, int slot, Vec3<Real> mean) const {
+        typename Warp::template Lane<Real> T[6][1] = {};
+        add_votes<Warp::kLanes>(warp, slot, mean, {}, T);
+        return surface_saliency(warp, T, 0);
+    }
+    /// Of tensor t, summed over the lanes.
+    template <class Warp, class Lane, int kCount>
+    TVSGS_HD static Real surface_saliency(const Warp& warp, const Lane (&T)[6][kCount], int t) {
+        Real entries[6];
+        for (int c = 0; c < 6; ++c) entries[c] = warp.sum(T[c][t]);
+        return surface_saliency(entries);
+    }
+    TVSGS_HD static Real surface_saliency(const Real (&T)[6]) {
+        const Vec3<Real> values =
+            sym_eigenvalues<FastMath>(Sym3<Real>{T[0], T[1], T[2], T[3], T[4], T[5]});
+        return values.y - values.z;
+    }
+    TVSGS_HD static void keep_best(Real saliency, int m, Best& best) {
+        if (saliency > best.saliency) best = {saliency, m};  // NaN never wins
+    }
+};
+
+}  // namespace tvsgs::detail
