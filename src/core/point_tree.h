@@ -27,7 +27,30 @@ public:
         return tree_.knnSearch(query, wanted, index, squared);
     }
 
+    /// The nearest point closer than the square root of `limit`; false when there is none.
+    bool nearest_within(Vec3<Coordinate> to, Real limit, std::size_t* index, Real* squared) const {
+        const Real query[3] = {to.x, to.y, to.z};
+        Closest closest{limit};
+        tree_.findNeighbors(closest, query, nanoflann::SearchParams());
+        *index = closest.index, *squared = closest.squared;
+        return closest.found;
+    }
+
 private:
+    /// What nanoflann asks of a set of results: the one closest point.
+    struct Closest {
+        Real squared;
+        std::size_t index = 0;
+        bool found = false;
+
+        bool addPoint(Real distance, std::size_t i) {
+            if (distance < squared) squared = distance, index = i, found = true;
+            return true;
+        }
+        Real worstDist() const { return squared; }
+        bool full() const { return found; }
+    };
+
     /// What nanoflann asks of a point set.
     struct Points {
         const std::vector<Vec3<Coordinate>>& points;

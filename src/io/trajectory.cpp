@@ -1,7 +1,10 @@
 #include "io/trajectory.h"
 
 #include <cmath>
+#include <filesystem>
+#include <map>
 
+#include "io/colmap.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -54,6 +57,32 @@ private:
     int line_ = 1;
 };
 
+/// One camera of a trajectory.
+struct Centre {
+    int index;  // of its image in the official log, for matching by index
+    bool registered;
+    Vec3d position;
+};
+
+std::vector<Centre> read_centres(const std::string& path) {
+    std::vector<Centre> centres;
+    if (!std::filesystem::is_directory(path)) {
+        for (const TrajectoryPose& pose : read_trajectory_log(path))
+            centres.push_back({pose.index, pose.registered, pose.world_from_camera.t});
+        return centres;
+    }
+    const std::string below = (std::filesystem::path(path) / "sparse/0").string();
+    for (const ColmapImage& image :
+         read_colmap_model(missing_colmap_files(path).empty() ? path : below).images) {
+        std::string digits = std::filesystem::path(image.name).stem().string();
+        digits.erase(0, digits.find_last_not_of("0123456789") + 1);
+        int number = 0;
+        const bool numbered = parse_number(digits, number);
+        centres.push_back({numbered ? number - 1 : -1, true, inverse(image.camera_from_world).t});
+    }
+    return centres;
+}
+
 }  // namespace
 
 std::vector<TrajectoryPose> read_trajectory_log(const std::string& path) {
@@ -69,6 +98,33 @@ std::vector<TrajectoryPose> read_trajectory_log(const std::string& path) {
     }
     if (poses.empty()) throw words.wrong("no pose; expected three integers and a 4x4 matrix each");
     return poses;
+}
+
+CentrePairs pair_trajectories(const std::string& trajectory, const std::string& log) {
+    const std::vector<Centre> from = read_centres(trajectory), to = read_centres(log);
+    CentrePairs pairs;
+    pairs.poses = from.size(), pairs.log_poses = to.size();
+    const auto add = [&](const Centre& a, const Centre& b) {
+        if (!a.registered || !b.registered) return;
+        pairs.from.push_back(a.position), pairs.to.push_back(b.position);
+    };
+    if (from.size() == to.size()) {
+        pairs.matched_by = "row";
+        for (std::size_t i = 0; i < from.size(); ++i) add(from[i], to[i]);
+    } else {
+        pairs.matched_by = "image index";
+        std::map<int, const Centre*> by_index;
+        for (const Centre& b : to) by_index.emplace(b.index, &b);
+        for (const Centre& a : from)
+            if (const auto b = by_index.find(a.index); b != by_index.end()) add(a, *b->second);
+    }
+    if (pairs.from.size() < 6)
+        throw input_error("E_TNT_TRAJ: ", trajectory, ": ", from.size(), " cameras, of which ",
+                          pairs.from.size(), " match the ", to.size(), " of ", log, " by ",
+                          pairs.matched_by,
+                          "; at least 6 are needed: pass the trajectory of the frame that was "
+                          "trained in");
+    return pairs;
 }
 
 Affine3d read_transform(const std::string& path) {
