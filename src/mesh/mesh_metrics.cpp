@@ -16,13 +16,49 @@ double mean(const std::vector<double>& values) {
     return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
 }
 
+/// Indices by place, along a Morton curve of 2^10 cells a side: neighbours in space become
+/// neighbours in memory, which is most of the time of a search.
+template <class Real>
+std::vector<std::uint32_t> order_in_space(const std::vector<Vec3<Real>>& points) {
+    Vec3<Real> lower = points[0], upper = points[0];
+    for (const auto& p : points)
+        for (int a = 0; a < 3; ++a)
+            lower[a] = std::min(lower[a], p[a]), upper[a] = std::max(upper[a], p[a]);
+    const auto spread = [](std::uint64_t x) {  // two zeros before each of ten bits
+        x = (x | x << 16) & 0x30000FF;
+        x = (x | x << 8) & 0x300F00F;
+        x = (x | x << 4) & 0x30C30C3;
+        return (x | x << 2) & 0x9249249;
+    };
+    std::vector<std::uint64_t> keys(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        std::uint64_t key = 0;
+        for (int a = 0; a < 3; ++a) {
+            const double size = static_cast<double>(upper[a]) - lower[a];
+            const double place = size > 0 ? 1023 * ((points[at][a] - lower[a]) / size) : 0;
+            key |= spread(place > 0 ? static_cast<std::uint64_t>(place) : 0) << a;  // NaN is 0
+        }
+        keys[at] = key << 32 | static_cast<std::uint32_t>(i);
+    });
+    std::sort(keys.begin(), keys.end());
+    std::vector<std::uint32_t> order(points.size());
+    for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(keys[i]);
+    return order;
+}
+
 template <class Real>
 std::vector<double> nearest(const std::vector<Vec3<Real>>& points,
                             const std::vector<Vec3<Real>>& targets) {
-    const PointTree<double, Real> tree(targets);
     std::vector<double> distances(points.size());
+    if (points.empty()) return distances;
+    std::vector<Vec3<Real>> sorted;
+    sorted.reserve(targets.size());
+    for (const std::uint32_t i : order_in_space(targets)) sorted.push_back(targets[i]);
+    const PointTree<double, Real> tree(sorted);
+    const std::vector<std::uint32_t> order = order_in_space(points);
     parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
+        const std::size_t at = order[static_cast<std::size_t>(i)];
         std::size_t index = 0;
         double squared = std::numeric_limits<double>::infinity();
         tree.nearest(points[at], 1, &index, &squared);
