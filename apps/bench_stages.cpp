@@ -134,13 +134,13 @@ Measured measure(const StageCase& c, Channels channels, int warm_up, int repetit
 const std::vector<StageCase>& stage_cases() {
     using Kind = StageCase::Kind;
     static const std::vector<StageCase> cases = {
-        {"w540", Kind::trained, 1'500'000, 960, 540},
-        {"w1200", Kind::trained, 1'500'000, 1600, 1200},
-        {"one_tile", Kind::one_tile, 1'500'000, 960, 540},
-        {"huge", Kind::huge, 2'000, 960, 540},
-        {"needles", Kind::needles, 100'000, 960, 540},
-        {"empty", Kind::empty, 1'500'000, 960, 540},
-        {"one", Kind::one, 1, 960, 540},
+        {"w540", Kind::trained, 1'500'000, 960, 540, 2.7},
+        {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.5},
+        {"one_tile", Kind::one_tile, 1'500'000, 960, 540, 0.5},
+        {"huge", Kind::huge, 2'000, 960, 540, 3000},
+        {"needles", Kind::needles, 100'000, 960, 540, 2},
+        {"empty", Kind::empty, 1'500'000, 960, 540, 2},
+        {"one", Kind::one, 1, 960, 540, 2},
     };
     return cases;
 }
@@ -166,23 +166,22 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
         Draws draw(i);
         double x = draw.uniform(0, c.width), y = draw.uniform(0, c.height);
         double z = draw.uniform(2, 6);
-        // In view at 960 pixels: 2 px of deviation and half opaque, so three tiles and about 35
-        // blended splats per pixel.
-        double size = 2.0 / 960, opacity = 1 / (1 + std::exp(-draw.normal()));
+        double opacity = 1 / (1 + std::exp(-draw.normal()));
         if (c.kind == Kind::one_tile) {
-            x = 480 + draw.uniform(4, 12), y = 272 + draw.uniform(4, 12);
-            size = 0.5 / 960, opacity = draw.uniform(0.004, 0.01);
+            x = c.width / 32 * 16 + draw.uniform(4, 12),
+            y = c.height / 32 * 16 + draw.uniform(4, 12);
+            opacity = draw.uniform(0.004, 0.01);
         }
-        if (c.kind == Kind::huge) size = 0.5, opacity = draw.uniform(0.004, 0.05);
+        if (c.kind == Kind::huge) opacity = draw.uniform(0.006, 0.05);
         if (c.kind == Kind::one) x = 0.5 * c.width, y = 0.5 * c.height;
         const bool behind = c.kind == Kind::empty || (c.kind == Kind::trained && splat % 2 == 1);
         if (behind) z = -z;
         g.means[i] = {static_cast<float>((x - 0.5 * c.width) / f * z),
                       static_cast<float>((y - 0.5 * c.height) / f * z), static_cast<float>(z)};
-        const double scale = std::log(size * std::abs(z));
+        const double scale = std::log(c.size_px / f * std::abs(z));
         const double a = scale + 0.4 * draw.normal(), b = scale + 0.4 * draw.normal();
         g.log_scales[i] = {static_cast<float>(a), static_cast<float>(b),
-                           static_cast<float>(std::min(a, b) - 3)};
+                           static_cast<float>(std::min(a, b) - (c.kind == Kind::huge ? 0 : 3))};
         if (c.kind == Kind::needles) g.log_scales[i].x = static_cast<float>(scale + std::log(50.0));
         g.quats[i] = {static_cast<float>(draw.normal()), static_cast<float>(draw.normal()),
                       static_cast<float>(draw.normal()), static_cast<float>(draw.normal())};
@@ -207,7 +206,8 @@ StagesBench::StagesBench(CLI::App& app)
         ->expected(1)
         ->take_all()
         ->check(CLI::IsMember(names));
-    c.add_option("--scale", scale_, "share of each case's splats; floors are given at 1 only")
+    c.add_option("--scale", scale_,
+                 "share of each case's splats and pixels; floors are given at 1 only")
         ->check(CLI::Range(1e-6, 4.0))
         ->capture_default_str();
     c.add_option("--channels", channels_, "what is rendered")
@@ -235,6 +235,9 @@ int StagesBench::run() const {
             continue;
         if (c.kind != StageCase::Kind::one)
             c.splats = std::max(1, static_cast<int>(scale_ * c.splats));
+        // Pixels in proportion, so that they see as many splats.
+        c.width = std::max(16, static_cast<int>(std::sqrt(scale_) * c.width));
+        c.height = std::max(16, static_cast<int>(std::sqrt(scale_) * c.height));
         const Measured m = on_device(device, [&](auto tag) {
             return measure<decltype(tag)>(c, channels, warm_up_, repetitions_);
         });

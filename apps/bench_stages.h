@@ -9,13 +9,14 @@
 
 namespace tvsgs {
 
-/// Splats as one view sees them. The counts are of the case at full size.
+/// Splats as one view sees them.
 struct StageCase {
     enum class Kind { trained, one_tile, huge, needles, empty, one };
 
     std::string name;
     Kind kind;
     int splats, width, height;
+    double size_px;  // median deviation of a splat in the image
 };
 
 /// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; and worst

@@ -38,10 +38,10 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
                 EXPECT_EQ(slots, visible);
             }
             if (name == "huge") {
-                EXPECT_EQ(slots, visible * 60 * 34);
+                EXPECT_EQ(slots, visible * 3 * 2) << "all tiles of 42 x 24 pixels";
             }
             if (name == "needles") {
-                EXPECT_GT(slots, 8 * visible);
+                EXPECT_GT(slots, 3 * visible);
             }
             if (name == "empty") {
                 EXPECT_EQ(slots, 0);
