@@ -2,9 +2,12 @@
 // nodes to a node. [GPU design, section 11]
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "core/buffer.h"
 #include "core/vec.h"
@@ -105,6 +108,27 @@ TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
         code.low |= spread_bits(bits) << axis;
     }
     return code;
+}
+
+/// The places of points in Morton order of their bounding box, as sorted; ties as given.
+inline std::vector<int> morton_order(const std::vector<Vec3f>& points) {
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    Vec3f low{kInfinity, kInfinity, kInfinity}, high = -low;
+    for (const Vec3f p : points)
+        for (int axis = 0; axis < 3; ++axis) {
+            low[axis] = std::min(low[axis], p[axis]);
+            high[axis] = std::max(high[axis], p[axis]);
+        }
+    double extent = 0;
+    for (int axis = 0; axis < 3; ++axis)
+        extent = std::max(extent, double(high[axis]) - double(low[axis]));
+    std::vector<std::pair<std::uint64_t, int>> keys;
+    for (const Vec3f p : points)
+        keys.emplace_back(morton_code(p, low, extent).high, static_cast<int>(keys.size()));
+    std::sort(keys.begin(), keys.end());
+    std::vector<int> order;
+    for (const auto& key : keys) order.push_back(key.second);
+    return order;
 }
 
 /// Orders like (distance squared, slot), distances that are not finite last.

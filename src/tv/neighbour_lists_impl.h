@@ -147,6 +147,8 @@ struct HostLists {
     std::vector<std::uint32_t> receivers, voters;
     std::vector<std::int64_t> begin;
 };
+HostLists unpacked(const CompactLists& lists, int voters, int k, int usable);
+
 template <class Device>
 HostLists host_lists(const Neighbours<Device>& near) {
     if (near.storage == ListStorage::full)
@@ -159,18 +161,7 @@ HostLists host_lists(const Neighbours<Device>& near) {
     copy(near.tiles.voter_block, tiles.voter_block);
     copy(near.tiles.voter_begin, tiles.voter_begin);
     copy(near.tiles.receiver_begin, tiles.receiver_begin);
-    const CompactLists lists = tiles.lists();
-    HostLists out;
-    out.receivers.resize(std::size_t(near.voters_count) * near.k);
-    for (int voter = 0; voter < near.voters_count; ++voter)
-        lists.receivers_of(SerialWarp{}, voter, out.receivers.data() + std::size_t(voter) * near.k);
-    out.begin.push_back(0);
-    for (int slot = 0; slot < near.usable; ++slot) {
-        lists.for_each_voter<1>(SerialWarp{}, slot,
-                                [&](std::uint32_t voter) { out.voters.push_back(voter); });
-        out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));
-    }
-    return out;
+    return unpacked(tiles.lists(), near.voters_count, near.k, near.usable);
 }
 
 template <class... Buffers>

@@ -8,11 +8,11 @@
 namespace tvsgs::detail {
 
 /// One receiver's sums of a round at the centres, of ball votes or of plate votes.
-template <class Real>
+template <class Real, class Lists>
 struct CentreRoundBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
 
-    Ballot<Real> ballot;
+    Ballot<Real, Lists> ballot;
     bool ball_round;  // only splats without a tensor cast and receive
     Slots slots;
     Span<const std::uint8_t> flags;
@@ -44,9 +44,9 @@ struct CentreRoundBody {
 };
 
 /// For reports: votes cast by plates at the centres, and those among them that are zero.
-template <class Real>
+template <class Real, class Lists>
 struct VoteCountBody {
-    Ballot<Real> ballot;
+    Ballot<Real, Lists> ballot;
     Span<float> votes, culled;  // by slot
 
     template <class Warp>
@@ -112,25 +112,27 @@ struct EigenBody {
 
 /// Root mean square angle between a splat's normal and its receivers'; infinite where the tensor is
 /// not valid, so that both statistics sort such splats to the end.
+template <class Lists>
 struct VariabilityBody {
     int k;
+    Lists lists;
     Slots slots;
-    Span<const std::uint32_t> receivers;
     Span<const SlotVector> slot_normals;
     Span<const std::uint8_t> flags;
     Span<float> variability, strengths;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+    TVSGS_HD void operator()(const Warp& warp, int slot, void* scratch) const {
         constexpr float kInvalid = std::numeric_limits<float>::infinity();
         if ((flags[slots.splat(slot)] & kValidNow) == 0) {
             if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
             return;
         }
         const Vec3f n = slot_normals[slot].v;
+        const std::uint32_t* list = lists.receivers_of(warp, slot, scratch);
         float sum = 0, count = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            const Vec3f m = slot_normals[receivers[std::size_t(slot) * k + r]].v;
+            const Vec3f m = slot_normals[list[r]].v;
             // The angle from sine and cosine: arccos alone loses the small ones in float.
             const float angle = angle_of(norm(cross(n, m)), std::abs(dot(n, m)));
             const bool counts = dot(m, m) > 0;

@@ -62,6 +62,7 @@ struct TensorVoter<Device>::State {
     NeighbourScratch<Device> scratch;
     Buffer<Vec3f, Device> fixed_means, fixed_normals;
     Buffer<float, Device> fixed_scales, fixed_weights;
+    std::vector<int> fixed_order;  // their places as given
 
     // Of the voters: splats by slot, then fixed voters.
     Buffer<VoterRecord<float>, Device> records;
@@ -107,9 +108,12 @@ struct TensorVoter<Device>::State {
     std::size_t bytes() const {
         const auto& n = neighbours;
         const auto& s = scratch;
-        return bytes_of(n.points, n.receivers, n.begin, n.voters, s.sort.temporary, s.sort.keys,
-                        s.sort.values, s.sort.floats, s.values, s.codes, s.order, s.nodes,
-                        s.cursors) +
+        const auto& t = neighbours.tiles;
+        return bytes_of(n.points, n.receivers, n.begin, n.voters, t.tiles, t.receiver_block,
+                        t.place, t.voter_block, t.voter_begin, t.receiver_begin) +
+               bytes_of(s.sort.temporary, s.sort.keys, s.sort.values, s.sort.floats, s.values,
+                        s.codes, s.order, s.nodes, s.cursors, s.begin, s.rows, s.counts) +
+               bytes_of(fixed_means, fixed_normals, fixed_scales, fixed_weights) +
                bytes_of(records, double_records, tau, position_tau, voter_strengths, voter_normals,
                         means, normals, sums, strengths, variability, strong_votes,
                         sorted_strengths, sorted_variability, left_out, tensors, vectors, flags);
@@ -130,26 +134,20 @@ bool TensorVoter<Device>::due(int step) const {
 
 namespace detail {
 
-/// Only one CPU thread needs memory to select a median in; a warp has registers.
-template <class Device>
-struct TauScratch {
-    static std::size_t bytes(int k) { return std::is_same_v<Device, Cpu> ? k * sizeof(float) : 0; }
-};
-
 /// Lists of slots as lists of splats, on the host.
 template <class Device>
-VotingDetails lists_by_splat(const Neighbours<Device>& near, int count) {
+VotingDetails lists_by_splat(const Neighbours<Device>& near,
+                             int count,
+                             const std::vector<int>& fixed_order = {}) {
     VotingDetails result;
     result.k = near.k;
     result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
     if (near.k == 0) return result;
     const auto points = to_host(near.points);
-    const auto receivers = to_host(near.receivers), voters = to_host(near.voters);
-    const auto begin = to_host(near.begin);
+    const HostLists lists = host_lists(near);
     const auto splat = [&](std::uint32_t voter) {
-        return voter < points.size()
-                   ? points[voter].index
-                   : static_cast<std::uint32_t>(voter - points.size() + std::size_t(count));
+        if (voter < points.size()) return points[voter].index;
+        return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
     };
     result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
     std::vector<int> slot_of(static_cast<std::size_t>(count), -1);
@@ -157,13 +155,13 @@ VotingDetails lists_by_splat(const Neighbours<Device>& near, int count) {
         slot_of[points[slot].index] = static_cast<int>(slot);
         for (int r = 0; r < near.k; ++r)
             result.receivers[std::size_t(points[slot].index) * near.k + r] =
-                points[receivers[slot * near.k + r]].index;
+                points[lists.receivers[slot * near.k + r]].index;
     }
     for (int i = 0; i < count; ++i) {
         const int slot = slot_of[i];
         if (slot >= 0)
-            for (auto e = begin[slot]; e < begin[slot + 1]; ++e)
-                result.voters.push_back(splat(voters[e]));
+            for (auto e = lists.begin[slot]; e < lists.begin[slot + 1]; ++e)
+                result.voters.push_back(splat(lists.voters[e]));
         std::sort(result.voters.begin() + result.begin[i], result.voters.end());
         result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
     }
@@ -202,9 +200,11 @@ void sorted_copy(const Buffer<float, Device>& from,
 template <class Device>
 void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
     State& s = *state_;
+    // Where memory counts, the search has what the event does not need meanwhile.
+    if (options_.lists == ListStorage::compact) detail::free_memory(s.records, s.double_records);
     find_neighbours(
         {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
-         s.totals.data() + detail::kNoise, s.times.on},
+         s.totals.data() + detail::kNoise, s.times.on, options_.lists},
         s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.refreshed_at = step;
     s.listed = splats.size();
@@ -250,16 +250,24 @@ void TensorVoter<Device>::vote(int step,
         clear(count, field);
         return;
     }
-    if (options_.precision == VotePrecision::single_precision)
-        event<float>(splats, field);
+    const auto run = [&](const auto& lists) {
+        if (options_.precision == VotePrecision::single_precision)
+            event<float>(lists, splats, field);
+        else
+            event<double>(lists, splats, field);
+    };
+    if (s.neighbours.storage == ListStorage::full)
+        run(s.neighbours.full_lists());
     else
-        event<double>(splats, field);
+        run(s.neighbours.compact_lists());
 }
 
 /// The event itself, on lists that are up to date.
 template <class Device>
-template <class Real>
-void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& field) {
+template <class Real, class Lists>
+void TensorVoter<Device>::event(const Lists& lists,
+                                const SplatSpans& splats,
+                                TensorField<Device>& field) {
     using namespace detail;
     State& s = *state_;
     const Neighbours<Device>& near = s.neighbours;
@@ -278,9 +286,10 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
         parallel_for(Device{}, voters,
                      WhiteningBody<Real>{slots, whiten_rule(options_, flatness_limit),
                                          s.totals.data() + noise, records.span()});
-        for_each_warp(Device{}, voters, TauScratch<Device>::bytes(near.k),
-                      TauBody<Real>{per_median, near.k, near.receivers.span(), s.means.span(),
-                                    records.span(), tau.span()});
+        for_each_warp(Device{}, voters,
+                      median_scratch<Device>(near.k) * sizeof(float) + Lists::scratch_bytes(near.k),
+                      TauBody<Real, Lists>{per_median, near.k, lists, s.means.span(),
+                                           records.span(), tau.span()});
     };
     const auto make_records = [&](bool ball_round, float flatness_limit, Sum noise,
                                   Buffer<float, Device>& tau) {
@@ -298,8 +307,7 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     s.times.done("records");
 
     // 2. A ball round among the splats without a tensor, then a plate round.
-    const Ballot<Real> ballot{records.span(), s.means.span(), near.begin.span(), near.voters.span(),
-                              vote_rule(options_)};
+    const Ballot<Real, Lists> ballot{records.span(), s.means.span(), lists, vote_rule(options_)};
     for (const bool ball_round : {true, false}) {
         if (!ball_round) {
             s.total(kSaliency, splats.size(),
@@ -315,8 +323,8 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
         s.times.done("records");
         for_each_warp(
             Device{}, usable, 0,
-            CentreRoundBody<Real>{ballot, ball_round, slots, field.flags.span(), s.sums.span(),
-                                  s.strengths.span(), s.strong_votes.span()});
+            CentreRoundBody<Real, Lists>{ballot, ball_round, slots, field.flags.span(),
+                                         s.sums.span(), s.strengths.span(), s.strong_votes.span()});
         s.times.done("centres");
         parallel_for(Device{}, usable,
                      EigenBody{ball_round, slots, s.sums.span(), field.tensors.span(),
@@ -327,9 +335,9 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     if (s.times.on) count_votes(ballot);
 
     // 3. Masks.
-    for_each_warp(Device{}, usable, 0,
-                  VariabilityBody{near.k, slots, near.receivers.span(), s.normals.span(),
-                                  field.flags.span(), s.variability.span(), s.strengths.span()});
+    for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
+                  VariabilityBody<Lists>{near.k, lists, slots, s.normals.span(), field.flags.span(),
+                                         s.variability.span(), s.strengths.span()});
     s.total(kValidCount, splats.size(), FlagTerm{kValidNow, field.flags.span()});
     sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
     sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
@@ -351,9 +359,9 @@ void TensorVoter<Device>::event(const SplatSpans& splats, TensorField<Device>& f
     const auto vote_at_virtual_receivers = [&]<bool kUnitVotes>() {
         for_each_warp(
             Device{}, usable, 0,
-            VirtualBody<Real, kUnitVotes>{ballot, same_voters, options_.virtual_range, slots,
-                                          field.eigenvalues.span(), field.normals.span(),
-                                          field.targets.span(), field.flags.span()});
+            VirtualBody<Real, Lists, kUnitVotes>{ballot, same_voters, options_.virtual_range, slots,
+                                                 field.eigenvalues.span(), field.normals.span(),
+                                                 field.targets.span(), field.flags.span()});
     };
     if (options_.vote_map == VoteMap::unit)
         vote_at_virtual_receivers.template operator()<true>();
@@ -402,10 +410,16 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 template <class Device>
 void TensorVoter<Device>::set_fixed_voters(const FixedVoters& voters) {
     State& s = *state_;
-    copy(voters.means, s.fixed_means);
-    copy(voters.normals, s.fixed_normals);
-    copy(voters.scales, s.fixed_scales);
-    copy(voters.weights, s.fixed_weights);
+    s.fixed_order = morton_order(voters.means);  // as the slots: near in space, near in memory
+    const auto in_order = [&](auto values) {
+        const auto given = values;
+        for (std::size_t i = 0; i < given.size(); ++i) values[i] = given[s.fixed_order[i]];
+        return values;
+    };
+    copy(in_order(voters.means), s.fixed_means);
+    copy(in_order(voters.normals), s.fixed_normals);
+    copy(in_order(voters.scales), s.fixed_scales);
+    copy(in_order(voters.weights), s.fixed_weights);
     s.stale = true;
 }
 
@@ -441,19 +455,16 @@ void TensorVoter<Device>::set_receivers(int step,
     const int count = static_cast<int>(receivers.size()) / k;
     std::vector<TreePoint> points(static_cast<std::size_t>(count));  // slots are splats
     for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
-    std::vector<std::int64_t> begin(std::size_t(count) + 1, 0);
-    for (const std::uint32_t receiver : receivers) ++begin[receiver + std::size_t(1)];
-    for (int i = 0; i < count; ++i) begin[i + 1] += begin[i];
-    std::vector<std::int64_t> next = begin;
-    std::vector<std::uint32_t> voters(receivers.size());
-    for (std::size_t e = 0; e < receivers.size(); ++e)
-        voters[next[receivers[e]]++] = static_cast<std::uint32_t>(e / k);
+    std::vector<std::uint32_t> sorted = receivers;
+    for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);
     copy(points, near.points);
-    copy(receivers, near.receivers);
-    copy(begin, near.begin);
-    copy(voters, near.voters);
     near.k = k;
     near.usable = near.voters_count = s.listed = count;
+    near.storage = options_.lists;
+    detail::store_lists(s.scratch, near, [&](int first, int rows, auto& to) {
+        const auto from = sorted.begin() + std::ptrdiff_t(first) * k;
+        copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(rows) * k), to);
+    });
     s.refreshed_at = step;
     s.stale = false;
 }
@@ -461,7 +472,8 @@ void TensorVoter<Device>::set_receivers(int step,
 template <class Device>
 VotingDetails TensorVoter<Device>::details() const {
     const State& s = *state_;
-    VotingDetails result = detail::lists_by_splat(s.neighbours, std::max(s.listed, 0));
+    VotingDetails result =
+        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
         out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});

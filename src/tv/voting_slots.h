@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "core/parallel.h"
+#include "tv/neighbour_lists.h"
 #include "tv/neighbours.h"
 #include "tv/splats.h"
 #include "tv/voting.h"
@@ -124,13 +125,13 @@ struct WhiteningBody {
 };
 
 /// Scales of voting, from the current splats.
-template <class Real>
+template <class Real, class Lists>
 struct TauBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
 
     float tau_per_median;
     int k;
-    Span<const std::uint32_t> receivers;
+    Lists lists;
     Span<const SlotVector> means;
     Span<const VoterRecord<Real>> records;
     Span<float> tau;
@@ -140,8 +141,9 @@ struct TauBody {
         const VoterRecord<Real> record = load(records[voter]);
         float scale = 0;
         if (can_vote(record)) {  // the same answer in all lanes
-            const std::uint32_t* list = receivers.data + std::size_t(voter) * k;
-            scale = tau_per_median * warp.median(k, static_cast<float*>(scratch), [&](int r) {
+            auto* values = static_cast<float*>(scratch);
+            const auto* list = lists.receivers_of(warp, voter, values + Warp::median_scratch(k));
+            scale = tau_per_median * warp.median(k, values, [&](int r) {
                 const Vec3<Real> at = vec_cast<Real>(means[list[r]].v);
                 return static_cast<float>(norm(record.W * (at - record.mean)));
             });
@@ -224,33 +226,31 @@ struct RecordBody {
 };
 
 /// Who receives from whom.
-template <class Real>
+template <class Real, class Lists>
 struct Ballot {
     Span<const VoterRecord<Real>> records;
     Span<const SlotVector> means;
-    Span<const std::int64_t> begin;
-    Span<const std::uint32_t> voters;
+    Lists lists;
     VoteRule rule;
 
     /// action(record) for each of a slot's voters: number e in the lanes e, e + kStride, ... A CPU
     /// thread gets a Pack of records at a time, the last one filled up with voters that are silent.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
-        const std::int64_t end = begin[slot + 1];
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
             VoterRecord<Lane> pack{};
             int filled = 0;
-            for (std::int64_t e = begin[slot]; e < end; ++e) {
-                set_lane(pack, filled, records[voters[e]]);
-                if (++filled < Lane::kSize) continue;
+            lists.template for_each_voter<1>(warp, slot, [&](std::uint32_t voter) {
+                set_lane(pack, filled, records[voter]);
+                if (++filled < Lane::kSize) return;
                 action(pack);
                 pack = {}, filled = 0;
-            }
+            });
             if (filled > 0) action(pack);
         } else {
-            for (std::int64_t e = begin[slot] + warp.lane() % kStride; e < end; e += kStride)
-                action(load(records[voters[e]]));
+            lists.template for_each_voter<kStride>(
+                warp, slot, [&](std::uint32_t voter) { action(load(records[voter])); });
         }
     }
 

@@ -8,11 +8,11 @@
 namespace tvsgs::detail {
 
 /// Position loss targets: the centre or the virtual receiver of largest surface saliency.
-template <class Real, bool kUnitVotes>
+template <class Real, class Lists, bool kUnitVotes>
 struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
 
-    Ballot<Real> ballot;
+    Ballot<Real, Lists> ballot;
     bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
     float range;        // reach, in largest scales
     Slots slots;
