@@ -153,15 +153,22 @@ template <class Device>
 HostLists host_lists(const Neighbours<Device>& near) {
     if (near.storage == ListStorage::full)
         return {to_host(near.receivers), to_host(near.voters), to_host(near.begin)};
-    EdgeTiles<Cpu> tiles;
-    tiles.count = near.tiles.count;
-    copy(near.tiles.tiles, tiles.tiles);
-    copy(near.tiles.receiver_block, tiles.receiver_block);
-    copy(near.tiles.place, tiles.place);
-    copy(near.tiles.voter_block, tiles.voter_block);
-    copy(near.tiles.voter_begin, tiles.voter_begin);
-    copy(near.tiles.receiver_begin, tiles.receiver_begin);
-    return unpacked(tiles.lists(), near.voters_count, near.k, near.usable);
+    const CompactLists there = near.compact_lists();
+    const auto here = []<class T>(Span<const T> span) {  // no more than there are
+        std::vector<T> values(span.count);
+        copy(Device{}, span.data, Cpu{}, values.data(), span.count * sizeof(T));
+        return values;
+    };
+    const auto tiles = here(there.tiles);
+    const auto receiver_block = here(there.receiver_block), place = here(there.place),
+               voter_block = here(there.voter_block);
+    const auto voter_begin = here(there.voter_begin), receiver_begin = here(there.receiver_begin);
+    const auto span = []<class T>(const std::vector<T>& values) {
+        return Span<const T>{values.data(), values.size()};
+    };
+    const CompactLists lists{span(tiles), span(receiver_block), span(voter_begin),
+                             span(place), span(voter_block),    span(receiver_begin)};
+    return unpacked(lists, near.voters_count, near.k, near.usable);
 }
 
 template <class... Buffers>
@@ -184,6 +191,14 @@ template <class Device>
 void resize_tiles(EdgeTiles<Device>& tiles, std::size_t size) {
     resize_keeping(tiles.tiles, tiles.count, size);
     resize_keeping(tiles.receiver_block, tiles.count, size);
+}
+
+/// Room for `size` elements and no more: the memory reported is the memory held.
+template <class T, class Device>
+void reserve(Buffer<T, Device>& buffer, std::size_t size) {
+    if (size <= buffer.size()) return;
+    free_memory(buffer);
+    buffer.resize(size);
 }
 
 template <class Device>
@@ -240,15 +255,14 @@ void index_tiles(NeighbourScratch<Device>& s,
     const int count = static_cast<int>(tiles.count);
     const int blocks = blocks_of(usable, EdgeTile::kReceivers);
     if (tiles.tiles.size() > tiles.count + tiles.count / 8) resize_tiles(tiles, tiles.count);
-    tiles.place.resize(tiles.count), tiles.voter_block.resize(tiles.count);
+    reserve(tiles.place, tiles.count), reserve(tiles.voter_block, tiles.count);
     tiles.receiver_begin.resize(std::size_t(blocks) + 1);
-    stable_order({tiles.receiver_block.data(), tiles.count}, blocks, tiles.voter_block.span(),
-                 tiles.place.span(), scratch, s.sort);
-    parallel_for(Device{}, blocks + 1,
-                 ReceiverBeginBody{tiles.voter_block.span(), tiles.receiver_begin.span()});
-    parallel_for(
-        Device{}, count,
-        VoterBlockBody{tiles.place.span(), tiles.voter_begin.span(), tiles.voter_block.span()});
+    const Span<std::uint32_t> place{tiles.place.data(), tiles.count};
+    const Span<std::uint32_t> voter_block{tiles.voter_block.data(), tiles.count};
+    stable_order({tiles.receiver_block.data(), tiles.count}, blocks, voter_block, place, scratch,
+                 s.sort);
+    parallel_for(Device{}, blocks + 1, ReceiverBeginBody{voter_block, tiles.receiver_begin.span()});
+    parallel_for(Device{}, count, VoterBlockBody{place, tiles.voter_begin.span(), voter_block});
 }
 
 /// Fills out.begin and out.voters from out.tiles.
