@@ -134,8 +134,8 @@ Measured measure(const StageCase& c, Channels channels, int warm_up, int repetit
 const std::vector<StageCase>& stage_cases() {
     using Kind = StageCase::Kind;
     static const std::vector<StageCase> cases = {
-        {"w540", Kind::trained, 1'500'000, 960, 540, 2.7},
-        {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.5},
+        {"w540", Kind::trained, 1'500'000, 960, 540, 2.5},
+        {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.2},
         {"one_tile", Kind::one_tile, 1'500'000, 960, 540, 0.5},
         {"huge", Kind::huge, 2'000, 960, 540, 3000},
         {"needles", Kind::needles, 100'000, 960, 540, 2},

@@ -130,6 +130,21 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
             slots.drawn[slot] = drawn;
         }
     });
+    // The slots of each splat, in their order.
+    const auto& first_slots = lists.first_slot_by_depth;
+    parallel_for(Cpu{}, lists.visible_count, [&](int k) {
+        const auto rank = static_cast<std::size_t>(k);
+        const std::size_t first = first_slots[rank];
+        const std::size_t end = rank + 1 < first_slots.size()
+                                    ? first_slots[rank + 1]
+                                    : static_cast<std::size_t>(lists.slot_count);
+        SplatGradients<float> sum{};
+        bool drawn = false;
+        for (std::size_t slot = first; slot < end; ++slot)
+            if (slots.drawn[slot]) add(sum, slots.gradients[slot]), drawn = true;
+        slots.gradients[first] = sum;
+        slots.drawn[first] = drawn;
+    });
 }
 
 #define TVSGS_INSTANTIATE(channels)                                                             \

@@ -17,6 +17,7 @@ static_assert(kPixels * kRowStep == kQuarter);
 /// Pixels of a lane, and the pixel centres of its warp.
 struct LanePixels {
     int x, y[kPixels];
+    float centre_x, centre_y[kPixels];
     bool inside[kPixels];
     Vec2f low, high;  // in the image; high < low where the warp has none
 };
@@ -26,8 +27,10 @@ __device__ LanePixels lane_pixels(const TileGrid& grid) {
     const int top = blockIdx.x / grid.columns * kTileSize + warp / 2 * kQuarter;
     LanePixels p;
     p.x = left + lane % kQuarter;
+    p.centre_x = static_cast<float>(p.x) + 0.5f;
     for (int k = 0; k < kPixels; ++k) {
         p.y[k] = top + lane / kQuarter + k * kRowStep;
+        p.centre_y[k] = static_cast<float>(p.y[k]) + 0.5f;
         p.inside[k] = p.x < grid.width && p.y[k] < grid.height;
     }
     p.low = {static_cast<float>(left) + 0.5f, static_cast<float>(top) + 0.5f};
@@ -38,8 +41,7 @@ __device__ LanePixels lane_pixels(const TileGrid& grid) {
 
 /// From a pixel centre to the mean.
 __device__ Vec2f offset(const SplatShape<float>& s, const LanePixels& p, int k) {
-    return {s.mean.x - (static_cast<float>(p.x) + 0.5f),
-            s.mean.y - (static_cast<float>(p.y[k]) + 0.5f)};
+    return {s.mean.x - p.centre_x, s.mean.y - p.centre_y[k]};
 }
 
 /// The splats of a batch that may draw in the warp's pixels.
@@ -283,6 +285,55 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
     }
 }
 
+__device__ void add(float4& sum, const float4& value) {
+    sum.x += value.x, sum.y += value.y, sum.z += value.z, sum.w += value.w;
+}
+
+/// Adds up the slots of each splat into its first one. Four lanes hold the 16 values of a splat;
+/// all lanes of the warp share in a splat of many slots. The shape of the sums is fixed.
+__global__ void __launch_bounds__(kThreads) sum_slots_kernel(Span<const std::uint32_t> first_slots,
+                                                             std::uint32_t slot_count,
+                                                             SlotGradientSpans slots) {
+    constexpr std::uint32_t kLaneSlots = 32;
+    const std::uint32_t lane = threadIdx.x % 32, part = lane % 4, group = lane / 4;
+    const std::uint32_t rank = (blockIdx.x * kThreads + threadIdx.x) / 4;
+    const bool has_splat = rank < first_slots.count;
+    const std::uint32_t first = has_splat ? first_slots[rank] : 0;
+    const std::uint32_t end = !has_splat                     ? 0
+                              : rank + 1 < first_slots.count ? first_slots[rank + 1]
+                                                             : slot_count;
+    float4 sum{};
+    bool drawn = false;
+    const auto value = [&](std::uint32_t slot) -> float4& {
+        return reinterpret_cast<float4*>(&slots.gradients[slot])[part];
+    };
+    if (end - first > 1 && end - first <= kLaneSlots) {  // with one slot there is nothing to do
+        for (std::uint32_t slot = first; slot < end; ++slot)
+            if (slots.drawn[slot]) add(sum, value(slot)), drawn = true;
+    }
+    __syncwarp();  // all four lanes have read what is overwritten now
+    if (drawn) value(first) = sum;
+    if (drawn && part == 0) slots.drawn[first] = 1;
+    for (unsigned large = __ballot_sync(kAll, part == 0 && end - first > kLaneSlots); large != 0;
+         large &= large - 1) {
+        const int source = __ffs(static_cast<int>(large)) - 1;
+        const std::uint32_t begin = __shfl_sync(kAll, first, source);
+        const std::uint32_t stop = __shfl_sync(kAll, end, source);
+        sum = {};
+        drawn = false;
+        for (std::uint32_t slot = begin + group; slot < stop; slot += 8)
+            if (slots.drawn[slot]) add(sum, value(slot)), drawn = true;
+        for (int distance = 16; distance >= 4; distance /= 2)
+            add(sum,
+                {__shfl_xor_sync(kAll, sum.x, distance), __shfl_xor_sync(kAll, sum.y, distance),
+                 __shfl_xor_sync(kAll, sum.z, distance), __shfl_xor_sync(kAll, sum.w, distance)});
+        if (__any_sync(kAll, drawn) && group == 0) {
+            value(begin) = sum;
+            if (part == 0) slots.drawn[begin] = 1;
+        }
+    }
+}
+
 }  // namespace
 
 template <Channels kChannels>
@@ -308,12 +359,17 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      SlotGradients<Cuda>& slots) {
     slots.resize(static_cast<std::size_t>(lists.slot_count));
     slots.drawn.fill_zero();
+    const SlotGradientSpans out{slots.gradients.span(), slots.drawn.span()};
     blend_vjp_kernel<kChannels><<<grid.count(), kThreads>>>(
         splats.shapes.span(), splats.features.span(), lists.slots.span(), lists.splats.span(),
         lists.spans.span(), grid, images.transmittance.span(), state.stop.span(),
         PixelGradientReader<kChannels>{dL_dimages.color.span(), dL_dimages.normal.span(),
                                        dL_dimages.distance.span()},
-        SlotGradientSpans{slots.gradients.span(), slots.drawn.span()});
+        out);
+    check_launch();
+    if (lists.visible_count == 0) return;
+    sum_slots_kernel<<<(4 * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
+        lists.first_slot_by_depth.span(), static_cast<std::uint32_t>(lists.slot_count), out);
     check_launch();
 }
 

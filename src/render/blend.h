@@ -13,11 +13,12 @@ struct BlendState {
     Buffer<std::uint32_t, Device> stop;  // [H W]
 };
 
-/// A gradient per slot; those of slots that drew nothing are not written.
+/// Gradients of the view's splats, each in the place of the splat's first slot. The other places
+/// are scratch: what each slot adds.
 template <class Device>
 struct SlotGradients {
     Buffer<SplatGradients<float>, Device> gradients;
-    Buffer<std::uint8_t, Device> drawn;  // 0: there is none
+    Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
 
     void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
 };
@@ -39,7 +40,7 @@ void blend_tiles(const ViewSplats<Cuda>& splats,
                  RenderedImages<Cuda>& images,
                  BlendState<Cuda>& state);
 
-/// dL/d of the images to one gradient per slot; `slots` is resized and overwritten. Images
+/// dL/d of the images to one gradient per splat; `slots` is resized and overwritten. Images
 /// without a gradient buffer count as zero. No floating-point atomics: bit-identical from run to
 /// run.
 template <Channels kChannels>

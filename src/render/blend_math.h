@@ -124,6 +124,15 @@ struct alignas(16) SplatGradients {
 
     static constexpr int kCount = 16;
 };
+
+template <class Real>
+TVSGS_HD void add(SplatGradients<Real>& sum, const SplatGradients<Real>& g) {
+    sum.mean += g.mean, sum.abs_mean += g.abs_mean;
+    sum.conic.xx += g.conic.xx, sum.conic.xy += g.conic.xy, sum.conic.yy += g.conic.yy;
+    sum.opacity += g.opacity;
+    add_features<Channels::color_plane>(sum.features, Real(1), g.features);
+    sum.front_pixels += g.front_pixels;
+}
 static_assert(sizeof(SplatGradients<float>) == SplatGradients<float>::kCount * sizeof(float));
 
 /// One splat at one pixel, visited back to front; `a` is splat_alpha's result with a.alpha > 0.

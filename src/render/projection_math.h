@@ -235,6 +235,15 @@ TVSGS_HD int smallest_axis(Vec3<Real> s) {
     return s.z < s[k] ? 2 : k;
 }
 
+/// Column of a matrix by selection: a kernel then needs no copy of it in memory.
+template <class Real>
+TVSGS_HD Vec3<Real> selected_column(const Mat3<Real>& M, int axis) {
+    const auto pick = [axis](const Real* row) {
+        return axis == 0 ? row[0] : axis == 1 ? row[1] : row[2];
+    };
+    return {pick(M[0]), pick(M[1]), pick(M[2])};
+}
+
 template <class Real>
 TVSGS_HD Real plane_sign(Vec3<Real> axis_camera, Vec3<Real> mean_camera) {
     return dot(axis_camera, mean_camera) > 0 ? Real(-1) : Real(1);
@@ -245,7 +254,7 @@ TVSGS_HD CameraPlane<Real> camera_plane(const Mat3<Real>& R_cw,
                                         const Mat3<Real>& R,
                                         int axis,
                                         Vec3<Real> mean_camera) {
-    const Vec3<Real> r = R_cw * column(R, axis);
+    const Vec3<Real> r = R_cw * selected_column(R, axis);
     const Vec3<Real> n = plane_sign(r, mean_camera) * r;
     return {n, -dot(n, mean_camera)};
 }
@@ -263,7 +272,7 @@ TVSGS_HD CameraPlaneGradients<Real> camera_plane_vjp(const Mat3<Real>& R_cw,
                                                      Vec3<Real> mean_camera,
                                                      Vec3<Real> dL_dnormal,
                                                      Real dL_ddistance) {
-    const Vec3<Real> r = R_cw * column(R, axis);
+    const Vec3<Real> r = R_cw * selected_column(R, axis);
     const Real sign = plane_sign(r, mean_camera);
     return {sign * transpose_times(R_cw, dL_dnormal - dL_ddistance * mean_camera),
             -dL_ddistance * (sign * r)};

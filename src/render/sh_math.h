@@ -6,6 +6,8 @@
 namespace tvsgs {
 
 inline constexpr double kShC0 = 0.28209479177387814;
+// Loops run to this constant and test the degree inside: unrolled, they keep arrays in registers.
+inline constexpr int kMaxShCount = sh_count(3);
 
 /// Y_k(v) for k < sh_count(degree); v is a unit vector.
 template <class Real>
@@ -68,10 +70,11 @@ TVSGS_HD Vec3<Real> sh_basis_vjp(int degree, Vec3<Real> v, const Real* dL_dY) {
 template <class Real, class Stored>
 TVSGS_HD Vec3<Real> sh_color(
     int degree, Vec3<Real> direction, const Vec3<Stored>* sh, std::size_t stride, std::size_t i) {
-    Real Y[16];
+    Real Y[kMaxShCount];
     sh_basis(degree, direction, Y);
     Vec3<Real> color{Real(0.5), Real(0.5), Real(0.5)};
-    for (int k = 0; k < sh_count(degree); ++k) color += Y[k] * vec_cast<Real>(sh[k * stride + i]);
+    for (int k = 0; k < kMaxShCount; ++k)
+        if (k < sh_count(degree)) color += Y[k] * vec_cast<Real>(sh[k * stride + i]);
     return {color.x > 0 ? color.x : 0, color.y > 0 ? color.y : 0, color.z > 0 ? color.z : 0};
 }
 
@@ -89,9 +92,10 @@ TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
     const Vec3<Real> g{color.x > 0 ? dL_dcolor.x : 0, color.y > 0 ? dL_dcolor.y : 0,
                        color.z > 0 ? dL_dcolor.z : 0};
     const Vec3<Real> direction = normalize(offset);
-    Real Y[16], dL_dY[16];
+    Real Y[kMaxShCount], dL_dY[kMaxShCount]{};
     sh_basis(degree, direction, Y);
-    for (int k = 0; k < sh_count(degree); ++k) {
+    for (int k = 0; k < kMaxShCount; ++k) {
+        if (k >= sh_count(degree)) break;
         dL_dY[k] = dot(vec_cast<Real>(sh[k * stride + i]), g);
         dL_dsh[k * stride + i] += vec_cast<Stored>(Y[k] * g);
     }

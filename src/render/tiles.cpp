@@ -55,7 +55,9 @@ void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileL
                      });
 
     std::uint64_t total = 0;
+    lists.first_slot_by_depth.resize(visible);
     for (std::size_t k = 0; k < visible; ++k) {
+        lists.first_slot_by_depth[k] = static_cast<std::uint32_t>(total);
         lists.first_slot[lists.order[k]] = static_cast<std::uint32_t>(total);
         total += lists.slot_counts[lists.order[k]];
     }

@@ -74,7 +74,7 @@ __global__ void __launch_bounds__(kThreads)
     if (has_splat) slot_counts[i] = count;
 }
 
-/// Slots of the splats in their order by depth; on entry `first_of` holds each one's first slot.
+/// Slots of the splats in their order by depth; `first_of` holds the first one of each.
 template <class Key>
 __global__ void __launch_bounds__(kThreads) emit_slots_kernel(Projected in,
                                                               Span<const std::uint32_t> order,
@@ -154,7 +154,7 @@ void sort_by_depth(const ViewSplats<Cuda>& splats, TileLists<Cuda>& lists) {
 /// Emits the slots in that order and sorts them by tile; `Key` holds a tile's index.
 template <class Key>
 void emit_and_sort(const Projected& in, const TileGrid& grid, TileLists<Cuda>& lists) {
-    Buffer<std::uint32_t, Cuda>& first_of = lists.depth_keys;  // no longer needed
+    Buffer<std::uint32_t, Cuda>& first_of = lists.first_slot_by_depth;
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
         return cub::DeviceScan::ExclusiveSum(
             temp, bytes,
@@ -191,6 +191,7 @@ void build_tile_lists(const ViewSplats<Cuda>& splats,
     lists.spans.resize(grid.count()), lists.totals.resize(2);
     lists.spans.fill_zero();
     lists.slot_count = lists.visible_count = 0;
+    lists.first_slot_by_depth.resize(0);
     if (n == 0) return;
     const Projected in{grid, splats.shapes.span(), splats.rects.span()};
     count_slots_kernel<<<(n + kThreads - 1) / kThreads, kThreads>>>(in, lists.slot_counts.span());
@@ -210,7 +211,8 @@ void build_tile_lists(const ViewSplats<Cuda>& splats,
     check_slot_count(total);
     lists.visible_count = static_cast<int>(visible);
     lists.slot_count = static_cast<int>(total);
-    lists.order.resize(visible), lists.depth_keys.resize(visible);
+    lists.order.resize(visible), lists.first_slot_by_depth.resize(visible);
+    lists.depth_keys.resize(visible);
     lists.depth_keys_sorted.resize(visible);
     lists.slots.resize(total), lists.splats.resize(total), lists.slots_unsorted.resize(total);
     lists.splat_of_slot.resize(total);

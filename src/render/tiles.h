@@ -15,12 +15,13 @@ struct TileSpan {
 /// every tile's slots front to back.
 template <class Device>
 struct TileLists {
-    Buffer<std::uint32_t, Device> slot_counts;  // [N] 0: draws nothing
-    Buffer<std::uint32_t, Device> first_slot;   // [N] undefined where there are none
-    Buffer<std::uint32_t, Device> slots;        // [slots] by tile, then depth, then splat index
-    Buffer<std::uint32_t, Device> splats;       // [slots] of these slots
-    Buffer<TileSpan, Device> spans;             // [tiles]
-    int slot_count = 0, visible_count = 0;      // visible: splats with slots
+    Buffer<std::uint32_t, Device> slot_counts;          // [N] 0: draws nothing
+    Buffer<std::uint32_t, Device> first_slot;           // [N] undefined where there are none
+    Buffer<std::uint32_t, Device> first_slot_by_depth;  // [visible] the same, front to back
+    Buffer<std::uint32_t, Device> slots;    // [slots] by tile, then depth, then splat index
+    Buffer<std::uint32_t, Device> splats;   // [slots] of these slots
+    Buffer<TileSpan, Device> spans;         // [tiles]
+    int slot_count = 0, visible_count = 0;  // visible: splats with slots
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;

@@ -149,8 +149,7 @@ struct ProjectBody {
     }
 };
 
-/// Adds up the tile gradients of a Gaussian in the order of its tiles and carries them to its
-/// parameters.
+/// Carries the gradients of a Gaussian's ellipse to its parameters.
 template <Channels kChannels>
 struct ProjectBackwardBody {
     ViewParameters view;
@@ -172,19 +171,8 @@ struct ProjectBackwardBody {
     TVSGS_HD void operator()(int i) const {
         stat_grad[i] = stat_abs[i] = {};
         stat_front[i] = 0;
-        if (slot_counts[i] == 0) return;
-        SplatGradients<float> g{};
-        const std::uint32_t begin = first_slot[i], end = begin + slot_counts[i];
-        for (std::uint32_t slot = begin; slot < end; ++slot) {
-            if (!drawn[slot]) continue;
-            const SplatGradients<float> s = slots[slot];
-            g.mean += s.mean;
-            g.abs_mean += s.abs_mean;
-            g.conic.xx += s.conic.xx, g.conic.xy += s.conic.xy, g.conic.yy += s.conic.yy;
-            g.opacity += s.opacity;
-            add_features<kChannels>(g.features, 1.0f, s.features);
-            g.front_pixels += s.front_pixels;
-        }
+        if (slot_counts[i] == 0 || !drawn[first_slot[i]]) return;
+        const SplatGradients<float> g = slots[first_slot[i]];
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);
         stat_grad[i] = {half_w * g.mean.x, half_h * g.mean.y};
@@ -208,7 +196,12 @@ struct ProjectBackwardBody {
             const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
                                                 g.features.normal, g.features.distance);
             dL_dp += plane.dL_dmean_camera;
-            for (int row = 0; row < 3; ++row) spread.dL_dR[row][axis] += plane.dL_daxis[row];
+            for (int k = 0; k < 3; ++k) {
+                const float here = k == axis ? 1.0f : 0.0f;
+                spread.dL_dR[0][k] += here * plane.dL_daxis.x;
+                spread.dL_dR[1][k] += here * plane.dL_daxis.y;
+                spread.dL_dR[2][k] += here * plane.dL_daxis.z;
+            }
         }
         Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
         if constexpr (has_color(kChannels))
