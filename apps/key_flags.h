@@ -32,7 +32,9 @@ public:
     /// Where the photographs are, and which of them to use.
     void add_scene(const char* group = "Scene") {
         add("-s,--scene,--source-path,--data", "scene.path",
-            "folder of the scene: a COLMAP model and its photographs", group);
+            "folder of the scene: photographs with their cameras", group);
+        add("--format", "scene.format",
+            "auto, colmap, blender, nerfstudio, idr or mvsnet: layout of the folder [auto]", group);
         add("--images", "scene.images", "folder of the photographs inside the scene [images]",
             group);
         add("-r,--resolution", "scene.resolution",

@@ -17,6 +17,7 @@
 #include "io/image_file.h"
 #include "io/ply.h"
 #include "io/read_file.h"
+#include "io/scene_layout.h"
 #include "io/view_split.h"
 
 namespace tvsgs {
@@ -27,38 +28,6 @@ namespace fs = std::filesystem;
 bool is_file(const fs::path& path) {
     std::error_code error;
     return fs::is_regular_file(path, error);
-}
-
-/// The COLMAP model of the scene.
-std::string find_model(const std::string& scene) {
-    std::error_code no_matter;
-    if (!fs::is_directory(scene, no_matter))
-        throw input_error("E_SCENE_LAYOUT: ", scene,
-                          fs::exists(scene, no_matter) ? ": is a file" : ": does not exist",
-                          "; expected the folder that holds sparse/ and the images");
-    std::string tried;
-    for (const char* folder : {"sparse/0", "sparse", "dense/sparse", "colmap/sparse/0", "."}) {
-        const std::string path = (fs::path(scene) / folder).string();
-        const std::vector<std::string> missing = missing_colmap_files(path);
-        if (!missing.empty()) {
-            tried += "\n  " + path;
-            if (missing.size() == 1) tried += str(" (there is no ", missing[0], ")");
-            continue;
-        }
-        if (std::string(folder) == "sparse/0" && fs::exists(fs::path(scene) / "sparse/1"))
-            spdlog::warn("{}: COLMAP split this scene into several models; only sparse/0 is used",
-                         scene);
-        return path;
-    }
-    std::string hint = " Pass the folder that holds sparse/ and the images.";
-    for (const char* other :
-         {"transforms_train.json", "transforms.json", "cameras_sphere.npz", "cameras.npz", "cams"})
-        if (fs::exists(fs::path(scene) / other))
-            hint = str(" The scene holds ", other,
-                       ", a layout that is not read yet: convert it to COLMAP.");
-    throw input_error("E_SCENE_LAYOUT: ", scene,
-                      ": no COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
-                      "\n ", hint);
 }
 
 /// The file of an image: as listed, else with another extension, else by its base name where that
@@ -148,6 +117,7 @@ struct ViewSource {
     Intrinsics intrinsics;
     std::string file;
     std::optional<std::string> mask_file;
+    bool alpha_on_black = false;
 };
 
 /// Are the two sizes one image at two scales, up to a pixel of rounding?
@@ -204,6 +174,9 @@ View load_view(const ViewSource& source, const SceneOptions& options) {
     check_size(source.file, file_size, source.intrinsics);
     ImageU8 photo, mask;
     split_alpha(read_image(source.file), photo, mask);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !mask.empty(); ++i)
+            photo.pixels[i] = static_cast<std::uint8_t>(photo.pixels[i] * mask.pixels[i / 3] / 255);
     if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
         mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
@@ -313,9 +286,10 @@ void clean(PointCloud& cloud, const std::string& source) {
 }
 
 PointCloud initial_points(const SceneOptions& options,
-                          const std::string& model_folder,
-                          const ColmapModel& model,
+                          const SceneLayout& layout,
                           const std::vector<ViewSource>& train) {
+    const std::string& model_folder = layout.source;
+    const ColmapModel& model = layout.model;
     const auto from_ply = [](const std::string& path) {
         PointCloud cloud = read_ply(path).points;
         clean(cloud, path);
@@ -331,10 +305,11 @@ PointCloud initial_points(const SceneOptions& options,
     // Clouds beside the model do not say which images they come from, so a subset cannot use them:
     // test views would leak in.
     const bool subset = train.size() < model.images.size();
+    const bool colmap = layout.format == "colmap";
     const std::string fused = (fs::path(options.path) / "dense/fused.ply").string();
     if (!subset && is_file(fused)) return from_ply(fused);
 
-    const ColmapPoints points = read_colmap_points(model_folder);
+    const ColmapPoints points = colmap ? read_colmap_points(model_folder) : ColmapPoints{};
     std::set<std::uint32_t> train_ids;
     for (const auto& view : train) train_ids.insert(view.image->id);
     PointCloud cloud;
@@ -352,8 +327,11 @@ PointCloud initial_points(const SceneOptions& options,
         spdlog::info("{} of the model's {} points are seen by two training views",
                      cloud.positions.size(), points.positions.size());
     clean(cloud, model_folder);
-    const std::string ply = (fs::path(model_folder) / "points3D.ply").string();
-    if (cloud.positions.empty() && !subset && is_file(ply)) cloud = from_ply(ply);
+    // Blender scenes come with points that no photograph had a part in.
+    const bool may_use = !subset || layout.format == "blender";
+    const std::string ply =
+        colmap ? (fs::path(model_folder) / "points3D.ply").string() : layout.points;
+    if (cloud.positions.empty() && may_use && is_file(ply)) cloud = from_ply(ply);
     if (cloud.positions.empty() && options.points_required)
         throw input_error(
             "E_NO_POINTS: ", model_folder, ": no initial points",
@@ -412,13 +390,13 @@ PixelSize resized_size(int resolution, int width, int height) {
 
 Scene read_scene(const SceneOptions& options) {
     return with_context(str("reading scene ", options.path), [&] {
-        const std::string model_folder = find_model(options.path);
-        const ColmapModel model = read_colmap_model(model_folder);
+        const SceneLayout layout = read_layout(options);
+        const ColmapModel& model = layout.model;
         resized_size(options.resolution, 1,
                      1);  // a wrong value is an error before anything is loaded
 
         // 1. Which images are there, and which of them train and test.
-        const fs::path image_folder = fs::path(options.path) / options.images;
+        const fs::path image_folder = layout.images;
         const ImageFinder image_finder(image_folder, model);
         std::vector<std::string> names;
         std::vector<std::optional<std::string>> files;
@@ -438,7 +416,7 @@ Scene read_scene(const SceneOptions& options) {
         if (missing > 0)
             spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
                          image_folder.string(), missing, names.size());
-        const ViewSplit split = split_views(options, names, exists);
+        const ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
 
         // 2. Their pixels.
         const MaskFinder mask_finder(options);
@@ -450,10 +428,14 @@ Scene read_scene(const SceneOptions& options) {
                 if (intrinsics.distortion.kind == Distortion::Kind::fisheye &&
                     !options.undistort_fisheye)
                     throw_camera_model(
-                        model_folder, image.camera_id,
+                        layout.source, image.camera_id,
                         "a fisheye model (--undistort-fisheye makes a pinhole of it)");
+                const auto mask = layout.masks.find(image.name);
                 out.push_back({&image, intrinsics, *files[static_cast<std::size_t>(i)],
-                               mask_finder.find(image.name)});
+                               mask != layout.masks.end() && options.masks.empty()
+                                   ? mask->second
+                                   : mask_finder.find(image.name),
+                               layout.alpha_on_black});
             }
             return out;
         };
@@ -474,7 +456,7 @@ Scene read_scene(const SceneOptions& options) {
                 options.path, 100 * offset);
 
         // 3. The initial cloud.
-        if (options.need_points) scene.points = initial_points(options, model_folder, model, train);
+        if (options.need_points) scene.points = initial_points(options, layout, train);
         scene.extent = scene_extent(scene);
         return scene;
     });

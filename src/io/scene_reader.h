@@ -10,9 +10,16 @@
 
 namespace tvsgs {
 
+/// How a scene's folder is laid out; `automatic` takes the first that fits.
+enum class SceneFormat { automatic, colmap, blender, nerfstudio, idr, mvsnet };
+
 /// What the user asked for; the names are those of the command line.
 struct SceneOptions {
-    std::string path;               // --scene
+    std::string path;                             // --scene
+    SceneFormat format = SceneFormat::automatic;  // --format
+    std::string cameras_file;   // idr: cameras_sphere.npz or cameras.npz; empty: the one there is
+    float pixel_offset = 0.5f;  // idr, mvsnet: added to principal points, whose files count pixel
+                                // centres as integers
     std::string images = "images";  // --images: folder of the photographs inside the scene
     int resolution = -1;   // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
     float grey_scale = 1;  // training size over that of the grey images; 1: photos are used
@@ -35,6 +42,13 @@ struct SceneOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("path", path, "folder of the scene");
+        field.choice("format", format, {"auto", "colmap", "blender", "nerfstudio", "idr", "mvsnet"},
+                     "layout of the folder; auto: the first that fits");
+        field("cameras_file", cameras_file,
+              "idr: file with the cameras; empty: cameras_sphere.npz or cameras.npz");
+        field("pixel_offset", pixel_offset, {-1, 1},
+              "idr, mvsnet: added to principal points; 0.5 where the file counts pixel centres as "
+              "integers, 0 where it counts from the corner");
         field("images", images, "folder of the photographs inside the scene");
         field("resolution", resolution, {-1, 65535},
               "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");

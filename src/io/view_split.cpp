@@ -124,7 +124,9 @@ NamedLists lists_of_split(const SceneOptions& options) {
 
 ViewSplit split_views(const SceneOptions& options,
                       const std::vector<std::string>& names,
-                      const std::vector<bool>& exists) {
+                      const std::vector<bool>& exists,
+                      const std::vector<std::string>& own_train,
+                      const std::vector<std::string>& own_test) {
     const int count = static_cast<int>(names.size());
     const bool has_lists = !options.train_list.empty() || !options.test_list.empty();
     if (has_lists + !options.split.empty() + options.eval > 1)
@@ -154,6 +156,13 @@ ViewSplit split_views(const SceneOptions& options,
             for (int i = 0; i < count; ++i)
                 if (!std::binary_search(split.test.begin(), split.test.end(), i))
                     split.train.push_back(i);
+    } else if (!own_train.empty()) {
+        const NameFinder finder(names);
+        for (const auto& name : own_train)
+            split.train.push_back(finder.find(name, "the scene's own split"));
+        for (const auto& name : own_test)
+            split.test.push_back(finder.find(name, "the scene's own split"));
+        sort_unique(split.train), sort_unique(split.test);
     } else {
         if (options.eval && options.test_every < 2)
             throw Error(ExitCode::usage,

@@ -129,7 +129,10 @@ TEST_F(SceneReader, Layouts) {
     for (const char* tried : {"/sparse/0\n", "/sparse\n", "/dense/sparse\n", "/colmap/sparse/0\n"})
         expect_input_error(tried);
     write("transforms.json", "{}");
-    expect_input_error("transforms.json, a layout that is not read yet");
+    expect_input_error("E_TRANSFORMS");  // taken for nerfstudio's
+    options.format = SceneFormat::colmap;
+    expect_input_error("/dense/sparse\n");
+    options.format = SceneFormat::automatic;
     options.path = "/no/such/scene";
     expect_input_error("does not exist");
     expect_input_error("while reading scene /no/such/scene");
