@@ -285,15 +285,15 @@ template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,
                  const Search& search,
-                 const StageDone& done = {}) {
+                 const StageDone& done = {},
+                 int chunk_edges = 8 << 20) {  // 32 MB in the compact form
     const auto finish = [&](const char* stage) {
         if (done) done(stage);
     };
     const bool full = out.storage == ListStorage::full;
-    constexpr int kChunkEdges = 8 << 20;  // 32 MB in the compact form
     const int chunk =
         full ? out.voters_count
-             : std::max(kChunkEdges / out.k / EdgeTile::kVoters, 1) * EdgeTile::kVoters;
+             : std::max(chunk_edges / out.k / EdgeTile::kVoters, 1) * EdgeTile::kVoters;
     Buffer<std::uint32_t, Device>& rows = full ? out.receivers : s.rows;
     begin_tiles(out.tiles, out.voters_count);
     for (int first = 0; first < out.voters_count; first += chunk) {

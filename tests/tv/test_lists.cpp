@@ -158,5 +158,28 @@ TEST(EdgeTiles, WarpsMakeTheSame) {
         EXPECT_EQ(std::memcmp(&tiles[t], &expected.tiles[t], sizeof(EdgeTile)), 0) << t;
 }
 
+TEST(EdgeTiles, ChunksMakeTheSame) {
+    constexpr int kCount = 1003, k = 9;
+    const std::vector<std::uint32_t> receivers = made_up_lists(kCount, k);
+    const Neighbours<Cpu> full = stored(receivers, kCount, k);
+    Neighbours<Cpu> near;
+    near.usable = near.voters_count = kCount, near.k = k, near.storage = ListStorage::compact;
+    NeighbourScratch<Cpu> scratch;
+    for (const int chunk_edges : {1, 3 * 32 * k, 1 << 20}) {  // 32, 96 and all voters
+        int chunks = 0;
+        const auto search = [&](int first, int count, auto& rows) {
+            const auto from = receivers.begin() + std::ptrdiff_t(first) * k;
+            copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(count) * k), rows);
+            ++chunks;
+        };
+        detail::store_lists(scratch, near, search, {}, chunk_edges);
+        EXPECT_EQ(chunks, chunk_edges == 1 ? 32 : chunk_edges == 1 << 20 ? 1 : 11);
+        const detail::HostLists lists = detail::host_lists(near);
+        EXPECT_EQ(lists.receivers, receivers);
+        EXPECT_EQ(lists.begin, to_host(full.begin));
+        EXPECT_EQ(lists.voters, to_host(full.voters));
+    }
+}
+
 }  // namespace
 }  // namespace tvsgs::test
