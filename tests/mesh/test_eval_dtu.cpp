@@ -3,6 +3,8 @@
 #include "core/image.h"
 #include "eval_test.h"
 #include "io/image_file.h"
+#include "io/npz_cameras.h"
+#include "io/ply.h"
 
 namespace tvsgs {
 namespace {
@@ -169,6 +171,46 @@ TEST_F(EvalDtuScene, CullingIsAnOption) {
     EXPECT_EQ(eval(arguments(masks() + "--cull first:50")), 2);
     EXPECT_EQ(eval(arguments(masks() + "--cull 0,49")), 2);
     EXPECT_EQ(eval(arguments(masks() + "--cull some")), 2);
+}
+
+TEST_F(EvalDtuScene, NormalisedSplatCentres) {
+    // Points of the truth as splats in the normalised frame, every second one nearly transparent.
+    const NpzCameras cameras = read_npz_cameras((scene / "dtu_eval/cameras_sphere.npz").string());
+    const auto truth = read_ply((scene / "gt/points_train_3.ply").string()).points.positions;
+    std::vector<Vec3f> means, log_scales, sh;
+    std::vector<Quatf> quats;
+    std::vector<float> logits;
+    for (std::size_t i = 0; i < truth.size(); i += 20) {
+        means.push_back(
+            vec_cast<float>((vec_cast<double>(truth[i]) - cameras.offset) / cameras.scale));
+        log_scales.push_back({-5, -5, -9}), quats.push_back({}), sh.push_back({});
+        logits.push_back(i % 40 == 0 ? 3.0f : -6.0f);
+    }
+    Gaussians<Cpu> splats;
+    splats.sh_degree = 0;
+    tvsgs::copy(means, splats.means), tvsgs::copy(log_scales, splats.log_scales);
+    tvsgs::copy(quats, splats.quats), tvsgs::copy(logits, splats.opacity_logits);
+    tvsgs::copy(sh, splats.sh);
+    write_splat_ply(path("splats.ply"), splats);
+    const std::string command =
+        "dtu --scan 901 --dtu " + (scene / "dtu_eval").string() + " --pred " + path("splats.ply");
+    ASSERT_EQ(eval(command + " --cameras " + (scene / "dtu_eval/cameras_sphere.npz").string()), 0)
+        << messages;
+    EXPECT_NE(output.find("\"units\": \"normalised"), std::string::npos) << output;
+    EXPECT_NE(output.find("\"measured\": \"splat centres\""), std::string::npos) << output;
+    // The truth is another sample of the same surface, a point per 1 mm^2: half a spacing off.
+    EXPECT_LT(value("accuracy"), 1);
+    EXPECT_EQ(value("sampled"), static_cast<double>(means.size()));
+    ASSERT_EQ(eval(command + " --min-opacity 0.5 --cameras " +
+                   (scene / "dtu_eval/cameras_sphere.npz").string()),
+              0)
+        << messages;
+    EXPECT_NEAR(value("sampled"), 0.5 * static_cast<double>(means.size()), 1);
+    // Without the scale they are in another frame.
+    expect_error(3, "E_DTU_FRAME", command);
+    expect_error(
+        3, "E_DTU_FRAME",
+        command + " --mesh-units mm --cameras " + (scene / "dtu_eval/cameras_sphere.npz").string());
 }
 
 TEST_F(EvalDtuScene, WrongMasks) {
