@@ -3,6 +3,9 @@
 
 namespace tvsgs {
 
-template Gaussians<Cpu> train<Cpu>(const Scene&, const TrainOptions&, const TrainCallbacks&);
+template Gaussians<Cpu> train<Cpu>(const Scene&,
+                                   const TrainOptions&,
+                                   const TrainCallbacks&,
+                                   const AfterStep<Cpu>&);
 
 }  // namespace tvsgs

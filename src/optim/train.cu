@@ -3,6 +3,9 @@
 
 namespace tvsgs {
 
-template Gaussians<Cuda> train<Cuda>(const Scene&, const TrainOptions&, const TrainCallbacks&);
+template Gaussians<Cuda> train<Cuda>(const Scene&,
+                                     const TrainOptions&,
+                                     const TrainCallbacks&,
+                                     const AfterStep<Cuda>&);
 
 }  // namespace tvsgs

@@ -92,12 +92,17 @@ struct TrainCallbacks {
     bool profile = false;
 };
 
+/// Looks at the splats after a step, wherever they live, between two steps.
+template <class Device>
+using AfterStep = std::function<void(int step, const Gaussians<Device>& gaussians)>;
+
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
 /// device type give the same bits. Throws Error(ExitCode::numerical) when a reported loss is not
 /// finite, naming the term.
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
-                        const TrainCallbacks& callbacks);
+                        const TrainCallbacks& callbacks,
+                        const AfterStep<Device>& after_step = {});
 
 }  // namespace tvsgs

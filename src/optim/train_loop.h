@@ -131,7 +131,8 @@ TrainReport make_report(int step,
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
-                        const TrainCallbacks& callbacks) {
+                        const TrainCallbacks& callbacks,
+                        const AfterStep<Device>& after_step) {
     const auto seed = static_cast<std::uint64_t>(options.seed);
     Gaussians<Device> gaussians;
     copy(init_gaussians(scene, options.init, options.model.sh_degree), gaussians);
@@ -209,6 +210,7 @@ Gaussians<Device> train(const Scene& scene,
                 adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, gaussians,
                           !(event.opacity_reset && options.optim.skip_step_on_structure_change));
             });
+        if (after_step) after_step(step, gaussians);
     }
     return gaussians;
 }
