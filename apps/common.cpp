@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <charconv>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -135,6 +137,23 @@ void parse_command_line(CLI::App& app, int argc, char** argv) {
         }
         throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
     }
+}
+
+std::vector<double> parse_numbers(const std::string& flag, const std::string& text) {
+    std::vector<double> numbers;
+    const char* at = text.data();
+    const char* const end = at + text.size();
+    while (at <= end) {
+        double value = 0;
+        const auto [rest, code] = std::from_chars(at, end, value);
+        if (code != std::errc{} || !(value > 0 && std::isfinite(value)) ||
+            (rest != end && *rest != ','))
+            throw Error(ExitCode::usage,
+                        str(flag, " ", text, ": expected positive numbers with commas between"));
+        numbers.push_back(value);
+        at = rest + 1;
+    }
+    return numbers;
 }
 
 DeviceChoice choose_device(const std::string& name) {

@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <functional>
 #include <string>
+#include <vector>
 
 #include "core/cuda_device.h"
 #include "core/device.h"
@@ -21,6 +22,9 @@ extern const CLI::Validator kPositive;
 /// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
 /// become Error(ExitCode::usage); an unknown flag names the nearest one.
 void parse_command_line(CLI::App& app, int argc, char** argv);
+
+/// Positive numbers with commas between. Throws Error(ExitCode::usage) naming the flag.
+std::vector<double> parse_numbers(const std::string& flag, const std::string& text);
 
 /// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu";
 /// "cuda"; "cuda:N". Throws Error(ExitCode::device).

@@ -43,9 +43,6 @@ std::vector<Bound> parse_bounds(const std::vector<std::string>& texts);
 /// Exit code: that of an unmet bound when one of `bounds` does not hold.
 int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics);
 
-/// Positive numbers with commas between. Throws Error(ExitCode::usage) naming the flag.
-std::vector<double> parse_numbers(const std::string& flag, const std::string& text);
-
 /// --require, which all subcommands have.
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example);
 

@@ -68,23 +68,6 @@ int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& me
     return static_cast<int>(met ? ExitCode::done : ExitCode::bound);
 }
 
-std::vector<double> parse_numbers(const std::string& flag, const std::string& text) {
-    std::vector<double> numbers;
-    const char* at = text.data();
-    const char* const end = at + text.size();
-    while (at <= end) {
-        double value = 0;
-        const auto [rest, code] = std::from_chars(at, end, value);
-        if (code != std::errc{} || !(value > 0 && std::isfinite(value)) ||
-            (rest != end && *rest != ','))
-            throw Error(ExitCode::usage,
-                        str(flag, " ", text, ": expected positive numbers with commas between"));
-        numbers.push_back(value);
-        at = rest + 1;
-    }
-    return numbers;
-}
-
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example) {
     command
         .add_option("--require", require, "KEY<=X or KEY>=X, as " + example + "; else exit code 8")

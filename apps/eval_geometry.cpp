@@ -1,13 +1,10 @@
 // tvsgs-eval geometry: distances between a prediction and the truth in one frame.
-#include <cmath>
 #include <memory>
 
 #include "eval.h"
+#include "geometry_scores.h"
 #include "io/atomic_file.h"
-#include "io/config.h"
 #include "io/crop_file.h"
-#include "io/ply.h"
-#include "mesh/mesh_metrics.h"
 
 namespace tvsgs {
 namespace {
@@ -20,58 +17,17 @@ struct GeometryArguments {
     std::vector<std::string> require;
 };
 
-/// Points to measure from: even samples of a mesh, the points of a cloud, the centres of splats;
-/// those in the crop.
-std::vector<Vec3f> read_points(const std::string& path,
-                               const GeometryArguments& arguments,
-                               const Crop& crop) {
-    PlyContents ply = read_ply(path);
-    const char* kind = ply.is_splats       ? "splat centres"
-                       : ply.faces.empty() ? "points"
-                                           : "samples of the mesh";
-    std::vector<Vec3f> points;
-    if (ply.faces.empty()) {
-        points = std::move(ply.points.positions);
-    } else {
-        const TriangleMesh mesh{std::move(ply.points.positions), {}, std::move(ply.faces)};
-        points = with_context("reading " + path, [&] {
-            return sample_surface(mesh, static_cast<std::size_t>(arguments.samples),
-                                  arguments.seed);
-        });
-    }
-    const std::size_t before = points.size();
-    Vec3d lower{INFINITY, INFINITY, INFINITY}, upper = -lower;
-    std::erase_if(points, [&](Vec3f p) {
-        if (!is_finite(p)) return true;
-        for (int axis = 0; axis < 3; ++axis) {
-            lower[axis] = std::min<double>(lower[axis], p[axis]);
-            upper[axis] = std::max<double>(upper[axis], p[axis]);
-        }
-        return !contains(crop, vec_cast<double>(p));
-    });
-    spdlog::info("{}: {} {}, {} of them used", path, before, kind, points.size());
-    if (points.empty())
-        throw Error(
-            ExitCode::input,
-            before == 0 ? str(path, ": holds no points; nothing to compare")
-            : !(lower.x <= upper.x)
-                ? str(path, ": none of its ", before, " ", kind, " is finite")
-                : str(path, ": none of its ", before, " ", kind, " is inside of ", arguments.crop,
-                      "; they span (", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x,
-                      ", ", upper.y, ", ", upper.z, "); are frame and units those of the crop?"));
-    return points;
-}
-
 int geometry(const GeometryArguments& arguments) {
     const std::vector<Bound> bounds = parse_bounds(arguments.require);
     GeometryOptions options;
     if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
     options.max_distance = arguments.max_distance;
     const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
-    const std::vector<Vec3f> prediction = read_points(arguments.pred, arguments, crop);
-    const std::vector<Vec3f> truth = read_points(arguments.gt, arguments, crop);
+    const PointsOptions sampling{arguments.samples, arguments.seed, arguments.crop};
+    const std::vector<Vec3f> prediction = read_points(arguments.pred, sampling, crop);
+    const std::vector<Vec3f> truth = read_points(arguments.gt, sampling, crop);
     std::vector<Vec3f> visible;
-    if (!arguments.visible_gt.empty()) visible = read_points(arguments.visible_gt, arguments, crop);
+    if (!arguments.visible_gt.empty()) visible = read_points(arguments.visible_gt, sampling, crop);
     const GeometryMetrics result = evaluate_geometry(prediction, truth, visible, options);
 
     std::vector<Metric> metrics = {{"accuracy", result.accuracy},
@@ -79,21 +35,12 @@ int geometry(const GeometryArguments& arguments) {
                                    {"chamfer", result.chamfer},
                                    {"median_accuracy", result.median_accuracy},
                                    {"median_completeness", result.median_completeness}};
-    JsonLine json;
-    for (const Metric& metric : metrics) json.add(metric.key, metric.value);
-    std::string thresholds;
     for (const auto& t : result.thresholds) {
-        const std::vector<Metric> at_tau = {
-            {"precision", t.precision}, {"recall", t.recall}, {"f1", t.f1}};
-        JsonLine line;
-        line.add("tau", t.tau);
-        for (const Metric& metric : at_tau) {
-            line.add(metric.key, metric.value);
-            metrics.push_back({str(metric.key, "@", t.tau), metric.value});
-        }
-        thresholds += (thresholds.empty() ? "" : ", ") + line.text();
+        metrics.push_back({str("precision@", t.tau), t.precision});
+        metrics.push_back({str("recall@", t.tau), t.recall});
+        metrics.push_back({str("f1@", t.tau), t.f1});
     }
-    json.add_json("thresholds", "[" + thresholds + "]");
+    JsonLine json = geometry_json(result);
     JsonLine counts;
     counts.add("pred", static_cast<std::int64_t>(prediction.size()))
         .add("gt", static_cast<std::int64_t>(truth.size()));

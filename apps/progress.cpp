@@ -40,7 +40,17 @@ Progress::Progress(int iterations, const std::string& style)
       begin_(now()) {}
 
 double Progress::seconds() const {
-    return now() - begin_;
+    return (paused_at_ < 0 ? now() : paused_at_) - begin_;
+}
+
+void Progress::pause() {
+    finish();  // others write messages now
+    if (paused_at_ < 0) paused_at_ = now();
+}
+
+void Progress::resume() {
+    if (paused_at_ >= 0) begin_ += now() - paused_at_;
+    paused_at_ = -1;
 }
 
 std::string Progress::json(const TrainReport& report) const {

@@ -13,8 +13,12 @@ public:
     /// line per report on standard error), quiet.
     Progress(int iterations, const std::string& style);
 
-    /// Seconds since the start.
+    /// Seconds of training: since the start, without pauses.
     double seconds() const;
+
+    /// From here to resume() the clock stands still.
+    void pause();
+    void resume();
 
     /// The line of log.jsonl.
     std::string json(const TrainReport& report) const;
@@ -30,7 +34,7 @@ private:
 
     int iterations_;
     Style style_;
-    double begin_, last_plain_ = -1e9;
+    double begin_, last_plain_ = -1e9, paused_at_ = -1;  // paused_at_ < 0: it runs
     bool line_open_ = false;
 };
 

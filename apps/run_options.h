@@ -5,6 +5,7 @@
 #include "io/scene_reader.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"
+#include "train_evaluation.h"
 
 namespace tvsgs {
 
@@ -12,12 +13,14 @@ struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
     StereoOptions stereo;  // for a scene with few points
+    EvaluationOptions eval;
 
     /// The table refers to this object.
     void add_to(OptionTable& table) {
         table.add("", train);
         table.add("scene", scene);
         table.add("stereo", stereo);
+        table.add("eval", eval);
     }
 };
 

@@ -8,6 +8,7 @@
 #include "run_folder.h"
 #include "run_options.h"
 #include "stereo_cloud.h"
+#include "train_evaluation.h"
 #include "view_evaluation.h"
 
 namespace tvsgs {
@@ -40,6 +41,15 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     app.add_flag("--deterministic", arguments.deterministic,
                  "accepted for scripts: every run is reproducible bit for bit")
         ->group(group);
+    group = "Evaluation";
+    flags.add("--eval-at", "eval.at",
+              "seconds of training after which to evaluate: 5,10,20,40 or 5,10,...", group);
+    flags.add("--eval-every", "eval.every", "iterations between evaluations", group);
+    flags.add("--gt", "eval.gt", "true surface (PLY): Chamfer and F1 of the splats' centres",
+              group);
+    flags.add("--visible-gt", "eval.visible_gt", "part that completeness asks for", group);
+    flags.add("--crop", "eval.crop", "selection volume, box or gt/info.json", group);
+    flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth]", group);
     group = "Configuration";
     app.add_option("-c,--config", configs, "JSON file; later ones win")
         ->group(group)
@@ -132,6 +142,7 @@ template <class Device>
 int train_and_save(const Scene& scene,
                    const RunOptions& options,
                    const Arguments& arguments,
+                   const std::optional<Truth>& truth,
                    RunFolder& run) {
     const SignalGuard signals;
     const int iterations = options.train.iterations;
@@ -152,7 +163,17 @@ int train_and_save(const Scene& scene,
         return false;
     };
 
-    const Gaussians<Device> gaussians = train<Device>(scene, options.train, callbacks);
+    EvaluationSchedule schedule(options.eval);
+    const auto evaluate_now = [&](int step, const Gaussians<Device>& gaussians) {
+        if (!schedule.due(step, progress.seconds()) || step == iterations) return;
+        synchronize(Device{});
+        progress.pause();
+        run.log(
+            evaluation_line(step, progress.seconds(), gaussians, scene.test, options.train, truth));
+        progress.resume();
+    };
+    const Gaussians<Device> gaussians =
+        train<Device>(scene, options.train, callbacks, evaluate_now);
     synchronize(Device{});
     progress.finish();
     const double seconds = progress.seconds();
@@ -176,6 +197,7 @@ int train_and_save(const Scene& scene,
         spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
                      scores.mean_psnr, scores.mean_ssim, scene.test.size(), run.path());
     }
+    if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     run.log(summary.text());
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
@@ -197,6 +219,8 @@ int command(int argc, char** argv) {
     if (options.scene.path.empty())
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
+    const EvaluationSchedule checked(options.eval);
+    const std::optional<Truth> truth = read_truth(options.eval);
     const DeviceChoice device = choose_device(arguments.device);
     if (arguments.out.empty()) {
         const auto scene_folder = std::filesystem::weakly_canonical(options.scene.path);
@@ -219,7 +243,7 @@ int command(int argc, char** argv) {
         camera.height_px, scene.points.positions.size(), static_cast<double>(scene.extent),
         device.description);
     return on_device(device, [&](auto tag) {
-        return train_and_save<decltype(tag)>(scene, options, arguments, run);
+        return train_and_save<decltype(tag)>(scene, options, arguments, truth, run);
     });
 }
 

@@ -1,0 +1,29 @@
+// Points to measure from, and distances as JSON: what `tvsgs-eval geometry` and the evaluations
+// during training share.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "core/crop.h"
+#include "io/config.h"
+#include "mesh/mesh_metrics.h"
+
+namespace tvsgs {
+
+struct PointsOptions {
+    std::int64_t samples = 1000000;  // of a mesh
+    std::uint64_t seed = 0;
+    std::string crop_path;  // for messages
+};
+
+/// Even samples of a mesh, the points of a cloud, the centres of splats; those in the crop. Throws
+/// Error(ExitCode::input) when none is left.
+std::vector<Vec3f> read_points(const std::string& path,
+                               const PointsOptions& options,
+                               const Crop& crop);
+
+/// Accuracy, completeness, Chamfer, their medians, and the list "thresholds".
+JsonLine geometry_json(const GeometryMetrics& metrics);
+
+}  // namespace tvsgs

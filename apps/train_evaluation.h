@@ -1,0 +1,106 @@
+// Evaluation while training: when, against what, and what it says in log.jsonl.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/crop.h"
+#include "io/config.h"
+#include "view_evaluation.h"
+
+namespace tvsgs {
+
+/// In the configuration, so that a run can be repeated and its report made again.
+struct EvaluationOptions {
+    std::string at, gt, visible_gt, crop, taus;
+    int every = 0;
+    float max_distance = 0;
+    std::int64_t samples = 1000000;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("at", at,
+              "seconds of training after which to evaluate: 5,10,20; a last '...' goes on by the "
+              "last ratio");
+        field("every", every, {0, 1e9}, "iterations between evaluations; 0: none");
+        field("gt", gt, "mesh or cloud (PLY): the true surface, in the scene's frame");
+        field("visible_gt", visible_gt, "part of it that completeness and recall ask for");
+        field("crop", crop, "selection volume, {\"box\": ...} or a scene's gt/info.json");
+        field("taus", taus,
+              "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
+              "truth's size");
+        field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
+        field("samples", samples, {1, 1e8}, "points on a true surface that is a mesh");
+    }
+};
+
+/// Which steps are evaluated. Only a step after which `due` is asked can be.
+class EvaluationSchedule {
+public:
+    /// Throws Error(ExitCode::usage).
+    explicit EvaluationSchedule(const EvaluationOptions& options);
+
+    /// `seconds` of training have passed at the end of `step`.
+    bool due(int step, double seconds);
+
+private:
+    std::vector<double> at_;  // not yet reached, increasing
+    double ratio_ = 0;        // at_ goes on by it; 0: it ends
+    int every_;
+};
+
+/// The true surface, cropped, ready to measure against.
+struct Truth {
+    std::vector<Vec3f> points, visible;
+    Crop crop;
+    std::vector<double> taus;
+    double max_distance = 0;
+};
+
+/// Nothing without eval.gt. Throws Error.
+std::optional<Truth> read_truth(const EvaluationOptions& options);
+
+/// Distances of the splats' centres as `tvsgs-eval geometry` writes them, or {"error": ...} when no
+/// centre is in the crop. With `curve`, precision and recall at 41 thresholds up to twice the
+/// largest tau, under "curve".
+struct CentreScores {
+    JsonLine json;
+    double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
+};
+CentreScores score_centres(const std::vector<Vec3f>& centres, const Truth& truth, bool curve);
+
+/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end.
+void add_centres(JsonLine& line,
+                 const std::vector<Vec3f>& centres,
+                 const Truth& truth,
+                 const std::string& run);
+
+/// The line of log.jsonl for an evaluation during training.
+template <class Device>
+std::string evaluation_line(int step,
+                            double seconds,
+                            const Gaussians<Device>& gaussians,
+                            const std::vector<View>& views,
+                            const TrainOptions& options,
+                            const std::optional<Truth>& truth) {
+    JsonLine line;
+    line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
+    line.add("gaussians", gaussians.size());
+    if (!views.empty()) {
+        const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
+        const ViewScores scores = score_views(gaussians, views, options, no_pictures);
+        line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+        spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
+                     scores.mean_ssim);
+    }
+    if (truth) {
+        const CentreScores scores = score_centres(to_host(gaussians.means), *truth, false);
+        line.add_json("centres", scores.json.text());
+        spdlog::info("after {:.1f} s: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, scores.chamfer,
+                     scores.f1, scores.tau);
+    }
+    return line.text();
+}
+
+}  // namespace tvsgs
