@@ -130,13 +130,26 @@ ImageU8 read_image(const std::string& path, int channels) {
     return image;
 }
 
-void write_png(const std::string& path, const ImageU8& image) {
+std::string png_bytes(const ImageU8& image) {
     std::string bytes;
     if (!stbi_write_png_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
                                 image.pixels.data(), image.width * image.channels))
-        throw Error(ExitCode::internal, str(path, ": encoding a PNG of ", image.width, "x",
-                                            image.height, "x", image.channels, " failed"));
-    write_text_file(path, bytes);
+        throw Error(ExitCode::internal, str("encoding a PNG of ", image.width, "x", image.height,
+                                            "x", image.channels, " failed"));
+    return bytes;
+}
+
+std::string jpeg_bytes(const ImageU8& image, int quality) {
+    std::string bytes;
+    if (!stbi_write_jpg_to_func(append_bytes, &bytes, image.width, image.height, image.channels,
+                                image.pixels.data(), quality))
+        throw Error(ExitCode::internal, str("encoding a JPEG of ", image.width, "x", image.height,
+                                            "x", image.channels, " failed"));
+    return bytes;
+}
+
+void write_png(const std::string& path, const ImageU8& image) {
+    write_text_file(path, with_context("writing " + path, [&] { return png_bytes(image); }));
 }
 
 ImageU8 resize_bicubic(const ImageU8& image, int width, int height) {

@@ -18,6 +18,10 @@ struct ImageSize {
 };
 ImageSize read_image_size(const std::string& path);
 
+/// Encoded in memory: 1, 3 or 4 channels; 1 or 3 with `quality` 1 to 100.
+std::string png_bytes(const ImageU8& image);
+std::string jpeg_bytes(const ImageU8& image, int quality);
+
 /// PNG with 1, 3 or 4 channels; temporary file, flushed, renamed.
 void write_png(const std::string& path, const ImageU8& image);
 

@@ -1,0 +1,53 @@
+// JSON as a tree, for what reads and rewrites our own reports. Configuration has io/config.h.
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+namespace tvsgs {
+
+struct JsonValue {
+    enum class Kind { null, boolean, number, text, list, object };
+    Kind kind = Kind::null;
+    double number = 0;  // booleans: 0 or 1
+    std::string text;
+    std::vector<JsonValue> items;
+    std::vector<std::pair<std::string, JsonValue>> members;  // in the order of the file
+
+    JsonValue() = default;
+    JsonValue(double value);  // null unless finite
+    JsonValue(std::string value) : kind(Kind::text), text(std::move(value)) {}
+    JsonValue(const char* value) : JsonValue(std::string(value)) {}
+    JsonValue(const std::vector<double>& values);
+    static JsonValue list() { return of(Kind::list); }
+    static JsonValue object() { return of(Kind::object); }
+
+    bool is(Kind k) const { return kind == k; }
+    explicit operator bool() const { return kind != Kind::null; }
+
+    /// The member, or null: chains of keys need no checks.
+    const JsonValue& operator[](std::string_view key) const;
+    void set(std::string_view key, JsonValue value);  // replaces
+
+    double number_or(double fallback) const { return is(Kind::number) ? number : fallback; }
+    std::string text_or(const std::string& fallback) const {
+        return is(Kind::text) ? text : fallback;
+    }
+
+private:
+    static JsonValue of(Kind k) {
+        JsonValue value;
+        value.kind = k;
+        return value;
+    }
+};
+
+/// Throws Error(ExitCode::input) that names `where`.
+JsonValue parse_json_value(std::string_view text, const std::string& where);
+
+/// On one line; bytes that are not UTF-8 are replaced.
+std::string json_text(const JsonValue& value);
+
+}  // namespace tvsgs
