@@ -7,6 +7,7 @@
 #include "bench_stats.h"
 #include "core/rng.h"
 #include "io/atomic_file.h"
+#include "optim/adam.h"
 #include "render/photometric.h"
 
 namespace tvsgs {
@@ -91,6 +92,8 @@ Measured measure(const StageCase& c, Channels channels, int warm_up, int repetit
         copy(std::vector<float>(pixels, share), dL_dimages.distance);
     }
     const auto backbone = make_backbone<Device>("pgsr", {});
+    // At rate 0 Adam works as ever, but the view stays the same.
+    Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats);
 
     const auto iteration = [&](StageClock<Device>& clock) {
         clock("clear gradients", [&] {
@@ -104,6 +107,7 @@ Measured measure(const StageCase& c, Channels channels, int warm_up, int repetit
                                  scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
             });
         backbone->backward(splats, dL_dimages, dL_dsplats);
+        clock("adam", [&] { adam.step(1, 1, kShDegree, dL_dsplats, splats, true); });
     };
     Measured out{};
     StageClock<Device> off;
@@ -136,6 +140,7 @@ const std::vector<StageCase>& stage_cases() {
     static const std::vector<StageCase> cases = {
         {"w540", Kind::trained, 1'500'000, 960, 540, 2.5},
         {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.2},
+        {"c256", Kind::in_view, 20'000, 256, 256, 5.5},
         {"one_tile", Kind::one_tile, 1'500'000, 960, 540, 0.5},
         {"huge", Kind::huge, 2'000, 960, 540, 3000},
         {"needles", Kind::needles, 100'000, 960, 540, 2},

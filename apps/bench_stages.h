@@ -11,7 +11,7 @@ namespace tvsgs {
 
 /// Splats as one view sees them.
 struct StageCase {
-    enum class Kind { trained, one_tile, huge, needles, empty, one };
+    enum class Kind { trained, in_view, one_tile, huge, needles, empty, one };
 
     std::string name;
     Kind kind;
@@ -19,8 +19,8 @@ struct StageCase {
     double size_px;  // median deviation of a splat in the image
 };
 
-/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; and worst
-/// cases.
+/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; c256: a small
+/// one for CPUs, all in view and as many over each pixel; and worst cases.
 const std::vector<StageCase>& stage_cases();
 
 /// A pure function of its arguments; SH degree 3.

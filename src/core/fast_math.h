@@ -30,8 +30,9 @@ struct ExactMath {
         return decay_by_polynomial(x);
 #endif
     }
-#if defined(__GNUC__)
-    static Pack<float> decay(Pack<float> x) {
+#if !defined(__CUDACC__)
+    template <int kBytes>
+    static Pack<float, kBytes> decay(Pack<float, kBytes> x) {
         return decay_by_polynomial(x);
     }
     static Pack<double> decay(Pack<double> x) {
@@ -63,11 +64,13 @@ private:
         const auto exponent = std::bit_cast<std::uint32_t>(rounded) << 23;
         return std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + exponent);
     }
-#if defined(__GNUC__)
-    static Pack<float> times_power_of_two(Pack<float> p, Pack<float> rounded) {
-        using Bits [[gnu::vector_size(16)]] = std::uint32_t;
-        return reinterpret_cast<Pack<float>::Values>(reinterpret_cast<Bits>(p.v) +
-                                                     (reinterpret_cast<Bits>(rounded.v) << 23));
+#if !defined(__CUDACC__)
+    template <int kBytes>
+    static Pack<float, kBytes> times_power_of_two(Pack<float, kBytes> p,
+                                                  Pack<float, kBytes> rounded) {
+        using Bits [[gnu::vector_size(kBytes)]] = std::uint32_t;
+        return reinterpret_cast<typename Pack<float, kBytes>::Values>(
+            reinterpret_cast<Bits>(p.v) + (reinterpret_cast<Bits>(rounded.v) << 23));
     }
 #endif
 };
@@ -107,6 +110,12 @@ TVSGS_HD inline float multiply_add(float a, float b, float c) {
 TVSGS_HD inline double multiply_add(double a, double b, double c) {
     return a * b + c;
 }
+#if !defined(__CUDACC__)
+template <class T, int kBytes>
+Pack<T, kBytes> multiply_add(Pack<T, kBytes> a, Pack<T, kBytes> b, Pack<T, kBytes> c) {
+    return a * b + c;
+}
+#endif
 
 /// The angle in [0, pi/2] of a point with these coordinates on the unit circle, without a branch:
 /// arcsin of the smaller by a polynomial, relative error 1e-7.

@@ -3,6 +3,7 @@
 // only.
 #pragma once
 
+#include <bit>
 #include <cmath>
 #include <cstdint>
 #include <type_traits>
@@ -34,17 +35,39 @@ TVSGS_HD inline double maximum(double a, double b) {
 template <class Real>
 inline constexpr bool kIsDouble = std::is_same_v<Real, double>;
 
-#if defined(__GNUC__)
-/// 16 bytes: what every x86-64 and 64-bit Arm processor has.
-template <class T>
+#if defined(__CUDACC__)
+template <class T, int kBytes = 16>
+struct Pack;  // CPU only
+#else
+/// 16 bytes: what every x86-64 and 64-bit Arm processor has. Functions with wider ones must be
+/// inlined into one that is compiled for processors that have them: see kWideBytes.
+template <class T, int kBytes = 16>
 struct Pack {
-    static constexpr int kSize = 16 / sizeof(T);
+    static constexpr int kSize = kBytes / static_cast<int>(sizeof(T));
     using Int = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
-    using Values [[gnu::vector_size(16)]] = T;
-    using Ints [[gnu::vector_size(16)]] = Int;
+    using Values [[gnu::vector_size(kBytes)]] = T;
+    using Ints [[gnu::vector_size(kBytes)]] = Int;
     struct Mask {
         Ints bits;  // all ones for true
         friend Mask both(Mask a, Mask b) { return {a.bits & b.bits}; }
+        friend Mask either(Mask a, Mask b) { return {a.bits | b.bits}; }
+        friend Mask operator!(Mask a) { return {~a.bits}; }
+        friend bool any(Mask a) { return bits_of(a) != 0; }
+        /// Bit i says whether entry i is true.
+        friend unsigned bits_of(Mask a) {
+            unsigned bits = 0;
+#if defined(__SSE__)
+            using Four [[gnu::vector_size(16)]] = float;
+            Four parts[kBytes / 16];
+            __builtin_memcpy(parts, &a, kBytes);
+            static_assert(sizeof(T) == 4);
+            for (int k = 0; k < kBytes / 16; ++k)
+                bits |= static_cast<unsigned>(__builtin_ia32_movmskps(parts[k])) << 4 * k;
+#else
+            for (int i = 0; i < kSize; ++i) bits |= (a.bits[i] != 0 ? 1u : 0u) << i;
+#endif
+            return bits;
+        }
     };
 
     Values v{};
@@ -52,26 +75,93 @@ struct Pack {
     Pack() = default;
     Pack(Values values) : v(values) {}
     template <class U>
-    requires std::is_arithmetic_v<U> Pack(U x) : v(static_cast<T>(x) - Values{}) {}
+    requires std::is_arithmetic_v<U> Pack(U x) : v(broadcast(static_cast<T>(x))) {}
 
-    T operator[](int i) const { return v[i]; }
+    T operator[](int i) const {
+        return v[i];
+    }
+    static Pack load(const T* from) {
+        Pack p;
+        __builtin_memcpy(&p.v, from, kBytes);
+        return p;
+    }
+    /// Entries with these bits, for select() and less_bits() only.
+    static Pack from_bits(Int bits) {
+        return T(std::bit_cast<T>(bits));
+    }
+    void store(T* to) const {
+        __builtin_memcpy(to, &v, kBytes);
+    }
 
-    friend Pack operator+(Pack a, Pack b) { return a.v + b.v; }
-    friend Pack operator-(Pack a, Pack b) { return a.v - b.v; }
-    friend Pack operator*(Pack a, Pack b) { return a.v * b.v; }
-    friend Pack operator/(Pack a, Pack b) { return a.v / b.v; }
-    friend Pack operator-(Pack a) { return -a.v; }
-    Pack& operator+=(Pack b) { return v += b.v, *this; }
+    /// Written out, as one instruction is what GCC makes of this form only.
+    static Values broadcast(T x) {
+        if constexpr (kSize == 2) return Values{x, x};
+        if constexpr (kSize == 4) return Values{x, x, x, x};
+        if constexpr (kSize == 8) return Values{x, x, x, x, x, x, x, x};
+    }
 
-    friend Mask operator<(Pack a, Pack b) { return {a.v < b.v}; }
-    friend Mask operator>(Pack a, Pack b) { return {a.v > b.v}; }
-    friend Mask operator<=(Pack a, Pack b) { return {a.v <= b.v}; }
-    friend Mask operator==(Pack a, Pack b) { return {a.v == b.v}; }
+    friend Pack operator+(Pack a, Pack b) {
+        return a.v + b.v;
+    }
+    friend Pack operator-(Pack a, Pack b) {
+        return a.v - b.v;
+    }
+    friend Pack operator*(Pack a, Pack b) {
+        return a.v * b.v;
+    }
+    friend Pack operator/(Pack a, Pack b) {
+        return a.v / b.v;
+    }
+    friend Pack operator-(Pack a) {
+        return -a.v;
+    }
+    Pack& operator+=(Pack b) {
+        return v += b.v, *this;
+    }
+    Pack& operator-=(Pack b) {
+        return v -= b.v, *this;
+    }
 
-    friend Pack select(Mask condition, Pack a, Pack b) { return condition.bits ? a.v : b.v; }
-    friend Pack maximum(Pack a, Pack b) { return a.v > b.v ? a.v : b.v; }
-    friend Pack abs(Pack a) { return a.v < 0 ? -a.v : a.v; }
+    friend Mask operator<(Pack a, Pack b) {
+        return {a.v < b.v};
+    }
+    friend Mask operator>(Pack a, Pack b) {
+        return {a.v > b.v};
+    }
+    friend Mask operator<=(Pack a, Pack b) {
+        return {a.v <= b.v};
+    }
+    friend Mask operator>=(Pack a, Pack b) {
+        return {a.v >= b.v};
+    }
+    friend Mask operator==(Pack a, Pack b) {
+        return {a.v == b.v};
+    }
+
+    /// The entries' bits as integers.
+    friend Mask less_bits(Pack a, Pack b) {
+        return {reinterpret_cast<Ints>(a.v) < reinterpret_cast<Ints>(b.v)};
+    }
+    friend Pack select(Mask condition, Pack a, Pack b) {
+        return condition.bits ? a.v : b.v;
+    }
+    friend Pack maximum(Pack a, Pack b) {
+        return a.v > b.v ? a.v : b.v;
+    }
+    friend Pack abs(Pack a) {
+        return a.v < 0 ? -a.v : a.v;
+    }
     friend Pack sqrt(Pack a) {
+#if defined(__SSE__)
+        if constexpr (sizeof(T) == 4) {
+            using Four [[gnu::vector_size(16)]] = float;
+            Four parts[kBytes / 16];
+            __builtin_memcpy(parts, &a.v, kBytes);
+            for (Four& part : parts) part = __builtin_ia32_sqrtps(part);
+            __builtin_memcpy(&a.v, parts, kBytes);
+            return a;
+        }
+#endif
         for (int i = 0; i < kSize; ++i) a.v[i] = std::sqrt(a.v[i]);
         return a;
     }
@@ -80,8 +170,25 @@ struct Pack {
         return y;
     }
 };
-template <>
-inline constexpr bool kIsDouble<Pack<double>> = true;
+template <int kBytes>
+inline constexpr bool kIsDouble<Pack<double, kBytes>> = true;
+
+/// Packs of 32 bytes are worth it in functions that are marked TVSGS_WIDE and called where
+/// has_wide_packs(). AVX2 has no fused multiplication and addition, so that both widths round
+/// alike. Without optimisation nothing is inlined, and so there are none.
+#if defined(__x86_64__) && defined(__OPTIMIZE__)
+#define TVSGS_WIDE [[gnu::target("avx2"), gnu::flatten]]
+inline bool has_wide_packs() {
+    return __builtin_cpu_supports("avx2");
+}
+inline constexpr int kWideBytes = 32;
+#else
+#define TVSGS_WIDE
+inline bool has_wide_packs() {
+    return false;
+}
+inline constexpr int kWideBytes = 16;
+#endif
 #endif
 
 }  // namespace tvsgs

@@ -1,34 +1,16 @@
-// CPU twin: one tile per task, splat by splat over the pixels of its box, so that a small splat
-// costs a few pixels only.
+// CPU twin: one tile per task, splat by splat over its packs of pixels. Results do not depend on
+// the packs' width.
 #include "render/blend.h"
 
+#include <bit>
+
 #include "core/parallel.h"
+#include "render/blend_pack.h"
 
 namespace tvsgs {
 namespace {
 
-constexpr int kPixels = kTileSize * kTileSize;
-
-/// The part of a tile, in pixels, that a splat's box covers.
-struct Box {
-    int x0, y0, x1, y1;
-};
-Box box_in_tile(const SplatShape<float>& s, int left, int top, int right, int bottom) {
-    // Pixel x is inside when |x + 0.5 - mean| <= extent.
-    const auto first = [](float low, int least) {
-        return std::max(least, static_cast<int>(std::ceil(std::max(low, -1e6f))));
-    };
-    const auto last = [](float high, int most) {
-        return std::min(most, static_cast<int>(std::floor(std::min(high, 1e6f))) + 1);
-    };
-    const Vec2f extent = splat_extent(s);
-    return {first(s.mean.x - extent.x - 0.5f, left), first(s.mean.y - extent.y - 0.5f, top),
-            last(s.mean.x + extent.x - 0.5f, right), last(s.mean.y + extent.y - 0.5f, bottom)};
-}
-
-Vec2f offset(const SplatShape<float>& s, int x, int y) {
-    return {s.mean.x - (static_cast<float>(x) + 0.5f), s.mean.y - (static_cast<float>(y) + 0.5f)};
-}
+constexpr int kLanes = 8;  // sums over a splat's pixels: those of columns x = lane, modulo this
 
 struct TileBounds {
     int left, top, right, bottom;
@@ -39,6 +21,236 @@ TileBounds tile_bounds(const TileGrid& grid, int tile) {
             std::min(top + kTileSize, grid.height)};
 }
 
+/// Calls visit(x, y, pack, entry) for the tile's pixels in the image.
+template <class Lane, class Visit>
+void for_pixels(const TileBounds& t, const Visit& visit) {
+    for (int y = t.top; y < t.bottom; ++y)
+        for (int x = t.left; x < t.right; ++x)
+            visit(x, y, (x - t.left) / Lane::kSize * kTileSize + y - t.top,
+                  (x - t.left) % Lane::kSize);
+}
+
+/// Calls visit(k) for the bits that are set, from the lowest.
+template <class Visit>
+void for_bits(std::uint64_t bits, const Visit& visit) {
+    for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
+}
+
+/// Splats whose packs are looked up together, before any of them is drawn: short loops over what
+/// does not depend on one another keep a processor busy.
+constexpr std::uint32_t kBatch = 32;
+
+std::uint64_t bit(int k, bool set) {
+    return static_cast<std::uint64_t>(set) << k;
+}
+
+template <Channels kChannels>
+struct BlendTile {
+    Span<const SplatShape<float>> shapes;
+    Span<const FeatureRecord> features;
+    Span<const TileSpan> spans;
+    Span<const std::uint32_t> splats;
+    TileGrid grid;
+    PixelWriter<kChannels> write;
+    Span<std::uint32_t> stop_out;
+
+    void narrow(int tile) const { draw<Pack<float>>(tile); }
+    TVSGS_WIDE void wide(int tile) const { draw<Pack<float, kWideBytes>>(tile); }
+
+    template <class Lane>
+    void draw(int tile) const {
+        using Pixels = TilePixels<Lane>;
+        using Mask = typename Lane::Mask;
+        const TileBounds t = tile_bounds(grid, tile);
+        const Pixels tile_pixels(t.left, t.top);
+        PixelForward<Lane> pixels[Pixels::kCount];
+        Lane stop[Pixels::kCount];  // the bits of integers
+        Mask full[Pixels::kCount];
+        for (Mask& mask : full) mask = Lane(0) == Lane(0);
+        std::uint64_t open = 0;
+        for_pixels<Lane>(t, [&](int, int, int k, int entry) {
+            full[k].bits[entry] = 0;
+            open |= bit(k, true);
+        });
+        const TileSpan span = spans[static_cast<std::size_t>(tile)];
+        std::uint64_t met_by[kBatch];
+        Lane alphas[Pixels::kCount];
+        for (std::uint32_t begin = span.begin; begin < span.end && open != 0; begin += kBatch) {
+            const std::uint32_t count = std::min(kBatch, span.end - begin);
+            for (std::uint32_t j = 0; j < count; ++j)
+                met_by[j] = tile_pixels.packs_met(shapes[splats[begin + j]]);
+            for (std::uint32_t j = 0; j < count; ++j) {
+                const std::uint64_t met = met_by[j] & open;
+                if (met == 0) continue;
+                const std::uint32_t splat = splats[begin + j];
+                const auto shape = broadcast<Lane>(shapes[splat]);
+                std::uint64_t draws = 0;
+                for_bits(met, [&](int k) {
+                    const Lane alpha = splat_alpha(shape, tile_pixels.offset(shape, k)).alpha;
+                    alphas[k] = select(full[k], Lane(0), alpha);
+                    draws |= bit(k, any(alphas[k] > Lane(0)));
+                });
+                const auto f = broadcast<Lane>(features[splat].f);
+                const Lane position =
+                    Lane::from_bits(static_cast<std::int32_t>(begin + j - span.begin + 1));
+                for_bits(draws, [&](int k) {
+                    const Mask fits = blend<kChannels>(pixels[k], alphas[k], f);
+                    stop[k] = select(both(alphas[k] > Lane(0), fits), position, stop[k]);
+                    if (!any(!fits)) return;
+                    full[k] = either(full[k], !fits);
+                    if (!any(!full[k])) open &= ~bit(k, true);
+                });
+            }
+        }
+        for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
+            write(x, y, pixel_of(pixels[k], entry));
+            stop_out[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) +
+                     static_cast<std::size_t>(x)] = std::bit_cast<std::uint32_t>(stop[k][entry]);
+        });
+    }
+
+    template <class Lane>
+    static PixelForward<float> pixel_of(const PixelForward<Lane>& p, int i) {
+        const SplatFeatures<Lane>& sum = p.sum;
+        return {p.T[i],
+                {{sum.color.x[i], sum.color.y[i], sum.color.z[i]},
+                 {sum.normal.x[i], sum.normal.y[i], sum.normal.z[i]},
+                 sum.distance[i]}};
+    }
+};
+
+/// Adds up the lanes of each value, in a fixed tree.
+SplatGradients<float> sum_of_lanes(const float (&lanes)[SplatGradients<float>::kCount][kLanes]) {
+    union {
+        SplatGradients<float> g;
+        float values[SplatGradients<float>::kCount];
+    } u{SplatGradients<float>{}};
+    for (int v = 0; v < SplatGradients<float>::kCount; ++v) {
+        using Four = Pack<float>;
+        const Four four = Four::load(lanes[v]) + Four::load(lanes[v] + 4);
+        u.values[v] = (four[0] + four[2]) + (four[1] + four[3]);
+    }
+    return u.g;
+}
+
+template <Channels kChannels>
+struct BlendTileVjp {
+    Span<const SplatShape<float>> shapes;
+    Span<const FeatureRecord> features;
+    Span<const TileSpan> spans;
+    Span<const std::uint32_t> splats, slots;
+    TileGrid grid;
+    Span<const float> transmittance;
+    Span<const std::uint32_t> stop_in;
+    PixelGradientReader<kChannels> read;
+    Span<SplatGradients<float>> gradients;
+    Span<std::uint8_t> drawn;
+
+    void narrow(int tile) const { draw<Pack<float>>(tile); }
+    TVSGS_WIDE void wide(int tile) const { draw<Pack<float, kWideBytes>>(tile); }
+
+    template <class Lane>
+    void draw(int tile) const {
+        using Pixels = TilePixels<Lane>;
+        constexpr int kPasses = kLanes / Lane::kSize;
+        // Of the packs of a pass, every kPasses-th column of them.
+        constexpr std::uint64_t kColumn = (std::uint64_t{1} << kTileSize) - 1;
+        constexpr std::uint64_t kFirstPass = kColumn | kColumn << (kPasses * kTileSize);
+        const TileBounds t = tile_bounds(grid, tile);
+        const Pixels tile_pixels(t.left, t.top);
+        PixelBackward<Lane> pixels[Pixels::kCount] = {};
+        Lane stop[Pixels::kCount];
+        std::uint32_t last_of[Pixels::kCount] = {}, last = 0;
+        for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
+            const int p = y * grid.width + x;
+            set_entry(pixels[k], entry, transmittance[static_cast<std::size_t>(p)], read(p));
+            const std::uint32_t s = stop_in[static_cast<std::size_t>(p)];
+            stop[k].v[entry] = std::bit_cast<float>(s);
+            last_of[k] = std::max(last_of[k], s), last = std::max(last, s);
+        });
+        // A pack takes part from its last contributor on.
+        int by_last[Pixels::kCount];
+        for (int k = 0; k < Pixels::kCount; ++k) by_last[k] = k;
+        std::sort(by_last, by_last + Pixels::kCount,
+                  [&](int a, int b) { return last_of[a] > last_of[b]; });
+        int next = 0;
+        std::uint64_t open = 0;
+        std::uint64_t met_by[kBatch];
+        SplatAlpha<Lane> alphas[Pixels::kCount];
+        const TileSpan span = spans[static_cast<std::size_t>(tile)];
+        for (std::uint32_t end = last; end > 0; end -= std::min(end, kBatch)) {
+            const std::uint32_t begin = end - std::min(end, kBatch);
+            for (std::uint32_t at = begin; at < end; ++at)
+                met_by[at - begin] = tile_pixels.packs_met(shapes[splats[span.begin + at]]);
+            for (std::uint32_t at = end; at-- > begin;) {
+                for (; next < Pixels::kCount && last_of[by_last[next]] > at; ++next)
+                    open |= bit(by_last[next], true);
+                const std::uint64_t met = met_by[at - begin] & open;
+                if (met == 0) continue;
+                const std::uint32_t splat = splats[span.begin + at];
+                const auto shape = broadcast<Lane>(shapes[splat]);
+                const Lane position = Lane::from_bits(static_cast<std::int32_t>(at));
+                std::uint64_t draws = 0;
+                for_bits(met, [&](int k) {
+                    const auto a = splat_alpha(shape, tile_pixels.offset(shape, k));
+                    const auto reached = less_bits(position, stop[k]);
+                    alphas[k] = {select(reached, a.gauss, Lane(0)),
+                                 select(reached, a.alpha, Lane(0))};
+                    draws |= bit(k, any(alphas[k].alpha > Lane(0)));
+                });
+                if (draws == 0) continue;
+                const auto f = broadcast<Lane>(features[splat].f);
+                alignas(32) float lanes[SplatGradients<float>::kCount][kLanes];
+                for (int pass = 0; pass < kPasses; ++pass) {
+                    SplatGradients<Lane> g{};
+                    for_bits(draws & kFirstPass << (pass * kTileSize), [&](int k) {
+                        blend_vjp<kChannels>(pixels[k], shape, f, tile_pixels.offset(shape, k),
+                                             alphas[k], g);
+                    });
+                    store(g, lanes, pass * Lane::kSize);
+                }
+                const std::uint32_t slot = slots[span.begin + at];
+                gradients[slot] = sum_of_lanes(lanes);
+                drawn[slot] = 1;
+            }
+        }
+    }
+
+    template <class Lane>
+    static void set_entry(PixelBackward<Lane>& p,
+                          int i,
+                          float T,
+                          const SplatFeatures<float>& dL_dpixel) {
+        SplatFeatures<Lane>& g = p.dL_dpixel;
+        p.T.v[i] = T;
+        g.color.x.v[i] = dL_dpixel.color.x, g.color.y.v[i] = dL_dpixel.color.y;
+        g.color.z.v[i] = dL_dpixel.color.z;
+        g.normal.x.v[i] = dL_dpixel.normal.x, g.normal.y.v[i] = dL_dpixel.normal.y;
+        g.normal.z.v[i] = dL_dpixel.normal.z, g.distance.v[i] = dL_dpixel.distance;
+    }
+
+    /// In the order of the members.
+    template <class Lane>
+    static void store(const SplatGradients<Lane>& g,
+                      float (&lanes)[SplatGradients<float>::kCount][kLanes],
+                      int first) {
+        const SplatFeatures<Lane>& f = g.features;
+        const Lane values[] = {g.mean.x,   g.mean.y,   g.abs_mean.x, g.abs_mean.y,
+                               g.conic.xx, g.conic.xy, g.conic.yy,   g.opacity,
+                               f.color.x,  f.color.y,  f.color.z,    f.normal.x,
+                               f.normal.y, f.normal.z, f.distance,   g.front_pixels};
+        for (int v = 0; v < SplatGradients<float>::kCount; ++v) values[v].store(&lanes[v][first]);
+    }
+};
+
+/// body.wide(tile) where the processor has wide packs and the caller wants them.
+template <class Body>
+void for_tiles(const TileGrid& grid, PackWidth width, const Body& body) {
+    const bool wide = width == PackWidth::widest && has_wide_packs();
+    parallel_for_heavy(Cpu{}, grid.count(),
+                       [&](int tile) { wide ? body.wide(tile) : body.narrow(tile); });
+}
+
 }  // namespace
 
 template <Channels kChannels>
@@ -47,41 +259,12 @@ void blend_tiles(const ViewSplats<Cpu>& splats,
                  const TileGrid& grid,
                  const Camera& camera,
                  RenderedImages<Cpu>& images,
-                 BlendState<Cpu>& state) {
-    const PixelWriter<kChannels> write(images, camera);
-    parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
-        const TileBounds t = tile_bounds(grid, tile);
-        PixelForward<float> pixels[kPixels];
-        std::uint32_t stop[kPixels] = {};
-        bool full[kPixels] = {};
-        int open = (t.right - t.left) * (t.bottom - t.top);
-        const TileSpan span = lists.spans[static_cast<std::size_t>(tile)];
-        for (std::uint32_t at = span.begin; at < span.end && open > 0; ++at) {
-            const std::uint32_t splat = lists.splats[at];
-            const SplatShape<float>& s = splats.shapes[splat];
-            const SplatFeatures<float>& f = splats.features[splat].f;
-            const Box box = box_in_tile(s, t.left, t.top, t.right, t.bottom);
-            for (int y = box.y0; y < box.y1; ++y)
-                for (int x = box.x0; x < box.x1; ++x) {
-                    const int p = (y - t.top) * kTileSize + x - t.left;
-                    if (full[p]) continue;
-                    const float alpha = splat_alpha(s, offset(s, x, y)).alpha;
-                    if (alpha == 0) continue;
-                    if (blend<kChannels>(pixels[p], alpha, f)) {
-                        stop[p] = at - span.begin + 1;
-                    } else {
-                        full[p] = true;
-                        --open;
-                    }
-                }
-        }
-        for (int y = t.top; y < t.bottom; ++y)
-            for (int x = t.left; x < t.right; ++x) {
-                const int p = (y - t.top) * kTileSize + x - t.left;
-                write(x, y, pixels[p]);
-                state.stop[static_cast<std::size_t>(y) * grid.width + x] = stop[p];
-            }
-    });
+                 BlendState<Cpu>& state,
+                 PackWidth width) {
+    for_tiles(grid, width,
+              BlendTile<kChannels>{splats.shapes.span(), splats.features.span(), lists.spans.span(),
+                                   lists.splats.span(), grid,
+                                   PixelWriter<kChannels>(images, camera), state.stop.span()});
 }
 
 template <Channels kChannels>
@@ -91,45 +274,23 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
                      const ImageGradients<Cpu>& dL_dimages,
-                     SlotGradients<Cpu>& slots) {
+                     SlotGradients<Cpu>& slots,
+                     PackWidth width) {
     slots.resize(static_cast<std::size_t>(lists.slot_count));
     slots.drawn.fill_zero();
-    const PixelGradientReader<kChannels> read{dL_dimages.color.span(), dL_dimages.normal.span(),
-                                              dL_dimages.distance.span()};
-    parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) {
-        const TileBounds t = tile_bounds(grid, tile);
-        PixelBackward<float> pixels[kPixels];
-        std::uint32_t stop[kPixels] = {}, last = 0;
-        for (int y = t.top; y < t.bottom; ++y)
-            for (int x = t.left; x < t.right; ++x) {
-                const int p = (y - t.top) * kTileSize + x - t.left, at = y * grid.width + x;
-                pixels[p] = {images.transmittance[static_cast<std::size_t>(at)], read(at), {}};
-                stop[p] = state.stop[static_cast<std::size_t>(at)];
-                last = std::max(last, stop[p]);
-            }
-        const TileSpan span = lists.spans[static_cast<std::size_t>(tile)];
-        for (std::uint32_t at = last; at-- > 0;) {
-            const std::uint32_t slot = lists.slots[span.begin + at];
-            const std::uint32_t splat = lists.splats[span.begin + at];
-            const SplatShape<float>& s = splats.shapes[splat];
-            const SplatFeatures<float>& f = splats.features[splat].f;
-            const Box box = box_in_tile(s, t.left, t.top, t.right, t.bottom);
-            SplatGradients<float> g{};
-            bool drawn = false;
-            for (int y = box.y0; y < box.y1; ++y)
-                for (int x = box.x0; x < box.x1; ++x) {
-                    const int p = (y - t.top) * kTileSize + x - t.left;
-                    if (at >= stop[p]) continue;
-                    const Vec2f d = offset(s, x, y);
-                    const SplatAlpha<float> a = splat_alpha(s, d);
-                    if (a.alpha == 0) continue;
-                    drawn = true;
-                    blend_vjp<kChannels>(pixels[p], s, f, d, a, g);
-                }
-            slots.gradients[slot] = g;
-            slots.drawn[slot] = drawn;
-        }
-    });
+    for_tiles(grid, width,
+              BlendTileVjp<kChannels>{
+                  splats.shapes.span(),
+                  splats.features.span(),
+                  lists.spans.span(),
+                  lists.splats.span(),
+                  lists.slots.span(),
+                  grid,
+                  images.transmittance.span(),
+                  state.stop.span(),
+                  {dL_dimages.color.span(), dL_dimages.normal.span(), dL_dimages.distance.span()},
+                  slots.gradients.span(),
+                  slots.drawn.span()});
     // The slots of each splat, in their order.
     const auto& first_slots = lists.first_slot_by_depth;
     parallel_for(Cpu{}, lists.visible_count, [&](int k) {
@@ -150,11 +311,11 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
 #define TVSGS_INSTANTIATE(channels)                                                             \
     template void blend_tiles<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,          \
                                         const TileGrid&, const Camera&, RenderedImages<Cpu>&,   \
-                                        BlendState<Cpu>&);                                      \
+                                        BlendState<Cpu>&, PackWidth);                           \
     template void blend_tiles_vjp<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,      \
                                             const TileGrid&, const RenderedImages<Cpu>&,        \
                                             const BlendState<Cpu>&, const ImageGradients<Cpu>&, \
-                                            SlotGradients<Cpu>&);
+                                            SlotGradients<Cpu>&, PackWidth);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

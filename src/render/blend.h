@@ -23,6 +23,9 @@ struct SlotGradients {
     void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
 };
 
+/// How many pixels the CPU twin computes at a time; the bits are the same.
+enum class PackWidth { narrow, widest };
+
 /// Overwrites the images of the channel set, background black. Depth only with plane channels,
 /// along the rays of `camera`.
 template <Channels kChannels>
@@ -31,7 +34,8 @@ void blend_tiles(const ViewSplats<Cpu>& splats,
                  const TileGrid& grid,
                  const Camera& camera,
                  RenderedImages<Cpu>& images,
-                 BlendState<Cpu>& state);
+                 BlendState<Cpu>& state,
+                 PackWidth width = PackWidth::widest);
 template <Channels kChannels>
 void blend_tiles(const ViewSplats<Cuda>& splats,
                  const TileLists<Cuda>& lists,
@@ -50,7 +54,8 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
                      const ImageGradients<Cpu>& dL_dimages,
-                     SlotGradients<Cpu>& slots);
+                     SlotGradients<Cpu>& slots,
+                     PackWidth width = PackWidth::widest);
 template <Channels kChannels>
 void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      const TileLists<Cuda>& lists,

@@ -84,8 +84,9 @@ TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
     const Vec2<Real> w = whitened(s.root, d);
     const Real gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
     const Real alpha = s.opacity * gauss;
-    if (!(alpha >= Real(kMinAlpha))) return {0, 0};
-    return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
+    const auto draws = alpha >= Real(kMinAlpha);
+    return {select(draws, gauss, Real(0)),
+            select(draws, select(alpha < Real(kMaxAlpha), alpha, Real(kMaxAlpha)), Real(0))};
 }
 
 /// One pixel's running state on the way to the back.
@@ -135,6 +136,12 @@ TVSGS_HD void add(SplatGradients<Real>& sum, const SplatGradients<Real>& g) {
 }
 static_assert(sizeof(SplatGradients<float>) == SplatGradients<float>::kCount * sizeof(float));
 
+/// Counts a pixel where the splat drew with T in front of it.
+template <class Real>
+TVSGS_HD void count_front(Real& pixels, Real T, Real /*alpha*/) {
+    if (T > Real(kFrontTransmittance)) pixels += 1;
+}
+
 /// One splat at one pixel, visited back to front; `a` is splat_alpha's result with a.alpha > 0.
 /// Adds to `g`. The upper clamp of alpha is passed straight through, as in the official code.
 template <Channels kChannels, class Real>
@@ -144,6 +151,7 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
                         Vec2<Real> d,
                         SplatAlpha<Real> a,
                         SplatGradients<Real>& g) {
+    using std::abs;
     const Real T = pixel.T * FastMath::inverse(1 - a.alpha);  // in front of this splat
     const Real step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
     const Real dL_dalpha = T * step;
@@ -158,11 +166,11 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     const Vec2<Real> dL_dmean = {-2 * common * (s.root.xx * w.x),
                                  -2 * common * (s.root.xy * w.x + s.root.yy * w.y)};
     g.mean += dL_dmean;
-    g.abs_mean += Vec2<Real>{std::abs(dL_dmean.x), std::abs(dL_dmean.y)};
+    g.abs_mean += Vec2<Real>{abs(dL_dmean.x), abs(dL_dmean.y)};
     g.conic.xx -= Real(0.5) * common * d.x * d.x;
     g.conic.xy -= common * d.x * d.y;
     g.conic.yy -= Real(0.5) * common * d.y * d.y;
-    if (T > Real(kFrontTransmittance)) g.front_pixels += 1;
+    count_front(g.front_pixels, T, a.alpha);
 }
 
 /// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as

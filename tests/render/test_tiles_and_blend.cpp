@@ -1,6 +1,7 @@
 // Tile lists and blending on made-up ellipses, extreme ones among them: the lists against the
 // definition, CUDA against the CPU.
 #include <algorithm>
+#include <array>
 #include <cstring>
 
 #include "render/blend.h"
@@ -140,27 +141,26 @@ ImageGradients<Device> image_gradients(std::size_t pixels) {
     return g;
 }
 
+/// Images to be written, with room for all channels.
 template <class Device>
-Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid) {
-    ViewSplats<Device> v;
-    copy(host.shapes, v.shapes), copy(host.features, v.features);
-    copy(host.depths, v.depths), copy(host.rects, v.rects);
-    Camera camera;
-    camera.width_px = grid.width, camera.height_px = grid.height;
-    camera.fx_px = camera.fy_px = 100;
-    const auto pixels =
-        static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
+RenderedImages<Device> empty_images(std::size_t pixels) {
     RenderedImages<Device> images;
     images.color.resize(pixels), images.normal.resize(pixels), images.transmittance.resize(pixels);
     images.distance.resize(pixels), images.depth.resize(pixels);
-    BlendState<Device> state;
-    state.stop.resize(pixels);
-    SlotGradients<Device> slots;
-    Blended<Device> out;
-    build_tile_lists(v, grid, out.lists);
-    blend_tiles<kAll>(v, out.lists, grid, camera, images, state);
-    blend_tiles_vjp<kAll>(v, out.lists, grid, images, state, image_gradients<Device>(pixels),
-                          slots);
+    return images;
+}
+
+Camera camera_of(const TileGrid& grid) {
+    Camera camera;
+    camera.width_px = grid.width, camera.height_px = grid.height;
+    camera.fx_px = camera.fy_px = 100;
+    return camera;
+}
+
+template <class Device>
+void fetch(const RenderedImages<Device>& images,
+           const SlotGradients<Device>& slots,
+           Blended<Device>& out) {
     out.color = to_host(images.color), out.normal = to_host(images.normal);
     out.transmittance = to_host(images.transmittance), out.distance = to_host(images.distance);
     const auto gradients = to_host(slots.gradients);
@@ -169,6 +169,81 @@ Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid) {
     for (std::size_t i = 0; i < counts.size(); ++i)
         out.splats.push_back(counts[i] > 0 && drawn[first[i]] ? gradients[first[i]]
                                                               : SplatGradients<float>{});
+}
+
+/// `width`: of the CPU's packs, no argument of CUDA's.
+template <class Device, class... Width>
+Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid, Width... width) {
+    ViewSplats<Device> v;
+    copy(host.shapes, v.shapes), copy(host.features, v.features);
+    copy(host.depths, v.depths), copy(host.rects, v.rects);
+    const auto pixels =
+        static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
+    auto images = empty_images<Device>(pixels);
+    BlendState<Device> state;
+    state.stop.resize(pixels);
+    SlotGradients<Device> slots;
+    Blended<Device> out;
+    build_tile_lists(v, grid, out.lists);
+    blend_tiles<kAll>(v, out.lists, grid, camera_of(grid), images, state, width...);
+    blend_tiles_vjp<kAll>(v, out.lists, grid, images, state, image_gradients<Device>(pixels), slots,
+                          width...);
+    fetch(images, slots, out);
+    return out;
+}
+
+/// The straightforward way: pixel by pixel, every splat of the tile's list. Gradients' sums in
+/// double.
+Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
+    const auto pixels =
+        static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
+    auto images = empty_images<Cpu>(pixels);
+    const auto dL_dimages = image_gradients<Cpu>(pixels);
+    const PixelWriter<kAll> write(images, camera_of(grid));
+    const PixelGradientReader<kAll> read{dL_dimages.color.span(), dL_dimages.normal.span(),
+                                         dL_dimages.distance.span()};
+    Blended<Cpu> out;
+    build_tile_lists(v, grid, out.lists);
+    constexpr std::size_t kCount = SplatGradients<float>::kCount;
+    std::vector<std::array<double, kCount>> sums(v.shapes.size());
+    for (int y = 0; y < grid.height; ++y)
+        for (int x = 0; x < grid.width; ++x) {
+            const TileSpan span =
+                out.lists
+                    .spans[static_cast<std::size_t>(y / kTileSize * grid.columns + x / kTileSize)];
+            const auto offset = [&](std::uint32_t splat) -> Vec2f {
+                return {v.shapes[splat].mean.x - (static_cast<float>(x) + 0.5f),
+                        v.shapes[splat].mean.y - (static_cast<float>(y) + 0.5f)};
+            };
+            PixelForward<float> pixel;
+            std::uint32_t stop = span.begin;
+            for (std::uint32_t at = span.begin; at < span.end; ++at) {
+                const std::uint32_t splat = out.lists.splats[at];
+                const float alpha = splat_alpha(v.shapes[splat], offset(splat)).alpha;
+                if (alpha == 0) continue;
+                if (!blend<kAll>(pixel, alpha, v.features[splat].f)) break;
+                stop = at + 1;
+            }
+            write(x, y, pixel);
+            PixelBackward<float> back{pixel.T, read(y * grid.width + x)};
+            for (std::uint32_t at = stop; at-- > span.begin;) {
+                const std::uint32_t splat = out.lists.splats[at];
+                const auto a = splat_alpha(v.shapes[splat], offset(splat));
+                if (a.alpha == 0) continue;
+                SplatGradients<float> g{};
+                blend_vjp<kAll>(back, v.shapes[splat], v.features[splat].f, offset(splat), a, g);
+                const float* values = &g.mean.x;
+                for (std::size_t k = 0; k < kCount; ++k)
+                    sums[splat][k] += static_cast<double>(values[k]);
+            }
+        }
+    SlotGradients<Cpu> none;
+    none.resize(static_cast<std::size_t>(out.lists.slot_count));
+    none.drawn.fill_zero();
+    fetch(images, none, out);
+    for (std::size_t i = 0; i < sums.size(); ++i)
+        for (std::size_t k = 0; k < kCount; ++k)
+            (&out.splats[i].mean.x)[k] = static_cast<float>(sums[i][k]);
     return out;
 }
 
@@ -237,6 +312,29 @@ void expect_twins(Kind kind, int count, int width, int height) {
     EXPECT_TRUE(same_bits(to_host(cuda.lists.slots), to_host(again.lists.slots)));
     EXPECT_TRUE(same_bits(cuda.color, again.color));
     EXPECT_TRUE(same_bits(cuda.splats, again.splats)) << "gradients are not reproducible";
+}
+
+TEST(Blend, PacksDoAsSinglePixelsDo) {
+    for (const Kind kind : kKinds)
+        for (const int count : {1, 33, 3000}) {
+            SCOPED_TRACE(testing::Message() << kNames[static_cast<int>(kind)] << ", " << count);
+            const TileGrid grid = tile_grid(75, 41);  // no multiple of anything
+            const auto v = made_up(kind, count, grid, 77 + static_cast<unsigned>(count));
+            const auto plain = blended_plainly(v, grid), packs = blended<Cpu>(v, grid),
+                       narrow = blended<Cpu>(v, grid, PackWidth::narrow);
+            // Pixels do not mix: the same operations, so the same bits.
+            EXPECT_TRUE(same_bits(plain.color, packs.color));
+            EXPECT_TRUE(same_bits(plain.normal, packs.normal));
+            EXPECT_TRUE(same_bits(plain.distance, packs.distance));
+            EXPECT_TRUE(same_bits(plain.transmittance, packs.transmittance));
+            // Sums over the pixels, terms of both signs, round differently, but alike for all
+            // processors.
+            constexpr std::size_t kCount = SplatGradients<float>::kCount;
+            for (std::size_t k = 0; k < kCount; ++k)
+                EXPECT_LE(relative_l2(plain.splats, packs.splats, k, kCount), 3e-4) << k;
+            EXPECT_TRUE(same_bits(narrow.color, packs.color));
+            EXPECT_TRUE(same_bits(narrow.splats, packs.splats));
+        }
 }
 
 TEST(BlendTwin, OnExtremeSplats) {

@@ -1,0 +1,92 @@
+// Blending for a few neighbouring pixels at a time, as the CPU twin does it: where blend_math.h
+// branches, here are both ways and a choice.
+#pragma once
+
+#include "render/view_splats.h"
+
+namespace tvsgs {
+
+/// Every entry the same.
+template <class Lane>
+SplatShape<Lane> broadcast(const SplatShape<float>& s) {
+    return {{s.mean.x, s.mean.y}, {s.root.xx, s.root.xy, s.root.yy}, s.opacity, s.reach};
+}
+template <class Lane>
+SplatFeatures<Lane> broadcast(const SplatFeatures<float>& f) {
+    return {{f.color.x, f.color.y, f.color.z}, {f.normal.x, f.normal.y, f.normal.z}, f.distance};
+}
+
+/// blend() of blend_math.h; an alpha of 0 changes nothing. Returns where the pixel was not full.
+template <Channels kChannels, int kBytes>
+auto blend(PixelForward<Pack<float, kBytes>>& pixel,
+           Pack<float, kBytes> alpha,
+           const SplatFeatures<Pack<float, kBytes>>& f) {
+    using Lane = Pack<float, kBytes>;
+    const Lane next = pixel.T * (1 - alpha);
+    const auto fits = !(next < Lane(kMinTransmittance));
+    add_features<kChannels>(pixel.sum, select(fits, alpha * pixel.T, Lane(0)), f);
+    pixel.T = select(fits, next, pixel.T);
+    return fits;
+}
+
+/// With an alpha of 0 blend_vjp() adds zeros everywhere but here.
+template <int kBytes>
+void count_front(Pack<float, kBytes>& pixels, Pack<float, kBytes> T, Pack<float, kBytes> alpha) {
+    using Lane = Pack<float, kBytes>;
+    const auto front = both(T > Lane(kFrontTransmittance), alpha > Lane(0));
+    pixels += select(front, Lane(1), Lane(0));
+}
+
+/// The pixels of a tile as packs of neighbours in a row; pack part * kTileSize + row.
+template <class Lane>
+struct TilePixels {
+    static constexpr int kSize = Lane::kSize, kParts = kTileSize / kSize,
+                         kCount = kParts * kTileSize;
+
+    float left;           // centre of the first pixel
+    Lane x[kParts];       // pixel centres
+    Lane rows_y[kParts];  // of kSize rows each
+    Lane y[kTileSize];    // every entry the same
+
+    TilePixels(int left_px, int top_px) : left(static_cast<float>(left_px) + 0.5f) {
+        float columns[kTileSize], rows[kTileSize];
+        for (int i = 0; i < kTileSize; ++i) {
+            columns[i] = static_cast<float>(left_px + i) + 0.5f;
+            rows[i] = static_cast<float>(top_px + i) + 0.5f;
+            y[i] = rows[i];
+        }
+        for (int part = 0; part < kParts; ++part) {
+            x[part] = Lane::load(columns + part * kSize);
+            rows_y[part] = Lane::load(rows + part * kSize);
+        }
+    }
+
+    /// From the pixel centres to a splat's mean.
+    Vec2<Lane> offset(const SplatShape<Lane>& s, int pack) const {
+        return {s.mean.x - x[pack / kTileSize], s.mean.y - y[pack % kTileSize]};
+    }
+
+    /// Bit k: the splat may draw in pack k. A row of pixel centres crosses the ellipse where
+    /// alpha is kMinAlpha or more between two points; rounding may only take them too far apart.
+    std::uint64_t packs_met(const SplatShape<float>& s) const {
+        const float inverse = 1 / s.root.xx, shear = s.root.xy * inverse;
+        const float far = std::abs(s.mean.x);
+        std::uint64_t met = 0;
+        for (int group = 0; group < kParts; ++group) {
+            const Lane dy = s.mean.y - rows_y[group], across = s.root.yy * dy, lean = shear * dy;
+            // Above the ellipse and below it this is NaN, and no comparison holds.
+            const Lane half = sqrt(s.reach + 1e-4f - across * across) * inverse;
+            const Lane wide = half + (0.01f + 1e-5f * (half + abs(lean) + far));
+            const Lane low = s.mean.x + lean - wide, high = s.mean.x + lean + wide;
+            for (int part = 0; part < kParts; ++part) {
+                const float first = left + static_cast<float>(part * kSize),
+                            last = first + static_cast<float>(kSize - 1);
+                const std::uint64_t rows = bits_of(both(low <= Lane(last), high >= Lane(first)));
+                met |= rows << (part * kTileSize + group * kSize);
+            }
+        }
+        return met;
+    }
+};
+
+}  // namespace tvsgs
