@@ -1,11 +1,13 @@
 // Adam over the Gaussians' parameter groups.  [Kingma15], rates of 3DGS
 #pragma once
 
+#include <array>
 #include <cmath>
 
 #include "core/gaussians.h"
 #include "core/options.h"
 #include "core/parallel.h"
+#include "core/state.h"
 
 namespace tvsgs {
 
@@ -30,6 +32,10 @@ struct AdamOptions {
     }
 };
 
+/// Parameters that share a learning rate, in the order of the kinds in Gaussians.
+enum class ParameterGroup { means, scales, rotations, opacities, sh_dc, sh_rest };
+inline constexpr int kParameterGroups = 6;
+
 /// Rate of the means at an iteration, world units.
 inline float position_rate(const AdamOptions& o, int step, float extent) {
     const double u = std::min(1.0, static_cast<double>(step) / o.position_max_steps);
@@ -52,8 +58,10 @@ struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
     float rate, correction1, correction2, least;  // values stay at or above `least`
+    const int* halted;
 
     TVSGS_HD void operator()(int i) const {
+        if (halted != nullptr && *halted != 0) return;
         const float next =
             adam_update(values[i], gradients[i], m[i], v[i], rate, correction1, correction2);
         values[i] = next < least ? least : next;
@@ -71,28 +79,47 @@ public:
     }
 
     /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
-    /// moments are zero.
+    /// moments are zero. Where *halted (on the device; may be null) is not 0, nothing changes.
     void step(int step,
               float extent,
               int sh_degree,
               const Gaussians<Device>& gradients,
               Gaussians<Device>& g,
-              bool with_opacity) {
+              bool with_opacity,
+              const int* halted = nullptr) {
+        using enum ParameterGroup;
+        halted_ = halted;
         // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
         const float least_log_scale = -16.118096f;  // ln 1e-7
         ++count_;
         const float none = -3e38f;
-        update(g.means, gradients.means, m_.means, v_.means, position_rate(options_, step, extent),
+        const auto rate = [this](ParameterGroup group, float given) {
+            return given * rate_factors_[static_cast<std::size_t>(group)];
+        };
+        update(g.means, gradients.means, m_.means, v_.means,
+               rate(means, position_rate(options_, step, extent)), none);
+        update(g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
+               rate(scales, options_.scale), least_log_scale);
+        update(g.quats, gradients.quats, m_.quats, v_.quats, rate(rotations, options_.rotation),
                none);
-        update(g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales, options_.scale,
-               least_log_scale);
-        update(g.quats, gradients.quats, m_.quats, v_.quats, options_.rotation, none);
         if (with_opacity)
             update(g.opacity_logits, gradients.opacity_logits, m_.opacity_logits, v_.opacity_logits,
-                   options_.opacity, none);
+                   rate(opacities, options_.opacity), none);
         const std::size_t n = g.means.size(), active = n * sh_count(sh_degree);
-        update(g.sh, gradients.sh, m_.sh, v_.sh, options_.sh_dc, none, 0, n);
-        update(g.sh, gradients.sh, m_.sh, v_.sh, options_.sh_rest, none, n, active);
+        update(g.sh, gradients.sh, m_.sh, v_.sh, rate(sh_dc, options_.sh_dc), none, 0, n);
+        update(g.sh, gradients.sh, m_.sh, v_.sh, rate(sh_rest, options_.sh_rest), none, n, active);
+    }
+
+    /// From now on the group's rate is `factor` x what it would have been.
+    void lower_rate(ParameterGroup group, float factor) {
+        rate_factors_[static_cast<std::size_t>(group)] *= factor;
+    }
+
+    void state(StateVisitor<Device>& visit) {
+        visit.value("adam.count", count_);
+        visit.value("adam.rate_factors", rate_factors_);
+        visit_state(visit, "adam.m.", m_);
+        visit_state(visit, "adam.v.", v_);
     }
 
     Gaussians<Device>& first_moments() { return m_; }
@@ -115,11 +142,13 @@ private:
                      AdamBody{floats(values.data()), floats(m.data()), floats(v.data()),
                               reinterpret_cast<const float*>(gradients.data() + begin), rate,
                               static_cast<float>(1 - std::pow(0.9, t)),
-                              static_cast<float>(1 - std::pow(0.999, t)), least});
+                              static_cast<float>(1 - std::pow(0.999, t)), least, halted_});
     }
 
     AdamOptions options_;
     Gaussians<Device> m_, v_;
+    std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
+    const int* halted_ = nullptr;
     int count_ = 0;
 };
 

@@ -256,6 +256,15 @@ public:
         return event;
     }
 
+    /// Whether step() may add, remove or re-order splats then.
+    bool may_change_structure(int step) const {
+        return options_.enabled && step < options_.until &&
+               ((step > options_.from && step % options_.every == 0) ||
+                (options_.trim_min_views > 0 && step % options_.trim_every == 0));
+    }
+
+    void state(StateVisitor<Device>& visit) { visit("densify.statistics", statistics_); }
+
     /// Old index of each splat after a step that changed the structure.
     Span<const int> parents() const { return parents_.span(); }
 

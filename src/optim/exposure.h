@@ -119,6 +119,8 @@ public:
                      ExposureStepBody{states_.span(), in.view.index, gradient_.data(), gate});
     }
 
+    void state(StateVisitor<Device>& visit) { visit.optional("exposure", states_); }
+
     const Buffer<ExposureState, Device>& states() const { return states_; }
 
 private:

@@ -7,6 +7,7 @@
 
 #include "core/options.h"
 #include "core/parallel.h"
+#include "core/state.h"
 #include "optim/device_view.h"
 #include "optim/neighbour_view.h"
 #include "render/backbone.h"
@@ -56,6 +57,9 @@ public:
     virtual void add_to(Objective<Device>& objective,
                         double* value,
                         const LossInputs<Device>& in) = 0;
+
+    /// What a term learns from step to step belongs into checkpoints.
+    virtual void state(StateVisitor<Device>& /*visit*/) {}
 };
 
 /// Term of a sum over an array.

@@ -42,6 +42,8 @@ public:
                 value);
     }
 
+    void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }
+
     const Exposure<Device>& exposure() const { return exposure_; }
 
 private:

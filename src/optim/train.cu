@@ -6,6 +6,7 @@ namespace tvsgs {
 template Gaussians<Cuda> train<Cuda>(const Scene&,
                                      const TrainOptions&,
                                      const TrainCallbacks&,
-                                     const AfterStep<Cuda>&);
+                                     const AfterStep<Cuda>&,
+                                     const SharedState&);
 
 }  // namespace tvsgs

@@ -3,15 +3,18 @@
 
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "core/scene.h"
 #include "core/stage_clock.h"
+#include "core/state.h"
 #include "optim/adam.h"
 #include "optim/densify.h"
 #include "optim/init.h"
 #include "optim/loss.h"
+#include "optim/train_guard.h"
 
 namespace tvsgs {
 
@@ -83,13 +86,26 @@ struct TrainReport {
     std::vector<StageTime> stages;  // cumulative; empty without profiling
 };
 
+using SharedState = std::shared_ptr<const State>;
+
 /// How the loop talks to its caller; it never touches files.
 struct TrainCallbacks {
     std::function<bool(int step)>
         report_due;  // whether this step is reported: reading the loss waits for the device
     std::function<void(const TrainReport&)> on_report;
     std::function<bool()> stop_requested;  // polled every step; true ends the training early
+    std::function<void(int done)> on_end;  // after how many iterations
     bool profile = false;
+
+    /// Whether the state after `done` iterations is to be saved, and where it goes. It also goes
+    /// there when the training is stopped or gives up. The last iteration of a run differs from the
+    /// others, so the state before it is what a longer run can go on from.
+    std::function<bool(int done)> save_due;
+    std::function<void(int done, const SharedState& state)> on_save;
+
+    /// The run was rolled back to where it had `done` iterations; `what` says why.
+    std::function<void(int done, const std::string& what)> on_rollback;
+    InjectedFault injected_fault;
 };
 
 /// Looks at the splats after a step, wherever they live, between two steps.
@@ -97,12 +113,20 @@ template <class Device>
 using AfterStep = std::function<void(int step, const Gaussians<Device>& gaussians)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
-/// device type give the same bits. Throws Error(ExitCode::numerical) when a reported loss is not
-/// finite, naming the term.
+/// device type give the same bits, also when the training goes on from a saved state, `start`.
+///
+/// Losses are looked at every step, all parameters every hundred and before anything is reported,
+/// saved, pruned or returned. The first number that is not finite takes the run back to its last
+/// saved state (or its start) and divides the learning rate of what went wrong by ten; the second
+/// one is an Error(ExitCode::numerical) that names loss, view, parameter and splat.
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks,
-                        const AfterStep<Device>& after_step = {});
+                        const AfterStep<Device>& after_step = {},
+                        const SharedState& start = nullptr);
+
+/// Iterations that a saved state has behind it.
+int iterations_done(const State& state);
 
 }  // namespace tvsgs

@@ -1,43 +1,14 @@
 // The loop itself; included by one file per device.
 #pragma once
 
-#include "core/error.h"
 #include "core/rng.h"
 #include "core/stage_clock.h"
 #include "optim/fixed_voters.h"
 #include "optim/loss_normal.h"
 #include "optim/train.h"
+#include "optim/train_state.h"
 
 namespace tvsgs {
-
-/// Training views without replacement: a new shuffled round whenever one is used up.
-class ViewSampler {
-public:
-    ViewSampler(int count, std::uint64_t seed)
-        : order_(static_cast<std::size_t>(count)), seed_(seed) {}
-
-    int next() {
-        const std::size_t at = drawn_ % order_.size();
-        if (at == 0) shuffle(static_cast<std::uint32_t>(drawn_ / order_.size()));
-        ++drawn_;
-        return order_[at];
-    }
-
-private:
-    void shuffle(std::uint32_t round) {
-        for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
-        for (std::size_t i = order_.size(); i > 1; --i) {
-            const auto pick = static_cast<std::size_t>(
-                uniform(random4(seed_, RandomStream::view_order, i, round).v[0]) *
-                static_cast<float>(i));
-            std::swap(order_[i - 1], order_[std::min(pick, i - 1)]);
-        }
-    }
-
-    std::vector<int> order_;
-    std::uint64_t seed_;
-    std::size_t drawn_ = 0;
-};
 
 /// The training views on the device, with what the losses in use read.
 template <class Device>
@@ -117,11 +88,6 @@ TrainReport make_report(int step,
     TrainReport report{step, 0, {}, gaussians.size(), memory_use(Device{}), clock.stages()};
     const std::vector<double> values = to_host(objective.values);
     for (std::size_t i = 0; i < losses.size(); ++i) {
-        if (!(std::abs(values[i]) < 1e300))
-            throw Error(
-                ExitCode::numerical,
-                str("iteration ", step, ": the loss term '", losses[i]->name(), "' is ", values[i],
-                    "; expected a finite number; lower the learning rates (--set lr.*)"));
         report.terms.emplace_back(losses[i]->name(), values[i]);
         report.loss += values[i];
     }
@@ -132,87 +98,86 @@ template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks,
-                        const AfterStep<Device>& after_step) {
-    const auto seed = static_cast<std::uint64_t>(options.seed);
-    Gaussians<Device> gaussians;
-    copy(init_gaussians(scene, options.init, options.model.sh_degree), gaussians);
+                        const AfterStep<Device>& after_step,
+                        const SharedState& start) {
     auto backbone = make_backbone<Device>(options.backbone, options.core);
-    // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the published
-    // weights come from.
-    const float depth = options.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
-    auto losses = make_losses<Device>(
-        options.loss, {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()), seed,
-                       options.core.pixel_center});
     auto neighbours = make_neighbour_view<Device>(scene, options);
-    TensorVoter<Device> voter(options.tv);
-    if (options.tv.enabled && !scene.fixed_voters.positions.empty())
-        voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, options.tv.fixed_voters));
-    TensorField<Device> field;
-    Adam<Device> adam(options.lr, gaussians);
-    Densifier<Device> densifier(options.densify, scene.extent, seed);
-    ViewSampler sampler(static_cast<int>(scene.train.size()), seed);
+    Training<Device> t(scene, options, callbacks, start);
     Objective<Device> objective;
-    objective.values.resize(losses.size());
+    objective.values.resize(t->losses.size());
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     const auto views = upload<Device>(scene.train, options.loss);
     StageClock<Device> clock(callbacks.profile);
 
-    for (int step = 1; step <= options.iterations; ++step) {
-        if (callbacks.stop_requested && callbacks.stop_requested()) break;
+    for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
+        if (callbacks.stop_requested && callbacks.stop_requested()) {
+            t.stop();
+            break;
+        }
+        if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
         const int sh_degree = sh_degree_at(options.model, step);
-        const DeviceView<Device>& view = views[static_cast<std::size_t>(sampler.next())];
-        if (voter.due(step)) clock("voting", [&] { voter.vote(step, gaussians, field); });
+        const DeviceView<Device>& view = views[static_cast<std::size_t>(t->sampler.next())];
+        if (t->voter.due(step)) clock("voting", [&] { t.vote(step); });
 
-        const Wanted want = wanted(losses, step);
+        const Wanted want = wanted(t->losses, step);
         NeighbourView<Device>* const neighbour =
             !want.neighbour ? nullptr : clock("neighbour", [&] {
-                return neighbours->render(step, view.index, views, gaussians);
+                return neighbours->render(step, view.index, views, t->gaussians);
             });
         const RenderedImages<Device>& images =
             clock("forward", [&]() -> const RenderedImages<Device>& {
                 return backbone->forward(
-                    gaussians, view.camera, sh_degree,
+                    t->gaussians, view.camera, sh_degree,
                     want.plane || neighbour ? Channels::color_plane : Channels::color);
             });
         clock("losses", [&] {
-            reset(objective, gaussians, images);
+            reset(objective, t->gaussians, images);
             if (neighbour) neighbour->compare(images);
-            for (std::size_t i = 0; i < losses.size(); ++i)
-                if (losses[i]->active(step))
-                    losses[i]->add_to(objective, objective.values.data() + i,
-                                      {gaussians, images, view, field,
-                                       backbone->statistics().radii_px.span(), step, neighbour});
+            for (std::size_t i = 0; i < t->losses.size(); ++i)
+                if (t->losses[i]->active(step))
+                    t->losses[i]->add_to(objective, objective.values.data() + i,
+                                         {t->gaussians, images, view, t->field,
+                                          backbone->statistics().radii_px.span(), step, neighbour});
+            t.watch(step, view.index, objective.values);
         });
         clock("backward", [&] {
-            backbone->backward(gaussians, objective.dL_dimages, objective.dL_dgaussians);
-            if (neighbour) neighbour->backward(gaussians, objective.dL_dgaussians);
+            backbone->backward(t->gaussians, objective.dL_dimages, objective.dL_dgaussians);
+            if (neighbour) neighbour->backward(t->gaussians, objective.dL_dgaussians);
         });
-        if (callbacks.report_due && callbacks.report_due(step))
-            callbacks.on_report(make_report(step, objective, losses, gaussians, clock));
+        const bool report = callbacks.report_due && callbacks.report_due(step);
+        // A splat that is pruned could no longer be named.
+        const bool look = report || step % kCheckEvery == 0 || step == options.iterations ||
+                          t->densifier.may_change_structure(step);
+        if (look && !t.check(step)) continue;
+        if (report)
+            callbacks.on_report(make_report(step, objective, t->losses, t->gaussians, clock));
 
         const auto event = clock("densify", [&] {
-            return densifier.step(
-                step, backbone->statistics(), gaussians, adam, [&](const auto& count_views) {
-                    resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+            return t->densifier.step(
+                step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
+                    resize(objective.dL_dgaussians, t->gaussians.size(), t->gaussians.sh_degree);
                     for (const auto& other : views) {
-                        backbone->forward(gaussians, other.camera, 0, Channels::plane);
-                        backbone->backward(gaussians, {}, objective.dL_dgaussians);
+                        backbone->forward(t->gaussians, other.camera, 0, Channels::plane);
+                        backbone->backward(t->gaussians, {}, objective.dL_dgaussians);
                         count_views(backbone->statistics());
                     }
                 });
         });
-        if (event.structure_changed) voter.structure_changed(densifier.parents(), field);
+        if (event.structure_changed) t->voter.structure_changed(t->densifier.parents(), t->field);
         // The gradients belong to the splats before the change; the official codes lose them here
         // too.
         if (!event.structure_changed && step < options.iterations)
             clock("adam", [&] {
-                adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, gaussians,
-                          !(event.opacity_reset && options.optim.skip_step_on_structure_change));
+                t->adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, t->gaussians,
+                             !(event.opacity_reset && options.optim.skip_step_on_structure_change),
+                             t.halted());
             });
-        if (after_step) after_step(step, gaussians);
+        t.step_done(step);
+        if (after_step) after_step(step, t->gaussians);
     }
-    return gaussians;
+    if (callbacks.on_end) callbacks.on_end(t->done);
+    return std::move(t->gaussians);
 }
 
 }  // namespace tvsgs

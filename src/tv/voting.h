@@ -163,6 +163,16 @@ public:
     /// Replaces the fixed voters; the next vote() searches neighbours anew.
     void set_fixed_voters(const FixedVoters& voters);
 
+    /// What else than the splats and the field decides about the next vote().
+    struct Progress {
+        int searched_at = -1;  // iteration whose neighbours still hold; -1: the next vote searches
+        bool changed = false;  // structure_changed() since the last vote
+    };
+    Progress progress() const;
+
+    /// Goes on from a progress(); `searched` are the splats at its `searched_at`.
+    void restore(const Progress& progress, const Gaussians<Device>& searched);
+
     /// With profiling on, vote() waits for the device around each stage.
     void set_profiling(bool on);
     VotingProfile profile() const;
@@ -176,6 +186,7 @@ public:
 private:
     struct State;
 
+    void measure_noise(const SplatSpans& splats);
     void refresh(int step, const SplatSpans& splats);
     template <class Real, class Lists>
     void event(const Lists& lists, const SplatSpans& splats, TensorField<Device>& field);

@@ -134,40 +134,6 @@ bool TensorVoter<Device>::due(int step) const {
 
 namespace detail {
 
-/// Lists of slots as lists of splats, on the host.
-template <class Device>
-VotingDetails lists_by_splat(const Neighbours<Device>& near,
-                             int count,
-                             const std::vector<int>& fixed_order = {}) {
-    VotingDetails result;
-    result.k = near.k;
-    result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
-    if (near.k == 0) return result;
-    const auto points = to_host(near.points);
-    const HostLists lists = host_lists(near);
-    const auto splat = [&](std::uint32_t voter) {
-        if (voter < points.size()) return points[voter].index;
-        return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
-    };
-    result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
-    std::vector<int> slot_of(static_cast<std::size_t>(count), -1);
-    for (std::size_t slot = 0; slot < points.size(); ++slot) {
-        slot_of[points[slot].index] = static_cast<int>(slot);
-        for (int r = 0; r < near.k; ++r)
-            result.receivers[std::size_t(points[slot].index) * near.k + r] =
-                points[lists.receivers[slot * near.k + r]].index;
-    }
-    for (int i = 0; i < count; ++i) {
-        const int slot = slot_of[i];
-        if (slot >= 0)
-            for (auto e = lists.begin[slot]; e < lists.begin[slot + 1]; ++e)
-                result.voters.push_back(splat(lists.voters[e]));
-        std::sort(result.voters.begin() + result.begin[i], result.voters.end());
-        result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
-    }
-    return result;
-}
-
 template <class Device>
 void clear(int count, TensorField<Device>& field) {
     field.tensors.resize(count), field.eigenvalues.resize(count), field.normals.resize(count);
@@ -221,6 +187,36 @@ void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
         detail::warn_giant(ratio);
 }
 
+/// The regulariser of the whitening: 1e-4 of the mean trace.
+template <class Device>
+void TensorVoter<Device>::measure_noise(const SplatSpans& splats) {
+    using namespace detail;
+    State& s = *state_;
+    const int count = splats.size();
+    s.partial.resize(kSumBlocks), s.totals.resize(kSums);
+    s.totals.fill_zero();
+    s.total(kUsable, count, UsableSplatTerm{splats});
+    s.total(kNoise, count, NoiseTerm{splats, options_.flatness_limit});
+    s.total(kPositionNoise, count, NoiseTerm{splats, options_.flatness_limit_position});
+    for (const Sum noise : {kNoise, kPositionNoise})
+        parallel_for(Device{}, 1, NoiseBody{s.totals.data() + kUsable, s.totals.data() + noise});
+}
+
+template <class Device>
+auto TensorVoter<Device>::progress() const -> Progress {
+    return {state_->stale ? -1 : state_->refreshed_at, state_->changed};
+}
+
+template <class Device>
+void TensorVoter<Device>::restore(const Progress& progress, const Gaussians<Device>& searched) {
+    state_->changed = progress.changed;
+    state_->stale = progress.searched_at < 0;
+    if (state_->stale) return;
+    const SplatSpans splats = splat_spans(searched);
+    measure_noise(splats);
+    refresh(progress.searched_at, splats);
+}
+
 template <class Device>
 void TensorVoter<Device>::vote(int step,
                                const Gaussians<Device>& gaussians,
@@ -235,15 +231,7 @@ void TensorVoter<Device>::vote(int step,
     s.changed = false;
     s.times.begin();
 
-    // The regulariser of the whitening: 1e-4 of the mean trace.
-    s.partial.resize(kSumBlocks), s.totals.resize(kSums);
-    s.totals.fill_zero();
-    s.total(kUsable, count, UsableSplatTerm{splats});
-    s.total(kNoise, count, NoiseTerm{splats, options_.flatness_limit});
-    s.total(kPositionNoise, count, NoiseTerm{splats, options_.flatness_limit_position});
-    for (const Sum noise : {kNoise, kPositionNoise})
-        parallel_for(Device{}, 1, NoiseBody{s.totals.data() + kUsable, s.totals.data() + noise});
-
+    measure_noise(splats);
     if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at)
         refresh(step, splats);
     if (s.neighbours.k == 0) {
@@ -446,47 +434,6 @@ VotingProfile TensorVoter<Device>::profile() const {
     return result;
 }
 
-template <class Device>
-void TensorVoter<Device>::set_receivers(int step,
-                                        int k,
-                                        const std::vector<std::uint32_t>& receivers) {
-    State& s = *state_;
-    Neighbours<Device>& near = s.neighbours;
-    const int count = static_cast<int>(receivers.size()) / k;
-    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // slots are splats
-    for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
-    std::vector<std::uint32_t> sorted = receivers;
-    for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);
-    copy(points, near.points);
-    near.k = k;
-    near.usable = near.voters_count = s.listed = count;
-    near.storage = options_.lists;
-    detail::store_lists(s.scratch, near, [&](int first, int rows, auto& to) {
-        const auto from = sorted.begin() + std::ptrdiff_t(first) * k;
-        copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(rows) * k), to);
-    });
-    s.refreshed_at = step;
-    s.stale = false;
-}
-
-template <class Device>
-VotingDetails TensorVoter<Device>::details() const {
-    const State& s = *state_;
-    VotingDetails result =
-        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
-    const auto points = to_host(s.neighbours.points);
-    const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
-        out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
-        if (values.size() < points.size()) return;  // no event yet
-        const std::vector<T> host = to_host(values);
-        for (std::size_t slot = 0; slot < points.size(); ++slot)
-            out[points[slot].index] = host[slot];
-    };
-    by_splat(s.tau, result.tau);
-    by_splat(s.variability, result.variability);
-    by_splat(s.strengths, result.strength);
-    by_splat(s.left_out, result.left_out);
-    return result;
-}
-
 }  // namespace tvsgs
+
+#include "tv/voting_details.h"

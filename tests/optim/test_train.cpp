@@ -3,7 +3,6 @@
 
 #include <cstring>
 
-#include "core/error.h"
 #include "training_scene.h"
 
 namespace tvsgs {
@@ -138,21 +137,6 @@ TEST(Train, LengthUnitDividesByAThirdOfTheDepth) {
         EXPECT_TRUE(test::close(term(world.reports[0], name) / unit, term(depth.reports[0], name),
                                 1e-6, 0));
     EXPECT_EQ(term(world.reports[0], "tv_normal"), term(depth.reports[0], "tv_normal"));
-}
-
-TEST(Train, ALossThatIsNoNumberStopsTheRun) {
-    Scene scene = rendered_scene();
-    scene.points.colors.assign(scene.points.positions.size(), Vec3f{1, 1, INFINITY});
-    TrainOptions options;
-    options.iterations = 3;
-    options.tv.enabled = false;
-    try {
-        run<Cpu>(scene, options);
-        ADD_FAILURE() << "no error";
-    } catch (const Error& error) {
-        EXPECT_EQ(error.code(), ExitCode::numerical);
-        EXPECT_NE(std::string(error.what()).find("photometric"), std::string::npos);
-    }
 }
 
 TEST(TrainTwins, CpuAgainstCuda) {

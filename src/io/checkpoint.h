@@ -1,0 +1,25 @@
+// Checkpoint files: named arrays, versioned and checksummed.
+//
+//   "TVSGSCKP", version, bytes of the table, bytes of the file, arrays (little endian, 4 4 8 4)
+//   table: per array the length of its name, name, bytes per element, whether of floats, bytes, CRC
+//   CRC of all above, then the arrays in order
+#pragma once
+
+#include <initializer_list>
+#include <string>
+
+#include "core/state.h"
+
+namespace tvsgs {
+
+inline constexpr std::uint32_t kCheckpointVersion = 1;
+
+/// Writes the arrays of all parts. The file appears complete or not at all, and has reached the
+/// disk. Throws Error(ExitCode::io).
+void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts);
+
+/// Throws Error(ExitCode::input) naming what is wrong when the file is no checkpoint, of another
+/// version, cut off or damaged anywhere.
+State read_checkpoint(const std::string& path);
+
+}  // namespace tvsgs
