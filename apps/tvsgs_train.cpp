@@ -5,6 +5,7 @@
 #include "io/ply.h"
 #include "key_flags.h"
 #include "progress.h"
+#include "report_data.h"
 #include "run_folder.h"
 #include "run_options.h"
 #include "stereo_cloud.h"
@@ -199,6 +200,7 @@ int train_and_save(const Scene& scene,
     }
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     run.log(summary.text());
+    write_report(run.path(), scene.test, truth);
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
     return 0;

@@ -1,0 +1,27 @@
+// What a report says: report.json, collected from a run folder.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scene.h"
+#include "io/json_value.h"
+#include "train_evaluation.h"
+
+namespace tvsgs {
+
+/// Writes RUN/report.json and RUN/report.html. `test`: the views with their photographs, for the
+/// pictures beside the renders; may be empty. A run that has not ended has a report, too. Throws
+/// Error(ExitCode::input) when `run` is no run folder.
+void write_report(const std::string& run,
+                  const std::vector<View>& test,
+                  const std::optional<Truth>& truth);
+
+/// The tree of report.json. Keys: format, run, config, summary, reports (columns), stages,
+/// evaluations, views, curve, results (RUN/eval/*.json), pictures, points.
+JsonValue collect_report(const std::string& run,
+                         const std::vector<View>& test,
+                         const std::optional<Truth>& truth);
+
+}  // namespace tvsgs
