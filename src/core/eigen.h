@@ -61,16 +61,19 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
     const Real entries[6] = {in.xx, in.xy, in.xz, in.yy, in.yz, in.zz};
     Real scale = 0;
     for (const Real entry : entries) scale = std::abs(entry) > scale ? std::abs(entry) : scale;
-    if (scale == 0) scale = 1;
-    Real A[3][3] = {{in.xx / scale, in.xy / scale, in.xz / scale},
-                    {in.xy / scale, in.yy / scale, in.yz / scale},
-                    {in.xz / scale, in.yz / scale, in.zz / scale}};
+    if (scale < Real(1e-37)) scale = 1;  // whose inverse is finite
+    const Real inverse = Math::inverse(scale);
+    Real A[3][3] = {{in.xx * inverse, in.xy * inverse, in.xz * inverse},
+                    {in.xy * inverse, in.yy * inverse, in.yz * inverse},
+                    {in.xz * inverse, in.yz * inverse, in.zz * inverse}};
     Mat3<Real> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     constexpr int kSweeps = sizeof(Real) > 4 ? 6 : 5;  // quadratic convergence, with one to spare
+    constexpr Real kNothing = sizeof(Real) > 4 ? 1e-36 : Real(1e-16);  // below rounding, squared
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
         jacobi_rotate<Math, Real, kVectors>(A, V, 0, 1, 2);
         jacobi_rotate<Math, Real, kVectors>(A, V, 0, 2, 1);
         jacobi_rotate<Math, Real, kVectors>(A, V, 1, 2, 0);
+        if (A[0][1] * A[0][1] + A[0][2] * A[0][2] + A[1][2] * A[1][2] < kNothing) break;
     }
     Real a = A[0][0], b = A[1][1], c = A[2][2];
     Vec3<Real> va = column(V, 0), vb = column(V, 1), vc = column(V, 2);

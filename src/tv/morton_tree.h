@@ -192,6 +192,11 @@ public:
         return count_;
     }
     TVSGS_HD const SearchCounts& counts() const { return counts_; }
+    /// Of the leaves that the search began with: negative below, 0 inside, positive above.
+    TVSGS_HD int side_of_window(std::uint32_t slot) const {
+        const int leaf = static_cast<int>(slot) / kTreeFanout;
+        return leaf < window_begin_ ? -1 : leaf < window_end_ ? 0 : 1;
+    }
 
 private:
     TVSGS_HD static int min_of(int a, int b) { return a < b ? a : b; }

@@ -305,7 +305,10 @@ void store_lists(NeighbourScratch<Device>& s,
         finish("reverse");
     }
     index_tiles(s, out.usable, s.rows, out.tiles);
-    if (full) write_full_lists(s, out);
+    if (full) {
+        write_full_lists(s, out);
+        free_memory(out.tiles, s.rows);
+    }
     finish("reverse");
 }
 

@@ -129,33 +129,34 @@ struct QueryBody {
             keys[r] = distance_key(dot(d, d), receiver);
         }
         warp.smallest_first(keys, found, k);
-        write_ascending(warp, keys, reinterpret_cast<std::uint32_t*>(keys + k),
+        write_ascending(warp, search, keys, reinterpret_cast<std::uint32_t*>(keys + k),
                         receivers.data + std::size_t(row) * k);
         if (!counts.empty() && warp.lane() == 0) counts[voter] = search.counts();
     }
 
 private:
     /// A search meets slots in ascending order but for the window it begins with, and selections
-    /// of up to 512 keep the order: most lists are then sorted but for a rotation.
+    /// of up to 512 keep the order: what is in the window, below it, above it is sorted.
     template <class Warp>
     TVSGS_HD void write_ascending(const Warp& warp,
+                                  const NearestSearch<Warp>& search,
                                   const std::uint64_t* keys,
                                   std::uint32_t* slots,
                                   std::uint32_t* row) const {
-        int descents = 0, start = 0;
+        int inside = 0, below = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            slots[r] = key_slot(keys[r]);
-            const std::uint32_t before = key_slot(keys[r > 0 ? r - 1 : k - 1]);
-            if (before > slots[r]) ++descents, start += r;
+            const int side = search.side_of_window(key_slot(keys[r]));
+            inside += side == 0 ? 1 : 0, below += side < 0 ? 1 : 0;
         }
-        descents = warp.sum(descents), start = warp.sum(start);
-        warp.sync();
-        if (descents > 1) {  // seen around the end, a rotation has one
-            warp.sort(slots, k);
-            start = 0;
-        }
+        inside = warp.sum(inside), below = warp.sum(below);
         for (int r = warp.lane(); r < k; r += Warp::kLanes)
-            row[r] = slots[start + r < k ? start + r : start + r - k];
+            slots[r < inside ? r + below : r < inside + below ? r - inside : r] = key_slot(keys[r]);
+        warp.sync();
+        int descents = 0;
+        for (int r = warp.lane() + 1; r < k; r += Warp::kLanes)
+            descents += slots[r - 1] > slots[r] ? 1 : 0;
+        if (warp.sum(descents) > 0) warp.sort(slots, k);
+        for (int r = warp.lane(); r < k; r += Warp::kLanes) row[r] = slots[r];
     }
 };
 

@@ -217,9 +217,10 @@ TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
     const auto cast = both(both(chord > Real(kCoincident), cos2 > Real(kCoincident)),
                            sin2 <= Real(rule.max_sin2));
     const auto reaches = both(cast, chord + curvature <= Real(kMaxExponent));
-    const Real arc2 = arc_factor2(abs(u) * inverse_l, t2 * inverse_t * inverse_l);
+    const Real t = t2 * inverse_t;
+    const Real arc2 = arc_factor2(abs(u) * inverse_l, t * inverse_l);
     // [cos 2 theta, sin 2 theta] in (tangent, normal), mapped back without a matrix product.
-    const Real a = (cos2 - sin2) * inverse_t, b = 2 * u * t2 * inverse_t * inverse_l2 - a * u;
+    const Real a = (cos2 - sin2) * inverse_t, b = u * (2 * (t * inverse_l2) - a);
     const Real none(0);
     return scaled_vote<Math>(
         cast, select(reaches, Math::decay(chord * arc2 + curvature), none),

@@ -62,7 +62,7 @@ void TensorVoter<Device>::set_receivers(int step,
         copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(rows) * k), to);
     });
     s.refreshed_at = step;
-    s.stale = false;
+    s.stale = s.no_balls = false;
 }
 
 template <class Device>

@@ -53,7 +53,8 @@ struct TensorVoter<Device>::State {
     bool stale = true;     // lists do not fit the splats
     bool changed = false;  // since the last event
     int refreshed_at = 0;
-    int listed = -1;  // splats at the last search
+    int listed = -1;        // splats at the last search
+    bool no_balls = false;  // every splat in the lists has a tensor
     bool warned_few = false, warned_giant = false;
     detail::StageTimes<Device> times;
     VotingProfile profile;
@@ -174,7 +175,7 @@ void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
         s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.refreshed_at = step;
     s.listed = splats.size();
-    s.stale = false;
+    s.stale = s.no_balls = false;  // vote() counts anew
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
         detail::warn_too_few(found.usable, splats.size());
@@ -232,8 +233,13 @@ void TensorVoter<Device>::vote(int step,
     s.times.begin();
 
     measure_noise(splats);
-    if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at)
+    if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at) {
         refresh(step, splats);
+        const Slots slots{s.neighbours.points.span(), splats, s.fixed()};
+        s.no_balls = s.neighbours.k > 0 &&
+                     s.total_now(slots.usable(), SlotTensorTerm{slots, field.flags.span()}) ==
+                         slots.usable();
+    }
     if (s.neighbours.k == 0) {
         clear(count, field);
         return;
@@ -297,6 +303,7 @@ void TensorVoter<Device>::event(const Lists& lists,
     // 2. A ball round among the splats without a tensor, then a plate round.
     const Ballot<Real, Lists> ballot{records.span(), s.means.span(), lists, vote_rule(options_)};
     for (const bool ball_round : {true, false}) {
+        if (ball_round && s.no_balls) continue;
         if (!ball_round) {
             s.total(kSaliency, splats.size(),
                     SaliencyTerm{field.eigenvalues.span(), field.flags.span()});

@@ -162,6 +162,13 @@ struct SaliencyTerm {
                                             : 0;
     }
 };
+struct SlotTensorTerm {
+    Slots slots;
+    Span<const std::uint8_t> flags;
+    TVSGS_HD double operator()(int slot) const {
+        return (flags[slots.splat(slot)] & kHasTensor) != 0 ? 1 : 0;
+    }
+};
 struct FlagTerm {
     std::uint8_t flag;
     Span<const std::uint8_t> flags;
