@@ -84,9 +84,8 @@ TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
     const Vec2<Real> w = whitened(s.root, d);
     const Real gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
     const Real alpha = s.opacity * gauss;
-    const auto draws = alpha >= Real(kMinAlpha);
-    return {select(draws, gauss, Real(0)),
-            select(draws, select(alpha < Real(kMaxAlpha), alpha, Real(kMaxAlpha)), Real(0))};
+    if (!(alpha >= Real(kMinAlpha))) return {0, 0};
+    return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
 }
 
 /// One pixel's running state on the way to the back.

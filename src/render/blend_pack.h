@@ -16,6 +16,19 @@ SplatFeatures<Lane> broadcast(const SplatFeatures<float>& f) {
     return {{f.color.x, f.color.y, f.color.z}, {f.normal.x, f.normal.y, f.normal.z}, f.distance};
 }
 
+/// splat_alpha() of blend_math.h.
+template <int kBytes>
+SplatAlpha<Pack<float, kBytes>> splat_alpha(const SplatShape<Pack<float, kBytes>>& s,
+                                            Vec2<Pack<float, kBytes>> d) {
+    using Lane = Pack<float, kBytes>;
+    const Vec2<Lane> w = whitened(s.root, d);
+    const Lane gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
+    const Lane alpha = s.opacity * gauss;
+    const auto draws = alpha >= Lane(kMinAlpha);
+    return {select(draws, gauss, Lane(0)),
+            select(draws, select(alpha < Lane(kMaxAlpha), alpha, Lane(kMaxAlpha)), Lane(0))};
+}
+
 /// blend() of blend_math.h; an alpha of 0 changes nothing. Returns where the pixel was not full.
 template <Channels kChannels, int kBytes>
 auto blend(PixelForward<Pack<float, kBytes>>& pixel,

@@ -15,7 +15,8 @@ struct PhotometricWeights {
 template <class Device>
 struct PhotometricScratch {
     Buffer<Vec3f, Device> dS_dx, dS_dxx,
-        dS_dxy;  // [H W] derivatives with respect to the windowed moments
+        dS_dxy;                   // [H W] derivatives with respect to the windowed moments
+    Buffer<float, Device> photo;  // [H W 3] 0 to 1; CPU only
 };
 
 /// Adds dL/dcolor to `dL_dcolor` [H W] and writes each pixel's share of L to `pixel_loss` [H W], so
@@ -60,6 +61,32 @@ TVSGS_HD inline void add_row(MomentRow& m, float w, const MomentRow& r) {
     m.xx += w * r.xx, m.yy += w * r.yy, m.xy += w * r.xy;
 }
 
+TVSGS_HD inline float magnitude(float x) {
+    return x < 0 ? -x : x;
+}
+TVSGS_HD inline float sign(float x) {
+    return x > 0 ? 1.0f : x < 0 ? -1.0f : 0.0f;
+}
+
+/// Share of the loss of one number x of the render, y of the photograph.
+template <class Real>
+TVSGS_HD Real loss_share(Real x, Real y, Real ssim, PhotometricWeights weights, float per_value) {
+    return per_value * (weights.l1 * magnitude(x - y) + weights.ssim * (1 - ssim));
+}
+
+/// dL/dx of one number from the windowed derivative sums.
+template <class Real>
+TVSGS_HD Real loss_derivative(Real x,
+                              Real y,
+                              Real dS_dx,
+                              Real dS_dxx,
+                              Real dS_dxy,
+                              PhotometricWeights weights,
+                              float per_value) {
+    return per_value *
+           (weights.l1 * sign(x - y) - weights.ssim * (dS_dx + 2 * x * dS_dxx + y * dS_dxy));
+}
+
 /// From the moments of a pixel: its share of the loss, and the three derivatives.
 struct PixelSsim {
     float loss;
@@ -70,15 +97,13 @@ TVSGS_HD inline PixelSsim pixel_ssim(
     PixelSsim out{};
     for (int c = 0; c < 3; ++c) {
         const SsimTerms<float> t = ssim_terms<float>({m.x[c], m.y[c], m.xx[c], m.yy[c], m.xy[c]});
-        const float difference = x[c] - y[c];
-        out.loss += per_value * (weights.l1 * (difference < 0 ? -difference : difference) +
-                                 weights.ssim * (1 - t.ssim));
+        out.loss += loss_share(x[c], y[c], t.ssim, weights, per_value);
         out.dS_dx[c] = t.dS_dx, out.dS_dxx[c] = t.dS_dxx, out.dS_dxy[c] = t.dS_dxy;
     }
     return out;
 }
 
-/// dL/dx of one pixel from the three windowed derivative sums.
+/// dL/dx of one pixel.
 TVSGS_HD inline Vec3f photometric_gradient(Vec3f x,
                                            Vec3f y,
                                            Vec3f dS_dx,
@@ -87,12 +112,8 @@ TVSGS_HD inline Vec3f photometric_gradient(Vec3f x,
                                            PhotometricWeights weights,
                                            float per_value) {
     Vec3f g;
-    for (int c = 0; c < 3; ++c) {
-        const float difference = x[c] - y[c];
-        const float sign = difference > 0 ? 1.0f : difference < 0 ? -1.0f : 0.0f;
-        g[c] = per_value * (weights.l1 * sign -
-                            weights.ssim * (dS_dx[c] + 2 * x[c] * dS_dxx[c] + y[c] * dS_dxy[c]));
-    }
+    for (int c = 0; c < 3; ++c)
+        g[c] = loss_derivative(x[c], y[c], dS_dx[c], dS_dxx[c], dS_dxy[c], weights, per_value);
     return g;
 }
 

@@ -30,7 +30,7 @@ struct SsimTerms {
 
 template <class Real>
 TVSGS_HD SsimTerms<Real> ssim_terms(const SsimMoments<Real>& m) {
-    constexpr Real c1 = Real(0.01 * 0.01), c2 = Real(0.03 * 0.03);
+    const Real c1 = Real(0.01 * 0.01), c2 = Real(0.03 * 0.03);
     const Real a1 = 2 * m.x * m.y + c1, a2 = 2 * (m.xy - m.x * m.y) + c2;
     const Real b1 = m.x * m.x + m.y * m.y + c1, b2 = (m.xx - m.x * m.x) + (m.yy - m.y * m.y) + c2;
     const Real inv = 1 / (b1 * b2), ssim = a1 * a2 * inv;
