@@ -49,14 +49,16 @@ constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
 volatile std::sig_atomic_t first_signal = 0;
 
-extern "C" void note_signal(int signal) {
-    if (first_signal == 0) first_signal = signal;
-}
-
 extern "C" void end_at_once(int signal) {
     remove_temporary_files();
     std::signal(signal, SIG_DFL);
     std::raise(signal);
+}
+
+/// Who sends a second one does not want to wait.
+extern "C" void note_signal(int signal) {
+    if (first_signal != 0) return end_at_once(signal);
+    first_signal = signal;
 }
 
 /// Under nohup, SIGHUP stays ignored.

@@ -44,7 +44,8 @@ auto on_device(const DeviceChoice& device, Action&& action) {
 }
 
 /// While it lives, the signals that ask a command to end (SIGINT, SIGTERM, SIGHUP) are only noted,
-/// so that it can save its work. Otherwise they end it at once, without leaving temporary files.
+/// so that it can save its work; a second one ends it at once, as the first does otherwise, without
+/// leaving temporary files.
 class SignalGuard {
 public:
     SignalGuard();

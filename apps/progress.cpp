@@ -30,14 +30,14 @@ std::string clock_text(double seconds) {
 
 }  // namespace
 
-Progress::Progress(int iterations, const std::string& style)
+Progress::Progress(int iterations, const std::string& style, double seconds)
     : iterations_(iterations),
       style_(style == "quiet"        ? Style::quiet
              : style == "json"       ? Style::json
              : style == "plain"      ? Style::plain
              : isatty(STDERR_FILENO) ? Style::line
                                      : Style::plain),
-      begin_(now()) {}
+      begin_(now() - seconds) {}
 
 double Progress::seconds() const {
     return (paused_at_ < 0 ? now() : paused_at_) - begin_;

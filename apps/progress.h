@@ -11,7 +11,8 @@ class Progress {
 public:
     /// `style`: auto (a line in place on a terminal, else plain), plain (a line per 10 s), json (a
     /// line per report on standard error), quiet.
-    Progress(int iterations, const std::string& style);
+    /// A run that goes on has `seconds` behind it.
+    Progress(int iterations, const std::string& style, double seconds = 0);
 
     /// Seconds of training: since the start, without pauses.
     double seconds() const;

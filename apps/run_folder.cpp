@@ -1,5 +1,9 @@
 #include "run_folder.h"
 
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
 #include <cerrno>
 #include <charconv>
 #include <cstring>
@@ -33,16 +37,60 @@ void require_free_run_folder(const std::string& path, bool overwrite, const std:
                                          "overwritten; name another with --out"));
 }
 
-RunFolder::RunFolder(const std::string& path) : path_(path) {
+namespace {
+
+/// What a process that was killed has left half written.
+void remove_leftovers(const fs::path& folder) {
+    std::error_code code;
+    for (const char* part : {".", "checkpoints", "eval", "test"})
+        for (fs::directory_iterator it(folder / part, code), end; !code && it != end;
+             it.increment(code))
+            if (it->path().filename().string().find(".tmp-") != std::string::npos)
+                fs::remove(it->path(), code);
+}
+
+/// The lines of a log up to an iteration; one that was cut off is dropped.
+std::string log_up_to(const fs::path& log, int done) {
+    std::error_code code;
+    if (!fs::is_regular_file(log, code)) return {};
+    const std::string all = read_bytes(log.string());
+    std::string kept;
+    for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(all.data() + begin, end - begin), key = "\"iteration\": ";
+        const std::size_t at = line.find(key);
+        int iteration = 0;
+        if (at != std::string_view::npos)
+            std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
+        if (iteration <= done && line.ends_with('}')) kept += std::string(line) + "\n";
+    }
+    return kept;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     const fs::path folder(path);
     std::error_code code;
-    if (fs::exists(folder / "config.json", code))
+    fs::create_directories(folder, code);
+    if (!code) lock_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        close(lock_);
+        throw Error(ExitCode::usage, str(path,
+                                         ": another tvsgs-train is writing there; wait for "
+                                         "it, or name another folder with --out"));
+    }
+    const bool go_on = done >= 0;
+    if (!code && go_on) {
+        remove_leftovers(folder);
+        write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
+    } else if (!code && fs::exists(folder / "config.json", code)) {
         for (const char* name :
              {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints",
               "mesh", "eval", "test", "report.json", "report.html"})
             fs::remove_all(folder / name, code);
-    fs::create_directories(folder, code);
-    if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), "w");
+    }
+    if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
     if (log_ == nullptr)
         throw Error(ExitCode::io, str(path, ": cannot write there: ",
                                       code ? code.message() : std::strerror(errno),
@@ -51,6 +99,7 @@ RunFolder::RunFolder(const std::string& path) : path_(path) {
 
 RunFolder::~RunFolder() {
     if (log_ != nullptr) std::fclose(log_);
+    if (lock_ >= 0) close(lock_);
 }
 
 void RunFolder::save_config(const std::string& json) const {

@@ -16,9 +16,11 @@ void require_free_run_folder(const std::string& path, bool overwrite, const std:
 
 class RunFolder {
 public:
-    /// Creates the folder, in place of an earlier run there, and its log. Throws
-    /// Error(ExitCode::io) when it cannot be written.
-    explicit RunFolder(const std::string& path);
+    /// Creates the folder, in place of an earlier run there, and its log; or, with `done` of at
+    /// least 0, goes on with the run there after that many iterations: lines of the log beyond them
+    /// are dropped. Throws Error(ExitCode::io) when it cannot be written, Error(ExitCode::usage)
+    /// when another process writes there.
+    explicit RunFolder(const std::string& path, int done = -1);
     RunFolder(const RunFolder&) = delete;
     RunFolder& operator=(const RunFolder&) = delete;
     ~RunFolder();
@@ -37,6 +39,7 @@ public:
 
 private:
     std::string path_;
+    int lock_ = -1;  // held by the process that writes there
     std::FILE* log_ = nullptr;
 };
 

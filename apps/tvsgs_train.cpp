@@ -1,6 +1,7 @@
 // tvsgs-train: scene in, splats out. Parses, calls the train loop, writes the run folder.
 #include <filesystem>
 
+#include "checkpoints.h"
 #include "common.h"
 #include "io/ply.h"
 #include "key_flags.h"
@@ -19,8 +20,34 @@ struct Arguments {
     std::string out, device = "auto", progress = "auto";
     bool overwrite = false, quiet = false, verbose = false, profile = false, list_keys = false,
          deterministic = true;
-    int report_every = 50;
+    int report_every = 50, checkpoint_every = 5000;
+
+    // With --resume:
+    bool resume = false, same_run = false;  // same_run: the run folder is the checkpoint's
+    std::optional<ResumePoint> point;       // nothing: no checkpoint yet, so from the beginning
+    std::vector<std::pair<std::string, std::string>> configured;  // what the checkpoint ran with
 };
+
+/// Finds the checkpoint; what the run was configured as comes before what this call says.
+void open_resume(const std::string& given, Arguments& arguments, OptionTable& table) {
+    namespace fs = std::filesystem;
+    arguments.resume = true;
+    const std::string place = given.empty() ? arguments.out : given;
+    std::error_code code;
+    if (place.empty())
+        throw Error(ExitCode::usage,
+                    "--resume: no run given; expected --resume RUN, or --out RUN with it");
+    if (!given.empty() || fs::is_directory(place, code)) arguments.point = open_checkpoint(place);
+    const std::string run = arguments.point ? arguments.point->run : place;
+    if (arguments.out.empty()) arguments.out = run;
+    arguments.same_run = run == arguments.out || fs::equivalent(run, arguments.out, code);
+    if (arguments.point) {
+        table.read_text(arguments.point->file, arguments.point->config);
+        arguments.configured = config_values(table);
+    }
+    const std::string config = arguments.out + "/config.json";
+    if (arguments.same_run && fs::exists(config, code)) table.read_file(config);
+}
 
 /// Defaults < configuration files in order < environment < command line, all in one table.
 Arguments parse(int argc, char** argv, OptionTable& table) {
@@ -69,6 +96,18 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->group(group);
     app.add_flag("--overwrite", arguments.overwrite, "replace the run in an occupied folder")
         ->group(group);
+    std::string resume;
+    CLI::Option* const resume_flag =
+        app.add_option("--resume", resume,
+                       "go on from the newest checkpoint of that run folder (or of --out), or from "
+                       "that checkpoint; other flags change the configuration from there on")
+            ->expected(0, 1)
+            ->group(group);
+    app.add_option("--checkpoint-every", arguments.checkpoint_every,
+                   "iterations between checkpoints, the end is one as well; 0: only when the run "
+                   "is stopped [5000]")
+        ->check(CLI::Range(0, 1000000000))
+        ->group(group);
     app.add_option("--progress", arguments.progress, "auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}))
         ->group(group);
@@ -85,6 +124,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
 
+    if (resume_flag->count() > 0) open_resume(resume, arguments, table);
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
     flags.set_keys(table);
@@ -93,14 +133,18 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
 }
 
 /// What made the run, for config.json.
-std::string run_info(const DeviceChoice& device, int argc, char** argv) {
+std::string run_info(const DeviceChoice& device,
+                     const Arguments& arguments,
+                     const std::string& changed,
+                     int argc,
+                     char** argv) {
     std::string line;
     for (int i = 0; i < argc; ++i) line += (i ? " " : "") + std::string(argv[i]);
-    return JsonLine()
-        .add("version", kVersion)
-        .add("device", device.description)
-        .add("command_line", line)
-        .text();
+    JsonLine info;
+    info.add("version", kVersion).add("device", device.description).add("command_line", line);
+    if (arguments.point)
+        info.add("resumed_from", arguments.point->done).add_json("changed", changed);
+    return info.text();
 }
 
 /// A configuration that cannot work is better refused before the photographs are read.
@@ -144,10 +188,14 @@ int train_and_save(const Scene& scene,
                    const RunOptions& options,
                    const Arguments& arguments,
                    const std::optional<Truth>& truth,
+                   const std::string& config,
                    RunFolder& run) {
     const SignalGuard signals;
     const int iterations = options.train.iterations;
-    Progress progress(iterations, arguments.quiet ? "quiet" : arguments.progress);
+    const ResumePoint* const point = arguments.point ? &*arguments.point : nullptr;
+    Progress progress(iterations, arguments.quiet ? "quiet" : arguments.progress,
+                      point ? point->seconds : 0);
+    CheckpointWriter checkpoints(run.path(), config, scene);
     int step_now = 0;
     TrainCallbacks callbacks;
     callbacks.profile = arguments.profile;
@@ -158,13 +206,23 @@ int train_and_save(const Scene& scene,
         run.log(progress.json(report));
         progress.show(report);
     };
-    callbacks.stop_requested = [&] {
-        if (signals.received() != 0) return true;
-        ++step_now;
-        return false;
+    callbacks.stop_requested = [&] { return signals.received() != 0; };
+    callbacks.on_end = [&](int done) { step_now = done; };
+    callbacks.save_due = [&](int done) {
+        const int every = arguments.checkpoint_every;
+        return every > 0 && done > (point ? point->done : 0) &&
+               (done % every == 0 || done == iterations - 1);
+    };
+    callbacks.on_save = [&](int done, const SharedState& state) {
+        checkpoints.save(done, progress.seconds(), state);
+    };
+    callbacks.on_rollback = [&](int done, const std::string& what) {
+        spdlog::warn(what);
+        run.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", what).text());
     };
 
     EvaluationSchedule schedule(options.eval);
+    if (point) schedule.due(point->done, point->seconds);  // what was due before is done
     const auto evaluate_now = [&](int step, const Gaussians<Device>& gaussians) {
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;
         synchronize(Device{});
@@ -173,17 +231,32 @@ int train_and_save(const Scene& scene,
             evaluation_line(step, progress.seconds(), gaussians, scene.test, options.train, truth));
         progress.resume();
     };
-    const Gaussians<Device> gaussians =
-        train<Device>(scene, options.train, callbacks, evaluate_now);
+    const auto train_or_explain = [&] {
+        try {
+            return train<Device>(scene, options.train, callbacks, evaluate_now,
+                                 point ? point->state : nullptr);
+        } catch (const Error& error) {
+            progress.finish();
+            const auto last = checkpoints.finish();
+            if (!last) throw;
+            throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
+                                          "; --resume goes on from there"));
+        }
+    };
+    const Gaussians<Device> gaussians = train_or_explain();
     synchronize(Device{});
     progress.finish();
     const double seconds = progress.seconds();
     Gaussians<Cpu> host;
     copy(gaussians, host);
     run.save_splats(host, step_now);
-    if (step_now < iterations)
+    const auto last = checkpoints.finish();
+    if (step_now < iterations) {
         spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", step_now,
                      iterations, run.path());
+        if (!last) throw Error(ExitCode::io, checkpoints.failure());
+        spdlog::warn("tvsgs-train --resume {} goes on", run.path());
+    }
     signals.check();
 
     JsonLine summary;
@@ -229,14 +302,41 @@ int command(int argc, char** argv) {
         arguments.out = "runs/" + scene_folder.filename().string();
     }
     // Before the scene is read:
-    require_free_run_folder(arguments.out, arguments.overwrite, options.scene.path);
+    const bool go_on = arguments.resume && arguments.same_run;
+    require_free_run_folder(arguments.out, arguments.overwrite || go_on, options.scene.path);
+    const ResumePoint* const point = arguments.point ? &*arguments.point : nullptr;
+    if (point && options.train.iterations <= point->done)
+        throw Error(ExitCode::usage, str(point->file, ": ", point->done,
+                                         " iterations are done; expected "
+                                         "more than that in all, such as --iterations ",
+                                         2 * point->done));
     options.scene.points_required = options.train.init.min_points == 0;
+    options.scene.need_points = !point;
     Scene scene = read_scene(options.scene);
-    prepare_points(device, options, scene);
+    if (point)
+        adopt_scene(*point, scene);
+    else
+        prepare_points(device, options, scene);
     if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
         scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
-    RunFolder run(arguments.out);
-    run.save_config(table.json(run_info(device, argc, argv)));
+    RunFolder run(arguments.out, point && go_on ? point->done : -1);
+    const std::string changed = point ? changed_values(arguments.configured, table) : "";
+    const std::string config = table.json(run_info(device, arguments, changed, argc, argv));
+    run.save_config(config);
+    if (point) {
+        if (go_on) remove_checkpoints_after(run.path(), point->done);
+        run.log(JsonLine()
+                    .add("event", "resumed")
+                    .add("iteration", point->done)
+                    .add("seconds", point->seconds)
+                    .add("checkpoint", point->file)
+                    .add_json("changed", changed)
+                    .text());
+        spdlog::info("{}: {} iterations are done; changed since: {}", point->file, point->done,
+                     changed);
+    } else if (arguments.resume) {
+        spdlog::info("{}: no checkpoint yet, so the run starts from the beginning", run.path());
+    }
     run.save_cameras(scene);
     const Camera& camera = scene.train.front().camera;
     spdlog::info(
@@ -245,7 +345,7 @@ int command(int argc, char** argv) {
         camera.height_px, scene.points.positions.size(), static_cast<double>(scene.extent),
         device.description);
     return on_device(device, [&](auto tag) {
-        return train_and_save<decltype(tag)>(scene, options, arguments, truth, run);
+        return train_and_save<decltype(tag)>(scene, options, arguments, truth, config, run);
     });
 }
 

@@ -22,10 +22,6 @@ constexpr char kMagic[] = "TVSGSCKP";
 constexpr std::size_t kMagicBytes = 8, kFixedBytes = kMagicBytes + 4 + 4 + 8 + 4;
 constexpr std::size_t kMaxTableBytes = 1 << 20;  // a few hundred names
 
-std::uint32_t checksum(const void* data, std::size_t bytes) {
-    return static_cast<std::uint32_t>(crc32_z(0, static_cast<const Bytef*>(data), bytes));
-}
-
 template <class T>
 void put(std::string& out, T value) {
     out.append(reinterpret_cast<const char*>(&value), sizeof value);
@@ -108,6 +104,10 @@ private:
 };
 
 }  // namespace
+
+std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far) {
+    return static_cast<std::uint32_t>(crc32_z(so_far, static_cast<const Bytef*>(data), bytes));
+}
 
 void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
     std::string table;

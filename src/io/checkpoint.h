@@ -14,6 +14,9 @@ namespace tvsgs {
 
 inline constexpr std::uint32_t kCheckpointVersion = 1;
 
+/// CRC-32; `so_far` is that of the bytes before.
+std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far = 0);
+
 /// Writes the arrays of all parts. The file appears complete or not at all, and has reached the
 /// disk. Throws Error(ExitCode::io).
 void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts);

@@ -212,6 +212,10 @@ void OptionTable::read_file(const std::string& path) {
     } catch (const Error& error) {
         throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
     }
+    read_text(path, text);
+}
+
+void OptionTable::read_text(const std::string& path, const std::string& text) {
     std::vector<std::pair<std::string, Json>> leaves;
     flatten(parse_json(path, text, ExitCode::usage), "", leaves);
     std::set<std::string> seen;

@@ -50,6 +50,9 @@ public:
     /// resolved config.json can be fed back.
     void read_file(const std::string& path);
 
+    /// The same for the text of such a file; `source` is what messages call it.
+    void read_text(const std::string& source, const std::string& text);
+
     /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
     void read_environment();
 
