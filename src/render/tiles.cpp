@@ -1,6 +1,7 @@
 #include "render/tiles.h"
 
 #include <algorithm>
+#include <vector>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -17,20 +18,36 @@ void check_slot_count(std::uint64_t count) {
 
 namespace {
 
-/// Counts the tiles that a splat meets and writes their indices from `tiles` on, unless it is null.
-/// Not inlined: counting and writing must round alike.
-[[gnu::noinline]] std::uint32_t tiles_met(const SplatShape<float>& shape,
-                                          const TileGrid& grid,
-                                          TileRect rect,
-                                          std::uint32_t* tiles) {
-    std::uint32_t count = 0;
+/// Calls visit(tile) for the tiles that a splat meets.
+template <class Visit>
+void for_tiles_met(const SplatShape<float>& shape,
+                   const TileGrid& grid,
+                   TileRect rect,
+                   const Visit& visit) {
     for (std::uint32_t at = 0; at < rect.count(); ++at) {
         const TileRect tile = rect_tile(rect, at);
-        if (!ellipse_meets_tiles(shape, grid, tile)) continue;
-        if (tiles != nullptr) tiles[count] = tile_index(grid, tile);
-        ++count;
+        if (ellipse_meets_tiles(shape, grid, tile)) visit(tile_index(grid, tile));
     }
-    return count;
+}
+
+/// Sorts splats by a 32-bit key, stably: three rounds of counting.
+void sort_by_key(Buffer<std::uint32_t, Cpu>& keys,
+                 Buffer<std::uint32_t, Cpu>& splats,
+                 Buffer<std::uint32_t, Cpu>& other_keys,
+                 Buffer<std::uint32_t, Cpu>& other_splats) {
+    constexpr int kBits = 11;
+    constexpr std::uint32_t kMask = (1u << kBits) - 1;
+    other_keys.resize(keys.size()), other_splats.resize(keys.size());
+    for (int shift = 0; shift < 32; shift += kBits) {
+        std::uint32_t begin[kMask + 2] = {};
+        for (const std::uint32_t key : keys.span()) ++begin[(key >> shift & kMask) + 1];
+        for (std::uint32_t digit = 0; digit < kMask; ++digit) begin[digit + 1] += begin[digit];
+        for (std::size_t i = 0; i < keys.size(); ++i) {
+            const std::uint32_t to = begin[keys[i] >> shift & kMask]++;
+            other_keys[to] = keys[i], other_splats[to] = splats[i];
+        }
+        keys.swap(other_keys), splats.swap(other_splats);
+    }
 }
 
 }  // namespace
@@ -38,21 +55,32 @@ namespace {
 void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileLists<Cpu>& lists) {
     const std::size_t n = splats.rects.size();
     lists.slot_counts.resize(n), lists.first_slot.resize(n);
-    parallel_for(Cpu{}, static_cast<int>(n), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
-        lists.slot_counts[at] = tiles_met(splats.shapes[at], grid, splats.rects[at], nullptr);
+    // Chunks of splats note what they meet, so that nothing is tested twice.
+    constexpr std::size_t kChunk = 1024;
+    const std::size_t chunks = (n + kChunk - 1) / kChunk;
+    std::vector<std::vector<std::uint32_t>> met(chunks);
+    parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
+        auto& tiles = met[static_cast<std::size_t>(c)];
+        const std::size_t begin = static_cast<std::size_t>(c) * kChunk;
+        for (std::size_t i = begin; i < std::min(n, begin + kChunk); ++i) {
+            const std::size_t before = tiles.size();
+            for_tiles_met(splats.shapes[i], grid, splats.rects[i],
+                          [&](std::uint32_t tile) { tiles.push_back(tile); });
+            lists.slot_counts[i] = static_cast<std::uint32_t>(tiles.size() - before);
+        }
     });
 
     // Splats by depth, then index.
     std::size_t visible = 0;
-    lists.order.resize(n);
+    lists.order.resize(n), lists.depth_keys.resize(n);
     for (std::size_t i = 0; i < n; ++i)
-        if (lists.slot_counts[i] > 0) lists.order[visible++] = static_cast<std::uint32_t>(i);
+        if (lists.slot_counts[i] > 0) {
+            lists.order[visible] = static_cast<std::uint32_t>(i);
+            lists.depth_keys[visible++] = depth_key(splats.depths[i]);
+        }
     lists.visible_count = static_cast<int>(visible);
-    std::stable_sort(lists.order.data(), lists.order.data() + visible,
-                     [&](std::uint32_t a, std::uint32_t b) {
-                         return depth_key(splats.depths[a]) < depth_key(splats.depths[b]);
-                     });
+    lists.order.resize(visible), lists.depth_keys.resize(visible);
+    sort_by_key(lists.depth_keys, lists.order, lists.depth_keys_sorted, lists.visible);
 
     std::uint64_t total = 0;
     lists.first_slot_by_depth.resize(visible);
@@ -65,12 +93,17 @@ void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileL
     lists.slot_count = static_cast<int>(total);
     lists.tile_keys.resize(total), lists.splat_of_slot.resize(total);
     lists.slots.resize(total), lists.splats.resize(total);
-    parallel_for(Cpu{}, static_cast<int>(visible), [&](int k) {
-        const std::uint32_t splat = lists.order[static_cast<std::size_t>(k)];
-        const std::uint32_t first = lists.first_slot[splat];
-        const std::uint32_t count = tiles_met(splats.shapes[splat], grid, splats.rects[splat],
-                                              lists.tile_keys.data() + first);
-        std::fill_n(lists.splat_of_slot.data() + first, count, splat);
+    parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
+        const std::uint32_t* tiles = met[static_cast<std::size_t>(c)].data();
+        const std::size_t begin = static_cast<std::size_t>(c) * kChunk;
+        for (std::size_t i = begin; i < std::min(n, begin + kChunk); ++i) {
+            const std::uint32_t count = lists.slot_counts[i];
+            if (count == 0) continue;
+            std::copy_n(tiles, count, lists.tile_keys.data() + lists.first_slot[i]);
+            std::fill_n(lists.splat_of_slot.data() + lists.first_slot[i], count,
+                        static_cast<std::uint32_t>(i));
+            tiles += count;
+        }
     });
 
     // A stable counting sort by tile.
