@@ -37,13 +37,14 @@ figcaption{font-size:.86rem;color:var(--quiet);padding-top:3px}
 #viewer canvas:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible{outline:3px solid #e69f00;outline-offset:2px}
 .controls{display:flex;flex-wrap:wrap;gap:6px;margin:8px 0}.controls[hidden]{display:none}
 button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:var(--card);color:var(--text);border:1px solid var(--quiet);border-radius:5px;cursor:pointer}
-.scale{display:grid;grid-template-columns:auto minmax(60px,280px) auto;gap:8px;align-items:center;font-size:.86rem;margin-top:8px}
+.scale{display:grid;grid-template-columns:auto minmax(60px,240px) auto;gap:8px;align-items:center;justify-content:start;font-size:.86rem;margin-top:8px}
 .scale[hidden]{display:none}.scale i{display:block;height:14px;border-radius:2px;print-color-adjust:exact;-webkit-print-color-adjust:exact}
 footer{max-width:1240px;margin:36px auto 0;padding:0 16px 28px;color:var(--quiet);font-size:.86rem}
+@media screen and (max-width:600px){main,header{padding:0 10px}.card{padding:4px}.card summary,figcaption{padding-left:6px}}
 @media print{:root{color-scheme:light;--page:#fff;--card:#fff;--text:#000;--quiet:#333;--line:#ccc;--link:#000}
 body{font-size:10.5pt}nav,.controls,#viewer canvas,details{display:none!important}#viewer img{display:block!important;max-width:12cm}
 main,header,footer{max-width:none;padding:0}.plots{grid-template-columns:1fr 1fr}.pictures{grid-template-columns:repeat(5,1fr)}
-figure,.facts div,.view{break-inside:avoid}h2,h3{break-after:avoid}}
+figure,.facts div,.view{break-inside:avoid}h2,h3,main>p{break-after:avoid}}
 )";
 
 /// Draws the points of #points-data on a canvas in the place of their picture; without script the
@@ -81,7 +82,7 @@ function draw() {
   }
   pixels.fill(0xff101010); depth.fill(1e30);
   const cy = Math.cos(v.yaw), sy = Math.sin(v.yaw), cp = Math.cos(v.pitch), sp = Math.sin(v.pitch);
-  const focal = 2.2 * 0.5 * h * v.zoom, r = Math.max(1, Math.round(w / 520 * Math.sqrt(v.zoom)));
+  const focal = 2.4 * 0.5 * h * v.zoom, r = Math.max(1, Math.round(w / 520 * Math.sqrt(v.zoom)));
   for (let i = 0, j = 0; i < n; ++i, j += 3) {
     const x = cy * P[j] - sy * P[j + 2], z1 = sy * P[j] + cy * P[j + 2];
     const y = cp * P[j + 1] - sp * z1, far = 2.6 - (sp * P[j + 1] + cp * z1);

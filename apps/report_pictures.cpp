@@ -14,10 +14,16 @@ constexpr std::size_t kMaxPoints = 20000;
 constexpr float kShC0 = 0.28209479f;  // of the constant spherical harmonic
 constexpr double kFullDifference = 0.25;
 constexpr int kPictureWidth = 640, kPictureHeight = 480;
-constexpr float kEyeDistance = 2.6f, kFocal = 2.2f;  // in radii; report_page.h has the same
+constexpr float kEyeDistance = 2.6f, kFocal = 2.4f;  // in radii; report_page.h has the same
 
 std::uint8_t byte_of(double value) {
     return static_cast<std::uint8_t>(std::clamp(std::lround(255 * value), 0L, 255L));
+}
+
+Rgb cividis(double share) {
+    const Vec3f c = error_color(ErrorPalette::safe, share, 1, PointFate::measured);
+    return {byte_of(static_cast<double>(c.x)), byte_of(static_cast<double>(c.y)),
+            byte_of(static_cast<double>(c.z))};
 }
 
 /// Centre and radius of what is worth looking at: strays, a hundredth on each side, do not count.
@@ -106,10 +112,7 @@ JsonValue picture_json(const ImageU8& image, int width) {
 }
 
 Rgb error_shade(double share) {
-    const Vec3f c = error_color(ErrorPalette::safe, 0.2 + 0.8 * std::clamp(share, 0.0, 1.0), 1,
-                                PointFate::measured);
-    return {byte_of(static_cast<double>(c.x)), byte_of(static_cast<double>(c.y)),
-            byte_of(static_cast<double>(c.z))};
+    return cividis(0.2 + 0.8 * std::clamp(share, 0.0, 1.0));
 }
 
 ImageU8 difference_image(const ImageU8& a, const ImageU8& b) {
@@ -118,7 +121,7 @@ ImageU8 difference_image(const ImageU8& a, const ImageU8& b) {
         for (int x = 0; x < a.width; ++x) {
             int sum = 0;
             for (int c = 0; c < 3; ++c) sum += std::abs(a.at(x, y, c) - b.at(x, y, c));
-            const Rgb shade = error_shade(sum / (3 * 255 * kFullDifference));
+            const Rgb shade = cividis(sum / (3 * 255 * kFullDifference));
             out.at(x, y, 0) = shade.r, out.at(x, y, 1) = shade.g, out.at(x, y, 2) = shade.b;
         }
     return out;

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kWidth = 440, kPlotHeight = 240;  // px, of the viewBox
 constexpr double kLeft = 56, kRight = 14, kTop = 56, kBottom = 46;
-constexpr double kCharacter = 6.8;  // width at 13 px, about
+constexpr double kCharacter = 7.8;  // width, about, on a phone too
 constexpr int kColors = 7;          // in kPlotStyle
 
 std::string fixed(double value) {
@@ -180,7 +180,7 @@ std::string legend_svg(const std::vector<Series>& series, double& y) {
     std::string text = "<g>";
     double x = 8;
     for (std::size_t i = 0; i < series.size(); ++i) {
-        const double width = 42 + kCharacter * static_cast<double>(series[i].name.size());
+        const double width = 50 + kCharacter * static_cast<double>(series[i].name.size());
         if (x > 8 && x + width > kWidth) x = 8, y += 18;
         text += str("<g class=\"s", i % kColors, "\"><path class=\"line\" d=\"M", fixed(x), " ",
                     fixed(y - 4), "h26\"/>",
@@ -236,6 +236,7 @@ background:var(--bg);font:13px system-ui,-apple-system,"Segoe UI",sans-serif;fil
 .plot .s3 .line{stroke-dasharray:9 3 2 3}.plot .s4 .line{stroke-dasharray:12 4}
 .plot .s5 .line{stroke-dasharray:4 2}.plot .s6 .line{stroke-dasharray:1 2}
 .plot .bar{fill:var(--c0)}
+@media screen and (max-width:600px){.plot{font-size:15px}.plot .title{font-size:17px}}
 )";
 
 std::string plot_svg(const Plot& plot, const std::string& id) {
