@@ -258,15 +258,15 @@ TriangleMesh extract(const Scene& scene,
     for (const View& view : scene.train) {
         const auto& rendered =
             backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
+        const Camera& camera = rendered.camera;  // that of the depths
         copy(arguments.no_masks ? std::vector<std::uint8_t>() : view.mask.pixels, mask);
-        counts +=
-            clean_depth(rendered, view.camera, std::as_const(mask).span(), rules, depth, fates);
+        counts += clean_depth(rendered, camera, std::as_const(mask).span(), rules, depth, fates);
         if (!checked && counts.kept > 0) {
-            check_truncation(view.camera, to_host(depth), volume_options);
+            check_truncation(camera, to_host(depth), volume_options);
             checked = true;
         }
         with_context("fusing " + view.name, [&] {
-            volume.integrate({view.camera, std::as_const(depth).span(), rendered.color.span()});
+            volume.integrate({camera, std::as_const(depth).span(), rendered.color.span()});
         });
         if (counts.kept == 0) median = median_depth(to_host(rendered.depth));
     }
