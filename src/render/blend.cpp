@@ -84,16 +84,14 @@ struct BlendTile {
                 if (met == 0) continue;
                 const std::uint32_t splat = splats[begin + j];
                 const auto shape = broadcast<Lane>(shapes[splat]);
-                std::uint64_t draws = 0;
                 for_bits(met, [&](int k) {
                     const Lane alpha = splat_alpha(shape, tile_pixels.offset(shape, k)).alpha;
                     alphas[k] = select(full[k], Lane(0), alpha);
-                    draws |= bit(k, any(alphas[k] > Lane(0)));
                 });
                 const auto f = broadcast<Lane>(features[splat].f);
                 const Lane position =
                     Lane::from_bits(static_cast<std::int32_t>(begin + j - span.begin + 1));
-                for_bits(draws, [&](int k) {
+                for_bits(met, [&](int k) {
                     const Mask fits = blend<kChannels>(pixels[k], alphas[k], f);
                     stop[k] = select(both(alphas[k] > Lane(0), fits), position, stop[k]);
                     if (!any(!fits)) return;
@@ -119,19 +117,41 @@ struct BlendTile {
     }
 };
 
-/// Adds up the lanes of each value, in a fixed tree.
-SplatGradients<float> sum_of_lanes(const float (&lanes)[SplatGradients<float>::kCount][kLanes]) {
-    union {
-        SplatGradients<float> g;
-        float values[SplatGradients<float>::kCount];
-    } u{SplatGradients<float>{}};
-    for (int v = 0; v < SplatGradients<float>::kCount; ++v) {
-        using Four = Pack<float>;
-        const Four four = Four::load(lanes[v]) + Four::load(lanes[v] + 4);
-        u.values[v] = (four[0] + four[2]) + (four[1] + four[3]);
+/// The values of a SplatGradients, each kept by column of pixels, in the order of the members.
+struct LaneSums {
+    static constexpr int kCount = SplatGradients<float>::kCount;
+    alignas(32) float lanes[kCount][kLanes];
+
+    template <class Lane>
+    void store(const SplatGradients<Lane>& g, int first) {
+        int v = 0;
+        const auto put = [&](const auto&... values) { (values.store(&lanes[v++][first]), ...); };
+        put(g.mean.x, g.mean.y, g.abs_mean.x, g.abs_mean.y);
+        put(g.conic.xx, g.conic.xy, g.conic.yy, g.opacity);
+        const SplatFeatures<Lane>& f = g.features;
+        put(f.color.x, f.color.y, f.color.z, f.normal.x, f.normal.y, f.normal.z, f.distance);
+        put(g.front_pixels);
     }
-    return u.g;
-}
+
+    /// Sums of the lanes, always in the same order; four values at a time.
+    void add_up(SplatGradients<float>& out) const {
+        using Four = Pack<float>;
+        using Pick = Four::Ints;
+        for (int v = 0; v < kCount; v += 4) {
+            const auto halves = [&](int k) {
+                return (Four::load(lanes[v + k]) + Four::load(lanes[v + k] + 4)).v;
+            };
+            const auto a = halves(0), b = halves(1), c = halves(2), d = halves(3);
+            const Four ab = Four(__builtin_shuffle(a, b, Pick{0, 1, 4, 5})) +
+                            Four(__builtin_shuffle(a, b, Pick{2, 3, 6, 7}));
+            const Four cd = Four(__builtin_shuffle(c, d, Pick{0, 1, 4, 5})) +
+                            Four(__builtin_shuffle(c, d, Pick{2, 3, 6, 7}));
+            const Four sums = Four(__builtin_shuffle(ab.v, cd.v, Pick{0, 2, 4, 6})) +
+                              Four(__builtin_shuffle(ab.v, cd.v, Pick{1, 3, 5, 7}));
+            sums.store(reinterpret_cast<float*>(&out) + v);
+        }
+    }
+};
 
 template <Channels kChannels>
 struct BlendTileVjp {
@@ -190,27 +210,27 @@ struct BlendTileVjp {
                 const std::uint32_t splat = splats[span.begin + at];
                 const auto shape = broadcast<Lane>(shapes[splat]);
                 const Lane position = Lane::from_bits(static_cast<std::int32_t>(at));
-                std::uint64_t draws = 0;
+                typename Lane::Mask draws{};
                 for_bits(met, [&](int k) {
                     const auto a = splat_alpha(shape, tile_pixels.offset(shape, k));
                     const auto reached = less_bits(position, stop[k]);
                     alphas[k] = {select(reached, a.gauss, Lane(0)),
                                  select(reached, a.alpha, Lane(0))};
-                    draws |= bit(k, any(alphas[k].alpha > Lane(0)));
+                    draws = either(draws, alphas[k].alpha > Lane(0));
                 });
-                if (draws == 0) continue;
+                if (!any(draws)) continue;
                 const auto f = broadcast<Lane>(features[splat].f);
-                alignas(32) float lanes[SplatGradients<float>::kCount][kLanes];
+                LaneSums sums;
                 for (int pass = 0; pass < kPasses; ++pass) {
                     SplatGradients<Lane> g{};
-                    for_bits(draws & kFirstPass << (pass * kTileSize), [&](int k) {
+                    for_bits(met & kFirstPass << (pass * kTileSize), [&](int k) {
                         blend_vjp<kChannels>(pixels[k], shape, f, tile_pixels.offset(shape, k),
                                              alphas[k], g);
                     });
-                    store(g, lanes, pass * Lane::kSize);
+                    sums.store(g, pass * Lane::kSize);
                 }
                 const std::uint32_t slot = slots[span.begin + at];
-                gradients[slot] = sum_of_lanes(lanes);
+                sums.add_up(gradients[slot]);
                 drawn[slot] = 1;
             }
         }
@@ -227,19 +247,6 @@ struct BlendTileVjp {
         g.color.z.v[i] = dL_dpixel.color.z;
         g.normal.x.v[i] = dL_dpixel.normal.x, g.normal.y.v[i] = dL_dpixel.normal.y;
         g.normal.z.v[i] = dL_dpixel.normal.z, g.distance.v[i] = dL_dpixel.distance;
-    }
-
-    /// In the order of the members.
-    template <class Lane>
-    static void store(const SplatGradients<Lane>& g,
-                      float (&lanes)[SplatGradients<float>::kCount][kLanes],
-                      int first) {
-        const SplatFeatures<Lane>& f = g.features;
-        const Lane values[] = {g.mean.x,   g.mean.y,   g.abs_mean.x, g.abs_mean.y,
-                               g.conic.xx, g.conic.xy, g.conic.yy,   g.opacity,
-                               f.color.x,  f.color.y,  f.color.z,    f.normal.x,
-                               f.normal.y, f.normal.z, f.distance,   g.front_pixels};
-        for (int v = 0; v < SplatGradients<float>::kCount; ++v) values[v].store(&lanes[v][first]);
     }
 };
 

@@ -56,12 +56,12 @@ struct TilePixels {
     static constexpr int kSize = Lane::kSize, kParts = kTileSize / kSize,
                          kCount = kParts * kTileSize;
 
-    float left;           // centre of the first pixel
-    Lane x[kParts];       // pixel centres
-    Lane rows_y[kParts];  // of kSize rows each
-    Lane y[kTileSize];    // every entry the same
+    Lane x[kParts];                        // pixel centres
+    Lane rows_y[kParts];                   // of kSize rows each
+    Lane y[kTileSize];                     // every entry the same
+    Lane first_x[kParts], last_x[kParts];  // of each part, every entry the same
 
-    TilePixels(int left_px, int top_px) : left(static_cast<float>(left_px) + 0.5f) {
+    TilePixels(int left_px, int top_px) {
         float columns[kTileSize], rows[kTileSize];
         for (int i = 0; i < kTileSize; ++i) {
             columns[i] = static_cast<float>(left_px + i) + 0.5f;
@@ -71,6 +71,7 @@ struct TilePixels {
         for (int part = 0; part < kParts; ++part) {
             x[part] = Lane::load(columns + part * kSize);
             rows_y[part] = Lane::load(rows + part * kSize);
+            first_x[part] = columns[part * kSize], last_x[part] = columns[(part + 1) * kSize - 1];
         }
     }
 
@@ -81,20 +82,20 @@ struct TilePixels {
 
     /// Bit k: the splat may draw in pack k. A row of pixel centres crosses the ellipse where
     /// alpha is kMinAlpha or more between two points; rounding may only take them too far apart.
-    std::uint64_t packs_met(const SplatShape<float>& s) const {
-        const float inverse = 1 / s.root.xx, shear = s.root.xy * inverse;
-        const float far = std::abs(s.mean.x);
+    std::uint64_t packs_met(const SplatShape<float>& splat) const {
+        const auto s = broadcast<Lane>(splat);
+        const Lane inverse = 1 / s.root.xx, shear = s.root.xy * inverse;
+        const Lane slack = 0.01f + 1e-5f * abs(s.mean.x), reach = s.reach + 1e-4f;
         std::uint64_t met = 0;
         for (int group = 0; group < kParts; ++group) {
             const Lane dy = s.mean.y - rows_y[group], across = s.root.yy * dy, lean = shear * dy;
             // Above the ellipse and below it this is NaN, and no comparison holds.
-            const Lane half = sqrt(s.reach + 1e-4f - across * across) * inverse;
-            const Lane wide = half + (0.01f + 1e-5f * (half + abs(lean) + far));
-            const Lane low = s.mean.x + lean - wide, high = s.mean.x + lean + wide;
+            const Lane half = sqrt(reach - across * across) * inverse;
+            const Lane wide = half + (slack + 1e-5f * (half + abs(lean)));
+            const Lane centre = s.mean.x + lean, low = centre - wide, high = centre + wide;
             for (int part = 0; part < kParts; ++part) {
-                const float first = left + static_cast<float>(part * kSize),
-                            last = first + static_cast<float>(kSize - 1);
-                const std::uint64_t rows = bits_of(both(low <= Lane(last), high >= Lane(first)));
+                const std::uint64_t rows =
+                    bits_of(both(low <= last_x[part], high >= first_x[part]));
                 met |= rows << (part * kTileSize + group * kSize);
             }
         }
