@@ -1,0 +1,47 @@
+// Tables and overlaid plots of several runs, from their report.json.
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "io/json_value.h"
+
+namespace tvsgs {
+
+struct TableRun {
+    std::string scene;          // with its views, where these are named: "scan24, train_3"
+    std::string configuration;  // as the user calls it, or empty
+    double seed = 0;
+    JsonValue report;
+};
+
+/// All numbers of a run by name: "chamfer (centres)", "f1@0.02 (centres)", "psnr", "seconds", ...
+std::map<std::string, double> metrics_of(const JsonValue& report);
+
+/// Runs without a name get the keys in which the runs differ, "tv.enabled=false"; seed, scene and
+/// evaluation do not count.
+void name_configurations(std::vector<TableRun>& runs);
+
+/// Mean over seeds, and their standard deviation where there are several.
+struct Cell {
+    double mean = 0, deviation = 0;
+    int count = 0;
+};
+Cell cell_of(const std::vector<double>& values);
+
+/// Markdown: distances per scene, precision, recall and F1, PSNR and SSIM, time and memory, and one
+/// row per configuration with the means over the scenes. The best of each column is bold.
+std::string tables_markdown(const std::vector<TableRun>& runs);
+
+/// scene,configuration,seed,metric,value
+std::string tables_csv(const std::vector<TableRun>& runs);
+
+/// One plot per scene and quality, a line per configuration, with a band from the lowest seed to
+/// the highest; empty where no run was evaluated more than once.
+struct OverlayPlot {
+    std::string name, title, svg;  // name: for a file, [a-z0-9_-]
+};
+std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs);
+
+}  // namespace tvsgs
