@@ -1,5 +1,6 @@
 // tvsgs-bench: stage timings, and agreement with stored results; one class per subcommand.
 #include "bench_stages.h"
+#include "bench_train.h"
 #include "bench_vote.h"
 #include "common.h"
 
@@ -12,9 +13,11 @@ int command(int argc, char** argv) {
     app.set_version_flag("--version", kVersion);
     const VoteBench vote(app);
     const StagesBench stages(app);
+    const TrainBench train(app);
     parse_command_line(app, argc, argv);
-    init_log(vote.quiet() || stages.quiet() ? Verbosity::quiet : Verbosity::normal);
-    return vote.parsed() ? vote.run() : stages.run();
+    init_log(vote.quiet() || stages.quiet() || train.quiet() ? Verbosity::quiet
+                                                             : Verbosity::normal);
+    return vote.parsed() ? vote.run() : stages.parsed() ? stages.run() : train.run();
 }
 
 }  // namespace

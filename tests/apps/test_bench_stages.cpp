@@ -12,7 +12,7 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
         const Result r =
             bench("stages --scale 0.002 --repetitions 2 --warm-up 1 --device " + device);
         ASSERT_EQ(r.code, 0) << r.err;
-        ASSERT_EQ(r.lines.size(), 7u);
+        ASSERT_EQ(r.lines.size(), 8u);
         std::vector<std::string> names;
         for (const json& line : r.lines) {
             const std::string name = line.at("case");
@@ -20,7 +20,7 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
             const json& counters = line.at("counters");
             const int splats = counters.at("splats"), visible = counters.at("visible"),
                       slots = counters.at("slots");
-            EXPECT_EQ(line.at("stages").size(), 8u) << line.at("stages").dump();
+            EXPECT_EQ(line.at("stages").size(), 9u) << line.at("stages").dump();
             for (const json& stage : line.at("stages")) {
                 EXPECT_EQ(stage.at("repetitions"), 2);
                 EXPECT_GT(stage.at("median_ms").get<double>(), 0);
@@ -33,6 +33,9 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
             }
             if (name == "w1200") {
                 EXPECT_NEAR(slots / double(visible), 5, 1.5);
+            }
+            if (name == "c256") {
+                EXPECT_EQ(visible, splats);
             }
             if (name == "one_tile") {
                 EXPECT_EQ(slots, visible);
@@ -50,8 +53,8 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
                 EXPECT_EQ(visible, 1);
             }
         }
-        EXPECT_EQ(names, (std::vector<std::string>{"w540", "w1200", "one_tile", "huge", "needles",
-                                                   "empty", "one"}));
+        EXPECT_EQ(names, (std::vector<std::string>{"w540", "w1200", "c256", "one_tile", "huge",
+                                                   "needles", "empty", "one"}));
     }
 }
 

@@ -1,0 +1,36 @@
+// The points that training starts from.
+#pragma once
+
+#include "io/ply.h"
+#include "run_options.h"
+#include "stereo_cloud.h"
+
+namespace tvsgs {
+
+/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
+/// stereo, if that finds more.
+inline void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
+    const InitOptions& init = options.train.init;
+    const std::size_t given = scene.points.positions.size();
+    if (!options.scene.init_ply.empty()) {
+        scene.points =
+            prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
+    } else if (given < static_cast<std::size_t>(init.min_points)) {
+        spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
+                     given, init.min_points);
+        try {
+            PointCloud cloud = stereo_cloud(device, scene.train, scene.points.positions,
+                                            options.stereo, stereo_cap(init.max_points))
+                                   .cloud;
+            if (cloud.positions.size() > given) scene.points = std::move(cloud);
+        } catch (const Error& error) {
+            if (error.code() != ExitCode::input || given == 0) throw;
+            spdlog::warn("{}; training starts from the {} points of the model", error.what(),
+                         given);
+        }
+    }
+    if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
+        scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
+}
+
+}  // namespace tvsgs
