@@ -73,6 +73,11 @@ struct Pack {
     Values v{};
 
     Pack() = default;
+    // As a vector, where GCC would copy the bytes of wide ones in halves.
+    Pack(const Pack& b) : v(b.v) {}
+    Pack& operator=(const Pack& b) {
+        return v = b.v, *this;
+    }
     Pack(Values values) : v(values) {}
     template <class U>
     requires std::is_arithmetic_v<U> Pack(U x) : v(broadcast(static_cast<T>(x))) {}
