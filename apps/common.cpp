@@ -40,6 +40,7 @@ void flush_standard_output() {
 /// must not lend its number to a file of the run, into which messages would then go.
 void guard_standard_streams() {
     std::signal(SIGPIPE, SIG_IGN);
+    std::signal(SIGXFSZ, SIG_IGN);  // a file that must not grow is an error with a message
     for (int stream = 0; stream < 3; ++stream)
         if (fcntl(stream, F_GETFD) == -1)
             open("/dev/null", O_RDWR);  // takes the lowest free number

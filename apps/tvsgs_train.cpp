@@ -123,6 +123,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->group(group);
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
 
     if (resume_flag->count() > 0) open_resume(resume, arguments, table);
     for (const std::string& file : configs) table.read_file(file);
@@ -288,9 +291,6 @@ int command(int argc, char** argv) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
     }
-    init_log(arguments.quiet     ? Verbosity::quiet
-             : arguments.verbose ? Verbosity::verbose
-                                 : Verbosity::normal);
     if (options.scene.path.empty())
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);

@@ -172,6 +172,9 @@ public:
           callbacks_(callbacks),
           injected_(callbacks.injected_fault),
           good_(start) {
+        if (const auto bad = start ? find_not_finite(*start) : std::nullopt)
+            throw Error(ExitCode::numerical,
+                        str("the checkpoint's '", bad->array, "' is not finite at ", bad->element));
         restart();
         if (const auto fault = look(0))
             throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
