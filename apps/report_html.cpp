@@ -87,7 +87,7 @@ public:
                 kPagePolicy,
                 "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
                 "<link rel=\"icon\" href=\"data:,\">\n<title>",
-                name, ": training report</title>\n<style>", kPageStyle, kPlotStyle,
+                name, ": training report</title>\n<style>", kPlotStyle, kPageStyle,
                 "</style>\n</head>\n<body>\n<header>\n<h1>", name, "</h1>\n<p class=\"quiet\">",
                 escaped(about()), "</p>\n<nav aria-label=\"Parts of this report\"><ul>", links_,
                 "</ul></nav>\n</header>\n<main>\n");

@@ -40,7 +40,7 @@ button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:v
 .scale{display:grid;grid-template-columns:auto minmax(60px,240px) auto;gap:8px;align-items:center;justify-content:start;font-size:.86rem;margin-top:8px}
 .scale[hidden]{display:none}.scale i{display:block;height:14px;border-radius:2px;print-color-adjust:exact;-webkit-print-color-adjust:exact}
 footer{max-width:1240px;margin:36px auto 0;padding:0 16px 28px;color:var(--quiet);font-size:.86rem}
-@media screen and (max-width:600px){main,header{padding:0 10px}.card{padding:4px}.card summary,figcaption{padding-left:6px}}
+@media screen and (max-width:600px){svg.plot{font-size:15px}svg.plot .title{font-size:17px}main,header{padding:0 10px}.card{padding:4px}.card summary,figcaption{padding-left:6px}}
 @media print{:root{color-scheme:light;--page:#fff;--card:#fff;--text:#000;--quiet:#333;--line:#ccc;--link:#000}
 body{font-size:10.5pt}nav,.controls,#viewer canvas,details{display:none!important}#viewer img{display:block!important;max-width:12cm}
 main,header,footer{max-width:none;padding:0}.plots{grid-template-columns:1fr 1fr}.pictures{grid-template-columns:repeat(5,1fr)}

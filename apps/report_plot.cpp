@@ -174,19 +174,30 @@ std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
     return text + str("<path class=\"line\" d=\"", path, "\"/>", marks, "</g>\n");
 }
 
-/// Below the title, as many rows as it takes; `y` becomes the next free row.
+/// At most `longest` characters, about: the ends of names differ, so the front is cut, between two
+/// characters of UTF-8.
+std::string fitting(const std::string& name, std::size_t longest) {
+    if (name.size() <= longest) return name;
+    std::size_t from = name.size() - longest + 1;
+    while (from < name.size() && (static_cast<unsigned char>(name[from]) & 0xC0) == 0x80) ++from;
+    return "\u2026" + name.substr(from);
+}
+
+/// Below the plot, as many rows as it takes; `y` becomes the next free row.
 std::string legend_svg(const std::vector<Series>& series, double& y) {
+    constexpr std::size_t kLongest = 50;
     if (series.size() < 2) return "";
     std::string text = "<g>";
     double x = 8;
     for (std::size_t i = 0; i < series.size(); ++i) {
-        const double width = 50 + kCharacter * static_cast<double>(series[i].name.size());
+        const std::string name = fitting(series[i].name, kLongest);
+        const double width = 50 + kCharacter * static_cast<double>(name.size());
         if (x > 8 && x + width > kWidth) x = 8, y += 18;
         text += str("<g class=\"s", i % kColors, "\"><path class=\"line\" d=\"M", fixed(x), " ",
                     fixed(y - 4), "h26\"/>",
                     series[i].marks ? mark(fixed(x + 13) + "," + fixed(y - 4), i) : "",
-                    "</g><text x=\"", fixed(x + 31), "\" y=\"", fixed(y), "\">",
-                    escaped(series[i].name), "</text>");
+                    "</g><text x=\"", fixed(x + 31), "\" y=\"", fixed(y), "\">", escaped(name),
+                    "</text>");
         x += width;
     }
     y += 18;
@@ -236,7 +247,6 @@ background:var(--bg);font:13px system-ui,-apple-system,"Segoe UI",sans-serif;fil
 .plot .s3 .line{stroke-dasharray:9 3 2 3}.plot .s4 .line{stroke-dasharray:12 4}
 .plot .s5 .line{stroke-dasharray:4 2}.plot .s6 .line{stroke-dasharray:1 2}
 .plot .bar{fill:var(--c0)}
-@media screen and (max-width:600px){.plot{font-size:15px}.plot .title{font-size:17px}}
 )";
 
 std::string plot_svg(const Plot& plot, const std::string& id) {
@@ -288,13 +298,7 @@ std::string bars_svg(const Bars& bars, const std::string& id) {
                 bars.unit.empty() ? "" : ", ", escaped(bars.unit), "</text>\n");
     double y = 34;
     for (std::size_t i = 0; i < bars.values.size(); ++i, y += kRow) {
-        std::string name = bars.names[i];
-        if (name.size() > kLongest) {  // the ends of file names differ; cut between characters
-            std::size_t from = name.size() - kLongest + 1;
-            while (from < name.size() && (static_cast<unsigned char>(name[from]) & 0xC0) == 0x80)
-                ++from;
-            name = "\u2026" + name.substr(from);
-        }
+        const std::string name = fitting(bars.names[i], kLongest);
         const bool known = std::isfinite(bars.values[i]);
         const double width = known && largest > 0 ? std::max(0.0, bars.values[i]) / largest *
                                                         (kWidth - kNames - kNumbers)

@@ -135,7 +135,7 @@ private:
         std::vector<Column> columns;
         const auto add = [&](const std::string& head, const std::string& scene) {
             for (const Part& p : parts)
-                columns.push_back({head + (p.head.empty() ? "" : " " + p.head), p.metric, scene,
+                columns.push_back({head + (p.head.empty() ? "" : ": " + p.head), p.metric, scene,
                                    p.better, p.digits});
         };
         for (const std::string& scene : scenes_) add(scene, scene);
@@ -230,11 +230,10 @@ struct Quality {
     const char *name, *title, *unit;
     bool log_y;
 };
-constexpr Quality kQualities[] = {
-    {"chamfer", "Chamfer distance of the centres", "scene units", true},
-    {"f1", "F1 of the centres", "share", false},
-    {"psnr", "PSNR of the test views", "dB", false},
-    {"ssim", "SSIM of the test views", "1 is equal", false}};
+constexpr Quality kQualities[] = {{"chamfer", "Chamfer of the centres", "scene units", true},
+                                  {"f1", "F1 of the centres", "share", false},
+                                  {"psnr", "PSNR of the test views", "dB", false},
+                                  {"ssim", "SSIM of the test views", "1 is equal", false}};
 
 Trace trace_of(const JsonValue& report, const std::string& quality) {
     Trace trace;
