@@ -31,7 +31,8 @@ double diagonal(const std::vector<Vec3f>& points) {
 
 }  // namespace
 
-EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options) : every_(options.every) {
+EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double seconds)
+    : every_(options.every) {
     std::string text = options.at;
     if (text.empty()) return;
     const bool goes_on = text.ends_with(",...");
@@ -44,6 +45,7 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options) : every
                     str("--eval-at ", options.at,
                         ": expected increasing seconds such as 5,10,20, two or more before '...'"));
     if (goes_on) ratio_ = at_.back() / at_[at_.size() - 2];
+    due(0, seconds);  // these marks are passed
 }
 
 bool EvaluationSchedule::due(int step, double seconds) {

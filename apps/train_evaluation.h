@@ -38,8 +38,8 @@ struct EvaluationOptions {
 /// Which steps are evaluated. Only a step after which `due` is asked can be.
 class EvaluationSchedule {
 public:
-    /// Throws Error(ExitCode::usage).
-    explicit EvaluationSchedule(const EvaluationOptions& options);
+    /// A run that goes on has `seconds` behind it. Throws Error(ExitCode::usage).
+    explicit EvaluationSchedule(const EvaluationOptions& options, double seconds = 0);
 
     /// `seconds` of training have passed at the end of `step`.
     bool due(int step, double seconds);

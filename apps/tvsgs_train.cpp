@@ -224,7 +224,7 @@ int train_and_save(const Scene& scene,
         run.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", what).text());
     };
 
-    EvaluationSchedule schedule(options.eval);
+    EvaluationSchedule schedule(options.eval, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
     const auto evaluate_now = [&](int step, const Gaussians<Device>& gaussians) {
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;

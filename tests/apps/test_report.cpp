@@ -60,6 +60,9 @@ TEST(EvaluationSchedules, SecondsAndIterations) {
     EXPECT_FALSE(seconds.due(5, 39.9));
     EXPECT_TRUE(seconds.due(6, 40)) << "goes on by the last ratio";
     EXPECT_TRUE(seconds.due(7, 80));
+    EvaluationSchedule resumed(options, 12);
+    EXPECT_FALSE(resumed.due(8, 13)) << "5 and 10 were before";
+    EXPECT_TRUE(resumed.due(9, 20));
     options.at = "";
     options.every = 3;
     EvaluationSchedule iterations(options);
