@@ -65,16 +65,9 @@ struct AdamBody {
         values[i] = next < least ? least : next;
     }
 };
-/// The same unless *halted, where that is given, is not 0.
-struct HaltingAdamBody {
-    AdamBody body;
-    const int* halted;
-
-    TVSGS_HD void operator()(int i) const {
-        if (halted != nullptr && *halted != 0) return;
-        body(i);
-    }
-};
+/// body(i) for i in [0, count), unless *halted, where that is given, is not 0.
+void update_parameters(Cpu, int count, const AdamBody& body, const int* halted);
+void update_parameters(Cuda, int count, const AdamBody& body, const int* halted);
 
 template <class Device>
 class Adam {
@@ -100,7 +93,7 @@ public:
         // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
         const float least_log_scale = -16.118096f;  // ln 1e-7
         ++count_;
-        const float none = -3e38f;
+        const float none = -INFINITY;  // a bound would hide what is not finite
         const auto rate = [this](ParameterGroup group, float given) {
             return given * rate_factors_[static_cast<std::size_t>(group)];
         };
@@ -155,12 +148,7 @@ private:
                             static_cast<float>(1 - std::pow(0.9, t)),
                             static_cast<float>(1 - std::pow(0.999, t)),
                             least};
-        if constexpr (std::is_same_v<Device, Cpu>) {
-            // Asked once: a loop that asks every time is three times as slow.
-            if (halted_ == nullptr || *halted_ == 0) parallel_for(Device{}, count, body);
-        } else {
-            parallel_for(Device{}, count, HaltingAdamBody{body, halted_});
-        }
+        update_parameters(Device{}, count, body, halted_);
     }
 
     AdamOptions options_;
