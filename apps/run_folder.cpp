@@ -8,6 +8,7 @@
 #include <charconv>
 #include <cstring>
 #include <filesystem>
+#include <vector>
 
 #include "core/error.h"
 #include "io/atomic_file.h"
@@ -42,11 +43,12 @@ namespace {
 /// What a process that was killed has left half written.
 void remove_leftovers(const fs::path& folder) {
     std::error_code code;
-    for (const char* part : {".", "checkpoints", "eval", "test"})
-        for (fs::directory_iterator it(folder / part, code), end; !code && it != end;
-             it.increment(code))
-            if (it->path().filename().string().find(".tmp-") != std::string::npos)
-                fs::remove(it->path(), code);
+    std::vector<fs::path> found;
+    for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
+         it.increment(code))
+        if (it->path().filename().string().find(".tmp-") != std::string::npos)
+            found.push_back(it->path());
+    for (const fs::path& file : found) fs::remove(file, code);
 }
 
 /// The lines of a log up to an iteration; one that was cut off is dropped.
