@@ -187,6 +187,7 @@ int TrainBench::run() const {
                     str("--psnr: ", options.scene.path,
                         " has no test views; expected --eval, or --split LIST of its splits.json"));
     prepare_points(device, options, scene);
+    read_fixed_voters(options, scene);
 
     std::vector<Reached> wanted;
     for (const double psnr : psnr_) wanted.push_back({psnr});

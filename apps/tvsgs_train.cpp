@@ -3,13 +3,13 @@
 
 #include "checkpoints.h"
 #include "common.h"
+#include "initial_points.h"
 #include "io/ply.h"
 #include "key_flags.h"
 #include "progress.h"
 #include "report_data.h"
 #include "run_folder.h"
 #include "run_options.h"
-#include "stereo_cloud.h"
 #include "train_evaluation.h"
 #include "view_evaluation.h"
 
@@ -162,30 +162,6 @@ void check_consistency(const TrainOptions& options) {
     make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
 }
 
-/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
-/// stereo, if that finds more.
-void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
-    const InitOptions& init = options.train.init;
-    const std::size_t given = scene.points.positions.size();
-    if (!options.scene.init_ply.empty()) {
-        scene.points =
-            prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
-        return;
-    }
-    if (given >= static_cast<std::size_t>(init.min_points)) return;
-    spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
-                 given, init.min_points);
-    try {
-        PointCloud cloud = stereo_cloud(device, scene.train, scene.points.positions, options.stereo,
-                                        stereo_cap(init.max_points))
-                               .cloud;
-        if (cloud.positions.size() > given) scene.points = std::move(cloud);
-    } catch (const Error& error) {
-        if (error.code() != ExitCode::input || given == 0) throw;
-        spdlog::warn("{}; training starts from the {} points of the model", error.what(), given);
-    }
-}
-
 template <class Device>
 int train_and_save(const Scene& scene,
                    const RunOptions& options,
@@ -317,8 +293,7 @@ int command(int argc, char** argv) {
         adopt_scene(*point, scene);
     else
         prepare_points(device, options, scene);
-    if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
-        scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
+    read_fixed_voters(options, scene);
     RunFolder run(arguments.out, point && go_on ? point->done : -1);
     const std::string changed = point ? changed_values(arguments.configured, table) : "";
     const std::string config = table.json(run_info(device, arguments, changed, argc, argv));
