@@ -88,9 +88,12 @@ void run_warp(const Action& action) {
     for (std::thread& lane : lanes) lane.join();
 }
 
-Neighbours<Cpu> stored(const std::vector<std::uint32_t>& receivers, int count, int k) {
+Neighbours<Cpu> stored(const std::vector<std::uint32_t>& receivers,
+                       int count,
+                       int k,
+                       ListStorage storage) {
     Neighbours<Cpu> near;
-    near.usable = near.voters_count = count, near.k = k;
+    near.usable = near.voters_count = count, near.k = k, near.storage = storage;
     NeighbourScratch<Cpu> scratch;
     detail::store_lists(scratch, near, [&](int, int, auto& rows) { copy(receivers, rows); });
     return near;
@@ -98,9 +101,10 @@ Neighbours<Cpu> stored(const std::vector<std::uint32_t>& receivers, int count, i
 
 TEST(CompactLists, LanesGetTheVotersThatFullListsGiveThem) {
     constexpr int kCount = 1500, k = 9;  // the list of slot 5 is in more than 32 tiles
-    const Neighbours<Cpu> near = stored(made_up_lists(kCount, k), kCount, k);
+    const Neighbours<Cpu> near = stored(made_up_lists(kCount, k), kCount, k, ListStorage::full);
+    const Neighbours<Cpu> small = stored(made_up_lists(kCount, k), kCount, k, ListStorage::compact);
     const FullLists full = near.full_lists();
-    const CompactLists compact = near.compact_lists();
+    const CompactLists compact = small.compact_lists();
     for (const int slot : {0, 5, 6, 100, 1499}) {
         std::vector<std::uint32_t> expected[2][32], found[2][32], list[2];
         run_warp([&](const ThreadWarp& warp) {
@@ -130,7 +134,7 @@ TEST(CompactLists, LanesGetTheVotersThatFullListsGiveThem) {
 TEST(EdgeTiles, WarpsMakeTheSame) {
     constexpr int kCount = 70, k = 9;  // the last of three blocks has 6 voters
     const std::vector<std::uint32_t> receivers = made_up_lists(kCount, k);
-    const Neighbours<Cpu> near = stored(receivers, kCount, k);
+    const Neighbours<Cpu> near = stored(receivers, kCount, k, ListStorage::compact);
     const EdgeTiles<Cpu>& expected = near.tiles;
     std::vector<EdgeTile> tiles(expected.count);
     std::vector<std::uint32_t> blocks(expected.count);
@@ -161,7 +165,7 @@ TEST(EdgeTiles, WarpsMakeTheSame) {
 TEST(EdgeTiles, ChunksMakeTheSame) {
     constexpr int kCount = 1003, k = 9;
     const std::vector<std::uint32_t> receivers = made_up_lists(kCount, k);
-    const Neighbours<Cpu> full = stored(receivers, kCount, k);
+    const Neighbours<Cpu> full = stored(receivers, kCount, k, ListStorage::full);
     Neighbours<Cpu> near;
     near.usable = near.voters_count = kCount, near.k = k, near.storage = ListStorage::compact;
     NeighbourScratch<Cpu> scratch;
