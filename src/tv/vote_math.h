@@ -111,6 +111,17 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
+/// All zero where a number is not finite: multiplied by a decay of zero it would still spoil sums.
+template <class Real>
+TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
+    const Vec3<Real> m = voter.mean, n = voter.normal_world;
+    Real zero = m.x * 0 + m.y * 0 + m.z * 0 + n.x * 0 + n.y * 0 + n.z * 0;
+    zero += voter.inverse_tau2 * 0 + voter.strength * 0;
+    for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j) zero += voter.W[i][j] * 0;
+    return zero == 0 ? voter : VoterRecord<Real>{};
+}
+
 /// `normal`: unit, world; zero for a ball voter. Whitened axes are S'^-1 R^T up to a rotation,
 /// which changes no length and no angle: a plate turns them so that its normal is the third. That
 /// axis of the world is then normal / |S' R^T normal|, with none of the rounding of R and S' in its
@@ -133,18 +144,14 @@ TVSGS_HD VoterRecord<Real> voter_record(
         for (int i = 0; i < 3; ++i)
             for (int j = 0; j < 3; ++j) voter.W[i][j] = rows[i][j];
     }
-    const Vec3<Real> vectors = voter.mean + voter.normal_world;
-    Real finite = (dot(vectors, vectors) + voter.strength) * 0;
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j) finite += voter.W[i][j] * 0;
-    if (!(finite == 0)) voter.inverse_tau2 = 0;
-    return voter;
+    return silent_unless_finite(voter);
 }
 
 template <class To>
 TVSGS_HD VoterRecord<To> record_cast(const VoterRecord<double>& r) {
-    return {vec_cast<To>(r.mean), static_cast<To>(r.inverse_tau2), mat_cast<To>(r.W),
-            vec_cast<To>(r.normal_world), static_cast<To>(r.strength)};
+    return silent_unless_finite(
+        VoterRecord<To>{vec_cast<To>(r.mean), static_cast<To>(r.inverse_tau2), mat_cast<To>(r.W),
+                        vec_cast<To>(r.normal_world), static_cast<To>(r.strength)});
 }
 
 template <class Real>

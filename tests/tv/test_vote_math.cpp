@@ -166,6 +166,19 @@ TEST(VoteMath, ArcOfAllAngles) {
     }
 }
 
+TEST(VoteMath, RecordsBeyondFloatAddNothing) {
+    for (int entry = 0; entry < 3; ++entry) {
+        VoterRecord<double> r = unit_voter().record();
+        (entry == 0 ? r.normal_world.x : entry == 1 ? r.W[1][2] : r.strength) = 1e200;
+        const VoterRecord<float> single = record_cast<float>(r);
+        EXPECT_FALSE(can_vote(single));
+        const Vec3f d{0.1f, 0.2f, 0.3f};
+        VoteSums<float> sums;
+        add_vote(sums, single.strength, plate_vote<FastMath>(single, d, single.W * d, {}));
+        EXPECT_EQ(sums.tensor.xx + sums.tensor.yy + sums.tensor.zz + sums.votes, 0);
+    }
+}
+
 TEST(VoteMath, CoincidentPoints) {
     const Voter v = unit_voter();
     EXPECT_FALSE(v.plate({0.9e-6, 0, 0}).cast);
