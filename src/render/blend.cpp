@@ -127,7 +127,7 @@ struct LaneSums {
         int v = 0;
         const auto put = [&](const auto&... values) { (values.store(&lanes[v++][first]), ...); };
         put(g.mean.x, g.mean.y, g.abs_mean.x, g.abs_mean.y);
-        put(g.conic.xx, g.conic.xy, g.conic.yy, g.opacity);
+        put(g.spread.xx, g.spread.xy, g.spread.yy, g.opacity);
         const SplatFeatures<Lane>& f = g.features;
         put(f.color.x, f.color.y, f.color.z, f.normal.x, f.normal.y, f.normal.z, f.distance);
         put(g.front_pixels);

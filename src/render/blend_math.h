@@ -16,6 +16,16 @@ inline constexpr float kMaxAlpha =
 inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
 inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
 
+template <class Real>
+TVSGS_HD Real sigmoid(Real logit) {
+    return 1 / (1 + std::exp(-logit));
+}
+/// o (1 - o), but 1 - o keeps its digits where o is next to 1.
+template <class Real>
+TVSGS_HD Real sigmoid_slope(Real logit) {
+    return sigmoid(logit) * sigmoid(-logit);
+}
+
 /// The ellipse of a splat in the image; in whole 16-byte words.
 template <class Real>
 struct alignas(16) SplatShape {
@@ -71,12 +81,6 @@ struct SplatAlpha {
     Real gauss, alpha;
 };
 
-/// R d, whose squared length is the exponent of the splat's Gaussian.
-template <class Real>
-TVSGS_HD Vec2<Real> whitened(const EllipseRoot<Real>& root, Vec2<Real> d) {
-    return {multiply_add(root.xy, d.y, root.xx * d.x), root.yy * d.y};
-}
-
 /// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this. FastMath:
 /// where alpha is not cut off, its exponential is right to 5 units in the last place.
 template <class Real>
@@ -117,7 +121,7 @@ struct PixelBackward {
 template <class Real>
 struct alignas(16) SplatGradients {
     Vec2<Real> mean, abs_mean;  // per px; abs: sum of absolute values per pixel
-    Sym2<Real> conic;  // xy holds the derivative of the packed entry (both off-diagonal places)
+    Sym2<Real> spread;          // -dL/dexponent w w^T, w = whitened(root, d)
     Real opacity;
     SplatFeatures<Real> features;
     Real front_pixels;  // pixels where T in front of the splat exceeds one half
@@ -128,7 +132,7 @@ struct alignas(16) SplatGradients {
 template <class Real>
 TVSGS_HD void add(SplatGradients<Real>& sum, const SplatGradients<Real>& g) {
     sum.mean += g.mean, sum.abs_mean += g.abs_mean;
-    sum.conic.xx += g.conic.xx, sum.conic.xy += g.conic.xy, sum.conic.yy += g.conic.yy;
+    sum.spread.xx += g.spread.xx, sum.spread.xy += g.spread.xy, sum.spread.yy += g.spread.yy;
     sum.opacity += g.opacity;
     add_features<Channels::color_plane>(sum.features, Real(1), g.features);
     sum.front_pixels += g.front_pixels;
@@ -161,14 +165,14 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     const Real gauss_dL_dalpha = a.gauss * dL_dalpha;
     g.opacity += gauss_dL_dalpha;
     const Real common = s.opacity * gauss_dL_dalpha;
-    const Vec2<Real> w = whitened(s.root, d);  // conic d = 2 R^T w
+    const Vec2<Real> w = whitened(s.root, d);  // exponent |w|^2
     const Vec2<Real> dL_dmean = {-2 * common * (s.root.xx * w.x),
                                  -2 * common * (s.root.xy * w.x + s.root.yy * w.y)};
     g.mean += dL_dmean;
     g.abs_mean += Vec2<Real>{abs(dL_dmean.x), abs(dL_dmean.y)};
-    g.conic.xx -= Real(0.5) * common * d.x * d.x;
-    g.conic.xy -= common * d.x * d.y;
-    g.conic.yy -= Real(0.5) * common * d.y * d.y;
+    const Vec2<Real> common_w = {common * w.x, common * w.y};
+    g.spread.xx += common_w.x * w.x, g.spread.xy += common_w.x * w.y;
+    g.spread.yy += common_w.y * w.y;
     count_front(g.front_pixels, T, a.alpha);
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "core/camera.h"
+#include "core/fast_math.h"
 
 namespace tvsgs {
 
@@ -31,40 +32,6 @@ TVSGS_HD Pinhole<Real> pinhole(const Camera& c) {
             (width - cx) / fx + margin_u,
             -cy / fy - margin_v,
             (height - cy) / fy + margin_v};
-}
-
-/// Sigma = R diag(s^2) R^T.  [Kerbl23, Eq. 6]   R: world_from_gaussian;  s: standard deviations,
-/// world units
-template <class Real>
-TVSGS_HD Sym3<Real> covariance(const Mat3<Real>& R, Vec3<Real> s) {
-    Sym3<Real> C;
-    for (int k = 0; k < 3; ++k) {
-        const Vec3<Real> r = s[k] * column(R, k);
-        C.xx += r.x * r.x, C.xy += r.x * r.y, C.xz += r.x * r.z;
-        C.yy += r.y * r.y, C.yz += r.y * r.z, C.zz += r.z * r.z;
-    }
-    return C;
-}
-
-template <class Real>
-struct CovarianceGradients {
-    Mat3<Real> dL_dR;
-    Vec3<Real> dL_ds;
-};
-
-/// `dL_dcovariance` holds entries of the full symmetric matrix.
-template <class Real>
-TVSGS_HD CovarianceGradients<Real> covariance_vjp(const Mat3<Real>& R,
-                                                  Vec3<Real> s,
-                                                  const Sym3<Real>& dL_dcovariance) {
-    CovarianceGradients<Real> g{};
-    for (int k = 0; k < 3; ++k) {
-        const Vec3<Real> r = column(R, k);
-        const Vec3<Real> Sr = dL_dcovariance * r;
-        for (int i = 0; i < 3; ++i) g.dL_dR[i][k] = 2 * s[k] * s[k] * Sr[i];
-        g.dL_ds[k] = 2 * s[k] * dot(r, Sr);
-    }
-    return g;
 }
 
 /// Of rotation(normalize(quat)) with respect to the stored quat, the normalisation included.
@@ -118,15 +85,6 @@ TVSGS_HD ProjectionJacobian<Real> projection_jacobian(const Pinhole<Real>& camer
     return T;
 }
 
-/// Covariance in the image, px^2, without the low-pass.
-template <class Real>
-TVSGS_HD Sym2<Real> project_covariance(const ProjectionJacobian<Real>& T,
-                                       const Sym3<Real>& covariance) {
-    const Vec3<Real> t0{T.m[0][0], T.m[0][1], T.m[0][2]}, t1{T.m[1][0], T.m[1][1], T.m[1][2]};
-    const Vec3<Real> C0 = covariance * t0, C1 = covariance * t1;
-    return {dot(t0, C0), dot(t0, C1), dot(t1, C1)};
-}
-
 /// px, corner convention.
 template <class Real>
 TVSGS_HD Vec2<Real> project_point(const Pinhole<Real>& camera, Vec3<Real> mean_camera) {
@@ -134,40 +92,23 @@ TVSGS_HD Vec2<Real> project_point(const Pinhole<Real>& camera, Vec3<Real> mean_c
             camera.fy * mean_camera.y / mean_camera.z + camera.cy};
 }
 
+/// Of project_point and projection_jacobian together, with respect to the centre in the camera
+/// frame. `exact_clamp`: where the Jacobian's u or v is clamped, the official code keeps the
+/// unclamped derivative along z; exact is half of it.
 template <class Real>
-struct ProjectionGradients {
-    Vec3<Real> dL_dmean_camera;
-    Sym3<Real> dL_dcovariance;  // entries of the full matrix
-};
-
-/// Of project_point and project_covariance together. `dL_dcovariance2d` holds full-matrix entries.
-/// `exact_clamp`: where the Jacobian's u or v is clamped, the official code keeps the unclamped
-/// derivative along z; exact is half of it.
-template <class Real>
-TVSGS_HD ProjectionGradients<Real> projection_vjp(const Pinhole<Real>& camera,
-                                                  Vec3<Real> mean_camera,
-                                                  const Sym3<Real>& covariance,
-                                                  Vec2<Real> dL_dmean2d,
-                                                  const Sym2<Real>& dL_dcovariance2d,
-                                                  bool exact_clamp) {
-    const ProjectionJacobian<Real> T = projection_jacobian(camera, mean_camera);
-    const Vec3<Real> t0{T.m[0][0], T.m[0][1], T.m[0][2]}, t1{T.m[1][0], T.m[1][1], T.m[1][2]};
-    const Sym2<Real>& G = dL_dcovariance2d;
-
-    // dL/dSigma = T^T G T; dL/dT = 2 G T Sigma.
-    const Vec3<Real> g0 = G.xx * t0 + G.xy * t1, g1 = G.xy * t0 + G.yy * t1;
-    ProjectionGradients<Real> out;
-    out.dL_dcovariance = {g0.x * t0.x + g1.x * t1.x, g0.x * t0.y + g1.x * t1.y,
-                          g0.x * t0.z + g1.x * t1.z, g0.y * t0.y + g1.y * t1.y,
-                          g0.y * t0.z + g1.y * t1.z, g0.z * t0.z + g1.z * t1.z};
-    const Vec3<Real> dL_dT0 = 2 * (covariance * g0), dL_dT1 = 2 * (covariance * g1);
-
+TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
+                                   Vec3<Real> mean_camera,
+                                   Vec2<Real> dL_dmean2d,
+                                   const ProjectionJacobian<Real>& dL_dT,
+                                   bool exact_clamp) {
     // T = J R: back to the four entries of J.
     const Mat3<Real>& R = camera.camera_from_world.R;
-    const Vec3<Real> R0{R[0][0], R[0][1], R[0][2]}, R1{R[1][0], R[1][1], R[1][2]},
-        R2{R[2][0], R[2][1], R[2][2]};
-    const Real dL_dj00 = dot(dL_dT0, R0), dL_dj02 = dot(dL_dT0, R2);
-    const Real dL_dj11 = dot(dL_dT1, R1), dL_dj12 = dot(dL_dT1, R2);
+    const auto by_row = [&](int of_T, int of_R) {
+        const Real *a = dL_dT.m[of_T], *b = R[of_R];
+        return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    };
+    const Real dL_dj00 = by_row(0, 0), dL_dj02 = by_row(0, 2);
+    const Real dL_dj11 = by_row(1, 1), dL_dj12 = by_row(1, 2);
 
     const Real inv_z = 1 / mean_camera.z, inv_z2 = inv_z * inv_z;
     const Real u_free = mean_camera.x * inv_z, v_free = mean_camera.y * inv_z;
@@ -176,7 +117,7 @@ TVSGS_HD ProjectionGradients<Real> projection_vjp(const Pinhole<Real>& camera,
     const bool u_clamped = u != u_free, v_clamped = v != v_free;
     const Real z_factor_u = u_clamped && exact_clamp ? 1 : 2,
                z_factor_v = v_clamped && exact_clamp ? 1 : 2;
-    Vec3<Real>& g = out.dL_dmean_camera;
+    Vec3<Real> g;
     g.x = u_clamped ? 0 : -camera.fx * inv_z2 * dL_dj02;
     g.y = v_clamped ? 0 : -camera.fy * inv_z2 * dL_dj12;
     g.z = -camera.fx * inv_z2 * dL_dj00 - camera.fy * inv_z2 * dL_dj11 +
@@ -187,7 +128,44 @@ TVSGS_HD ProjectionGradients<Real> projection_vjp(const Pinhole<Real>& camera,
     g.x += camera.fx * inv_z * dL_dmean2d.x;
     g.y += camera.fy * inv_z * dL_dmean2d.y;
     g.z -= inv_z * (camera.fx * u_free * dL_dmean2d.x + camera.fy * v_free * dL_dmean2d.y);
-    return out;
+    return g;
+}
+
+/// A splat's covariance in the image, px^2, low-pass included, and its determinant.
+template <class Real>
+struct ImageEllipse {
+    Sym2<Real> covariance;
+    Real det;
+};
+
+/// Where T takes a vector of the world.
+template <class Real>
+TVSGS_HD Vec2<Real> in_image(const ProjectionJacobian<Real>& T, Vec3<Real> v) {
+    return {T.m[0][0] * v.x + T.m[0][1] * v.y + T.m[0][2] * v.z,
+            T.m[1][0] * v.x + T.m[1][1] * v.y + T.m[1][2] * v.z};
+}
+
+/// T Sigma T^T with Sigma = R diag(s^2) R^T [Kerbl23, Eq. 6], from the splat's axes in the image:
+/// its determinant is a sum of squares, of their areas and lengths (Cauchy-Binet). As a difference
+/// of products it would be worth nothing for needles: see docs/stability.md.
+///   R: world_from_gaussian;  s: standard deviations, world units
+template <class Real>
+TVSGS_HD ImageEllipse<Real> image_ellipse(const ProjectionJacobian<Real>& T,
+                                          const Mat3<Real>& R,
+                                          Vec3<Real> s,
+                                          Real low_pass) {
+    Vec2<Real> axes[3];
+    ImageEllipse<Real> e{{low_pass, 0, low_pass}, low_pass * low_pass};
+    for (int k = 0; k < 3; ++k) {
+        const Vec2<Real> a = axes[k] = s[k] * in_image(T, column(R, k));
+        e.covariance.xx += a.x * a.x, e.covariance.xy += a.x * a.y, e.covariance.yy += a.y * a.y;
+        e.det += low_pass * dot(a, a);
+        for (int j = 0; j < k; ++j) {
+            const Real area = axes[j].x * a.y - axes[j].y * a.x;
+            e.det += area * area;
+        }
+    }
+    return e;
 }
 
 /// Upper triangular root R of half the inverse of a 2D covariance: a splat's Gaussian at `offset`
@@ -205,19 +183,47 @@ TVSGS_HD EllipseRoot<Real> ellipse_root(const Sym2<Real>& covariance2d, Real det
     return {xx, -xx * covariance2d.xy / covariance2d.yy, std::sqrt(Real(0.5) / covariance2d.yy)};
 }
 
-/// The inverse covariance.
 template <class Real>
-TVSGS_HD Sym2<Real> conic(const EllipseRoot<Real>& root) {
-    return {2 * root.xx * root.xx, 2 * root.xx * root.xy,
-            2 * (root.xy * root.xy + root.yy * root.yy)};
+TVSGS_HD EllipseRoot<Real> ellipse_root(const ImageEllipse<Real>& e) {
+    return ellipse_root(e.covariance, e.det);
 }
 
-/// dL/dSigma2 = -Q G Q, full-matrix entries in and out.
+/// w = root offset; the exponent is |w|^2.
 template <class Real>
-TVSGS_HD Sym2<Real> conic_vjp(const Sym2<Real>& Q, const Sym2<Real>& G) {
-    const Real a = Q.xx * G.xx + Q.xy * G.xy, b = Q.xx * G.xy + Q.xy * G.yy;  // rows of Q G
-    const Real c = Q.xy * G.xx + Q.yy * G.xy, d = Q.xy * G.xy + Q.yy * G.yy;
-    return {-(a * Q.xx + b * Q.xy), -(a * Q.xy + b * Q.yy), -(c * Q.xy + d * Q.yy)};
+TVSGS_HD Vec2<Real> whitened(const EllipseRoot<Real>& root, Vec2<Real> offset) {
+    return {multiply_add(root.xy, offset.y, root.xx * offset.x), root.yy * offset.y};
+}
+
+template <class Real>
+struct EllipseGradients {
+    ProjectionJacobian<Real> dL_dT;
+    Mat3<Real> dL_dR;
+    Vec3<Real> dL_dlog_s;
+};
+
+/// Of the Gaussian at fixed offsets, through image_ellipse and ellipse_root. W is the sum of
+/// -dL/dexponent w w^T over these offsets. All is taken back in the whitened space, b_k = root a_k:
+/// dL/da_k = 4 root^T W b_k. Through sums of offset offset^T and the covariance's entries, needles
+/// would lose all digits.
+template <class Real>
+TVSGS_HD EllipseGradients<Real> image_ellipse_vjp(const ProjectionJacobian<Real>& T,
+                                                  const Mat3<Real>& R,
+                                                  Vec3<Real> s,
+                                                  const EllipseRoot<Real>& root,
+                                                  const Sym2<Real>& W) {
+    EllipseGradients<Real> g{};
+    for (int k = 0; k < 3; ++k) {
+        const Vec3<Real> r = column(R, k);
+        const Vec2<Real> b = whitened(root, s[k] * in_image(T, r));
+        const Vec2<Real> c = {4 * (W.xx * b.x + W.xy * b.y), 4 * (W.xy * b.x + W.yy * b.y)};
+        g.dL_dlog_s[k] = dot(b, c);
+        const Real x = s[k] * (root.xx * c.x), y = s[k] * (root.xy * c.x + root.yy * c.y);
+        for (int i = 0; i < 3; ++i) {
+            g.dL_dR[i][k] = x * T.m[0][i] + y * T.m[1][i];
+            g.dL_dT.m[0][i] += x * r[i], g.dL_dT.m[1][i] += y * r[i];
+        }
+    }
+    return g;
 }
 
 /// The plane a flat Gaussian stands for, in the camera frame.  [PGSR], n points to the camera,

@@ -112,14 +112,13 @@ struct ProjectBody {
 
         const Mat3f R = rotation(normalize(quats[i]));
         const Vec3f scales = exp(log_scales[i]);
-        Sym2f C = project_covariance(projection_jacobian(view.camera, p), covariance(R, scales));
-        C.xx += view.low_pass, C.yy += view.low_pass;
-        const float det = C.xx * C.yy - C.xy * C.xy;
-        if (!(det > 0) || !(det < 1e30f)) return;
+        const ImageEllipse<float> e =
+            image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
+        if (!(e.det > 0) || !(e.det < 1e30f)) return;
 
         SplatShape<float> s;
         s.mean = project_point(view.camera, p);
-        s.root = ellipse_root(C, det);
+        s.root = ellipse_root(e);
         s.opacity = opacity;
         s.reach = splat_reach(opacity);
         const TileGrid& grid = view.grid;
@@ -128,8 +127,8 @@ struct ProjectBody {
         if (rect.count() == 0 || !ellipse_meets_tiles(s, grid, rect)) return;
 
         // The 3-sigma radius of 3DGS: statistics only, the tiles come from the exact test.
-        const float mid = 0.5f * (C.xx + C.yy);
-        const float under_root = mid * mid - det;
+        const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
+        const float under_root = mid * mid - e.det;
         radii[i] = std::ceil(3 * std::sqrt(mid + std::sqrt(under_root > 0.1f ? under_root : 0.1f)));
         shapes[i] = s;
         depths[i] = p.z;
@@ -185,12 +184,9 @@ struct ProjectBackwardBody {
         const float opacity = shapes[i].opacity;
         dL_dopacity_logits[i] += opacity * (1 - opacity) * g.opacity;
 
-        const Sym2f dL_dcovariance2d =
-            conic_vjp(conic(shapes[i].root), Sym2f{g.conic.xx, 0.5f * g.conic.xy, g.conic.yy});
-        const auto projection = projection_vjp(view.camera, p, covariance(R, scales), g.mean,
-                                               dL_dcovariance2d, view.exact_clamp);
-        auto spread = covariance_vjp(R, scales, projection.dL_dcovariance);
-        Vec3f dL_dp = projection.dL_dmean_camera;
+        auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales,
+                                         shapes[i].root, g.spread);
+        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
         if constexpr (has_plane(kChannels)) {
             const int axis = smallest_axis(log_scales[i]);
             const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
@@ -198,9 +194,9 @@ struct ProjectBackwardBody {
             dL_dp += plane.dL_dmean_camera;
             for (int k = 0; k < 3; ++k) {
                 const float here = k == axis ? 1.0f : 0.0f;
-                spread.dL_dR[0][k] += here * plane.dL_daxis.x;
-                spread.dL_dR[1][k] += here * plane.dL_daxis.y;
-                spread.dL_dR[2][k] += here * plane.dL_daxis.z;
+                ellipse.dL_dR[0][k] += here * plane.dL_daxis.x;
+                ellipse.dL_dR[1][k] += here * plane.dL_daxis.y;
+                ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
             }
         }
         Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
@@ -209,8 +205,8 @@ struct ProjectBackwardBody {
                 sh_color_vjp<float>(view.sh_degree, means[i] - view.centre, sh.data, means.count, i,
                                     features[i].f.color, g.features.color, dL_dsh.data);
         dL_dmeans[i] += dL_dmean;
-        dL_dlog_scales[i] += scales * spread.dL_ds;
-        const Quatf dL_dquat = rotation_vjp(quats[i], spread.dL_dR);
+        dL_dlog_scales[i] += ellipse.dL_dlog_s;
+        const Quatf dL_dquat = rotation_vjp(quats[i], ellipse.dL_dR);
         dL_dquats[i].w += dL_dquat.w, dL_dquats[i].x += dL_dquat.x;
         dL_dquats[i].y += dL_dquat.y, dL_dquats[i].z += dL_dquat.z;
     }

@@ -10,21 +10,16 @@ namespace {
 using test::central_difference;
 using test::close;
 
-/// Of an inverse covariance; NaN where that is not positive definite.
-EllipseRoot<double> root_of(const Sym2<double>& conic) {
-    const double det = 1 / (conic.xx * conic.yy - conic.xy * conic.xy);
-    return ellipse_root(Sym2<double>{conic.yy * det, -conic.xy * det, conic.xx * det}, det);
-}
+const double kHalf = std::sqrt(0.5);
+const EllipseRoot<double> kUnitCircle{kHalf, 0, kHalf};
 
 struct Splat {
     Vec2<double> mean;
-    Sym2<double> conic;
+    EllipseRoot<double> root;
     double opacity;
     SplatFeatures<double> features;
 
-    SplatShape<double> shape() const {
-        return {mean, root_of(conic), opacity, splat_reach(opacity)};
-    }
+    SplatShape<double> shape() const { return {mean, root, opacity, splat_reach(opacity)}; }
 };
 
 std::vector<Splat> some_splats(int count, unsigned seed, double most_opacity) {
@@ -33,7 +28,7 @@ std::vector<Splat> some_splats(int count, unsigned seed, double most_opacity) {
     for (int i = 0; i < count; ++i) {
         Splat s{};
         s.mean = {random.uniform(-2, 2), random.uniform(-2, 2)};
-        s.conic = {random.uniform(0.1, 0.3), random.uniform(-0.05, 0.05), random.uniform(0.1, 0.3)};
+        s.root = {random.uniform(0.2, 0.4), random.uniform(-0.1, 0.1), random.uniform(0.2, 0.4)};
         s.opacity = random.uniform(0.3, most_opacity);
         s.features = {random.normal3(), random.normal3(), random.normal()};
         splats.push_back(s);
@@ -100,9 +95,13 @@ TEST(Blend, VjpAgainstDifferences) {
         const double tolerance = 1e-7;  // differences with h = 1e-4 and one Richardson step
         EXPECT_TRUE(close(g[i].mean.x, derivative(s.mean.x), tolerance));
         EXPECT_TRUE(close(g[i].mean.y, derivative(s.mean.y), tolerance));
-        EXPECT_TRUE(close(g[i].conic.xx, derivative(s.conic.xx), tolerance));
-        EXPECT_TRUE(close(g[i].conic.xy, derivative(s.conic.xy), tolerance));
-        EXPECT_TRUE(close(g[i].conic.yy, derivative(s.conic.yy), tolerance));
+        // The exponent is |root d|^2: by the entries of root, -2 spread root^-T.
+        const EllipseRoot<double>& r = s.root;
+        const Sym2<double>& W = g[i].spread;
+        const double dy = 1 / r.yy, dx = 1 / r.xx, slope = -r.xy * dx * dy;  // root^-1
+        EXPECT_TRUE(close(-2 * (W.xx * dx + W.xy * slope), derivative(s.root.xx), tolerance));
+        EXPECT_TRUE(close(-2 * W.xy * dy, derivative(s.root.xy), tolerance));
+        EXPECT_TRUE(close(-2 * W.yy * dy, derivative(s.root.yy), tolerance));
         EXPECT_TRUE(close(g[i].opacity, derivative(s.opacity), tolerance));
         for (int c = 0; c < 3; ++c) {
             EXPECT_TRUE(close(g[i].features.color[c], derivative(f.color[c]), tolerance));
@@ -115,7 +114,7 @@ TEST(Blend, VjpAgainstDifferences) {
 
 TEST(Blend, OneOpaqueSplatAndItsClamp) {
     Splat s{};
-    s.conic = {1, 0, 1};
+    s.root = kUnitCircle;
     s.opacity = 0.999;
     s.features.color = {1, 0.5, 0.25};
     std::size_t stop;
@@ -130,13 +129,14 @@ TEST(Blend, OneOpaqueSplatAndItsClamp) {
 
 TEST(Blend, CutOffs) {
     Splat faint{};
-    faint.conic = {1, 0, 1};
+    faint.root = kUnitCircle;
     faint.opacity = 0.999 / 255;  // just below one step of 8-bit colour
     EXPECT_EQ(splat_alpha(faint.shape(), {0, 0}).alpha, 0);
     faint.opacity = 1.001 / 255;
     EXPECT_GT(splat_alpha(faint.shape(), {0, 0}).alpha, 0);
-    for (const Sym2<double> broken : {Sym2<double>{-1, 0, 1}, Sym2<double>{NAN, 0, 1}}) {
-        const SplatShape<double> s{{0, 0}, root_of(broken), 0.5, splat_reach(0.5)};
+    for (const EllipseRoot<double> broken :
+         {EllipseRoot<double>{NAN, 0, kHalf}, {kHalf, NAN, NAN}}) {
+        const SplatShape<double> s{{0, 0}, broken, 0.5, splat_reach(0.5)};
         EXPECT_EQ(splat_alpha(s, {1, 0}).alpha, 0);
         EXPECT_FALSE(may_draw(s, {1, 1}, {8, 8}));
     }
@@ -144,7 +144,7 @@ TEST(Blend, CutOffs) {
     // Two splats of alpha 0.99 leave T = 1e-4, rounded just above or below; a third is not blended
     // in any case.
     Splat wall{};
-    wall.conic = {1, 0, 1};
+    wall.root = kUnitCircle;
     wall.opacity = 0.99;
     wall.features.color = {1, 1, 1};
     std::size_t stop;
@@ -155,7 +155,7 @@ TEST(Blend, CutOffs) {
 
 TEST(Blend, FrontCountStopsAtHalf) {
     Splat s{};
-    s.conic = {1, 0, 1};
+    s.root = kUnitCircle;
     s.opacity = 0.4;
     const auto g = backward({s, s, s}, kWeights);  // T in front: 1, 0.6, 0.36
     EXPECT_EQ(g[0].front_pixels, 1);
@@ -168,8 +168,7 @@ TEST(LeastExponent, AgainstAFineGrid) {
     for (int trial = 0; trial < 200; ++trial) {
         SplatShape<double> s{};
         s.mean = {random.uniform(-10, 26), random.uniform(-10, 26)};
-        const double a = random.uniform(0.01, 2), c = random.uniform(0.01, 2);
-        s.root = root_of({a, random.uniform(-0.95, 0.95) * std::sqrt(a * c), c});
+        s.root = {random.uniform(0.07, 1), random.uniform(-0.6, 0.6), random.uniform(0.07, 1)};
         const Vec2<double> low{0.5, 0.5}, high{15.5, 15.5};
         double least = 1e300;
         for (int i = 0; i <= 300; ++i)

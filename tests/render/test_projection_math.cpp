@@ -22,29 +22,6 @@ Camera test_camera() {
     return c;
 }
 
-TEST(Covariance, Vjp) {
-    test::Random random(1);
-    for (int trial = 0; trial < 5; ++trial) {
-        const Quat<double> q = random.quat(), dq = random.quat();
-        const Vec3d s{0.3, 0.7, 1.1}, ds = random.normal3();
-        const Sym3<double> w{random.normal(), random.normal(), random.normal(),
-                             random.normal(), random.normal(), random.normal()};
-        const auto value = [&](double t) {
-            const Quat<double> moved{q.w + t * dq.w, q.x + t * dq.x, q.y + t * dq.y,
-                                     q.z + t * dq.z};
-            const auto C = covariance(rotation(normalize(moved)), s + t * ds);
-            // Off-diagonal entries stand twice in the full matrix.
-            return w.xx * C.xx + w.yy * C.yy + w.zz * C.zz +
-                   2 * (w.xy * C.xy + w.xz * C.xz + w.yz * C.yz);
-        };
-        const auto g = covariance_vjp(rotation(normalize(q)), s, w);
-        const auto gq = rotation_vjp(q, g.dL_dR);
-        const double analytic =
-            dot(g.dL_ds, ds) + gq.w * dq.w + gq.x * dq.x + gq.y * dq.y + gq.z * dq.z;
-        EXPECT_TRUE(close(analytic, central_difference(value), kTolerance));
-    }
-}
-
 TEST(Rotation, ZeroQuaternionHasNoGradient) {
     const Mat3<double> ones{{{1, 1, 1}, {1, 1, 1}, {1, 1, 1}}};
     const auto g = rotation_vjp(Quat<double>{0, 0, 0, 0}, ones);
@@ -52,90 +29,122 @@ TEST(Rotation, ZeroQuaternionHasNoGradient) {
     EXPECT_EQ(g.x, 0);
 }
 
-/// L = a.mean2d + <G, covariance2d>, as a function of the centre in the camera frame and of the
-/// covariance.
-double projection_value(const Pinhole<double>& camera,
-                        Vec3d p,
-                        const Sym3<double>& C,
-                        Vec2<double> a,
-                        const Sym2<double>& G) {
-    const auto S = project_covariance(projection_jacobian(camera, p), C);
-    return dot(a, project_point(camera, p)) + G.xx * S.xx + 2 * G.xy * S.xy + G.yy * S.yy;
+/// What a splat is to a camera: its centre in the camera frame, its quaternion and its log scales.
+struct Placed {
+    Vec3d p;
+    Quat<double> quat;
+    Vec3d log_s;
+};
+
+/// L = a . mean2d - sum of weights x exponents at fixed offsets from the mean.
+constexpr double kLowPass = 0.3;
+constexpr Vec2<double> kMeanWeight{0.7, -0.4};
+constexpr Vec2<double> kOffsets[] = {{3, 1}, {-1, 2}, {0.5, -4}, {6, 5}};
+constexpr double kWeights[] = {0.3, -0.2, 0.5, 0.1};
+
+EllipseRoot<double> root_of(const Pinhole<double>& camera, const Placed& splat) {
+    return ellipse_root(image_ellipse(projection_jacobian(camera, splat.p),
+                                      rotation(normalize(splat.quat)), exp(splat.log_s), kLowPass));
+}
+double projection_value(const Pinhole<double>& camera, const Placed& splat) {
+    double value = dot(kMeanWeight, project_point(camera, splat.p));
+    const auto root = root_of(camera, splat);
+    for (int i = 0; i < 4; ++i) {
+        const auto w = whitened(root, kOffsets[i]);
+        value -= kWeights[i] * dot(w, w);
+    }
+    return value;
+}
+
+struct PlacedGradients {
+    Vec3d dL_dp, dL_dlog_s;
+    Quat<double> dL_dquat;
+};
+PlacedGradients projection_gradients(const Pinhole<double>& camera,
+                                     const Placed& splat,
+                                     bool exact_clamp) {
+    const auto root = root_of(camera, splat);
+    Sym2<double> W;
+    for (int i = 0; i < 4; ++i) {
+        const auto w = whitened(root, kOffsets[i]);
+        W.xx += kWeights[i] * w.x * w.x, W.xy += kWeights[i] * w.x * w.y;
+        W.yy += kWeights[i] * w.y * w.y;
+    }
+    const auto g = image_ellipse_vjp(projection_jacobian(camera, splat.p),
+                                     rotation(normalize(splat.quat)), exp(splat.log_s), root, W);
+    return {projection_vjp(camera, splat.p, kMeanWeight, g.dL_dT, exact_clamp), g.dL_dlog_s,
+            rotation_vjp(splat.quat, g.dL_dR)};
 }
 
 TEST(Projection, Vjp) {
     const auto camera = pinhole<double>(test_camera());
     test::Random random(2);
-    const Sym2<double> G{0.3, -0.2, 0.5};
-    const Vec2<double> a{0.7, -0.4};
     // The last three are outside of the clamp range along x, y and both: with exact_clamp the
     // derivative is exact there too.
     for (Vec3d p : {Vec3d{0.2, -0.3, 2}, {-0.5, 0.1, 1.5}, {4, 0.1, 2}, {0.1, -5, 2}, {-6, 6, 3}}) {
-        const auto C = covariance(rotation(normalize(random.quat())), Vec3d{0.1, 0.2, 0.05});
-        const auto g = projection_vjp(camera, p, C, a, G, true);
+        Placed splat{p, random.quat(), {-2.3, -1.6, -3}};
+        const auto g = projection_gradients(camera, splat, true);
+        const auto expect_derivative = [&](double& number, double analytic) {
+            const double kept = number;
+            const auto value = [&](double t) {
+                number = kept + t;
+                const double v = projection_value(camera, splat);
+                number = kept;
+                return v;
+            };
+            EXPECT_TRUE(close(analytic, central_difference(value, 1e-4), kTolerance));
+        };
         for (int axis = 0; axis < 3; ++axis) {
-            const auto value = [&](double t) {
-                Vec3d moved = p;
-                moved[axis] += t;
-                return projection_value(camera, moved, C, a, G);
-            };
-            EXPECT_TRUE(close(g.dL_dmean_camera[axis], central_difference(value, 1e-4), kTolerance))
-                << "axis " << axis << " x " << p.x;
+            SCOPED_TRACE(testing::Message() << "axis " << axis << " x " << p.x);
+            expect_derivative(splat.p[axis], g.dL_dp[axis]);
+            expect_derivative(splat.log_s[axis], g.dL_dlog_s[axis]);
         }
-        const std::array<double, 6> analytic{g.dL_dcovariance.xx,     2 * g.dL_dcovariance.xy,
-                                             2 * g.dL_dcovariance.xz, g.dL_dcovariance.yy,
-                                             2 * g.dL_dcovariance.yz, g.dL_dcovariance.zz};
-        for (int entry = 0; entry < 6; ++entry) {
-            const auto value = [&](double t) {
-                Sym3<double> moved = C;
-                double* const entries[6] = {&moved.xx, &moved.xy, &moved.xz,
-                                            &moved.yy, &moved.yz, &moved.zz};
-                *entries[entry] += t;
-                return projection_value(camera, p, moved, a, G);
-            };
-            EXPECT_TRUE(close(analytic[static_cast<std::size_t>(entry)], central_difference(value),
-                              kTolerance));
-        }
+        expect_derivative(splat.quat.w, g.dL_dquat.w);
+        expect_derivative(splat.quat.x, g.dL_dquat.x);
+        expect_derivative(splat.quat.y, g.dL_dquat.y);
+        expect_derivative(splat.quat.z, g.dL_dquat.z);
     }
 }
 
 TEST(Projection, OfficialClampKeepsTwiceTheDepthDerivative) {
     const auto camera = pinhole<double>(test_camera());
     const Vec3d p{4, 0.1, 2};
-    const auto C =
-        covariance(Mat3<double>{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, Vec3d{0.1, 0.2, 0.05});
-    const Sym2<double> G{1, 0, 0};
-    const auto exact = projection_vjp(camera, p, C, {0, 0}, G, true),
-               official = projection_vjp(camera, p, C, {0, 0}, G, false);
-    EXPECT_EQ(exact.dL_dmean_camera.x, official.dL_dmean_camera.x);
+    ProjectionJacobian<double> dL_dT{};
+    dL_dT.m[0][0] = 1, dL_dT.m[0][1] = -2, dL_dT.m[0][2] = 0.5;
+    const auto exact = projection_vjp(camera, p, {0, 0}, dL_dT, true),
+               official = projection_vjp(camera, p, {0, 0}, dL_dT, false);
+    EXPECT_EQ(exact.x, official.x);
     // They differ by dL/dj02 * fx u / z^2.
-    const auto T = projection_jacobian(camera, p);
-    const Vec3d t0{T.m[0][0], T.m[0][1], T.m[0][2]};
     const Mat3<double>& R = camera.camera_from_world.R;
-    const double dL_dj02 = dot(2.0 * (C * t0), Vec3d{R[2][0], R[2][1], R[2][2]});
-    EXPECT_TRUE(close(official.dL_dmean_camera.z - exact.dL_dmean_camera.z,
-                      dL_dj02 * camera.fx * camera.u_max / 4, 1e-12));
+    const double dL_dj02 = dot(Vec3d{1, -2, 0.5}, Vec3d{R[2][0], R[2][1], R[2][2]});
+    EXPECT_TRUE(close(official.z - exact.z, dL_dj02 * camera.fx * camera.u_max / 4, 1e-12));
 }
 
-TEST(Conic, InverseAndVjp) {
-    const Sym2<double> S{2.5, -0.7, 1.3}, w{0.4, -0.9, 0.6};
-    const auto det = [](const Sym2<double>& m) { return m.xx * m.yy - m.xy * m.xy; };
-    const auto Q = conic(ellipse_root(S, det(S)));
-    EXPECT_TRUE(close(S.xx * Q.xx + S.xy * Q.xy, 1, 1e-14));
-    EXPECT_NEAR(S.xx * Q.xy + S.xy * Q.yy, 0, 1e-14);
-    const auto g = conic_vjp(Q, w);
-    const std::array<double, 3> analytic{g.xx, 2 * g.xy, g.yy};
-    for (int entry = 0; entry < 3; ++entry) {
-        const auto value = [&](double t) {
-            Sym2<double> moved = S;
-            double* const entries[3] = {&moved.xx, &moved.xy, &moved.yy};
-            *entries[entry] += t;
-            const auto q = conic(ellipse_root(moved, det(moved)));
-            return w.xx * q.xx + 2 * w.xy * q.xy + w.yy * q.yy;
-        };
-        EXPECT_TRUE(close(analytic[static_cast<std::size_t>(entry)], central_difference(value),
-                          kTolerance));
-    }
+TEST(Ellipse, OfASplatAndItsRoot) {
+    const auto camera = pinhole<double>(test_camera());
+    const Mat3<double> R = rotation(normalize(Quat<double>{0.9, 0.2, -0.4, 0.1}));
+    const Vec3d s{0.1, 0.2, 0.05};
+    const auto T = projection_jacobian(camera, Vec3d{0.2, -0.3, 2});
+    const auto e = image_ellipse(T, R, s, kLowPass);
+    // T (R diag(s^2) R^T) T^T, entry by entry.
+    const auto entry = [&](int a, int b) {
+        double sum = a == b ? kLowPass : 0;
+        for (int i = 0; i < 3; ++i)
+            for (int j = 0; j < 3; ++j)
+                for (int k = 0; k < 3; ++k)
+                    sum += T.m[a][i] * R[i][k] * s[k] * s[k] * R[j][k] * T.m[b][j];
+        return sum;
+    };
+    const Sym2<double> C{entry(0, 0), entry(0, 1), entry(1, 1)};
+    EXPECT_TRUE(close(e.covariance.xx, C.xx, 1e-13));
+    EXPECT_TRUE(close(e.covariance.xy, C.xy, 1e-13));
+    EXPECT_TRUE(close(e.covariance.yy, C.yy, 1e-13));
+    EXPECT_TRUE(close(e.det, C.xx * C.yy - C.xy * C.xy, 1e-12));
+    // Half the inverse is r^T r: r C r^T is half the identity.
+    const auto r = ellipse_root(e);
+    EXPECT_NEAR(r.xx * r.xx * C.xx + 2 * r.xx * r.xy * C.xy + r.xy * r.xy * C.yy, 0.5, 1e-12);
+    EXPECT_NEAR(r.yy * (r.xx * C.xy + r.xy * C.yy), 0, 1e-12);
+    EXPECT_NEAR(r.yy * r.yy * C.yy, 0.5, 1e-13);
 }
 
 TEST(CameraPlane, FacesTheCameraAndVjp) {

@@ -46,11 +46,9 @@ struct Reference {
             const Vec3d p = camera.camera_from_world * means[i];
             if (p.z <= 0.2f) continue;
             const Mat3<double> R = rotation(normalize(quats[i]));
-            auto S = project_covariance(projection_jacobian(camera, p),
-                                        covariance(R, exp(log_scales[i])));
-            S.xx += 0.3f, S.yy += 0.3f;
             shapes[i] = {project_point(camera, p),
-                         ellipse_root(S, S.xx * S.yy - S.xy * S.xy),
+                         ellipse_root(image_ellipse(projection_jacobian(camera, p), R,
+                                                    exp(log_scales[i]), double(0.3f))),
                          1 / (1 + std::exp(-logits[i])),
                          {}};
             const Vec3d offset = means[i] - vec_cast<double>(camera_centre(c));
