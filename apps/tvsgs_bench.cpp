@@ -1,4 +1,5 @@
 // tvsgs-bench: stage timings, and agreement with stored results; one class per subcommand.
+#include "bench_stability.h"
 #include "bench_stages.h"
 #include "bench_train.h"
 #include "bench_vote.h"
@@ -14,10 +15,14 @@ int command(int argc, char** argv) {
     const VoteBench vote(app);
     const StagesBench stages(app);
     const TrainBench train(app);
+    const StabilityBench stability(app);
     parse_command_line(app, argc, argv);
     init_log(vote.quiet() || stages.quiet() || train.quiet() ? Verbosity::quiet
                                                              : Verbosity::normal);
-    return vote.parsed() ? vote.run() : stages.parsed() ? stages.run() : train.run();
+    return vote.parsed()        ? vote.run()
+           : stages.parsed()    ? stages.run()
+           : stability.parsed() ? stability.run()
+                                : train.run();
 }
 
 }  // namespace

@@ -1,0 +1,9 @@
+#include "bench_stability_rows.h"
+
+namespace tvsgs {
+
+std::vector<StabilityCurve> measure_stability(Cuda) {
+    return stability::measure<Cuda>();
+}
+
+}  // namespace tvsgs
