@@ -27,6 +27,7 @@ constexpr Floor kFloors[] = {
     {"blend", 0.045, 0.127, 0.049, 0.139},
     {"photometric loss", 0.014, 0.051, 0.014, 0.051},
     {"blend backward", 0.117, 0.388, 0.117, 0.388},  // with the sums over each splat's slots
+    {"project backward and Adam", 0.313, 0.313, 0.313, 0.313},
 };
 
 /// 0 where none is known.
@@ -34,8 +35,8 @@ double floor_ms(const std::string& stage, const std::string& name, Channels chan
     for (const Floor& f : kFloors)
         if (stage == f.stage && channels != Channels::plane) {
             const bool plane = has_plane(channels);
-            if (name == "w540") return plane ? f.w540_plane : f.w540;
-            if (name == "w1200") return plane ? f.w1200_plane : f.w1200;
+            if (name.starts_with("w540")) return plane ? f.w540_plane : f.w540;
+            if (name.starts_with("w1200")) return plane ? f.w1200_plane : f.w1200;
         }
     return 0;
 }
@@ -71,12 +72,12 @@ struct Measured {
 /// One view again and again: first as in training, with one wait at the end, then with a wait
 /// around every stage.
 template <class Device>
-Measured measure(const StageCase& c, Channels channels, int warm_up, int repetitions) {
+Measured measure(
+    const StageCase& c, Channels channels, AdamForm form, int warm_up, int repetitions) {
     const Camera camera = stage_camera(c);
     const std::int64_t before = memory_use(Device{}).current_bytes;
-    Gaussians<Device> splats, dL_dsplats;
+    Gaussians<Device> splats, no_more;
     copy(make_stage_splats(c), splats);
-    resize(dL_dsplats, splats.size(), kShDegree);
     const auto pixels = static_cast<std::size_t>(c.width) * static_cast<std::size_t>(c.height);
     std::vector<std::uint8_t> noise(3 * pixels);
     for (std::size_t i = 0; i < noise.size(); ++i)
@@ -93,21 +94,21 @@ Measured measure(const StageCase& c, Channels channels, int warm_up, int repetit
     }
     const auto backbone = make_backbone<Device>("pgsr", {});
     // At rate 0 Adam works as ever, but the view stays the same.
-    Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats);
+    Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, form);
 
     const auto iteration = [&](StageClock<Device>& clock) {
-        clock("clear gradients", [&] {
-            fill_zero(dL_dsplats);
-            dL_dimages.color.fill_zero();
-        });
-        const auto& images = backbone->forward(splats, camera, kShDegree, channels);
+        const auto& images =
+            backbone->forward(splats, camera, kShDegree, channels,
+                              [&](Span<const float> radii_px) { adam.catch_up(radii_px, splats); });
         if (has_color(channels))
             clock("photometric loss", [&] {
+                dL_dimages.color.fill_zero();
                 photometric_loss(images.color.span(), photo.span(), c.width, c.height, {0.8f, 0.2f},
                                  scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
             });
-        backbone->backward(splats, dL_dimages, dL_dsplats);
-        clock("adam", [&] { adam.step(1, 1, kShDegree, dL_dsplats, splats, true); });
+        const ViewGradients gradients = backbone->blend_backward(dL_dimages);
+        clock("project backward and Adam",
+              [&] { adam.step(1, 1, gradients, no_more, splats, true); });
     };
     Measured out{};
     StageClock<Device> off;
@@ -140,6 +141,8 @@ const std::vector<StageCase>& stage_cases() {
     static const std::vector<StageCase> cases = {
         {"w540", Kind::trained, 1'500'000, 960, 540, 2.5},
         {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.2},
+        {"w540_runs", Kind::trained, 1'500'000, 960, 540, 2.5, 1024},
+        {"w1200_runs", Kind::trained, 1'500'000, 1600, 1200, 4.2, 1024},
         {"c256", Kind::in_view, 20'000, 256, 256, 5.5},
         {"one_tile", Kind::one_tile, 1'500'000, 960, 540, 0.5},
         {"huge", Kind::huge, 2'000, 960, 540, 3000},
@@ -179,7 +182,8 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
         }
         if (c.kind == Kind::huge) opacity = draw.uniform(0.006, 0.05);
         if (c.kind == Kind::one) x = 0.5 * c.width, y = 0.5 * c.height;
-        const bool behind = c.kind == Kind::empty || (c.kind == Kind::trained && splat % 2 == 1);
+        const bool behind =
+            c.kind == Kind::empty || (c.kind == Kind::trained && splat / c.run % 2 == 1);
         if (behind) z = -z;
         g.means[i] = {static_cast<float>((x - 0.5 * c.width) / f * z),
                       static_cast<float>((y - 0.5 * c.height) / f * z), static_cast<float>(z)};
@@ -218,6 +222,9 @@ StagesBench::StagesBench(CLI::App& app)
     c.add_option("--channels", channels_, "what is rendered")
         ->check(CLI::IsMember({"color", "color_plane", "plane"}))
         ->capture_default_str();
+    c.add_option("--adam", adam_, "as the key optim.adam")
+        ->check(CLI::IsMember({"dense", "lazy", "visible"}))
+        ->capture_default_str();
     c.add_option("--repetitions", repetitions_, "timed repetitions")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
@@ -234,6 +241,9 @@ int StagesBench::run() const {
     const Channels channels = channels_ == "color"         ? Channels::color
                               : channels_ == "color_plane" ? Channels::color_plane
                                                            : Channels::plane;
+    const AdamForm form = adam_ == "dense"  ? AdamForm::dense
+                          : adam_ == "lazy" ? AdamForm::lazy
+                                            : AdamForm::visible;
     std::string lines;
     for (StageCase c : stage_cases()) {
         if (!cases_.empty() && std::find(cases_.begin(), cases_.end(), c.name) == cases_.end())
@@ -244,7 +254,7 @@ int StagesBench::run() const {
         c.width = std::max(16, static_cast<int>(std::sqrt(scale_) * c.width));
         c.height = std::max(16, static_cast<int>(std::sqrt(scale_) * c.height));
         const Measured m = on_device(device, [&](auto tag) {
-            return measure<decltype(tag)>(c, channels, warm_up_, repetitions_);
+            return measure<decltype(tag)>(c, channels, form, warm_up_, repetitions_);
         });
         const std::string stages =
             m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
@@ -265,6 +275,7 @@ int StagesBench::run() const {
             .add("width", c.width)
             .add("height", c.height)
             .add("channels", channels_)
+            .add("adam", adam_)
             .add_json("counters", counters.text())
             .add_json("stages", stages);
         std::printf("%s\n", json.text().c_str());

@@ -17,9 +17,11 @@ struct StageCase {
     Kind kind;
     int splats, width, height;
     double size_px;  // median deviation of a splat in the image
+    int run = 1;     // trained: splats in view and out of it alternate in runs of this length
 };
 
-/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; c256: a small
+/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; with _runs:
+/// as they lie in memory where neighbours in space are neighbours there, too; c256: a small
 /// one for CPUs, all in view and as many over each pixel; and worst cases.
 const std::vector<StageCase>& stage_cases();
 
@@ -40,7 +42,7 @@ public:
 private:
     CLI::App* command_;
     std::vector<std::string> cases_;
-    std::string device_ = "auto", channels_ = "color", out_;
+    std::string device_ = "auto", channels_ = "color", adam_ = "lazy", out_;
     int repetitions_ = 50, warm_up_ = 20;
     double scale_ = 1;
     bool quiet_ = false;

@@ -202,12 +202,12 @@ int train_and_save(const Scene& scene,
 
     EvaluationSchedule schedule(options.eval, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
-    const auto evaluate_now = [&](int step, const Gaussians<Device>& gaussians) {
+    const auto evaluate_now = [&](int step, const SplatsNow<Device>& splats) {
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;
         synchronize(Device{});
         progress.pause();
         run.log(
-            evaluation_line(step, progress.seconds(), gaussians, scene.test, options.train, truth));
+            evaluation_line(step, progress.seconds(), splats(), scene.test, options.train, truth));
         progress.resume();
     };
     const auto train_or_explain = [&] {

@@ -34,6 +34,13 @@ void resize(Gaussians<Device>& g, int count, int sh_degree) {
     g.sh.resize(std::size_t(count) * sh_count(sh_degree));
 }
 
+/// The same without colours.
+template <class Device>
+void resize_geometry(Gaussians<Device>& g, int count) {
+    resize(g, count, 0);
+    g.sh.resize(0);
+}
+
 template <class Device>
 void fill_zero(Gaussians<Device>& g) {
     g.means.fill_zero();

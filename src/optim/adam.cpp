@@ -7,4 +7,13 @@ void update_parameters(Cpu, int count, const AdamBody& body, const int* halted) 
     if (halted == nullptr || *halted == 0) parallel_for(Cpu{}, count, body);
 }
 
+// All harmonics of a Gaussian side by side, so that loops over them vectorise.
+void take_step(Cpu, int count, const AdamStep& step) {
+    take_step_as<kMaxShCount>(Cpu{}, count, step);
+}
+
+void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px) {
+    parallel_for(Cpu{}, count, CatchUpBody<kMaxShCount>{sh, radii_px});
+}
+
 }  // namespace tvsgs

@@ -2,12 +2,13 @@
 #pragma once
 
 #include <array>
+#include <cassert>
 #include <cmath>
 
-#include "core/gaussians.h"
 #include "core/options.h"
 #include "core/parallel.h"
 #include "core/state.h"
+#include "optim/adam_step.h"
 
 namespace tvsgs {
 
@@ -43,25 +44,14 @@ inline float position_rate(const AdamOptions& o, int step, float extent) {
                               std::pow(static_cast<double>(o.position_end), u));
 }
 
-/// One Adam step of one number; moments are updated in place, the new value is returned.
-/// `correction1/2` = 1 - beta^t.
-template <class Real>
-TVSGS_HD Real adam_update(
-    Real value, Real gradient, Real& m, Real& v, Real rate, Real correction1, Real correction2) {
-    constexpr Real beta1 = Real(0.9), beta2 = Real(0.999), eps = Real(1e-15);
-    m = beta1 * m + (1 - beta1) * gradient;
-    v = beta2 * v + (1 - beta2) * gradient * gradient;
-    return value - rate * (m / correction1) / (std::sqrt(v / correction2) + eps);
-}
-
 struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
-    float rate, correction1, correction2, least;  // values stay at or above `least`
+    AdamScale scale;
+    float least;  // values stay at or above it
 
     TVSGS_HD void operator()(int i) const {
-        const float next =
-            adam_update(values[i], gradients[i], m[i], v[i], rate, correction1, correction2);
+        const float next = adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root);
         values[i] = next < least ? least : next;
     }
 };
@@ -72,13 +62,17 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
 template <class Device>
 class Adam {
 public:
-    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians) : options_(options) {
+    Adam(const AdamOptions& options,
+         const Gaussians<Device>& gaussians,
+         AdamForm form = AdamForm::dense)
+        : options_(options), form_(form) {
         resize(m_, gaussians.size(), gaussians.sh_degree);
         resize(v_, gaussians.size(), gaussians.sh_degree);
         fill_zero(m_);
         fill_zero(v_);
     }
 
+    /// One step of all parameters along gradients in memory, whatever the form: the plain way.
     /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
     /// moments are zero. Where *halted (on the device; may be null) is not 0, nothing changes.
     void step(int step,
@@ -89,73 +83,140 @@ public:
               bool with_opacity,
               const int* halted = nullptr) {
         using enum ParameterGroup;
-        halted_ = halted;
-        // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
-        const float least_log_scale = -16.118096f;  // ln 1e-7
-        ++count_;
+        catch_up_all(g);
+        begin_step(step, extent);
         const float none = -INFINITY;  // a bound would hide what is not finite
-        const auto rate = [this](ParameterGroup group, float given) {
-            return given * rate_factors_[static_cast<std::size_t>(group)];
+        const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
+                                auto& v, float least, std::size_t begin, std::size_t end) {
+            const auto floats = [begin](auto* data) {
+                return reinterpret_cast<float*>(data + begin);
+            };
+            constexpr std::size_t width = sizeof(*values.data()) / sizeof(float);
+            const AdamBody body{
+                floats(values.data()), floats(m.data()),
+                floats(v.data()),      reinterpret_cast<const float*>(dL.data() + begin),
+                {rate(group), root_},  least};
+            update_parameters(Device{}, static_cast<int>((end - begin) * width), body, halted);
         };
-        update(g.means, gradients.means, m_.means, v_.means,
-               rate(means, position_rate(options_, step, extent)), none);
-        update(g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
-               rate(scales, options_.scale), least_log_scale);
-        update(g.quats, gradients.quats, m_.quats, v_.quats, rate(rotations, options_.rotation),
-               none);
-        if (with_opacity)
-            update(g.opacity_logits, gradients.opacity_logits, m_.opacity_logits, v_.opacity_logits,
-                   rate(opacities, options_.opacity), none);
         const std::size_t n = g.means.size(), active = n * sh_count(sh_degree);
-        update(g.sh, gradients.sh, m_.sh, v_.sh, rate(sh_dc, options_.sh_dc), none, 0, n);
-        update(g.sh, gradients.sh, m_.sh, v_.sh, rate(sh_rest, options_.sh_rest), none, n, active);
+        update(means, g.means, gradients.means, m_.means, v_.means, none, 0, n);
+        update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
+               kLeastLogScale, 0, n);
+        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, none, 0, n);
+        if (with_opacity)
+            update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
+                   v_.opacity_logits, none, 0, n);
+        update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, n);
+        update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, n, active);
+    }
+
+    /// The same from the gradients of the splats as they appear in the image, and those that losses
+    /// add to the geometry (`extra`; empty: none), without gradients of parameters in memory.
+    void step(int step,
+              float extent,
+              const ViewGradients& view,
+              Gaussians<Device>& extra,
+              Gaussians<Device>& g,
+              bool with_opacity,
+              const int* halted = nullptr) {
+        using enum ParameterGroup;
+        sh_degree_ = view.view.sh_degree;
+        if (due_ == kMostPending) catch_up_all(g);
+        prepare_lazy(g);
+        const ShAdam sh = sh_adam(g);
+        begin_step(step, extent);
+        take_step(Device{}, g.size(),
+                  {view,
+                   geometry_spans(g),
+                   geometry_spans(m_),
+                   geometry_spans(v_),
+                   geometry_spans(extra),
+                   sh,
+                   form_,
+                   {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
+                   {rate(sh_dc), rate(sh_rest), root_},
+                   with_opacity,
+                   halted});
+        if (form_ == AdamForm::lazy) ++due_;
+    }
+
+    /// Brings the harmonics of the splats with a radius up to date: before their colours are read.
+    void catch_up(Span<const float> radii_px, Gaussians<Device>& g) {
+        if (due_ > 0) tvsgs::catch_up(Device{}, g.size(), sh_adam(g), radii_px);
+    }
+
+    /// Those of all: before anything else reads or moves them. Changes no bit of what follows.
+    void catch_up_all(Gaussians<Device>& g) {
+        catch_up({}, g);
+        due_ = 0;
     }
 
     /// From now on the group's rate is `factor` x what it would have been.
     void lower_rate(ParameterGroup group, float factor) {
+        assert(due_ == 0);
         rate_factors_[static_cast<std::size_t>(group)] *= factor;
+        scales_from_ = -1;
     }
 
+    /// All have to be up to date.
     void state(StateVisitor<Device>& visit) {
+        assert(due_ == 0);
         visit.value("adam.count", count_);
         visit.value("adam.rate_factors", rate_factors_);
         visit_state(visit, "adam.m.", m_);
         visit_state(visit, "adam.v.", v_);
     }
 
+    /// All have to be up to date.
     Gaussians<Device>& first_moments() { return m_; }
     Gaussians<Device>& second_moments() { return v_; }
 
 private:
-    template <class T>
-    void update(Buffer<T, Device>& values,
-                const Buffer<T, Device>& gradients,
-                Buffer<T, Device>& m,
-                Buffer<T, Device>& v,
-                float rate,
-                float least,
-                std::size_t begin = 0,
-                std::size_t end = static_cast<std::size_t>(-1)) {
-        if (end > values.size()) end = values.size();
-        const double t = count_;
-        const auto floats = [begin](auto* data) { return reinterpret_cast<float*>(data + begin); };
-        const int count = static_cast<int>((end - begin) * (sizeof(T) / sizeof(float)));
-        const AdamBody body{floats(values.data()),
-                            floats(m.data()),
-                            floats(v.data()),
-                            reinterpret_cast<const float*>(gradients.data() + begin),
-                            rate,
-                            static_cast<float>(1 - std::pow(0.9, t)),
-                            static_cast<float>(1 - std::pow(0.999, t)),
-                            least};
-        update_parameters(Device{}, count, body, halted_);
+    void begin_step(int step, float extent) {
+        position_rate_ = position_rate(options_, step, extent);
+        root_ = adam_scale(1, ++count_).root;
+    }
+
+    /// With the bias correction of step `count`.
+    float rate(ParameterGroup group, int count) const {
+        const float rates[] = {position_rate_,   options_.scale, options_.rotation,
+                               options_.opacity, options_.sh_dc, options_.sh_rest};
+        const auto i = static_cast<std::size_t>(group);
+        return adam_scale(rates[i] * rate_factors_[i], count).step;
+    }
+    float rate(ParameterGroup group) const { return rate(group, count_); }
+
+    /// When none waits: the scales of the steps that may have to.
+    void prepare_lazy(const Gaussians<Device>& g) {
+        if (form_ != AdamForm::lazy || due_ > 0) return;
+        taken_.resize(g.means.size());
+        taken_.fill_zero();
+        if (scales_from_ == count_) return;
+        std::vector<ShScale> scales;
+        for (int t = count_ + 1; t <= count_ + kMostPending; ++t)
+            scales.push_back({rate(ParameterGroup::sh_dc, t), rate(ParameterGroup::sh_rest, t),
+                              adam_scale(1, t).root});
+        copy(scales, scales_);
+        scales_from_ = count_;
+    }
+
+    ShAdam sh_adam(Gaussians<Device>& g) {
+        return {g.sh.data(),          m_.sh.data(),  v_.sh.data(),   g.means.size(),
+                sh_count(sh_degree_), taken_.data(), scales_.data(), due_};
     }
 
     AdamOptions options_;
+    AdamForm form_;
     Gaussians<Device> m_, v_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
-    const int* halted_ = nullptr;
     int count_ = 0;
+    float position_rate_ = 0, root_ = 1;  // of the step in progress
+
+    // Steps of the harmonics that wait, see ShAdam.
+    int due_ = 0, sh_degree_ = 0;
+    int scales_from_ = -1;  // the count before the first of scales_
+    Buffer<std::uint8_t, Device> taken_;
+    Buffer<ShScale, Device> scales_;
 };
 
 }  // namespace tvsgs

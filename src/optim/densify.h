@@ -246,7 +246,7 @@ public:
             if (event.structure_changed) chain_parents(before, trimmed);
             event.structure_changed |= trimmed;
         }
-        if (step % options_.opacity_reset_every == 0) {
+        if (resets_opacity(step)) {
             parallel_for(Device{}, g.size(),
                          ResetOpacityBody{g.opacity_logits.span(),
                                           adam.first_moments().opacity_logits.span(),
@@ -261,6 +261,11 @@ public:
         return options_.enabled && step < options_.until &&
                ((step > options_.from && step % options_.every == 0) ||
                 (options_.trim_min_views > 0 && step % options_.trim_every == 0));
+    }
+
+    bool resets_opacity(int step) const {
+        return options_.enabled && step < options_.until &&
+               step % options_.opacity_reset_every == 0;
     }
 
     void state(StateVisitor<Device>& visit) { visit("densify.statistics", statistics_); }

@@ -53,6 +53,9 @@ public:
     /// Whether it compares the plane channels of the render with those of a neighbouring view.
     virtual bool needs_neighbour() const { return false; }
 
+    /// Whether it adds to objective.dL_dgaussians, where only the geometry has room.
+    virtual bool adds_to_splats() const { return false; }
+
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
     virtual void add_to(Objective<Device>& objective,
                         double* value,

@@ -41,6 +41,7 @@ public:
 
     const char* name() const override { return "flatten"; }
     bool active(int step) const override { return step >= options_.start; }
+    bool adds_to_splats() const override { return true; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

@@ -31,10 +31,16 @@ struct ModelOptions {
 };
 
 struct OptimOptions {
+    AdamForm adam = AdamForm::lazy;
     bool skip_step_on_structure_change = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
+        field.choice(
+            "adam", adam, {"dense", "lazy", "visible"},
+            "dense: every splat steps every iteration; lazy: the same bits, but colours of "
+            "splats out of view wait until they are read; visible: only splats in view "
+            "step, another optimiser");
         field("skip_step_on_structure_change", skip_step_on_structure_change,
               "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
               "the official "
@@ -108,9 +114,12 @@ struct TrainCallbacks {
     InjectedFault injected_fault;
 };
 
-/// Looks at the splats after a step, wherever they live, between two steps.
+/// Called between two steps; `splats()` gives the splats after the step, wherever they live, and
+/// costs a pass over them.
 template <class Device>
-using AfterStep = std::function<void(int step, const Gaussians<Device>& gaussians)>;
+using SplatsNow = std::function<const Gaussians<Device>&()>;
+template <class Device>
+using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
 /// device type give the same bits, also when the training goes on from a saved state, `start`.

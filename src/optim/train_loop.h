@@ -41,13 +41,15 @@ std::vector<DeviceView<Device>> upload(const std::vector<View>& views, const Los
 /// What the terms that act at a step want rendered.
 struct Wanted {
     bool plane = false, neighbour = false;
+    bool splat_gradients = false;  // room for gradients that do not come from the main render
 };
 template <class Device>
 Wanted wanted(const std::vector<std::unique_ptr<Loss<Device>>>& losses, int step) {
     Wanted w;
     for (const auto& term : losses)
         if (term->active(step))
-            w.plane |= term->needs_plane(), w.neighbour |= term->needs_neighbour();
+            w.plane |= term->needs_plane(), w.neighbour |= term->needs_neighbour(),
+                w.splat_gradients |= term->adds_to_splats() || term->needs_neighbour();
     return w;
 }
 
@@ -65,16 +67,14 @@ std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
 
 /// Sizes and clears what the step adds to.
 template <class Device>
-void reset(Objective<Device>& objective,
-           const Gaussians<Device>& gaussians,
-           const RenderedImages<Device>& images) {
+void reset(Objective<Device>& objective, int splats, const RenderedImages<Device>& images) {
     objective.dL_dimages.color.resize(images.color.size());
     objective.dL_dimages.normal.resize(images.normal.size());
     objective.dL_dimages.distance.resize(images.distance.size());
     objective.dL_dimages.color.fill_zero();
     objective.dL_dimages.normal.fill_zero();
     objective.dL_dimages.distance.fill_zero();
-    resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+    resize_geometry(objective.dL_dgaussians, splats);
     fill_zero(objective.dL_dgaussians);
     objective.values.fill_zero();
 }
@@ -110,6 +110,11 @@ Gaussians<Device> train(const Scene& scene,
     const auto views = upload<Device>(scene.train, options.loss);
     StageClock<Device> clock(callbacks.profile);
 
+    const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& {
+        t->adam.catch_up_all(t->gaussians);
+        return t->gaussians;
+    };
+
     for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
         if (callbacks.stop_requested && callbacks.stop_requested()) {
             t.stop();
@@ -129,10 +134,11 @@ Gaussians<Device> train(const Scene& scene,
             clock("forward", [&]() -> const RenderedImages<Device>& {
                 return backbone->forward(
                     t->gaussians, view.camera, sh_degree,
-                    want.plane || neighbour ? Channels::color_plane : Channels::color);
+                    want.plane || neighbour ? Channels::color_plane : Channels::color,
+                    [&](Span<const float> radii_px) { t->adam.catch_up(radii_px, t->gaussians); });
             });
         clock("losses", [&] {
-            reset(objective, t->gaussians, images);
+            reset(objective, want.splat_gradients ? t->gaussians.size() : 0, images);
             if (neighbour) neighbour->compare(images);
             for (std::size_t i = 0; i < t->losses.size(); ++i)
                 if (t->losses[i]->active(step))
@@ -141,41 +147,45 @@ Gaussians<Device> train(const Scene& scene,
                                           backbone->statistics().radii_px.span(), step, neighbour});
             t.watch(step, view.index, objective.values);
         });
-        clock("backward", [&] {
-            backbone->backward(t->gaussians, objective.dL_dimages, objective.dL_dgaussians);
-            if (neighbour) neighbour->backward(t->gaussians, objective.dL_dgaussians);
+        // Where splats come and go, gradients are lost, as in the official codes.
+        const bool changes = t->densifier.may_change_structure(step);
+        const bool steps = !changes && step < options.iterations;
+        const ViewGradients gradients = clock("backward", [&] {
+            if (neighbour && steps) neighbour->backward(t->gaussians, objective.dL_dgaussians);
+            return backbone->blend_backward(objective.dL_dimages);
         });
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
-        const bool look = report || step % kCheckEvery == 0 || step == options.iterations ||
-                          t->densifier.may_change_structure(step);
+        const bool look = report || changes || step % kCheckEvery == 0 || !steps;
         if (look && !t.check(step)) continue;
         if (report)
             callbacks.on_report(make_report(step, objective, t->losses, t->gaussians, clock));
+        if (steps)
+            clock("adam", [&] {
+                const bool with_opacity = !(options.optim.skip_step_on_structure_change &&
+                                            t->densifier.resets_opacity(step));
+                t->adam.step(step, scene.extent, gradients, objective.dL_dgaussians, t->gaussians,
+                             with_opacity, t.halted());
+            });
+        else
+            write_statistics(Device{}, gradients);
 
         const auto event = clock("densify", [&] {
+            if (changes) t->adam.catch_up_all(t->gaussians);
             return t->densifier.step(
                 step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
-                    resize(objective.dL_dgaussians, t->gaussians.size(), t->gaussians.sh_degree);
                     for (const auto& other : views) {
                         backbone->forward(t->gaussians, other.camera, 0, Channels::plane);
-                        backbone->backward(t->gaussians, {}, objective.dL_dgaussians);
+                        write_statistics(Device{}, backbone->blend_backward({}));
                         count_views(backbone->statistics());
                     }
                 });
         });
         if (event.structure_changed) t->voter.structure_changed(t->densifier.parents(), t->field);
-        // The gradients belong to the splats before the change; the official codes lose them here
-        // too.
-        if (!event.structure_changed && step < options.iterations)
-            clock("adam", [&] {
-                t->adam.step(step, scene.extent, sh_degree, objective.dL_dgaussians, t->gaussians,
-                             !(event.opacity_reset && options.optim.skip_step_on_structure_change),
-                             t.halted());
-            });
         t.step_done(step);
-        if (after_step) after_step(step, t->gaussians);
+        if (after_step) after_step(step, splats_now);
     }
+    splats_now();
     if (callbacks.on_end) callbacks.on_end(t->done);
     return std::move(t->gaussians);
 }

@@ -1,6 +1,7 @@
 // What a splatting backbone offers: images of Gaussians, and the gradients back.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -90,6 +91,12 @@ struct RenderCounts {
     int slots = 0;    // entries of all lists
 };
 
+struct ViewGradients;  // view_splats.h
+
+/// Called before colours are evaluated, with the radii (> 0: visible) of the splats that need one;
+/// may bring the harmonics of these up to date.
+using BeforeColors = std::function<void(Span<const float> radii_px)>;
+
 template <class Device>
 class Backbone {
 public:
@@ -100,12 +107,18 @@ public:
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                                   const Camera& camera,
                                                   int sh_degree,
-                                                  Channels channels) = 0;
+                                                  Channels channels,
+                                                  const BeforeColors& before_colors = {}) = 0;
 
     /// Gradients of the last forward(), added to `dL_dgaussians` (already of the same shape).
     virtual void backward(const Gaussians<Device>& gaussians,
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
+
+    /// The first half of backward(): what the splats as they appear in the image need. The second
+    /// half, splat_vjp(), which also writes the statistics, can then be done where the gradients
+    /// are used. Valid until the next call of anything here.
+    virtual ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) = 0;
 
     /// Of the last forward() (radii) and backward() (the rest).
     virtual const ScreenStatistics<Device>& statistics() const = 0;

@@ -16,7 +16,8 @@ public:
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,
-                                          Channels channels) override {
+                                          Channels channels,
+                                          const BeforeColors& before_colors) override {
         camera_ = ray_camera(camera, options_.pixel_center);
         channels_ = channels;
         grid_ = tile_grid(camera.width_px, camera.height_px);
@@ -30,20 +31,42 @@ public:
         resize_images();
         splats_.resize(gaussians.means.size());
         statistics_.radii_px.resize(gaussians.means.size());
-        with_channels([&]<Channels kChannels>() { forward_as<kChannels>(gaussians); });
+        with_channels(
+            [&]<Channels kChannels>() { forward_as<kChannels>(gaussians, before_colors); });
         return images_;
     }
 
     void backward(const Gaussians<Device>& gaussians,
                   const ImageGradients<Device>& dL_dimages,
                   Gaussians<Device>& dL_dgaussians) override {
-        const std::size_t n = gaussians.means.size();
+        const ViewGradients in = blend_backward(dL_dimages);
+        with_channels(
+            [&]<Channels kChannels>() { backward_as<kChannels>(in, gaussians, dL_dgaussians); });
+    }
+
+    ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) override {
+        this->clock()("blend backward", [&] {
+            with_channels([&]<Channels kChannels>() {
+                blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages,
+                                           slots_);
+            });
+        });
+        const std::size_t n = splats_.shapes.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        with_channels([&]<Channels kChannels>() {
-            backward_as<kChannels>(gaussians, dL_dimages, dL_dgaussians);
-        });
+        const SlotGradients<Device>& slots = slots_;
+        return {view_,
+                channels_,
+                splats_.shapes.span(),
+                splats_.features.span(),
+                lists_.slot_counts.span(),
+                lists_.first_slot.span(),
+                slots.gradients.span(),
+                slots.drawn.span(),
+                statistics_.dL_dmeans2d.span(),
+                statistics_.abs_dL_dmeans2d.span(),
+                statistics_.front_pixels.span()};
     }
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
@@ -75,40 +98,38 @@ private:
     }
 
     template <Channels kChannels>
-    void forward_as(const Gaussians<Device>& g) {
+    void forward_as(const Gaussians<Device>& g, const BeforeColors& before_colors) {
         auto& clock = this->clock();
         clock("project", [&] {
             parallel_for(
                 Device{}, g.size(),
                 ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(),
-                                       g.opacity_logits.span(), g.sh.span(), splats_.shapes.span(),
+                                       g.opacity_logits.span(), splats_.shapes.span(),
                                        splats_.features.span(), splats_.depths.span(),
                                        splats_.rects.span(), statistics_.radii_px.span()});
         });
+        if constexpr (has_color(kChannels)) {
+            const Span<const float> radii = std::as_const(statistics_.radii_px).span();
+            if (before_colors) clock("catch-up", [&] { before_colors(radii); });
+            clock("colours", [&] {
+                parallel_for(
+                    Device{}, g.size(),
+                    ColorBody{view_, g.means.span(), g.sh.span(), radii, splats_.features.span()});
+            });
+        }
         clock("tile lists", [&] { build_tile_lists(splats_, grid_, lists_); });
         clock("blend",
               [&] { blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_); });
     }
 
     template <Channels kChannels>
-    void backward_as(const Gaussians<Device>& g,
-                     const ImageGradients<Device>& dL_dimages,
-                     Gaussians<Device>& dL) {
-        auto& clock = this->clock();
-        clock("blend backward", [&] {
-            blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages, slots_);
-        });
-        clock("project backward", [&] {
-            const SlotGradients<Device>& slots = slots_;
-            parallel_for(
-                Device{}, g.size(),
-                ProjectBackwardBody<kChannels>{
-                    view_, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
-                    splats_.shapes.span(), splats_.features.span(), lists_.slot_counts.span(),
-                    lists_.first_slot.span(), slots.gradients.span(), slots.drawn.span(),
-                    dL.means.span(), dL.log_scales.span(), dL.quats.span(),
-                    dL.opacity_logits.span(), dL.sh.span(), statistics_.dL_dmeans2d.span(),
-                    statistics_.abs_dL_dmeans2d.span(), statistics_.front_pixels.span()});
+    void backward_as(const ViewGradients& in, const Gaussians<Device>& g, Gaussians<Device>& dL) {
+        this->clock()("project backward", [&] {
+            parallel_for(Device{}, g.size(),
+                         ProjectBackwardBody<kChannels>{
+                             in, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
+                             dL.means.span(), dL.log_scales.span(), dL.quats.span(),
+                             dL.opacity_logits.span(), dL.sh.span()});
         });
     }
 

@@ -78,31 +78,49 @@ TVSGS_HD Vec3<Real> sh_color(
     return {color.x > 0 ? color.x : 0, color.y > 0 ? color.y : 0, color.z > 0 ? color.z : 0};
 }
 
-/// Adds dL/dsh and returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0
-/// the clamp passes nothing.
-template <class Real, class Stored>
+/// Returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0 the clamp passes
+/// nothing. Coefficients are visited in groups: visit(first, dL_dsh, sh) with `Visit::kGroup` of
+/// them takes their gradients and gives their values; those beyond the degree have gradient 0.
+template <class Real, class Visit>
 TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
                                  Vec3<Real> offset,  // mean - camera centre, not normalised
-                                 const Vec3<Stored>* sh,
-                                 std::size_t stride,
-                                 std::size_t i,
                                  Vec3<Real> color,
                                  Vec3<Real> dL_dcolor,
-                                 Vec3<Stored>* dL_dsh) {
+                                 Visit& visit) {
+    constexpr int kGroup = Visit::kGroup;
+    static_assert(kMaxShCount % kGroup == 0);
     const Vec3<Real> g{color.x > 0 ? dL_dcolor.x : 0, color.y > 0 ? dL_dcolor.y : 0,
                        color.z > 0 ? dL_dcolor.z : 0};
     const Vec3<Real> direction = normalize(offset);
-    Real Y[kMaxShCount], dL_dY[kMaxShCount]{};
+    Real Y[kMaxShCount]{}, dL_dY[kMaxShCount]{};
     sh_basis(degree, direction, Y);
-    for (int k = 0; k < kMaxShCount; ++k) {
-        if (k >= sh_count(degree)) break;
-        dL_dY[k] = dot(vec_cast<Real>(sh[k * stride + i]), g);
-        dL_dsh[k * stride + i] += vec_cast<Stored>(Y[k] * g);
+    for (int first = 0; first < kMaxShCount; first += kGroup) {
+        if (first >= sh_count(degree)) break;
+        Vec3<Real> dL_dsh[kGroup], sh[kGroup];
+        for (int k = 0; k < kGroup; ++k) dL_dsh[k] = Y[first + k] * g;
+        visit(first, dL_dsh, sh);
+        for (int k = 0; k < kGroup; ++k) dL_dY[first + k] = dot(sh[k], g);
     }
     const Vec3<Real> dL_ddirection = sh_basis_vjp(degree, direction, dL_dY);
     const Real length = norm(offset);
     if (!(length > Real(1e-12))) return {};
     return (dL_ddirection - dot(dL_ddirection, direction) * direction) / length;
 }
+
+/// Adds the gradients of Gaussian i to `dL_dsh`; both arrays as sh_color has them.
+template <class Real>
+struct AddShGradient {
+    static constexpr int kGroup = 1;
+    const Vec3<Real>* sh;
+    Vec3<Real>* dL_dsh;
+    std::size_t stride, i;
+
+    TVSGS_HD void operator()(int k,
+                             const Vec3<Real> (&gradient)[kGroup],
+                             Vec3<Real> (&values)[kGroup]) const {
+        values[0] = sh[k * stride + i];
+        dL_dsh[k * stride + i] += gradient[0];
+    }
+};
 
 }  // namespace tvsgs

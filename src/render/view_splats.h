@@ -3,6 +3,7 @@
 
 #include <cstdint>
 
+#include "core/parallel.h"
 #include "render/blend_math.h"
 #include "render/projection_math.h"
 #include "render/sh_math.h"
@@ -95,7 +96,6 @@ struct ProjectBody {
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
     Span<const float> opacity_logits;
-    Span<const Vec3f> sh;
     Span<SplatShape<float>> shapes;
     Span<FeatureRecord> features;
     Span<float> depths;
@@ -134,81 +134,143 @@ struct ProjectBody {
         depths[i] = p.z;
         rects[i] = rect;
 
-        SplatFeatures<float> f{};
-        if constexpr (has_color(kChannels))
-            f.color = sh_color<float>(view.sh_degree, normalize(means[i] - view.centre), sh.data,
-                                      means.count, i);
         if constexpr (has_plane(kChannels)) {
             const CameraPlane<float> plane =
                 camera_plane(view.camera.camera_from_world.R, R, smallest_axis(log_scales[i]), p);
-            f.normal = plane.normal;
-            f.distance = plane.distance;
+            features[i].f.normal = plane.normal;
+            features[i].f.distance = plane.distance;
         }
-        features[i].f = f;
     }
 };
 
-/// Carries the gradients of a Gaussian's ellipse to its parameters.
-template <Channels kChannels>
-struct ProjectBackwardBody {
+/// Colours of the splats in view; a pass of its own, so that the harmonics of just these can be
+/// brought up to date before.
+struct ColorBody {
     ViewParameters view;
-    Span<const Vec3f> means, log_scales;
-    Span<const Quatf> quats;
-    Span<const Vec3f> sh;
+    Span<const Vec3f> means, sh;
+    Span<const float> radii;
+    Span<FeatureRecord> features;
+
+    TVSGS_HD void operator()(int i) const {
+        if (radii[i] > 0)
+            features[i].f.color = sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
+                                                  sh.data, means.count, i);
+    }
+};
+
+/// Where the gradients of a view's splats as they appear in the image lie, and what carries them to
+/// the Gaussians' parameters. All [N] but the slots.
+struct ViewGradients {
+    ViewParameters view;
+    Channels channels;
     Span<const SplatShape<float>> shapes;
     Span<const FeatureRecord> features;
     Span<const std::uint32_t> slot_counts, first_slot;
     Span<const SplatGradients<float>> slots;
-    Span<const std::uint8_t> drawn;         // whether a slot has a gradient
-    Span<Vec3f> dL_dmeans, dL_dlog_scales;  // added to, as all below
-    Span<Quatf> dL_dquats;
-    Span<float> dL_dopacity_logits;
-    Span<Vec3f> dL_dsh;
+    Span<const std::uint8_t> drawn;   // whether a slot has a gradient
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
 
-    TVSGS_HD void operator()(int i) const {
-        stat_grad[i] = stat_abs[i] = {};
-        stat_front[i] = 0;
-        if (slot_counts[i] == 0 || !drawn[first_slot[i]]) return;
-        const SplatGradients<float> g = slots[first_slot[i]];
+    /// Writes the statistics; null for a Gaussian that drew nothing and so has no gradient.
+    TVSGS_HD const SplatGradients<float>* find(int i) const {
+        if (slot_counts[i] == 0 || !drawn[first_slot[i]]) {
+            stat_grad[i] = stat_abs[i] = {};
+            stat_front[i] = 0;
+            return nullptr;
+        }
+        const SplatGradients<float>& g = slots[first_slot[i]];
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);
         stat_grad[i] = {half_w * g.mean.x, half_h * g.mean.y};
         stat_abs[i] = {half_w * g.abs_mean.x, half_h * g.abs_mean.y};
         stat_front[i] = static_cast<int>(g.front_pixels);
+        return &g;
+    }
+};
 
-        const Vec3f p = view.camera.camera_from_world * means[i];
-        const Mat3f R = rotation(normalize(quats[i]));
-        const Vec3f scales = exp(log_scales[i]);
-        const float opacity = shapes[i].opacity;
-        dL_dopacity_logits[i] += opacity * (1 - opacity) * g.opacity;
+/// The statistics alone.
+struct StatisticsBody {
+    ViewGradients in;
+    TVSGS_HD void operator()(int i) const { in.find(i); }
+};
+template <class Device>
+void write_statistics(Device device, const ViewGradients& in) {
+    parallel_for(device, in.shapes.size(), StatisticsBody{in});
+}
 
-        auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales,
-                                         shapes[i].root, g.spread);
-        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
-        if constexpr (has_plane(kChannels)) {
-            const int axis = smallest_axis(log_scales[i]);
-            const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
-                                                g.features.normal, g.features.distance);
-            dL_dp += plane.dL_dmean_camera;
-            for (int k = 0; k < 3; ++k) {
-                const float here = k == axis ? 1.0f : 0.0f;
-                ellipse.dL_dR[0][k] += here * plane.dL_daxis.x;
-                ellipse.dL_dR[1][k] += here * plane.dL_daxis.y;
-                ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
-            }
+/// The parameters of one Gaussian but its colour, or their gradients.
+struct SplatGeometry {
+    Vec3f mean, log_scale;
+    Quatf quat;
+    float opacity_logit;
+
+    static constexpr int kCount = 11;
+};
+static_assert(sizeof(SplatGeometry) == SplatGeometry::kCount * sizeof(float));
+
+/// Adds the gradients of Gaussian i; `visit` as sh_color_vjp takes it. False: it has none.
+template <Channels kChannels, class Visit>
+TVSGS_HD bool splat_vjp(
+    const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {
+    const SplatGradients<float>* const found = in.find(i);
+    if (found == nullptr) return false;
+    const SplatGradients<float> g = *found;
+    const ViewParameters& view = in.view;
+    const Vec3f p = view.camera.camera_from_world * splat.mean;
+    const Mat3f R = rotation(normalize(splat.quat));
+    const Vec3f scales = exp(splat.log_scale);
+    const SplatShape<float> shape = in.shapes[i];
+    sum.opacity_logit += shape.opacity * (1 - shape.opacity) * g.opacity;
+
+    auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root,
+                                     g.spread);
+    Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
+    if constexpr (has_plane(kChannels)) {
+        const int axis = smallest_axis(splat.log_scale);
+        const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
+                                            g.features.normal, g.features.distance);
+        dL_dp += plane.dL_dmean_camera;
+        for (int k = 0; k < 3; ++k) {
+            const float here = k == axis ? 1.0f : 0.0f;
+            ellipse.dL_dR[0][k] += here * plane.dL_daxis.x;
+            ellipse.dL_dR[1][k] += here * plane.dL_daxis.y;
+            ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
         }
-        Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
-        if constexpr (has_color(kChannels))
-            dL_dmean +=
-                sh_color_vjp<float>(view.sh_degree, means[i] - view.centre, sh.data, means.count, i,
-                                    features[i].f.color, g.features.color, dL_dsh.data);
-        dL_dmeans[i] += dL_dmean;
-        dL_dlog_scales[i] += ellipse.dL_dlog_s;
-        const Quatf dL_dquat = rotation_vjp(quats[i], ellipse.dL_dR);
-        dL_dquats[i].w += dL_dquat.w, dL_dquats[i].x += dL_dquat.x;
-        dL_dquats[i].y += dL_dquat.y, dL_dquats[i].z += dL_dquat.z;
+    }
+    Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
+    if constexpr (has_color(kChannels))
+        dL_dmean += sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+                                        in.features[i].f.color, g.features.color, visit);
+    sum.mean += dL_dmean;
+    sum.log_scale += ellipse.dL_dlog_s;
+    const Quatf dL_dquat = rotation_vjp(splat.quat, ellipse.dL_dR);
+    sum.quat.w += dL_dquat.w, sum.quat.x += dL_dquat.x;
+    sum.quat.y += dL_dquat.y, sum.quat.z += dL_dquat.z;
+    return true;
+}
+
+/// Adds the gradients of the Gaussians to arrays.
+template <Channels kChannels>
+struct ProjectBackwardBody {
+    ViewGradients in;
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const Vec3f> sh;
+    Span<Vec3f> dL_dmeans, dL_dlog_scales;
+    Span<Quatf> dL_dquats;
+    Span<float> dL_dopacity_logits;
+    Span<Vec3f> dL_dsh;
+
+    TVSGS_HD void operator()(int i) const {
+        SplatGeometry sum{{}, {}, {0, 0, 0, 0}, 0};
+        AddShGradient<float> visit{sh.data, dL_dsh.data, means.count, static_cast<std::size_t>(i)};
+        if (!splat_vjp<kChannels>(in, i, {means[i], log_scales[i], quats[i], 0}, sum, visit))
+            return;
+        dL_dmeans[i] += sum.mean;
+        dL_dlog_scales[i] += sum.log_scale;
+        dL_dopacity_logits[i] += sum.opacity_logit;
+        dL_dquats[i].w += sum.quat.w, dL_dquats[i].x += sum.quat.x;
+        dL_dquats[i].y += sum.quat.y, dL_dquats[i].z += sum.quat.z;
     }
 };
 

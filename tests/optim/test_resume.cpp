@@ -96,6 +96,38 @@ TEST(Resume, TheSameBitsFromAnyIteration) {
     resumes_from_anywhere<Cpu>();
 }
 
+/// Growth, trims, resets, voting, looks of the guard: nothing of it depends on anything but the
+/// seed.
+template <class Device>
+void repeats_itself() {
+    const Scene scene = rendered_scene();
+    TrainOptions options = everything_on(300);
+    options.loss.multi_view_ncc.weight = options.loss.multi_view_geometry.weight = 0;  // for time
+    const Outcome once = run<Device>(scene, options), twice = run<Device>(scene, options);
+    EXPECT_EQ(once.end, 300);
+    EXPECT_TRUE(same_bits(once.gaussians, twice.gaussians));
+}
+
+TEST(Repeat, ThreeHundredIterationsGiveTheSameBits) {
+    repeats_itself<Cpu>();
+}
+
+template <class Device>
+void lazy_training_is_dense_training() {
+    const Scene scene = rendered_scene();
+    TrainOptions options = everything_on(120);
+    ASSERT_EQ(options.optim.adam, AdamForm::lazy);
+    const Outcome lazy = run<Device>(scene, options);
+    options.optim.adam = AdamForm::dense;
+    EXPECT_TRUE(same_bits(lazy.gaussians, run<Device>(scene, options).gaussians));
+    options.optim.adam = AdamForm::visible;
+    EXPECT_FALSE(same_bits(lazy.gaussians, run<Device>(scene, options).gaussians));
+}
+
+TEST(Repeat, LazyTrainingIsDenseTraining) {
+    lazy_training_is_dense_training<Cpu>();
+}
+
 TEST(Resume, TwiceSixtyAre120) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(120);
@@ -261,6 +293,14 @@ TEST(Guard, ASceneThatIsNotFiniteIsRefused) {
 TEST(ResumeTwins, Cuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) resumes_from_anywhere<Cuda>();
+}
+TEST(RepeatTwins, CudaThreeHundredIterations) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) repeats_itself<Cuda>();
+}
+TEST(RepeatTwins, CudaLazyTrainingIsDenseTraining) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) lazy_training_is_dense_training<Cuda>();
 }
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();

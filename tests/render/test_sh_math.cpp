@@ -39,7 +39,8 @@ TEST(ShColor, Vjp) {
             return sh_color<double>(degree, normalize(o), sh, 1, 0);
         };
         Vec3d dL_dsh[16] = {};
-        const Vec3d g = sh_color_vjp<double>(degree, offset, sh, 1, 0, color_at(offset), w, dL_dsh);
+        AddShGradient<double> add{sh, dL_dsh, 1, 0};
+        const Vec3d g = sh_color_vjp(degree, offset, color_at(offset), w, add);
         for (int axis = 0; axis < 3; ++axis) {
             const auto value = [&](double t) {
                 Vec3d moved = offset;
@@ -68,15 +69,16 @@ TEST(ShColor, ClampPassesNothing) {
     const Vec3d color = sh_color<double>(0, {0, 0, 1}, sh, 1, 0);
     EXPECT_EQ(color.x, 0);
     EXPECT_DOUBLE_EQ(color.y, 0.5);
-    sh_color_vjp<double>(0, {0, 0, 1}, sh, 1, 0, color, {1, 1, 1}, dL_dsh);
+    AddShGradient<double> add{sh, dL_dsh, 1, 0};
+    sh_color_vjp(0, Vec3d{0, 0, 1}, color, Vec3d{1, 1, 1}, add);
     EXPECT_EQ(dL_dsh[0].x, 0);
     EXPECT_DOUBLE_EQ(dL_dsh[0].y, kShC0);
 }
 
 TEST(ShColor, AtTheCameraCentreNothingIsNan) {
     Vec3d sh[16] = {}, dL_dsh[16] = {};
-    const Vec3d g =
-        sh_color_vjp<double>(3, {0, 0, 0}, sh, 1, 0, {0.5, 0.5, 0.5}, {1, 1, 1}, dL_dsh);
+    AddShGradient<double> add{sh, dL_dsh, 1, 0};
+    const Vec3d g = sh_color_vjp(3, Vec3d{0, 0, 0}, Vec3d{0.5, 0.5, 0.5}, Vec3d{1, 1, 1}, add);
     EXPECT_TRUE(is_finite(g));
 }
 

@@ -1,0 +1,129 @@
+// One number's step of Adam, and those of the spherical harmonics of one Gaussian.  [Kingma15]
+#pragma once
+
+#include <cstdint>
+
+#include "core/fast_math.h"
+#include "render/sh_math.h"
+
+namespace tvsgs {
+
+/// Bias corrections of step t, folded into the rate and the root of the second moment.
+struct AdamScale {
+    float step;  // rate / (1 - beta1^t)
+    float root;  // 1 / sqrt(1 - beta2^t)
+};
+inline AdamScale adam_scale(float rate, int t) {
+    return {static_cast<float>(static_cast<double>(rate) / (1 - std::pow(0.9, t))),
+            static_cast<float>(1 / std::sqrt(1 - std::pow(0.999, t)))};
+}
+
+/// One Adam step of one number; moments are updated in place, the new value is returned. Every
+/// kernel gets the same bits: there is nothing in it that a compiler may or may not fuse.
+template <class Real>
+TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real step, Real root) {
+    constexpr Real beta1 = Real(0.9), beta2 = Real(0.999), eps = Real(1e-15);
+    m = multiply_add(beta1, m, (1 - beta1) * gradient);
+    v = multiply_add(beta2, v, (1 - beta2) * gradient * gradient);
+    return value - step * m / multiply_add(root, std::sqrt(v), eps);
+}
+
+/// A step of the spherical harmonics: the base colour has a rate of its own.
+struct ShScale {
+    float step_dc, step_rest, root;
+};
+
+/// Steps that the harmonics of a Gaussian may be behind: what fits the counter of each.
+inline constexpr int kMostPending = 255;
+
+/// The spherical harmonics and their moments, coefficient major as in Gaussians::sh.
+///
+/// A Gaussian that is not seen has gradient 0, but its moments decay and move it on. These steps
+/// wait until its colour is read, and are then taken one by one: the same bits as if they had been
+/// taken when they were due.
+struct ShAdam {
+    Vec3f *values, *m, *v;
+    std::size_t stride;               // Gaussians
+    int coefficients;                 // in use
+    std::uint8_t* taken = nullptr;    // [N] steps taken since all were up to date; null: none waits
+    const ShScale* scales = nullptr;  // [kMostPending] of those steps
+    int due = 0;                      // how many have been due since
+
+    /// `kGroup` coefficients of Gaussian i; absent ones count as 0.
+    template <int kGroup>
+    struct Group {
+        Vec3f value[kGroup], m[kGroup], v[kGroup];
+    };
+    template <int kGroup>
+    TVSGS_HD Group<kGroup> load(int i, int first) const {
+        Group<kGroup> g;
+        for (int k = 0; k < kGroup; ++k) {
+            const bool there = first + k < coefficients;
+            const std::size_t at = static_cast<std::size_t>(first + k) * stride + i;
+            g.value[k] = there ? values[at] : Vec3f{};
+            g.m[k] = there ? m[at] : Vec3f{};
+            g.v[k] = there ? v[at] : Vec3f{};
+        }
+        return g;
+    }
+    template <int kGroup>
+    TVSGS_HD void store(int i, int first, const Group<kGroup>& g) const {
+        for (int k = 0; k < kGroup; ++k) {
+            if (first + k >= coefficients) break;
+            const std::size_t at = static_cast<std::size_t>(first + k) * stride + i;
+            values[at] = g.value[k], m[at] = g.m[k], v[at] = g.v[k];
+        }
+    }
+    template <int kGroup>
+    TVSGS_HD static void step(Group<kGroup>& g,
+                              int first,
+                              const Vec3f (&gradient)[kGroup],
+                              const ShScale& s) {
+        float *value = &g.value[0].x, *moment = &g.m[0].x, *second = &g.v[0].x;
+        const float* dL = &gradient[0].x;
+        for (int j = 0; j < 3 * kGroup; ++j)
+            value[j] = adam_update(value[j], dL[j], moment[j], second[j],
+                                   3 * first + j < 3 ? s.step_dc : s.step_rest, s.root);
+    }
+
+    /// Takes the steps that wait.
+    template <int kGroup>
+    TVSGS_HD void catch_up(int i) const {
+        const int from = taken[i];
+        if (from == due) return;
+        const Vec3f zero[kGroup]{};
+        for (int first = 0; first < coefficients; first += kGroup) {
+            Group<kGroup> g = load<kGroup>(i, first);
+            for (int t = from; t < due; ++t) step(g, first, zero, scales[t]);
+            store(i, first, g);
+        }
+        taken[i] = static_cast<std::uint8_t>(due);
+    }
+};
+
+/// Takes this iteration's step of Gaussian i's harmonics where sh_color_vjp finds their gradients.
+template <int kGroup_>
+struct ShStep {
+    static constexpr int kGroup = kGroup_;
+    const ShAdam& sh;
+    int i;
+    ShScale scale;
+
+    TVSGS_HD void operator()(int first,
+                             const Vec3f (&gradient)[kGroup],
+                             Vec3f (&values)[kGroup]) const {
+        auto g = sh.load<kGroup>(i, first);
+        for (int k = 0; k < kGroup; ++k) values[k] = g.value[k];
+        ShAdam::step(g, first, gradient, scale);
+        sh.store(i, first, g);
+    }
+
+    /// The same without a gradient.
+    TVSGS_HD void decay() const {
+        const Vec3f zero[kGroup]{};
+        Vec3f values[kGroup];
+        for (int first = 0; first < sh.coefficients; first += kGroup) (*this)(first, zero, values);
+    }
+};
+
+}  // namespace tvsgs
