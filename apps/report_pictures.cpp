@@ -6,12 +6,12 @@
 #include "io/image_file.h"
 #include "mesh/error_colors.h"
 #include "mesh/mesh_metrics.h"
+#include "render/sh_math.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::size_t kMaxPoints = 20000;
-constexpr float kShC0 = 0.28209479f;  // of the constant spherical harmonic
 constexpr double kFullDifference = 0.25;
 constexpr int kPictureWidth = 640, kPictureHeight = 480;
 constexpr float kEyeDistance = 2.6f, kFocal = 2.4f;  // in radii; report_page.h has the same
@@ -194,7 +194,7 @@ JsonValue points_json(const Gaussians<Cpu>& splats,
         const Vec3f sh = splats.sh[chosen[i]];
         Rgb color{};
         for (auto [to, from] : {std::pair(&color.r, sh.x), {&color.g, sh.y}, {&color.b, sh.z}})
-            *to = byte_of(static_cast<double>(0.5f + kShC0 * from));
+            *to = byte_of(0.5 + kShC0 * static_cast<double>(from));
         for (const std::uint8_t channel : {color.r, color.g, color.b})
             colors += static_cast<char>(channel);
         if (truth) {
