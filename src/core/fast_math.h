@@ -35,8 +35,9 @@ struct ExactMath {
     static Pack<float, kBytes> decay(Pack<float, kBytes> x) {
         return decay_by_polynomial(x);
     }
-    static Pack<double> decay(Pack<double> x) {
-        for (int i = 0; i < Pack<double>::kSize; ++i) x.v[i] = std::exp(-x.v[i]);
+    template <int kBytes>
+    static Pack<double, kBytes> decay(Pack<double, kBytes> x) {
+        for (int i = 0; i < Pack<double, kBytes>::kSize; ++i) x.v[i] = std::exp(-x.v[i]);
         return x;
     }
 #endif

@@ -11,6 +11,7 @@ namespace tvsgs::detail {
 template <class Real, class Lists>
 struct CentreRoundBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+    static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
     bool ball_round;  // only splats without a tensor cast and receive

@@ -11,6 +11,7 @@ namespace tvsgs::detail {
 template <class Real, class Lists, bool kUnitVotes>
 struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+    static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
     bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
@@ -36,13 +37,10 @@ struct VirtualBody {
         // A tie keeps the centre, then the nearer, then the negative.
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
-            Lane below[6][kSide] = {}, above[6][kSide] = {};
-            add_votes<1>(warp, slot, mean, -step, below);
-            add_votes<1>(warp, slot, mean, step, above);
-            for (int t = 0; t < kSide; ++t) {
-                keep_best(surface_saliency(warp, below, t), -t - 1, best);
-                keep_best(surface_saliency(warp, above, t), t + 1, best);
-            }
+            Lane T[6][2 * kSide] = {};
+            add_votes<1>(warp, slot, mean, step, T);
+            for (int t = 0; t < 2 * kSide; ++t)
+                keep_best(surface_saliency(warp, T, t), position<2 * kSide>(t), best);
         } else {  // half a warp for the negative positions, half for the positive ones
             constexpr int kHalf = 16;
             const int half = warp.lane() / kHalf, lane = warp.lane() % kHalf;
@@ -72,8 +70,13 @@ private:
         int m;
     };
 
-    /// Adds the votes at mean + step, mean + 2 step, ... to the six entries of each position's
-    /// tensor.
+    /// In steps from the centre: 1, 2, ... for one side; -1, 1, -2, 2, ... for both.
+    template <int kCount>
+    TVSGS_HD static constexpr int position(int t) {
+        return kCount <= kSide ? t + 1 : t % 2 == 0 ? -t / 2 - 1 : t / 2 + 1;
+    }
+
+    /// Adds the votes at mean + position(t) step to the six entries of each position's tensor.
     template <int kStride, class Warp, class Lane, int kCount>
     TVSGS_HD void add_votes(
         const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
@@ -83,7 +86,7 @@ private:
         ballot.template for_each_voter<kStride>(warp, slot, [&](const VoterRecord<Lane>& voter) {
             const Vec3<Lane> d = from - voter.mean, dw = voter.W * d, by_w = voter.W * by;
             for_constants<kCount>([&](int t) {
-                const Lane m = static_cast<Lane>(t + 1);
+                const auto m = static_cast<Lane>(position<kCount>(t));
                 const Vote<Lane> vote =
                     plate_vote<FastMath>(voter, d + m * by, dw + m * by_w, rule);
                 const Vec3<Lane> v = vote.v,

@@ -19,8 +19,9 @@ namespace tvsgs {
 
 struct SerialWarp {
     static constexpr int kLanes = 1;
+    /// What one lane computes with. As wide without vectors of that size: the same sums, slower.
     template <class Real>
-    using Lane = Pack<Real>;  // what one lane computes with
+    using Lane = Pack<Real, 32>;
 
     int lane() const { return 0; }
     void sync() const {}  // also orders the lanes' accesses to memory
@@ -28,10 +29,10 @@ struct SerialWarp {
     T sum(T x) const {
         return x;
     }
-    template <class T>
-    T sum(Pack<T> x) const {
+    template <class T, int kBytes>
+    T sum(Pack<T, kBytes> x) const {
         T total = 0;
-        for (int i = 0; i < Pack<T>::kSize; ++i) total += x[i];
+        for (int i = 0; i < Pack<T, kBytes>::kSize; ++i) total += x[i];
         return total;
     }
     template <class T>
@@ -139,15 +140,35 @@ TVSGS_HD void for_constants(const Action& action) {
     for (int j = 0; j < kCount; ++j) action(j);
 }
 
+namespace detail {
+template <class Body>
+TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
+    body(SerialWarp{}, i, scratch);
+}
+}  // namespace detail
+
 /// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp,
-/// `scratch_bytes` large.
+/// `scratch_bytes` large. Bodies that compute with packs say so by a kPacks.
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
+    const bool wide = requires {
+        Body::kPacks;
+    }
+    &&has_wide_packs();
 #pragma omp parallel if (count > 256)
     {
         std::vector<std::uint64_t> scratch(scratch_bytes / sizeof(std::uint64_t) + 1);
 #pragma omp for schedule(dynamic, 16)
-        for (int i = 0; i < count; ++i) body(SerialWarp{}, i, static_cast<void*>(scratch.data()));
+        for (int i = 0; i < count; ++i) {
+            void* const memory = scratch.data();
+            if constexpr (requires { Body::kPacks; }) {
+                if (wide) {
+                    detail::call_wide(body, i, memory);
+                    continue;
+                }
+            }
+            body(SerialWarp{}, i, memory);
+        }
     }
 }
 
