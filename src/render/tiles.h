@@ -25,6 +25,7 @@ struct TileLists {
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;
+    Buffer<std::uint32_t, Device> hit_masks;                                      // [N] CUDA only
     Buffer<std::uint32_t, Device> visible, order, depth_keys, depth_keys_sorted;  // [visible]
     Buffer<std::uint32_t, Device> splat_of_slot, slots_unsorted, tile_keys, tile_keys_sorted;
     Buffer<std::uint8_t, Device> temporary;
