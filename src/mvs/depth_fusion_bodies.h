@@ -36,6 +36,7 @@ struct FilterBody {
     StereoPass pass;
     Agreement limits;
     float max_cost, max_angle_cosine;
+    int repetition_range;                  // px; 0: repetition is not looked for
     Span<const float> depths;              // of all views
     Span<const SurfacePlane> planes;       // of all views
     Span<const std::uint8_t> mask;         // of this view; empty: everything
@@ -56,7 +57,7 @@ struct FilterBody {
         make_patch(pass.image, x, y, pass.side, patch);
         if (!(patch.variance > pass.min_variance)) return;
         const Vec3f point = plane.depth * pixel_ray(pass.camera, x, y);
-        int agreeing = 0;
+        int agreeing = 0, which[kMaxSources];
         bool wide = false;
         float cost_sum = 0;
         for (int j = 0; j < pass.source_count(); ++j) {
@@ -66,7 +67,7 @@ struct FilterBody {
                 continue;
             const float cost = pass.source_cost(j, x, y, patch, plane);
             if (!(cost < max_cost)) continue;
-            ++agreeing;
+            which[agreeing++] = j;
             cost_sum += cost;
             wide |= triangulation_cosine(source, point) < max_angle_cosine;
         }
@@ -74,9 +75,59 @@ struct FilterBody {
         const float cost = cost_sum / static_cast<float>(agreeing);
         const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(likeness > 0)) return;
+        if (repetition_range > 0 && is_repeated(x, y, patch, plane, which, agreeing, cost)) return;
         kept_depths[at] = plane.depth;
         confidences[at] =
             static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * likeness;
+    }
+
+private:
+    /// Whether the patch looks as good elsewhere on its viewing ray: a repeated texture, of which
+    /// no likeness tells the right piece. Looked for within `repetition_range` pixels of the source
+    /// where it moves fastest, in steps of a pixel; the dip in cost must be one of its own, behind
+    /// a rise. Its bottom, between the steps, is that of a parabola.
+    TVSGS_HD bool is_repeated(int x,
+                              int y,
+                              const ReferencePatch& patch,
+                              const SurfacePlane& plane,
+                              const int* which,
+                              int count,
+                              float best) const {
+        constexpr float kRise = 0.15f, kAlike = 0.15f, kGood = 0.3f;
+        PatchWarp warps[kMaxSources];
+        float fastest = 0;
+        for (int k = 0; k < count; ++k) {
+            const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
+            warps[k] = plane_warp(source, pass.camera, x, y, plane);
+            const float speed = pixels_per_step(warps[k], source);
+            fastest = speed > fastest ? speed : fastest;
+        }
+        for (int sign = -1; sign <= 1; sign += 2) {
+            bool risen = false;
+            float before = best, last = best;  // costs of the two steps before
+            for (int step = 1; step <= repetition_range; ++step) {
+                const float move = static_cast<float>(sign * step) / fastest;
+                if (!pass.in_range(1 / (1 / plane.depth + move))) break;
+                float cost = 0;  // enough of the sum to see that there is no dip
+                for (int k = 0; k < count && cost < (best + 4 * kRise) * static_cast<float>(count);
+                     ++k) {
+                    const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
+                    cost += patch_cost(patch, pass.source_image(source),
+                                       moved(warps[k], source, move), pass.min_variance);
+                }
+                cost /= static_cast<float>(count);
+                if (risen && last <= before && last <= cost) {
+                    const float bend = before - 2 * last + cost;
+                    const float half = 0.5f * (before - cost);
+                    const float bottom = bend > 0 ? last - half * half / (2 * bend) : last;
+                    if (bottom < best + kAlike && bottom < kGood) return true;
+                }
+                risen |= cost > best + kRise;
+                before = last;
+                last = cost;
+            }
+        }
+        return false;
     }
 };
 

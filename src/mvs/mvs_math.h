@@ -56,6 +56,20 @@ TVSGS_HD inline PatchWarp plane_warp(
             column(M, 1) + (plane.normal.y / reference.fy_px * inverse_distance) * source.epipole};
 }
 
+/// The warp with the patch moved along the viewing rays by `step` in inverse depth, which moves its
+/// image along the epipolar line and leaves its shape.
+TVSGS_HD inline PatchWarp moved(const PatchWarp& warp, const SourceView& source, float step) {
+    return {warp.at_centre + step * source.epipole, warp.per_x, warp.per_y};
+}
+
+/// Pixels that the image of a warp's centre moves per unit of inverse depth.
+TVSGS_HD inline float pixels_per_step(const PatchWarp& warp, const SourceView& source) {
+    const float u = warp.at_centre.x / warp.at_centre.z, v = warp.at_centre.y / warp.at_centre.z;
+    const float du = (source.epipole.x - u * source.epipole.z) / warp.at_centre.z;
+    const float dv = (source.epipole.y - v * source.epipole.z) / warp.at_centre.z;
+    return std::sqrt(du * du + dv * dv);
+}
+
 /// A grey image in [0, 1], row by row.
 struct GreyImage {
     const float* pixels = nullptr;

@@ -12,10 +12,10 @@ namespace tvsgs {
 
 struct StereoOptions {
     int max_sources = 8, iterations = 4, geometric_rounds = 2, min_consistent = 0,
-        min_segment = 100;
+        min_segment = 100, repetition_range = 64;
     float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 1,
           min_variance = 1e-5f;
-    bool use_masks = false;
+    bool planar_prior = false, use_masks = false;
     std::int64_t seed = 0;
 
     template <class Visitor>
@@ -28,11 +28,17 @@ struct StereoOptions {
         field("iterations", iterations, {1, 32}, "on images alone, at the coarsest size");
         field("geometric_rounds", geometric_rounds, {0, 8},
               "rounds of two iterations that compare the views' depths");
+        field("planar_prior", planar_prior,
+              "planes between sure pixels guide the others, where there is little texture");
         field("min_consistent", min_consistent, {0, 8},
               "other views that must confirm a depth; 0: 1 up to 5 views, else 2");
         field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");
         field("min_variance", min_variance, {0, 1},
               "of grey values in [0, 1]: less is no texture and gives no depth");
+        field(
+            "repetition_range", repetition_range, {0, 1024},
+            "pixels along the epipolar lines where a second match as good takes a depth's credit; "
+            "0: not looked for");
         field("min_segment", min_segment, {0, 1e9}, "pixels; smaller pieces of surface go");
         field("use_masks", use_masks, "only pixels inside the masks");
     }

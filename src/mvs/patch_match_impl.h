@@ -9,6 +9,7 @@
 #include "mvs/depth_fusion_bodies.h"
 #include "mvs/depth_segments.h"
 #include "mvs/patch_match.h"
+#include "mvs/planar_prior.h"
 #include "mvs/stereo_images.h"
 #include "mvs/view_selection.h"
 
@@ -39,6 +40,10 @@ public:
             const bool coarsest = level == levels_ - 1;
             const int on_images = coarsest ? options_.iterations : 2;
             for (int k = 0; k < on_images; ++k) iterate(iteration++, coarsest && k == 0, false);
+            if (options_.planar_prior && level == 0) {
+                iterate_by_prior(iteration);
+                iteration += kPriorIterations;
+            }
             // Coarse levels get one round: it removes what the views do not agree on before it is
             // handed down.
             const int rounds =
@@ -52,6 +57,8 @@ public:
     }
 
 private:
+    static constexpr int kPriorIterations = 3;  // [ACMP]
+
     int view_count() const { return static_cast<int>(views_.size()); }
     bool few_views() const { return view_count() <= 5; }
     /// Pyramids of small views end early: their last level serves all coarser ones.
@@ -60,9 +67,15 @@ private:
         return levels[std::min(static_cast<std::size_t>(level), levels.size() - 1)];
     }
 
+    int pixel_count(int v) const {
+        return first_pixel_[static_cast<std::size_t>(v) + 1] -
+               first_pixel_[static_cast<std::size_t>(v)];
+    }
+    /// The part of an array over all views that is one view's.
     template <class T>
-    static Span<T> part(Span<T> all, std::size_t first, std::size_t count) {
-        return {all.data + first, count};
+    Span<T> of_view(Span<T> all, int v) const {
+        return {all.data + first_pixel_[static_cast<std::size_t>(v)],
+                static_cast<std::size_t>(pixel_count(v))};
     }
 
     /// Images, cameras and first planes of the next level.
@@ -73,7 +86,6 @@ private:
         costs_.swap(coarse_costs_);
         selected_.swap(coarse_selected_);
         const std::vector<StereoPass> coarse = passes_;
-        const std::vector<int> coarse_first = first_pixel_;
 
         std::size_t pixels = 0;
         first_pixel_.clear();
@@ -82,6 +94,7 @@ private:
             const Camera& camera = level_of(v, level).camera;
             pixels += static_cast<std::size_t>(camera.width_px) * camera.height_px;
         }
+        first_pixel_.push_back(static_cast<int>(pixels));
         if (pixels > 2000000000)
             throw Error(ExitCode::memory,
                         str(view_count(), " views with ", pixels,
@@ -122,11 +135,6 @@ private:
         }
     }
 
-    int pixel_count(int v) const {
-        const Camera& camera = passes_[static_cast<std::size_t>(v)].camera;
-        return camera.width_px * camera.height_px;
-    }
-
     void upload_sources(int level) {
         std::vector<SourceView> sources;
         source_begin_.assign(1, 0);
@@ -144,20 +152,18 @@ private:
         passes_.clear();
         for (int v = 0; v < view_count(); ++v) {
             const std::size_t i = static_cast<std::size_t>(v);
-            const std::size_t first = static_cast<std::size_t>(first_pixel_[i]);
             StereoPass pass;
             pass.camera = level_of(v, level).camera;
-            const std::size_t count =
-                static_cast<std::size_t>(pass.camera.width_px) * pass.camera.height_px;
             pass.view = v;
             pass.level = level;
-            pass.image = {images_.data() + first, pass.camera.width_px, pass.camera.height_px};
+            pass.image = {images_.data() + first_pixel_[i], pass.camera.width_px,
+                          pass.camera.height_px};
             pass.images = std::as_const(images_).span();
-            pass.sources = part(std::as_const(sources_).span(), source_begin_[i],
-                                source_begin_[i + 1] - source_begin_[i]);
-            pass.planes = part(planes_.span(), first, count);
-            pass.costs = part(costs_.span(), first, count);
-            pass.selected = part(selected_.span(), first, count);
+            pass.sources = {std::as_const(sources_).data() + source_begin_[i],
+                            source_begin_[i + 1] - source_begin_[i]};
+            pass.planes = of_view(planes_.span(), v);
+            pass.costs = of_view(costs_.span(), v);
+            pass.selected = of_view(selected_.span(), v);
             pass.far_inverse = 1 / plans_[i].far_depth;
             pass.near_inverse = 1 / plans_[i].near_depth;
             pass.min_variance = options_.min_variance;
@@ -177,30 +183,51 @@ private:
         for (const StereoPass& pass : passes_) {
             const int n = pass.sources.size();
             if (n == 0) continue;
-            const int width = pass.camera.width_px, height = pass.camera.height_px;
-            const int best = by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0;
-            for (int color = 0; color < 2; ++color)
-                parallel_for(
-                    Device{}, Checkerboard::count(width, height),
-                    PropagateBody{pass,
-                                  {width, height, color},
-                                  iteration,
-                                  best,
-                                  geometric ? std::as_const(depths_).span() : Span<const float>{}});
+            iterate_view(pass, iteration, by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0,
+                         geometric ? std::as_const(depths_).span() : Span<const float>{}, {});
+        }
+    }
+
+    void iterate_view(const StereoPass& pass,
+                      int iteration,
+                      int best_sources,
+                      Span<const float> depths,
+                      Span<const SurfacePlane> prior) {
+        const int width = pass.camera.width_px, height = pass.camera.height_px;
+        for (int color = 0; color < 2; ++color)
+            parallel_for(Device{}, Checkerboard::count(width, height),
+                         PropagateBody{
+                             pass, {width, height, color}, iteration, best_sources, depths, prior});
+    }
+
+    /// View by view: on images alone they do not look at each other.
+    void iterate_by_prior(int iteration) {
+        const std::vector<SurfacePlane> planes = to_host(planes_);
+        const std::vector<float> costs = to_host(costs_);
+        std::vector<std::vector<SurfacePlane>> priors(views_.size());
+        parallel_for_heavy(Cpu{}, view_count(), [&](int v) {
+            const std::size_t i = static_cast<std::size_t>(v);
+            if (passes_[i].sources.empty()) return;
+            priors[i] =
+                planar_prior(passes_[i].camera,
+                             of_view(Span<const SurfacePlane>{planes.data(), planes.size()}, v),
+                             of_view(Span<const float>{costs.data(), costs.size()}, v),
+                             options_.use_masks ? pyramids_[i].mask : std::vector<std::uint8_t>());
+        });
+        for (int v = 0; v < view_count(); ++v) {
+            if (priors[v].empty()) continue;
+            copy(priors[v], prior_);
+            for (int k = 0; k < kPriorIterations; ++k)
+                iterate_view(passes_[v], iteration + k, 0, {}, std::as_const(prior_).span());
         }
     }
 
     void remove_single_depths() {
         take_depths();
-        for (const StereoPass& pass : passes_) {
-            if (pass.sources.empty()) continue;
-            const std::size_t first =
-                static_cast<std::size_t>(first_pixel_[static_cast<std::size_t>(pass.view)]);
-            const int count = pass.camera.width_px * pass.camera.height_px;
-            parallel_for(Device{}, count,
-                         MedianBody{pass, part(std::as_const(depths_).span(), first,
-                                               static_cast<std::size_t>(count))});
-        }
+        for (const StereoPass& pass : passes_)
+            if (!pass.sources.empty())
+                parallel_for(Device{}, pixel_count(pass.view),
+                             MedianBody{pass, of_view(std::as_const(depths_).span(), pass.view)});
     }
 
     StereoResult fuse() {
@@ -223,17 +250,15 @@ private:
         for (int v = 0; v < view_count(); ++v) {
             const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
             if (pass.sources.empty()) continue;
-            const std::size_t first = static_cast<std::size_t>(first_pixel_[pass.view]);
-            const std::size_t count = static_cast<std::size_t>(pixel_count(v));
             copy(options_.use_masks ? pyramids_[static_cast<std::size_t>(v)].mask
                                     : std::vector<std::uint8_t>(),
                  mask);
             parallel_for(
                 Device{}, pixel_count(v),
                 FilterBody{pass, filter, options_.max_cost, std::cos(options_.min_angle * degree),
-                           std::as_const(depths_).span(), std::as_const(planes_).span(),
-                           std::as_const(mask).span(), part(kept.span(), first, count),
-                           part(confidences.span(), first, count)});
+                           options_.repetition_range, std::as_const(depths_).span(),
+                           std::as_const(planes_).span(), std::as_const(mask).span(),
+                           of_view(kept.span(), v), of_view(confidences.span(), v)});
         }
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);
@@ -256,12 +281,10 @@ private:
         copy(packed_colors(pyramids_), colors);
         for (int v = 0; v < view_count(); ++v) {
             const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
-            const auto first = static_cast<std::size_t>(first_pixel_[v]);
             parallel_for(
                 Device{}, pixel_count(v),
                 ConfirmBody{pass, fusion, std::as_const(kept).span(), std::as_const(planes_).span(),
-                            part(confirmed.span(), first, static_cast<std::size_t>(pixel_count(v))),
-                            first_pixel_[v]});
+                            of_view(confirmed.span(), v), first_pixel_[v]});
         }
         Buffer<FusedPoint, Device> points;
         for (int v = 0; v < view_count(); ++v) {
@@ -310,11 +333,11 @@ private:
 
     // Of all views at the present level, one after another; coarse: of the level before.
     Buffer<float, Device> images_, coarse_images_, costs_, coarse_costs_, depths_;
-    Buffer<SurfacePlane, Device> planes_, coarse_planes_;
+    Buffer<SurfacePlane, Device> planes_, coarse_planes_, prior_;
     Buffer<std::uint8_t, Device> selected_, coarse_selected_;
     Buffer<SourceView, Device> sources_;
     std::vector<std::size_t> source_begin_;
-    std::vector<int> first_pixel_;
+    std::vector<int> first_pixel_;  // of each view, and one past the last
     std::vector<StereoPass> passes_;
 };
 

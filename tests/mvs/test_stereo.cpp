@@ -122,6 +122,68 @@ TEST(Stereo, PlainSurfacesGetNoPoints) {
     EXPECT_GT(result.cloud.positions.size(), 2000u) << "the wall is still there";
 }
 
+/// Grey noise of a camera, the same in every run.
+void add_noise(std::vector<View>& views, double deviation) {
+    test::Random random(11);
+    for (View& view : views)
+        for (std::uint8_t& p : view.photo.pixels)
+            p = std::uint8_t(std::clamp(p + 255 * deviation * random.normal(), 0.0, 255.0));
+}
+
+/// Of one view: its pixels on the ball or on the wall, how many have a depth, how many within 1 %.
+template <class Chosen>
+Quality judge_part(const View& view, const StereoMaps& map, const Chosen& chosen) {
+    Quality q;
+    for (int y = 0; y < map.camera.height_px; ++y)
+        for (int x = 0; x < map.camera.width_px; ++x) {
+            const test::Surface truth = test::trace(view.camera, x + 0.5, y + 0.5);
+            if (!chosen(truth)) continue;
+            const float depth = map.depth[std::size_t(y * map.camera.width_px + x)];
+            ++q.pixels;
+            q.found += depth > 0;
+            q.near += depth > 0 && std::abs(double(depth) - truth.depth) < 0.01 * truth.depth;
+        }
+    return q;
+}
+bool on_ball(const test::Surface& s) {
+    return s.is_ball;
+}
+
+// Noise on a plain ball before a textured wall: nothing tells its depth, and the wall's planes must
+// not be drawn across it.
+TEST(Stereo, NoPlanesAcrossPlainObjects) {
+    std::vector<View> views = test::arc_views(
+        3, [](const test::Surface& s) { return s.is_ball ? 0.6 : test::texture(s.point); });
+    add_noise(views, 0.01);
+    for (const bool prior : {false, true}) {
+        StereoOptions o = options();
+        o.planar_prior = prior;
+        const Quality ball = judge_part(views[1], run<Cpu>(views, o).maps[1], on_ball);
+        EXPECT_LT(ball.found - ball.near, 0.03 * ball.pixels) << "planar_prior = " << prior;
+    }
+}
+
+// A wall whose waves repeat every 10 px: other pieces of it look alike in every view.
+TEST(Stereo, RepeatedTextureGivesNoPoints) {
+    const std::vector<View> views = test::arc_views(3, [](const test::Surface& s) {
+        if (s.is_ball) return test::texture(s.point);
+        const double wave = 2 * 3.14159265 / 0.23;
+        return 0.5 + 0.2 * std::sin(wave * s.point.x) + 0.2 * std::sin(wave * s.point.y);
+    });
+    const auto on_wall = [](const test::Surface& s) { return !s.is_ball; };
+    StereoOptions o = options();
+    o.repetition_range = 0;
+    const StereoMaps fooled = run<Cpu>(views, o).maps[1];
+    o.repetition_range = 64;
+    const StereoMaps wary = run<Cpu>(views, o).maps[1];
+    const Quality before = judge_part(views[1], fooled, on_wall);
+    ASSERT_GT(before.found - before.near, 0.3 * before.pixels) << "the scene is a trap";
+    // Patches that reach the ball see something unique.
+    EXPECT_LT(judge_part(views[1], wary, on_wall).found, 0.15 * before.pixels);
+    EXPECT_GT(judge_part(views[1], wary, on_ball).near,
+              0.95 * judge_part(views[1], fooled, on_ball).near);
+}
+
 TEST(Stereo, BlankImagesGiveNothing) {
     const std::vector<View> views = test::arc_views(
         3, [](const test::Surface&) { return 0.5; }, 64, 48);

@@ -1,8 +1,12 @@
 // Clouds from outside: thinning, cap, outliers, and whether they belong to the scene.
+#include <spdlog/sinks/ostream_sink.h>
+
 #include <algorithm>
 #include <cmath>
+#include <sstream>
 
 #include "core/error.h"
+#include "core/log.h"
 #include "optim/fixed_voters.h"
 #include "optim/init_cloud.h"
 #include "support/random_gaussians.h"
@@ -123,6 +127,29 @@ TEST(PrepareCloud, AppliesItsOptions) {
     options = {};
     options.thin = 0.5f;
     EXPECT_LE(prepare_cloud(square(1000), two_views(), options, "a.ply").positions.size(), 25u);
+    options = {};
+    options.outlier_deviations = 3;
+    PointCloud stray = square(1000);
+    stray.positions[17] = {0, 0, 1.5f};
+    EXPECT_TRUE(std::ranges::none_of(prepare_cloud(stray, two_views(), options, "a.ply").positions,
+                                     [](Vec3f p) { return p.z > 1; }));
+}
+
+TEST(PrepareCloud, WarnsOfWhatNoViewSees) {
+    std::ostringstream text;
+    const auto previous = spdlog::default_logger();
+    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(text)));
+    PointCloud cloud = square(1000);
+    for (Vec3f& p : cloud.positions) p = 0.1f * p;  // well inside both images
+    prepare_cloud(cloud, two_views(), {}, "seen.ply");
+    for (std::size_t i = 0; i < 250; ++i) cloud.positions[4 * i].y += 100;
+    prepare_cloud(cloud, two_views(), {}, "part.ply");
+    spdlog::set_default_logger(previous);
+    EXPECT_EQ(text.str().find("seen.ply"), std::string::npos) << text.str();
+    EXPECT_NE(text.str().find("part.ply: 25.0 % of its points are seen by no training view"),
+              std::string::npos)
+        << text.str();
 }
 
 TEST(InitGaussians, LieOnTheNormals) {
