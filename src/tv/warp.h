@@ -140,6 +140,7 @@ TVSGS_HD void for_constants(const Action& action) {
     for (int j = 0; j < kCount; ++j) action(j);
 }
 
+#if !defined(__CUDACC__)
 namespace detail {
 template <class Body>
 TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
@@ -151,10 +152,7 @@ TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
 /// `scratch_bytes` large. Bodies that compute with packs say so by a kPacks.
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
-    const bool wide = requires {
-        Body::kPacks;
-    }
-    &&has_wide_packs();
+    [[maybe_unused]] const bool wide = has_wide_packs();
 #pragma omp parallel if (count > 256)
     {
         std::vector<std::uint64_t> scratch(scratch_bytes / sizeof(std::uint64_t) + 1);
@@ -171,6 +169,7 @@ void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) 
         }
     }
 }
+#endif
 
 /// Scratch memory of the sorts below.
 template <class Device>
