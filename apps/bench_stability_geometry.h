@@ -95,7 +95,7 @@ struct DepthGradient : PlaneDepth {
 struct NormalFocal {
     static constexpr RowText text{
         "normal from depths", "focal length, px",
-        "4 roundings of a point / their distance 2 z / f: depths in float hold no more", ""};
+        "2 roundings of a point / their distance 2 z / f: depths in float hold no more", ""};
     static constexpr int kIn = 7, kOut = 3;
     static constexpr double kFrom = 50, kTo = 1e5;
     static void fill(double stress, Case& make) {
@@ -116,7 +116,7 @@ struct NormalFocal {
         out[0] = n.x, out[1] = n.y, out[2] = n.z;
     }
     static double size(const double*, const double*) { return 1; }
-    static double bound(const double* in, const double*) { return 4 * kRounding * (1 + in[0]); }
+    static double bound(const double* in, const double*) { return kRounding * (4 + in[0]); }
 };
 
 /// A pixel carried to another view and back, px.
@@ -163,12 +163,12 @@ struct Reprojected {
         const auto views = pair(in);
         const double z = in.number(), f = views.reference.fx;
         // Two motions and two projections, each rounding points of about depth + baseline.
-        return kRounding * (32 * f * (z + norm(views.neighbour_from_reference.t)) / z + 8 * 2000);
+        return kRounding * (8 * f * (z + norm(views.neighbour_from_reference.t)) / z + 4 * 2000);
     }
 };
 struct ReprojectedFocal : Reprojected {
     static constexpr RowText text{"homography: there and back, px", "focal length, px",
-                                  "f x 32 roundings of (depth + baseline) / depth, + 8 of 2,000 px",
+                                  "f x 8 roundings of (depth + baseline) / depth, + 4 of 2,000 px",
                                   ""};
     static constexpr double kFrom = 50, kTo = 1e5;
     static void fill(double stress, Case& make) { Reprojected::make(make, stress, 4, 1); }
@@ -233,20 +233,19 @@ struct PatchNcc {
         const auto p = parts(numbers);
         // The neighbour's samples move by this many px; per px the pattern changes by at most half
         // its deviation. Intensities lie near 1/2.
-        const double px = kRounding * (4 * p.views.reference.fx / -p.normal.z + 2 * 2000);
+        const double px = kRounding * (p.views.reference.fx / -p.normal.z + 2000);
         return std::min(kMaxPatchError, 2 * px + 8 * kRounding / p.contrast);
     }
 };
 struct PatchFocal : PatchNcc {
     static constexpr RowText text{"homography: error of a patch", "focal length, px",
-                                  "2 x (f x 4 roundings + 2 of 2,000 px) + 8 roundings / contrast",
-                                  ""};
+                                  "2 x (f roundings + 1 of 2,000 px) + 8 roundings / contrast", ""};
     static constexpr double kFrom = 50, kTo = 1e5;
     static void fill(double stress, Case& make) { PatchNcc::make(make, stress, 0.3, 0.9); }
 };
 struct PatchGrazing : PatchNcc {
     static constexpr RowText text{"homography: error of a patch", "1 / cosine of the angle of view",
-                                  "2 x (f x 4 roundings / cosine + 2 of 2,000 px), at most 0.9",
+                                  "2 x (f roundings / cosine + 1 of 2,000 px), at most 0.9",
                                   "no plane, or error above 0.9: not compared"};
     static constexpr double kFrom = 1.01, kTo = 1e4;
     static void fill(double stress, Case& make) { PatchNcc::make(make, 1000, 0.3, 1 / stress); }

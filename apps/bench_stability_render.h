@@ -224,10 +224,10 @@ struct EllipseBackward {
         return norm_of(log_scales, 3) * length / (kPart == 1 ? 1 : depth);
     }
     static double bound(const double* numbers, const double*) {
-        return 100 * kRounding * std::sqrt(Ellipse::kappa(numbers));
+        return 40 * kRounding * std::sqrt(Ellipse::kappa(numbers));
     }
 };
-constexpr const char* kBackwardBound = "100 roundings x the ratio of the ellipse's axes";
+constexpr const char* kBackwardBound = "40 roundings x the ratio of the ellipse's axes";
 struct BackwardLogScales : EllipseBackward<0> {
     static constexpr RowText text{"projection backward: log scales",
                                   "length of a needle in the image, px", kBackwardBound, ""};
@@ -352,7 +352,7 @@ struct StackOpacity : PixelStack {
 /// Opacity from its logit, and the derivative, relative to either.
 struct OpacityOfLogit {
     static constexpr RowText text{"opacity and its derivative, relative", "opacity / (1 - opacity)",
-                                  "8 roundings: the derivative is o x o(-logit), not o x (1 - o)",
+                                  "8 roundings: the derivative is e / (1 + e)^2, not o (1 - o)",
                                   ""};
     static constexpr int kIn = 3, kOut = 2;
     static constexpr double kFrom = 1e-6, kTo = 1e7;

@@ -1,6 +1,7 @@
 // The list of rows.
 #pragma once
 
+#include "bench_stability_adam.h"
 #include "bench_stability_geometry.h"
 #include "bench_stability_render.h"
 #include "bench_stability_sweep.h"
@@ -19,7 +20,7 @@ std::vector<StabilityCurve> measure() {
               VoteCoincident, VoteFar, EigenGap, EigenLowerGap, EigenScale, EigenNormal>(curves);
     sweep_all<Device, DepthGrazing, DepthDistance, DepthGradient, NormalFocal, ReprojectedFocal,
               ReprojectedScale, PatchFocal, PatchGrazing, PatchContrast, FusionDepth, FusionFocal,
-              FusionScale, FusionViews, FarMoved, FarAsGiven>(curves);
+              FusionScale, FusionViews, AdamCount, AdamGradient, FarMoved, FarAsGiven>(curves);
     return curves;
 }
 

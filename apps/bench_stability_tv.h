@@ -175,11 +175,11 @@ struct Whitened : VotePair {
         double rows = 0;
         for (int i = 0; i < 3; ++i)
             rows += norm(Vec3d{p.voter.W[i][0], p.voter.W[i][1], p.voter.W[i][2]});
-        return 16 * kRounding * rows * norm(p.d);
+        return 6 * kRounding * rows * norm(p.d);
     }
 };
 constexpr const char* kWhitenedBound =
-    "16 roundings x |W| |d|, the condition number sqrt(1 + s_max^2 / noise) of the whitening";
+    "6 roundings x |W| |d|, the condition number sqrt(1 + s_max^2 / noise) of the whitening";
 struct WhitenedRatio : Whitened {
     static constexpr RowText text{"whitening: place of a receiver", "ratio of the scales",
                                   kWhitenedBound,

@@ -126,10 +126,11 @@ private:
     void backward_as(const ViewGradients& in, const Gaussians<Device>& g, Gaussians<Device>& dL) {
         this->clock()("project backward", [&] {
             parallel_for(Device{}, g.size(),
-                         ProjectBackwardBody<kChannels>{
-                             in, g.means.span(), g.log_scales.span(), g.quats.span(), g.sh.span(),
-                             dL.means.span(), dL.log_scales.span(), dL.quats.span(),
-                             dL.opacity_logits.span(), dL.sh.span()});
+                         ProjectBackwardBody<kChannels>{in, g.means.span(), g.log_scales.span(),
+                                                        g.quats.span(), g.opacity_logits.span(),
+                                                        g.sh.span(), dL.means.span(),
+                                                        dL.log_scales.span(), dL.quats.span(),
+                                                        dL.opacity_logits.span(), dL.sh.span()});
         });
     }
 

@@ -20,10 +20,12 @@ template <class Real>
 TVSGS_HD Real sigmoid(Real logit) {
     return 1 / (1 + std::exp(-logit));
 }
-/// o (1 - o), but 1 - o keeps its digits where o is next to 1.
+/// o (1 - o) of the sigmoid o; here 1 - o keeps its digits where o is next to 1, and does not
+/// become 0, from which an opaque splat could not come back.
 template <class Real>
 TVSGS_HD Real sigmoid_slope(Real logit) {
-    return sigmoid(logit) * sigmoid(-logit);
+    const Real e = std::exp(-std::abs(logit));
+    return e / ((1 + e) * (1 + e));
 }
 
 /// The ellipse of a splat in the image; in whole 16-byte words.

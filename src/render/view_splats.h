@@ -107,7 +107,7 @@ struct ProjectBody {
         radii[i] = 0;
         const Vec3f p = view.camera.camera_from_world * means[i];
         if (!(p.z > view.near) || !is_finite(p)) return;
-        const float opacity = 1 / (1 + std::exp(-opacity_logits[i]));
+        const float opacity = sigmoid(opacity_logits[i]);
         if (!(opacity > kMinAlpha)) return;  // nowhere visible
 
         const Mat3f R = rotation(normalize(quats[i]));
@@ -220,10 +220,10 @@ TVSGS_HD bool splat_vjp(
     const Mat3f R = rotation(normalize(splat.quat));
     const Vec3f scales = exp(splat.log_scale);
     const SplatShape<float> shape = in.shapes[i];
-    sum.opacity_logit += shape.opacity * (1 - shape.opacity) * g.opacity;
+    sum.opacity_logit += sigmoid_slope(splat.opacity_logit) * g.opacity;
 
-    auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root,
-                                     g.spread);
+    auto ellipse =
+        image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root, g.spread);
     Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
     if constexpr (has_plane(kChannels)) {
         const int axis = smallest_axis(splat.log_scale);
@@ -255,6 +255,7 @@ struct ProjectBackwardBody {
     ViewGradients in;
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
+    Span<const float> opacity_logits;
     Span<const Vec3f> sh;
     Span<Vec3f> dL_dmeans, dL_dlog_scales;
     Span<Quatf> dL_dquats;
@@ -264,8 +265,8 @@ struct ProjectBackwardBody {
     TVSGS_HD void operator()(int i) const {
         SplatGeometry sum{{}, {}, {0, 0, 0, 0}, 0};
         AddShGradient<float> visit{sh.data, dL_dsh.data, means.count, static_cast<std::size_t>(i)};
-        if (!splat_vjp<kChannels>(in, i, {means[i], log_scales[i], quats[i], 0}, sum, visit))
-            return;
+        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
+        if (!splat_vjp<kChannels>(in, i, splat, sum, visit)) return;
         dL_dmeans[i] += sum.mean;
         dL_dlog_scales[i] += sum.log_scale;
         dL_dopacity_logits[i] += sum.opacity_logit;
