@@ -121,9 +121,8 @@ private:
             const bool in = words[r] <= bound;
             below = in ? max(below, words[r]) : below;
             above = in ? above : min(above, words[r]);
-            held += in ? 1 : 0;
+            held += __popc(__ballot_sync(kAll, in));
         }
-        held = reduce_add(held);
         below = ~reduce_min(~below), above = reduce_min(above);
         if (count % 2 == 1) return __uint_as_float(below);
         // More than half at or below the bound: both middle ones equal it.
@@ -163,8 +162,8 @@ private:
             const std::uint32_t middle = low + (high - low) / 2;
             int count = 0;
 #pragma unroll
-            for (int r = 0; r < kPerLane; ++r) count += words[r] <= middle ? 1 : 0;
-            count = reduce_add(count);
+            for (int r = 0; r < kPerLane; ++r)  // faster than counts of lanes and one reduction
+                count += __popc(__ballot_sync(kAll, words[r] <= middle));
             if (count >= wanted) {
                 high = middle;
                 if (count == wanted) break;
@@ -190,10 +189,9 @@ private:
         int below = 0, upto = 0;
 #pragma unroll
         for (int r = 0; r < kPerLane; ++r) {
-            below += high[r] < last ? 1 : 0;
-            upto += high[r] <= last ? 1 : 0;
+            below += __popc(__ballot_sync(kAll, high[r] < last));
+            upto += __popc(__ballot_sync(kAll, high[r] <= last));
         }
-        below = reduce_add(below), upto = reduce_add(upto);
         std::uint32_t last_low = 0xffffffffu;
         if (upto > wanted) {  // ties: by the low words
             std::uint32_t tied[kPerLane];
@@ -216,14 +214,6 @@ private:
         const bool mine = static_cast<std::uint32_t>(largest >> 32) == top;
         return static_cast<std::uint64_t>(top) << 32 |
                ~reduce_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
-    }
-    __device__ static int reduce_add(int x) {
-#if __CUDA_ARCH__ >= 800
-        return __reduce_add_sync(kAll, x);
-#else
-        for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
-        return x;
-#endif
     }
     __device__ static std::uint32_t reduce_min(std::uint32_t x) {
 #if __CUDA_ARCH__ >= 800
