@@ -30,6 +30,8 @@ TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
     return check;
 }
 
+enum Uniqueness : std::uint8_t { kNoDepth, kUnique, kRepeated };
+
 /// A depth is believed when enough sources saw the same surface, under a sufficient angle, and look
 /// like it; confidence = share of the sources x clamp(1.2 - cost).
 struct FilterBody {
@@ -41,10 +43,12 @@ struct FilterBody {
     Span<const SurfacePlane> planes;       // of all views
     Span<const std::uint8_t> mask;         // of this view; empty: everything
     Span<float> kept_depths, confidences;  // of this view; overwritten
+    Span<std::uint8_t> uniqueness;         // of this view; overwritten
 
     TVSGS_HD void operator()(int i) const {
         const std::size_t at = static_cast<std::size_t>(i);
         kept_depths[at] = confidences[at] = 0;
+        uniqueness[at] = kNoDepth;
         if (!mask.empty() && mask[at] < 128) return;
         const SurfacePlane plane = pass.planes[at];
         const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
@@ -75,7 +79,10 @@ struct FilterBody {
         const float cost = cost_sum / static_cast<float>(agreeing);
         const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(likeness > 0)) return;
-        if (repetition_range > 0 && is_repeated(x, y, patch, plane, which, agreeing, cost)) return;
+        uniqueness[at] =
+            repetition_range > 0 && is_repeated(x, y, patch, plane, which, agreeing, cost)
+                ? kRepeated
+                : kUnique;
         kept_depths[at] = plane.depth;
         confidences[at] =
             static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * likeness;
@@ -128,6 +135,30 @@ private:
             }
         }
         return false;
+    }
+};
+
+/// Where most depths around a pixel are those of a repeated texture, none is believed: single ones
+/// are alike by chance.
+struct DropRepeatedBody {
+    int width, height;
+    Span<const std::uint8_t> uniqueness;   // of this view
+    Span<float> kept_depths, confidences;  // of this view
+
+    TVSGS_HD void operator()(int i) const {
+        constexpr int kReach = 10, kStep = 2;  // px
+        const std::size_t at = static_cast<std::size_t>(i);
+        if (uniqueness[at] == kNoDepth) return;
+        const int x = i % width, y = i / width;
+        int found = 0, repeated = 0;
+        for (int py = y - kReach; py <= y + kReach; py += kStep)
+            for (int px = x - kReach; px <= x + kReach; px += kStep) {
+                if (px < 0 || px >= width || py < 0 || py >= height) continue;
+                const std::uint8_t kind = uniqueness[static_cast<std::size_t>(py) * width + px];
+                found += kind != kNoDepth;
+                repeated += kind == kRepeated;
+            }
+        if (2 * repeated > found) kept_depths[at] = confidences[at] = 0;
     }
 };
 

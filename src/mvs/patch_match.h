@@ -35,10 +35,8 @@ struct StereoOptions {
         field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");
         field("min_variance", min_variance, {0, 1},
               "of grey values in [0, 1]: less is no texture and gives no depth");
-        field(
-            "repetition_range", repetition_range, {0, 1024},
-            "pixels along the epipolar lines where a second match as good takes a depth's credit; "
-            "0: not looked for");
+        field("repetition_range", repetition_range, {0, 1024},
+              "pixels searched for second matches, which tell of repeated texture; 0: none");
         field("min_segment", min_segment, {0, 1e9}, "pixels; smaller pieces of surface go");
         field("use_masks", use_masks, "only pixels inside the masks");
     }

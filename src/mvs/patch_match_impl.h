@@ -246,19 +246,25 @@ private:
         // 1. Believed depths; small pieces go.
         Buffer<float, Device> kept(pixels), confidences(pixels);
         kept.fill_zero(), confidences.fill_zero();
-        Buffer<std::uint8_t, Device> mask;
+        Buffer<std::uint8_t, Device> mask, uniqueness;
         for (int v = 0; v < view_count(); ++v) {
             const StereoPass& pass = passes_[static_cast<std::size_t>(v)];
             if (pass.sources.empty()) continue;
             copy(options_.use_masks ? pyramids_[static_cast<std::size_t>(v)].mask
                                     : std::vector<std::uint8_t>(),
                  mask);
+            uniqueness.resize(static_cast<std::size_t>(pixel_count(v)));
             parallel_for(
                 Device{}, pixel_count(v),
                 FilterBody{pass, filter, options_.max_cost, std::cos(options_.min_angle * degree),
                            options_.repetition_range, std::as_const(depths_).span(),
                            std::as_const(planes_).span(), std::as_const(mask).span(),
-                           of_view(kept.span(), v), of_view(confidences.span(), v)});
+                           of_view(kept.span(), v), of_view(confidences.span(), v),
+                           uniqueness.span()});
+            parallel_for(Device{}, pixel_count(v),
+                         DropRepeatedBody{pass.camera.width_px, pass.camera.height_px,
+                                          std::as_const(uniqueness).span(), of_view(kept.span(), v),
+                                          of_view(confidences.span(), v)});
         }
         std::vector<float> depths = to_host(kept);
         std::vector<float> confidence = to_host(confidences);

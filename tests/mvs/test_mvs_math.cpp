@@ -1,8 +1,8 @@
 // The formulas of stereo for one pixel.
 #include "analytic_scene.h"
+#include "mvs/depth_fusion_bodies.h"
 #include "mvs/depth_segments.h"
 #include "mvs/mvs_math.h"
-#include "mvs/patch_match_bodies.h"
 #include "mvs/stereo_images.h"
 #include "support/numeric.h"
 
@@ -26,6 +26,22 @@ TEST(PlaneWarp, FollowsPointsOfThePlane) {
         EXPECT_NEAR(h.x / h.z, other.fx_px * there.x / there.z + other.cx_px, 1e-3);
         EXPECT_NEAR(h.y / h.z, other.fy_px * there.y / there.z + other.cy_px, 1e-3);
     }
+}
+
+TEST(PlaneWarp, MovesAlongTheEpipolarLine) {
+    const Camera reference = test::arc_camera(200, 150, 0.1),
+                 other = test::arc_camera(220, 160, 0.5);
+    const SourceView source = make_source(reference, other, 1, 0);
+    const SurfacePlane plane{normalize(Vec3f{0.3f, -0.2f, -0.9f}), 3.7f};
+    const PatchWarp warp = plane_warp(source, reference, 93, 71, plane);
+    const float step = 4 / pixels_per_step(warp, source);
+    const PatchWarp there = moved(warp, source, step);
+    const Vec3f p = source.source_from_reference *
+                    ((1 / (1 / plane.depth + step)) * pixel_ray(reference, 93, 71));
+    const Vec3f from = warp.at_centre / warp.at_centre.z, to = there.at_centre / there.at_centre.z;
+    EXPECT_NEAR(to.x, other.fx_px * p.x / p.z + other.cx_px, 1e-3);  // as above
+    EXPECT_NEAR(to.y, other.fy_px * p.y / p.z + other.cy_px, 1e-3);
+    EXPECT_NEAR(norm(to - from), 4, 0.2) << "the speed changes a little on the way";
 }
 
 class PatchCost : public testing::Test {
@@ -135,6 +151,33 @@ TEST(Facing, NormalsCanBeSeen) {
         EXPECT_NEAR(norm(n), 1, 1e-5);
         EXPECT_LT(dot(n, ray), -kMinFacing);
     }
+}
+
+TEST(DropRepeated, MostAroundDecide) {
+    constexpr int kWidth = 80, kHeight = 60;
+    std::vector<std::uint8_t> kinds(kWidth * kHeight, kUnique);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 50; x < kWidth; ++x) kinds[std::size_t(y * kWidth + x)] = kRepeated;
+    for (int i = 0; i < kWidth * kHeight; i += 5)  // one in five is alike by chance, or not
+        kinds[std::size_t(i)] = i % kWidth < 50 ? kRepeated : kUnique;
+    kinds[30 * kWidth + 10] = kNoDepth;
+    std::vector<float> depths(kinds.size(), 2.0f), confidences(kinds.size(), 0.5f);
+    const DropRepeatedBody body{kWidth,
+                                kHeight,
+                                {kinds.data(), kinds.size()},
+                                {depths.data(), depths.size()},
+                                {confidences.data(), confidences.size()}};
+    for (int i = 0; i < kWidth * kHeight; ++i) body(i);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const std::size_t at = std::size_t(y * kWidth + x);
+            if (x < 45) {
+                EXPECT_EQ(depths[at], 2) << x << " " << y;
+            }
+            if (x > 55) {
+                EXPECT_TRUE(depths[at] == 0 && confidences[at] == 0) << x << " " << y;
+            }
+        }
 }
 
 TEST(DepthSegments, SmallPiecesGo) {

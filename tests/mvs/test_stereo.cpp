@@ -158,8 +158,12 @@ TEST(Stereo, NoPlanesAcrossPlainObjects) {
     for (const bool prior : {false, true}) {
         StereoOptions o = options();
         o.planar_prior = prior;
-        const Quality ball = judge_part(views[1], run<Cpu>(views, o).maps[1], on_ball);
-        EXPECT_LT(ball.found - ball.near, 0.03 * ball.pixels) << "planar_prior = " << prior;
+        // 9 px inside the outline, where no patch sees the wall.
+        const Quality ball =
+            judge_part(views[1], run<Cpu>(views, o).maps[1],
+                       [](const test::Surface& s) { return s.is_ball && s.normal.z < -0.6; });
+        ASSERT_GT(ball.pixels, 3000);
+        EXPECT_LT(ball.found, 0.02 * ball.pixels) << "more than chance; planar_prior = " << prior;
     }
 }
 
@@ -178,8 +182,8 @@ TEST(Stereo, RepeatedTextureGivesNoPoints) {
     const StereoMaps wary = run<Cpu>(views, o).maps[1];
     const Quality before = judge_part(views[1], fooled, on_wall);
     ASSERT_GT(before.found - before.near, 0.3 * before.pixels) << "the scene is a trap";
-    // Patches that reach the ball see something unique.
-    EXPECT_LT(judge_part(views[1], wary, on_wall).found, 0.15 * before.pixels);
+    // Patches that reach the ball, or the ends of the range, see something unique.
+    EXPECT_LT(judge_part(views[1], wary, on_wall).found, 0.2 * before.pixels);
     EXPECT_GT(judge_part(views[1], wary, on_ball).near,
               0.95 * judge_part(views[1], fooled, on_ball).near);
 }
@@ -258,11 +262,16 @@ TEST(Stereo, RefusesWhatCannotWork) {
 
 // Rounding differs between the devices and the search is chaotic, so pixels are compared as a
 // crowd: both find nearly the same pixels, and there the same surface.
-TEST(Stereo, TwinsAgree) {
+class StereoTwins : public testing::TestWithParam<bool> {};
+INSTANTIATE_TEST_SUITE_P(PlanarPrior, StereoTwins, testing::Bool());
+
+TEST_P(StereoTwins, Agree) {
     if (const std::string reason = test::no_cuda(); !reason.empty()) GTEST_SKIP() << reason;
     if constexpr (kHasCuda) {
         const std::vector<View> views = test::arc_views(3, textured);
-        const StereoResult cpu = run<Cpu>(views), cuda = run<Cuda>(views);
+        StereoOptions o = options();
+        o.planar_prior = GetParam();
+        const StereoResult cpu = run<Cpu>(views, o), cuda = run<Cuda>(views, o);
         for (std::size_t v = 0; v < 3; ++v) {
             int both = 0, either = 0, same = 0;
             for (std::size_t i = 0; i < cpu.maps[v].depth.size(); ++i) {
@@ -280,7 +289,7 @@ TEST(Stereo, TwinsAgree) {
             EXPECT_GT(double(q.aligned) / q.found,
                       double(reference.aligned) / reference.found - 0.01);
         }
-        const StereoResult again = run<Cuda>(views);
+        const StereoResult again = run<Cuda>(views, o);
         for (std::size_t v = 0; v < 3; ++v) EXPECT_EQ(again.maps[v].depth, cuda.maps[v].depth);
     }
 }
