@@ -5,9 +5,12 @@ target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 # -Wno-restrict: GCC 12 sees overlaps in std::string that are not there (GCC bug 105651).
 # No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
 # and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
+# Warnings are GCC's: clang, which fuzzing and the thread sanitizer need, has others.
+if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+    set(TVSGS_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Werror -Wno-restrict)
+endif()
 target_compile_options(tvsgs_flags INTERFACE
-    $<$<COMPILE_LANGUAGE:CXX>:-Wall -Wextra -Wshadow -Wconversion -Werror -Wno-restrict
-        -fno-math-errno -fno-trapping-math>
+    $<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS} -fno-math-errno -fno-trapping-math>
     $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
         -Werror=all-warnings -diag-suppress=20012>)
 target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
@@ -19,11 +22,22 @@ endif()
 if(TVSGS_NATIVE)
     target_compile_options(tvsgs_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
 endif()
-if(TVSGS_ASAN)
-    # With sanitizers GCC 12 sees uninitialised values in std::regex (GCC bug 105562).
+if(TVSGS_ASAN OR TVSGS_FUZZ)
+    # What they find ends the program. With sanitizers GCC 12 sees uninitialised values in std::regex
+    # (GCC bug 105562).
+    set(TVSGS_SANITIZE -fsanitize=address,undefined -fno-sanitize-recover=all)
+    set(TVSGS_SANITIZE_COMPILE -Wno-maybe-uninitialized)
+elseif(TVSGS_TSAN)
+    set(TVSGS_SANITIZE -fsanitize=thread)
+endif()
+if(TVSGS_FUZZ)
+    set(TVSGS_SANITIZE_COMPILE -fsanitize=fuzzer-no-link)
+endif()
+if(TVSGS_SANITIZE)
+    target_compile_definitions(tvsgs_flags INTERFACE _GLIBCXX_ASSERTIONS)
     target_compile_options(tvsgs_flags INTERFACE
-        $<$<COMPILE_LANGUAGE:CXX>:-fsanitize=address,undefined -fno-omit-frame-pointer -Wno-maybe-uninitialized>)
-    target_link_options(tvsgs_flags INTERFACE -fsanitize=address,undefined)
+        $<$<COMPILE_LANGUAGE:CXX>:${TVSGS_SANITIZE} ${TVSGS_SANITIZE_COMPILE} -fno-omit-frame-pointer>)
+    target_link_options(tvsgs_flags INTERFACE ${TVSGS_SANITIZE})
 endif()
 
 # tvsgs_library(NAME SOURCES a.cpp ... CUDA_SOURCES a.cu ... LINK lib ...)

@@ -29,15 +29,32 @@ std::string str(const Parts&... parts) {
     return out.str();
 }
 
+/// Without control characters but for ends of lines: parts of a message come from files, and what a
+/// terminal would obey must not reach it.
+inline std::string printable(std::string text) {
+    for (char& c : text)
+        if ((static_cast<unsigned char>(c) < 32 && c != '\n') || c == 127) c = '?';
+    return text;
+}
+
 /// A message says where, what was found, what was expected and what to do.
 class Error : public std::runtime_error {
 public:
-    Error(ExitCode code, const std::string& message) : std::runtime_error(message), code_(code) {}
+    Error(ExitCode code, const std::string& message)
+        : std::runtime_error(printable(message)), code_(code) {}
     ExitCode code() const { return code_; }
 
 private:
     ExitCode code_;
 };
+
+/// `what` says what was needed and what there was; what helps is added.
+inline Error out_of_memory(const std::string& what) {
+    return Error(ExitCode::memory,
+                 str("out of memory: ", what,
+                     "; use fewer splats (--max-gaussians), smaller images (-r), or shorter lists "
+                     "of votes (--set tv.lists=compact)"));
+}
 
 /// Runs `action`; an Error passing through gains a line that says what was being done.
 template <class Action>

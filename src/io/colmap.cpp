@@ -79,7 +79,7 @@ private:
 class TextReader {
 public:
     explicit TextReader(const std::string& path)
-        : path_(path), bytes_(read_bytes(path)), rest_(bytes_) {}
+        : path_(path), bytes_(read_text(path)), rest_(bytes_) {}
 
     /// Goes to the next line; false at the end.
     bool next_line() {

@@ -43,7 +43,8 @@ std::string normalized(std::string_view key) {
 /// A JSON text without duplicate keys, which the library itself would accept silently.
 Json parse_json(const std::string& path, const std::string& text, ExitCode code) {
     std::vector<std::set<std::string>> keys;  // one set per open object
-    const auto watch = [&](int /*depth*/, Json::parse_event_t event, Json& value) {
+    const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
+        check_json_depth(depth, path);
         if (event == Json::parse_event_t::object_start) keys.emplace_back();
         if (event == Json::parse_event_t::object_end) keys.pop_back();
         if (event == Json::parse_event_t::key &&

@@ -84,7 +84,11 @@ struct CropReader {
 
 Crop read_crop(const std::string& path) {
     const CropReader reader{path};
-    const json file = json::parse(read_bytes(path), nullptr, /*allow_exceptions=*/false);
+    const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
+        check_json_depth(depth, path);
+        return true;
+    };
+    const json file = json::parse(read_bytes(path), limit_depth, /*allow_exceptions=*/false);
     if (!file.is_object()) throw reader.wrong("not a JSON object");
     try {
         if (file.contains("box")) return reader.box(file["box"]);

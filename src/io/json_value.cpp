@@ -5,13 +5,12 @@
 #include <nlohmann/json.hpp>
 
 #include "core/error.h"
+#include "io/read_file.h"
 
 namespace tvsgs {
 namespace {
 
 using Json = nlohmann::ordered_json;
-
-constexpr int kMaxDepth = 64;  // of a damaged or hostile file; ours have six
 
 JsonValue from_library(const Json& json) {
     if (json.is_string()) return JsonValue(json.get<std::string>());
@@ -110,9 +109,7 @@ void JsonValue::set(std::string_view key, JsonValue value) {
 
 JsonValue parse_json_value(std::string_view text, const std::string& where) {
     const auto limit_depth = [&](int depth, Json::parse_event_t, Json&) {
-        if (depth > kMaxDepth)
-            throw Error(ExitCode::input,
-                        str(where, ": JSON nested deeper than ", kMaxDepth, " levels"));
+        check_json_depth(depth, where);
         return true;
     };
     try {

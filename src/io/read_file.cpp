@@ -30,4 +30,16 @@ std::string read_bytes(const std::string& path) {
     return bytes;
 }
 
+void check_json_depth(int depth, const std::string& where) {
+    constexpr int kMaxDepth = 64;  // ours have six
+    if (depth > kMaxDepth)
+        throw input_error(where, ": JSON nested deeper than ", kMaxDepth, " levels");
+}
+
+std::string read_text(const std::string& path) {
+    std::string text = read_bytes(path);
+    if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);
+    return text;
+}
+
 }  // namespace tvsgs

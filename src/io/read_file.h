@@ -15,6 +15,13 @@ namespace tvsgs {
 /// reading fails.
 std::string read_bytes(const std::string& path);
 
+/// The same for text: without the byte order mark that some editors put before it.
+std::string read_text(const std::string& path);
+
+/// For parsers of files that may be damaged or hostile, whose depth would use up the stack: throws
+/// Error(ExitCode::input) that names `where` beyond 64 levels.
+void check_json_depth(int depth, const std::string& where);
+
 /// An error in what the user gave us.
 template <class... Parts>
 Error input_error(const Parts&... parts) {

@@ -57,7 +57,7 @@ private:
 
 std::vector<std::string> read_list(const std::string& path) {
     std::vector<std::string> entries;
-    std::istringstream lines(read_bytes(path));
+    std::istringstream lines(read_text(path));
     for (std::string line; std::getline(lines, line);)
         if (const auto entry = trimmed(line); !entry.empty() && entry[0] != '#')
             entries.emplace_back(entry);

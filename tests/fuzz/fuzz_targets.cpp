@@ -1,0 +1,207 @@
+#include "fuzz_targets.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <stdexcept>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "io/checkpoint.h"
+#include "io/colmap.h"
+#include "io/config.h"
+#include "io/crop_file.h"
+#include "io/image_file.h"
+#include "io/json_value.h"
+#include "io/mat_file.h"
+#include "io/npz.h"
+#include "io/ply.h"
+#include "io/read_file.h"
+#include "io/scene_layout.h"
+#include "io/trajectory.h"
+#include "optim/train.h"
+
+namespace tvsgs::fuzz {
+namespace {
+
+namespace fs = std::filesystem;
+
+void write(const std::string& path, std::string_view bytes) {
+    std::ofstream(path, std::ios::binary) << bytes;
+}
+
+/// The other file of a model, so that both are needed and neither hides the other's faults.
+void read_cameras(const std::string& folder, const std::string&) {
+    write(folder + "/images.txt", "1 1 0 0 0 0 0 0 1 a.png\n\n2 1 0 0 0 1 0 0 1 b.png\n\n");
+    read_colmap_model(folder);
+}
+void read_images(const std::string& folder, const std::string&) {
+    write(folder + "/cameras.txt", "1 PINHOLE 64 48 60 60 32 24\n");
+    read_colmap_model(folder);
+}
+void read_points(const std::string& folder, const std::string&) {
+    read_colmap_points(folder);
+}
+
+void read_any_ply(const std::string&, const std::string& file) {
+    const PlyContents contents = read_ply(file);
+    for (const Vec3i& face : contents.faces)  // what a mesh's users index with
+        for (int c = 0; c < 3; ++c) contents.points.positions.at(static_cast<std::size_t>(face[c]));
+    read_ply_geometry(file);
+}
+
+void read_layout_of(SceneFormat format, const std::string& folder) {
+    SceneOptions options;
+    options.path = folder;
+    options.format = format;
+    read_layout(options);
+}
+
+void read_mvsnet_cameras(const std::string& folder, const std::string& file) {
+    fs::create_directories(folder + "/cams");
+    fs::create_directories(folder + "/images");
+    fs::copy_file(file, folder + "/cams/00000000_cam.txt", fs::copy_options::overwrite_existing);
+    if (!fs::exists(folder + "/images/00000000.png"))
+        write_png(folder + "/images/00000000.png", ImageU8(8, 6, 3));
+    read_layout_of(SceneFormat::mvsnet, folder);
+}
+
+void read_blender(const std::string& folder, const std::string&) {
+    if (!fs::exists(folder + "/image.png")) write_png(folder + "/image.png", ImageU8(8, 6, 3));
+    read_layout_of(SceneFormat::blender, folder);
+}
+
+void read_npz_cameras(const std::string& folder, const std::string&) {
+    fs::create_directories(folder + "/image");
+    for (const char* name : {"/image/000.png", "/image/001.png"})
+        if (!fs::exists(folder + name)) write_png(folder + name, ImageU8(8, 6, 3));
+    read_layout_of(SceneFormat::idr, folder);
+}
+
+void read_configuration(const std::string&, const std::string& file) {
+    TrainOptions options;
+    OptionTable table;
+    table.add("", options);
+    table.read_file(file);
+    table.json();
+}
+
+/// The header, and the pixels of images that do not claim more than a few of them.
+void read_picture(const std::string&, const std::string& file) {
+    const ImageSize size = read_image_size(file);
+    if (std::int64_t{size.width} * size.height < 1 << 16) read_image(file);
+}
+
+/// A checkpoint's sums of its table and of each array, made right.
+std::string with_checksums(std::string bytes) {
+    constexpr std::size_t kFixed = 28, kTableBytesAt = 12, kFileBytesAt = 16, kArraysAt = 24;
+    std::uint32_t table = 0, arrays = 0;
+    if (bytes.size() < kFixed + 4) return bytes;
+    std::memcpy(&table, &bytes[kTableBytesAt], 4);
+    std::memcpy(&arrays, &bytes[kArraysAt], 4);
+    if (table > bytes.size() - kFixed - 4) return bytes;
+    const std::uint64_t size = bytes.size();
+    std::memcpy(&bytes[kFileBytesAt], &size, 8);
+    std::size_t entry = kFixed, data = kFixed + table + 4;
+    for (std::uint32_t i = 0; i < arrays; ++i) {
+        std::uint32_t name = 0;
+        std::uint64_t count = 0;
+        if (entry + 4 > kFixed + table) break;
+        std::memcpy(&name, &bytes[entry], 4);
+        const std::uint64_t end = entry + 4ull + name + 4 + 1 + 8 + 4;
+        if (end > kFixed + table) break;
+        std::memcpy(&count, &bytes[end - 12], 8);
+        if (count > bytes.size() - data) break;
+        const std::uint32_t sum = checksum(&bytes[0] + data, static_cast<std::size_t>(count));
+        std::memcpy(&bytes[end - 4], &sum, 4);
+        entry = end, data += static_cast<std::size_t>(count);
+    }
+    const std::uint32_t sum = checksum(bytes.data(), kFixed + table);
+    std::memcpy(&bytes[kFixed + table], &sum, 4);
+    return bytes;
+}
+
+void complain(const std::string& what) {
+    throw std::logic_error(what);
+}
+
+}  // namespace
+
+const std::vector<Target>& targets() {
+    using S = const std::string&;
+    static const std::vector<Target> all = {
+        {"colmap_cameras_bin", "cameras.bin", read_cameras, nullptr},
+        {"colmap_cameras_txt", "cameras.txt", read_cameras, nullptr},
+        {"colmap_images_bin", "images.bin", read_images, nullptr},
+        {"colmap_images_txt", "images.txt", read_images, nullptr},
+        {"colmap_points_bin", "points3D.bin", read_points, nullptr},
+        {"colmap_points_txt", "points3D.txt", read_points, nullptr},
+        {"ply_splats", "a.ply", [](S, S file) { read_splat_ply(file); }, nullptr},
+        {"ply_mesh", "a.ply", read_any_ply, nullptr},
+        {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
+        {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
+        {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},
+        {"mat", "a.mat", [](S, S file) { read_mat_array(file, "ObsMask"); }, nullptr},
+        {"tnt_log", "a.log", [](S, S file) { read_trajectory_log(file); }, nullptr},
+        {"tnt_trans", "a.txt", [](S, S file) { read_transform(file); }, nullptr},
+        {"crop", "a.json", [](S, S file) { read_crop(file); }, nullptr},
+        {"nerfstudio", "transforms.json",
+         [](S folder, S) { read_layout_of(SceneFormat::nerfstudio, folder); }, nullptr},
+        {"blender", "transforms_train.json", read_blender, nullptr},
+        {"mvsnet", "cam.txt", read_mvsnet_cameras, nullptr},
+        {"lists", "splits.json", [](S, S file) { read_json_lists(file); }, nullptr},
+        {"json", "report.json", [](S, S file) { parse_json_value(read_bytes(file), file); },
+         nullptr},
+        {"config", "config.json", read_configuration, nullptr},
+        {"checkpoint", "a.ckpt", [](S, S file) { read_checkpoint(file); }, with_checksums},
+        {"image", "a.png", read_picture, nullptr},
+    };
+    return all;
+}
+
+const Target& find_target(std::string_view name) {
+    std::string known;
+    for (const Target& target : targets()) {
+        if (target.name == name) return target;
+        known += str(" ", target.name);
+    }
+    throw Error(ExitCode::internal, str("no target '", name, "'; there are", known));
+}
+
+void run(const Target& target, std::string_view bytes) {
+    static const std::string base = [] {
+        spdlog::set_level(spdlog::level::off);
+        const fs::path memory = "/dev/shm";
+        const fs::path root = fs::is_directory(memory) ? memory : fs::temp_directory_path();
+        return (root / str("tvsgs_fuzz_", getpid())).string();
+    }();
+    static const struct Cleaner {
+        ~Cleaner() {
+            std::error_code no_matter;
+            fs::remove_all(base, no_matter);
+        }
+    } cleaner;
+    const std::string folder = str(base, "/", target.name), file = str(folder, "/", target.file);
+    fs::create_directories(folder);
+    for (const bool mended : {false, true}) {
+        if (mended && target.mend == nullptr) break;
+        write(file, mended ? target.mend(std::string(bytes)) : std::string(bytes));
+        try {
+            target.read(folder, file);
+        } catch (const Error& error) {
+            const std::string what = error.what();
+            if (error.code() != ExitCode::input && error.code() != ExitCode::usage)
+                complain(str("exit code ", static_cast<int>(error.code()), ": ", what));
+            const auto control = [](char c) {
+                return (static_cast<unsigned char>(c) < 32 && c != '\n') || c == 127;
+            };
+            if (what.size() < 10 || std::any_of(what.begin(), what.end(), control))
+                complain("a message that nobody can read: " + what);
+        }
+    }
+}
+
+}  // namespace tvsgs::fuzz

@@ -1,0 +1,218 @@
+#!/usr/bin/env python3
+"""Writes the seeds of tests/fuzz/corpus: small files of every kind that the readers take.
+
+    python3 tests/fuzz/make_corpus.py
+
+Names that begin with good_ have to be read without an error. Needs Python's standard library only.
+"""
+import io
+import json
+import math
+import pathlib
+import struct
+import zipfile
+import zlib
+
+HERE = pathlib.Path(__file__).parent / "corpus"
+
+
+def seed(target, name, data):
+    folder = HERE / target
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / name).write_bytes(data.encode() if isinstance(data, str) else data)
+
+
+# COLMAP
+def camera(i, model, params):
+    return struct.pack("<IiQQ", i, model, 64, 48) + struct.pack(f"<{len(params)}d", *params)
+
+
+def image(i, name, observations):
+    return (struct.pack("<I7dI", i, 1, 0, 0, 0, 0.5 * i, 0, 0, 1) + name + b"\0"
+            + struct.pack("<Q", observations) + observations * struct.pack("<ddQ", 3, 4, 1))
+
+
+def point(i, track):
+    return (struct.pack("<Q3d3Bd", i, 0.1 * i, 0.2, 3, 10, 20, 30, 0.5)
+            + struct.pack("<Q", len(track)) + b"".join(struct.pack("<II", t, 0) for t in track))
+
+
+seed("colmap_cameras_bin", "good_pinhole", struct.pack("<Q", 1) + camera(1, 1, [60, 60, 32, 24]))
+seed("colmap_cameras_bin", "good_distorted", struct.pack("<Q", 2)
+     + camera(1, 4, [60, 60, 32, 24, 0.1, 0.01, 0.001, 0.002])
+     + camera(2, 5, [60, 60, 32, 24, 0.1, 0, 0, 0]))
+seed("colmap_cameras_bin", "unknown_model", struct.pack("<Q", 1) + camera(1, 7, [60, 60, 32, 24, 1]))
+seed("colmap_cameras_txt", "good_pinhole", "# cameras\n1 PINHOLE 64 48 60 60 32 24\n")
+seed("colmap_cameras_txt", "good_bom_crlf",
+     b"\xef\xbb\xbf# cameras\r\n1 FULL_OPENCV 64 48 60 60 32 24 .1 .01 0 0 1e-3 0 0 0\r\n")
+seed("colmap_cameras_txt", "unknown_model", "1 FOV 64 48 60 60 32 24 1\n")
+seed("colmap_images_bin", "good_two", struct.pack("<Q", 2) + image(1, b"a.png", 2)
+     + image(2, b"sub/b c.png", 0))
+seed("colmap_images_bin", "bad_name", struct.pack("<Q", 1) + image(1, b"../a.png", 1))
+seed("colmap_images_txt", "good_two",
+     "# images\n1 1 0 0 0 0 0 0 1 a.png\n1.5 2 7 3 4 -1\n2 .5 .5 .5 .5 1 2 3 1 b c.png\n\n")
+seed("colmap_images_txt", "bad_pose", "1 0 0 0 0 nan 0 0 1 a.png\n\n")
+seed("colmap_points_bin", "good_two",
+     struct.pack("<Q", 2) + point(1, [1, 2]) + point(2, []))
+seed("colmap_points_txt", "good_two",
+     "# points\n1 0.1 0.2 3 10 20 30 0.5 1 0 2 0\n2 1e10 0 nan 0 0 0 0\n")
+
+# PLY
+SPLAT = (["x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"]
+         + [f"f_rest_{i}" for i in range(9)]
+         + ["opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"])
+
+
+def header(form, vertices, properties, extra=""):
+    return (f"ply\nformat {form} 1.0\ncomment of a test\nelement vertex {vertices}\n"
+            + "".join(f"property {p}\n" for p in properties) + extra + "end_header\n").encode()
+
+
+row = [0.1, 0.2, 3, 0, 0, 0, 0.3, 0.2, 0.1] + 9 * [0.01] + [1.5, -3, -3.1, -5, 1, 0, 0, 0]
+splat_properties = [f"float {p}" for p in SPLAT]
+seed("ply_splats", "good_binary", header("binary_little_endian", 2, splat_properties)
+     + struct.pack("<26f", *row) + struct.pack("<26f", *[2 * v for v in row]))
+seed("ply_splats", "good_text", header("ascii", 1, splat_properties)
+     + (" ".join(map(str, row)) + "\n").encode())
+seed("ply_splats", "not_finite", header("binary_little_endian", 1, splat_properties)
+     + struct.pack("<26f", *([math.nan] + row[1:])))
+FACES = "element face 2\nproperty list uchar int vertex_indices\nproperty uchar flag\n"
+corners = ["float x", "float y", "float z", "uchar red", "uchar green", "uchar blue"]
+seed("ply_mesh", "good_text", header("ascii", 4, corners, FACES)
+     + b"0 0 0 255 0 0\n1 0 0 0 255 0\n1 1 0 0 0 255\n0 1 0 9 9 9\n3 0 1 2 1\n4 0 1 2 3 0\n")
+seed("ply_mesh", "good_big_endian",
+     header("binary_big_endian", 3, ["double x", "double y", "double z", "float confidence"],
+            "element face 1\nproperty list ushort uint vertex_index\n")
+     + b"".join(struct.pack(">3df", i, i * i, 1, 0.5) for i in range(3))
+     + struct.pack(">H3I", 3, 0, 1, 2))
+seed("ply_mesh", "lists_first",
+     b"ply\nformat ascii 1.0\nelement strips 1\nproperty list int int s\nelement vertex 1\n"
+     b"property float x\nproperty float y\nproperty float z\nproperty double nx\n"
+     b"property double ny\nproperty double nz\nend_header\n3 1 2 3\n0 0 1 0 0 1\n")
+seed("ply_mesh", "bad_face", header("ascii", 1, corners[:3], FACES) + b"0 0 0\n3 0 1 9 1\n")
+
+
+# NumPy
+def npy(descr, shape, data, fortran=False, version=1):
+    text = f"{{'descr': '{descr}', 'fortran_order': {fortran}, 'shape': {shape}, }}"
+    start = 10 if version == 1 else 12
+    text += " " * (-(start + len(text) + 1) % 64) + "\n"
+    size = struct.pack("<H" if version == 1 else "<I", len(text))
+    return b"\x93NUMPY" + bytes([version, 0]) + size + text.encode() + data
+
+
+def npz(arrays, method):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", method) as archive:
+        for name, data in arrays.items():
+            archive.writestr(zipfile.ZipInfo(name + ".npy"), data, method)
+    return out.getvalue()
+
+
+def matrix(values):
+    return npy("<f8", "(4, 4)", struct.pack("<16d", *values))
+
+
+seed("npy", "good_float32", npy("<f4", "(2, 3)", struct.pack("<6f", *range(6))))
+seed("npy", "good_big_endian_fortran", npy(">i2", "(2, 2)", struct.pack(">4h", 1, 2, 3, 4), True, 2))
+seed("npy", "good_text", npy("<U3", "()", "abc".encode("utf-32-le")))
+seed("npy", "good_bool_empty", npy("|b1", "(0,)", b"", False, 3))
+seed("npy", "objects", npy("|O", "(1,)", b"\x80\x03]q\x00."))
+arrays = {"a": npy("<f4", "(2,)", struct.pack("<2f", 1, 2)), "b": npy("<i8", "()", bytes(8))}
+seed("npz", "good_stored", npz(arrays, zipfile.ZIP_STORED))
+seed("npz", "good_deflated", npz(arrays, zipfile.ZIP_DEFLATED))
+world = [60, 0, 32, 10, 0, 60, 24, 20, 0, 0, 1, 3, 0, 0, 0, 1]
+scale = [2, 0, 0, 1, 0, 2, 0, 1, 0, 0, 2, 1, 0, 0, 0, 1]
+cameras = {f"{kind}_mat_{i}": matrix(m)
+           for i in range(2) for kind, m in (("world", world), ("scale", scale))}
+seed("npz_cameras", "good_two", npz(cameras, zipfile.ZIP_STORED))
+seed("npz_cameras", "no_world", npz({"scale_mat_0": matrix(scale)}, zipfile.ZIP_STORED))
+
+
+# MATLAB: version 4, then 5
+def element(kind, data):
+    return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
+
+
+mask = struct.pack("<4d", 1, 0, 1, 1)
+seed("mat", "v4", struct.pack("<5i", 0, 2, 2, 0, 8) + b"ObsMask\0" + mask)
+body = (element(6, struct.pack("<II", 6, 0)) + element(5, struct.pack("<2i", 2, 2))
+        + element(1, b"ObsMask") + element(9, mask))
+head = b"MATLAB 5.0 MAT-file".ljust(116, b" ") + bytes(8) + struct.pack("<H2s", 0x0100, b"IM")
+seed("mat", "good_v5", head + element(14, body))
+packed = zlib.compress(element(14, body))
+seed("mat", "good_v5_compressed", head + struct.pack("<II", 15, len(packed)) + packed)
+
+# Tanks and Temples
+IDENTITY = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
+seed("tnt_log", "good_two", "0 0 1\n" + IDENTITY + "1 -1 2\n" + IDENTITY)
+seed("tnt_log", "cut", "0 0 1\n1 0 0 0\n0 1 0 0\n")
+seed("tnt_trans", "good_matrix", "0.5 0 0 1e1\n0 5e-1 0 -2\n0 0 .5 3\n0 0 0 1\n")
+seed("tnt_trans", "last_row", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 1 1\n")
+seed("crop", "good_prism", json.dumps({
+    "class_name": "SelectionPolygonVolume", "orthogonal_axis": "Y", "axis_min": -1, "axis_max": 2,
+    "bounding_polygon": [[0, 0, 0], [1, 0, 0], [1, 0, 1]], "version_major": 1}))
+seed("crop", "good_box", '{"box": [[-1, -1, -1], [1, 1, 1]]}')
+seed("crop", "good_cylinder",
+     '{"crop_cylinder": {"center_xy": [0, 1], "radius": 2, "z_min": 0, "z_max": 1}}')
+
+# Scenes
+frames = [{"file_path": f"images/{i}.png",
+           "transform_matrix": [[1, 0, 0, i], [0, 1, 0, 0], [0, 0, 1, 4], [0, 0, 0, 1]]}
+          for i in range(2)]
+seed("nerfstudio", "good_pinhole", json.dumps(
+    {"w": 64, "h": 48, "fl_x": 60, "fl_y": 61, "cx": 32, "cy": 24, "camera_model": "PINHOLE",
+     "frames": frames, "train_filenames": ["images/0.png"], "ply_file_path": "sparse.ply"}))
+seed("nerfstudio", "good_per_frame", json.dumps(
+    {"frames": [dict(f, w=8, h=6, fl_x=9, k1=0.1, mask_path="masks/0.png") for f in frames]}))
+seed("nerfstudio", "fisheye", json.dumps(
+    {"w": 64, "h": 48, "camera_angle_x": 1.2, "camera_model": "OPENCV_FISHEYE", "k1": 0.01,
+     "frames": frames}))
+seed("blender", "good_angle", json.dumps(
+    {"camera_angle_x": 0.7, "frames": [dict(f, file_path="./image") for f in frames[:1]]}))
+MVSNET = ("extrinsic\n" + IDENTITY + "\nintrinsic\n60 0 4\n0 60 3\n0 0 1\n\n425 2.5 192 900\n")
+seed("mvsnet", "good_camera", MVSNET)
+seed("mvsnet", "no_intrinsic", "extrinsic\n" + IDENTITY)
+seed("lists", "good_lists", '{"train": ["a.png", "b"], "test": [3, 4], "other": {"x": 1}}')
+seed("json", "good_report", '{"a": [1, 2.5e-3, null, true], "b": {"c": "\\u00e9\\n"}, "d": -0}')
+seed("config", "good_nested",
+     '{"comment": "x", "tv": {"k": 20, "whiten": false}, "loss.flatten.weight": 1e2, '
+     '"densify": {"max_gaussians": 100}, "backbone": "pgsr", "info": {"version": "1"}}')
+seed("config", "unknown_key", '{"tv": {"kk": 20}}')
+seed("config", "twice", '{"tv": {"k": 20}, "tv.k": 3}')
+
+
+# Checkpoints
+def checkpoint(entries):
+    table, data = b"", b""
+    for name, size, real, content in entries:
+        table += (struct.pack("<I", len(name)) + name
+                  + struct.pack("<IBQI", size, real, len(content), zlib.crc32(content)))
+        data += content
+    head = b"TVSGSCKP" + struct.pack("<IIQI", 1, len(table), 28 + len(table) + 4 + len(data),
+                                     len(entries)) + table
+    return head + struct.pack("<I", zlib.crc32(head)) + data
+
+
+seed("checkpoint", "good_two", checkpoint([(b"means", 12, 1, struct.pack("<6f", *range(6))),
+                                           (b"iterations", 4, 0, struct.pack("<i", 7))]))
+seed("checkpoint", "good_none", checkpoint([]))
+
+
+# Images
+def png(width, height, depth, color, rows, extra=b""):
+    def chunk(kind, data):
+        return (struct.pack(">I", len(data)) + kind + data
+                + struct.pack(">I", zlib.crc32(kind + data)))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", width, height, depth,
+                                                             color, 0, 0, 0))
+            + extra + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b""))
+
+
+seed("image", "good_rgb", png(3, 2, 8, 2, 2 * (b"\0" + bytes(range(9)))))
+seed("image", "good_grey16", png(2, 2, 16, 0, 2 * (b"\1" + bytes(4))))
+seed("image", "good_alpha", png(1, 2, 8, 6, 2 * (b"\2" + bytes([9, 8, 7, 6]))))
+seed("image", "claims_much", png(60000, 60000, 8, 2, b"\0"))
+bmp = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 70, 0, 0, 54, 40, 2, 2, 1, 24, 0, 16, 1, 1, 0, 0)
+seed("image", "good_bmp", bmp + bytes(range(16)))
+seed("image", "jpeg_without_image", b"\xff\xd8\xff\xd9")
