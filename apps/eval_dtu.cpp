@@ -31,21 +31,30 @@ struct DtuArguments {
     std::vector<std::string> require;
 };
 
-constexpr const char* kDistribution =
-    "  expected DIR/Points/stl/stl024_total.ply, DIR/ObsMask/ObsMask24_10.mat and "
-    "DIR/ObsMask/Plane24.mat\n  (or the same below 'DIR/SampleSet/MVS Data'); the benchmark "
-    "distributes them as Points.zip and SampleSet.zip at "
-    "https://roboimagedata.compute.dtu.dk/?page_id=36";
+/// Path of the truth below the evaluation set.
+std::string stl_name(int scan) {
+    char name[40];
+    std::snprintf(name, sizeof name, "Points/stl/stl%03d_total.ply", scan);
+    return name;
+}
+
+std::string distribution(int scan) {
+    return str("  expected DIR/", stl_name(scan), ", DIR/ObsMask/ObsMask", scan,
+               "_10.mat and DIR/ObsMask/Plane", scan,
+               ".mat\n  (or the same below 'DIR/SampleSet/MVS Data'); the benchmark distributes "
+               "them as Points.zip and SampleSet.zip at "
+               "https://roboimagedata.compute.dtu.dk/?page_id=36");
+}
 
 /// A file of the evaluation set, in one of the two places where people unpack it.
-std::string find_in(const std::string& dtu, const std::string& name) {
+std::string find_in(const DtuArguments& a, const std::string& name) {
     for (const char* below : {"", "SampleSet/MVS Data"}) {
-        const std::string path = (fs::path(dtu) / below / name).string();
+        const std::string path = (fs::path(a.dtu) / below / name).string();
         std::error_code error;
         if (fs::is_regular_file(path, error)) return path;
     }
     throw Error(ExitCode::input,
-                str((fs::path(dtu) / name).string(), ": no such file\n", kDistribution));
+                str((fs::path(a.dtu) / name).string(), ": no such file\n", distribution(a.scan)));
 }
 
 ObservationMask read_mask(const std::string& path) {
@@ -75,12 +84,10 @@ ObservationMask read_mask(const std::string& path) {
 }
 
 DtuTruth read_dtu_truth(const DtuArguments& a) {
-    char stl[40];
-    std::snprintf(stl, sizeof stl, "Points/stl/stl%03d_total.ply", a.scan);
     DtuTruth truth;
-    truth.points = read_truth(find_in(a.dtu, stl), kDistribution);
-    truth.mask = read_mask(find_in(a.dtu, str("ObsMask/ObsMask", a.scan, "_10.mat")));
-    const std::string path = find_in(a.dtu, str("ObsMask/Plane", a.scan, ".mat"));
+    truth.points = read_truth(find_in(a, stl_name(a.scan)), distribution(a.scan));
+    truth.mask = read_mask(find_in(a, str("ObsMask/ObsMask", a.scan, "_10.mat")));
+    const std::string path = find_in(a, str("ObsMask/Plane", a.scan, ".mat"));
     const MatArray plane = read_mat_array(path, "P");
     if (plane.numbers.size() != 4)
         throw Error(ExitCode::input, str("E_MAT: ", path, ": P has ", plane.numbers.size(),

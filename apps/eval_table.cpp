@@ -44,7 +44,15 @@ bool read_run(const std::string& text, TableRun& run) {
     return true;
 }
 
-int table(const std::vector<std::string>& folders, const std::string& out) {
+int table(const std::vector<std::string>& folders,
+          const std::string& published_file,
+          const std::string& out) {
+    std::vector<PublishedFigure> published;
+    JsonValue file;
+    if (!published_file.empty()) {
+        file = parse_json_value(read_bytes(published_file), published_file);
+        published = parse_published(file, published_file);
+    }
     std::vector<TableRun> runs;
     for (const std::string& folder : folders)
         if (TableRun run; read_run(folder, run)) runs.push_back(std::move(run));
@@ -54,7 +62,10 @@ int table(const std::vector<std::string>& folders, const std::string& out) {
     std::string text = str("# Results of ", runs.size(),
                            " runs\n\nMeans over seeds \u00b1 their "
                            "standard deviation.\n\n",
-                           tables_markdown(runs));
+                           tables_markdown(runs, published));
+    for (const auto& [name, source] : file["sources"].members)
+        if (text.find(" (" + name + ")* |") != std::string::npos)
+            text += str("Published, ", name, ": ", source.text, ".\n\n");
     if (out.empty()) {
         std::fputs(text.c_str(), stdout);
         return 0;
@@ -77,7 +88,7 @@ int table(const std::vector<std::string>& folders, const std::string& out) {
 EvalCommand add_eval_table(CLI::App& app) {
     struct Arguments {
         std::vector<std::string> runs;
-        std::string out;
+        std::string published, out;
     };
     const auto arguments = std::make_shared<Arguments>();
     CLI::App* command =
@@ -87,9 +98,13 @@ EvalCommand add_eval_table(CLI::App& app) {
                      "run folders DIR or LABEL=DIR; seeds of one configuration are averaged")
         ->required()
         ->take_all();
+    command->add_option("--published", arguments->published,
+                        "JSON file of figures to show where the scenes are the same "
+                        "(docs/published_figures.json)");
     command->add_option("-o,--out", arguments->out,
                         "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
-    return {command, [arguments] { return table(arguments->runs, arguments->out); }};
+    return {command,
+            [arguments] { return table(arguments->runs, arguments->published, arguments->out); }};
 }
 
 }  // namespace tvsgs

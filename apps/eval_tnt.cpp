@@ -8,6 +8,7 @@
 #include "eval.h"
 #include "eval_curves.h"
 #include "eval_input.h"
+#include "geometry_scores.h"
 #include "io/atomic_file.h"
 #include "io/crop_file.h"
 #include "io/read_file.h"
@@ -155,18 +156,16 @@ void refine(const std::vector<Vec3d>& points,
             Alignment& out) {
     const IcpRefinement icp = refine_by_icp(points, truth_cropped, crop, out.start, tau, intended);
     out.final = icp.truth_from_prediction;
-    std::string stages;
-    for (const IcpResult& stage : icp.stages) {
-        JsonLine line;
-        line.add("source", stage.source)
-            .add("target", stage.target)
-            .add("fitness", stage.fitness)
-            .add("rmse", stage.rmse)
-            .add("iterations", stage.iterations);
-        stages += (stages.empty() ? "" : ", ") + line.text();
-    }
+    std::vector<JsonLine> stages;
+    for (const IcpResult& stage : icp.stages)
+        stages.push_back(JsonLine()
+                             .add("source", stage.source)
+                             .add("target", stage.target)
+                             .add("fitness", stage.fitness)
+                             .add("rmse", stage.rmse)
+                             .add("iterations", stage.iterations));
     const MotionDifference moved = difference(out.final, out.start, mean_of(truth_cropped));
-    out.json.add_json("icp_stages", "[" + stages + "]")
+    out.json.add_json("icp_stages", json_list(stages))
         .add("icp_scale", moved.scale)
         .add("icp_angle_rad", moved.angle_rad)
         .add("icp_shift", moved.shift);

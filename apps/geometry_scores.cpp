@@ -47,21 +47,25 @@ std::vector<Vec3f> read_points(const std::string& path,
     return points;
 }
 
+std::string json_list(const std::vector<JsonLine>& items) {
+    std::string text;
+    for (const JsonLine& item : items) text += (text.empty() ? "" : ", ") + item.text();
+    return "[" + text + "]";
+}
+
 JsonLine geometry_json(const GeometryMetrics& m) {
     JsonLine json;
     json.add("accuracy", m.accuracy).add("completeness", m.completeness).add("chamfer", m.chamfer);
     json.add("median_accuracy", m.median_accuracy)
         .add("median_completeness", m.median_completeness);
-    std::string thresholds;
-    for (const auto& t : m.thresholds) {
-        JsonLine line;
-        line.add("tau", t.tau)
-            .add("precision", t.precision)
-            .add("recall", t.recall)
-            .add("f1", t.f1);
-        thresholds += (thresholds.empty() ? "" : ", ") + line.text();
-    }
-    return json.add_json("thresholds", "[" + thresholds + "]");
+    std::vector<JsonLine> thresholds;
+    for (const auto& t : m.thresholds)
+        thresholds.push_back(JsonLine()
+                                 .add("tau", t.tau)
+                                 .add("precision", t.precision)
+                                 .add("recall", t.recall)
+                                 .add("f1", t.f1));
+    return json.add_json("thresholds", json_list(thresholds));
 }
 
 }  // namespace tvsgs

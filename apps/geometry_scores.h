@@ -23,6 +23,9 @@ std::vector<Vec3f> read_points(const std::string& path,
                                const PointsOptions& options,
                                const Crop& crop);
 
+/// A JSON list of objects.
+std::string json_list(const std::vector<JsonLine>& items);
+
 /// Accuracy, completeness, Chamfer, their medians, and the list "thresholds".
 JsonLine geometry_json(const GeometryMetrics& metrics);
 

@@ -118,8 +118,12 @@ void add_results(JsonValue& report, const std::string& run) {
                 views.items.push_back(std::move(row));
             }
             report.set("views", std::move(views));
+            std::erase_if(result.members, [](const auto& m) { return m.first == "per_view"; });
+            report.set("nvs", std::move(result));
         } else if (name == "centres") {
             report.set("curve", result["curve"]);
+        } else if (name == "mesh" && result["curve"]) {
+            report.set("mesh_curve", result["curve"]);
         } else {
             results.set(name, std::move(result));
         }

@@ -19,7 +19,7 @@ void write_report(const std::string& run,
                   const std::optional<Truth>& truth);
 
 /// The tree of report.json. Keys: format, run, config, summary, reports (columns), stages,
-/// evaluations, views, curve, results (RUN/eval/*.json), pictures, points.
+/// evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json), pictures, points.
 JsonValue collect_report(const std::string& run,
                          const std::vector<View>& test,
                          const std::optional<Truth>& truth);

@@ -157,9 +157,13 @@ private:
                  short_number(std::round(s["peak_bytes"].number / (1 << 20))) + " MiB");
         add("PSNR, test views", s["psnr"], " dB");
         add("SSIM, test views", s["ssim"]);
-        add("Chamfer, centres", s["centres"]["chamfer"]);
-        for (const JsonValue& t : s["centres"]["thresholds"].items)
-            add(str("F1 at ", short_number(t["tau"].number)).c_str(), t["f1"], "", 3);
+        add("LPIPS, test views", report_["nvs"]["lpips"]);
+        for (const char* what : {"centres", "mesh"}) {
+            add(str("Chamfer, ", what).c_str(), s[what]["chamfer"]);
+            for (const JsonValue& t : s[what]["thresholds"].items)
+                add(str("F1 at ", short_number(t["tau"].number), ", ", what).c_str(), t["f1"], "",
+                    3);
+        }
         body_ += "<dl class=\"facts\">\n" + list + "</dl>\n";
     }
 
@@ -173,30 +177,33 @@ private:
         const auto series = [&](const char* name, auto&& find) {
             return Series{name, seconds, of_each(list, find), {}, {}, true};
         };
-        const auto centres = [&](const char* name, const char* key) {
-            return series(
-                name, [key](const JsonValue& e) -> const JsonValue& { return e["centres"][key]; });
-        };
         body_ += "<div class=\"plots\">\n";
-        body_ += figure({"Distance of the centres",
-                         "seconds",
-                         "scene units",
-                         true,
-                         true,
-                         false,
-                         {centres("Chamfer", "chamfer"), centres("accuracy", "accuracy"),
-                          centres("completeness", "completeness")},
-                         ""});
-        Plot f1{"F1 of the centres", "seconds", "share", true, false, true, {}, ""};
-        const auto& thresholds = list.items.back()["centres"]["thresholds"].items;
-        for (std::size_t t = 0; t < thresholds.size(); ++t)
-            f1.series.push_back(series(("at " + short_number(thresholds[t]["tau"].number)).c_str(),
-                                       [t](const JsonValue& e) -> const JsonValue& {
-                                           static const JsonValue none;
-                                           const auto& items = e["centres"]["thresholds"].items;
-                                           return t < items.size() ? items[t]["f1"] : none;
-                                       }));
-        body_ += figure(f1);
+        for (const char* what : {"centres", "mesh"}) {
+            const auto distance = [&](const char* name, const char* key) {
+                return series(name,
+                              [=](const JsonValue& e) -> const JsonValue& { return e[what][key]; });
+            };
+            body_ += figure({str("Distance of the ", what),
+                             "seconds",
+                             "scene units",
+                             true,
+                             true,
+                             false,
+                             {distance("Chamfer", "chamfer"), distance("accuracy", "accuracy"),
+                              distance("completeness", "completeness")},
+                             ""});
+            Plot f1{str("F1 of the ", what), "seconds", "share", true, false, true, {}, ""};
+            const auto& thresholds = list.items.back()[what]["thresholds"].items;
+            for (std::size_t t = 0; t < thresholds.size(); ++t)
+                f1.series.push_back(
+                    series(("at " + short_number(thresholds[t]["tau"].number)).c_str(),
+                           [=](const JsonValue& e) -> const JsonValue& {
+                               static const JsonValue none;
+                               const auto& items = e[what]["thresholds"].items;
+                               return t < items.size() ? items[t]["f1"] : none;
+                           }));
+            body_ += figure(f1);
+        }
         for (const auto& [title, unit, key] :
              {std::tuple("PSNR of the test views", "dB", "psnr"),
               std::tuple("SSIM of the test views", "1 is equal", "ssim")})
@@ -293,25 +300,27 @@ private:
     }
 
     void curves() {
-        const JsonValue& curve = report_["curve"];
-        if (curve["tau"].items.size() < 2) return;
+        std::string plots;
+        for (const auto& [key, what] : {std::pair("curve", "centres"), {"mesh_curve", "mesh"}}) {
+            const JsonValue& curve = report_[key];
+            if (curve["tau"].items.size() < 2) continue;
+            const std::vector<double> tau = numbers(curve["tau"]);
+            plots += figure({str("Precision and recall of the ", what),
+                             "threshold",
+                             "share",
+                             false,
+                             false,
+                             true,
+                             {{"precision", tau, numbers(curve["precision"]), {}, {}, false},
+                              {"recall", tau, numbers(curve["recall"]), {}, {}, false}},
+                             ""});
+        }
+        if (plots.empty()) return;
         heading("curves", "Precision and recall");
         paragraph(
-            "Precision: the share of centres closer to the true surface than the threshold. "
-            "Recall: "
-            "the share of the surface closer to a centre.");
-        const std::vector<double> tau = numbers(curve["tau"]);
-        body_ += "<div class=\"plots\">\n" +
-                 figure({"Precision and recall",
-                         "threshold",
-                         "share",
-                         false,
-                         false,
-                         true,
-                         {{"precision", tau, numbers(curve["precision"]), {}, {}, false},
-                          {"recall", tau, numbers(curve["recall"]), {}, {}, false}},
-                         ""}) +
-                 "</div>\n";
+            "Precision: the share of centres, or of the mesh, closer to the true surface than the "
+            "threshold. Recall: the share of the surface closer to a centre, or to the mesh.");
+        body_ += "<div class=\"plots\">\n" + plots + "</div>\n";
     }
 
     void views() {

@@ -28,7 +28,9 @@ void add_geometry(Metrics& metrics, const std::string& source, const JsonValue& 
                        at[key]);
     };
     for (const JsonValue& at : result["thresholds"].items) add_threshold(at);
-    if (result["f1"]) add_threshold(result);  // tnt
+    // Of tnt: at the threshold of its scene, so that scenes can be averaged.
+    for (const char* key : {"precision", "recall", "f1"})
+        add_number(metrics, str(key, " (", source, ")"), result[key]);
 }
 
 /// Leaves of the configuration as text.
@@ -87,13 +89,24 @@ struct Column {
 
 class Tables {
 public:
-    explicit Tables(const std::vector<TableRun>& runs)
+    Tables(const std::vector<TableRun>& runs, const std::vector<PublishedFigure>& published)
         : scenes_(scenes_of(runs)), configurations_(configurations_of(runs)) {
         for (const TableRun& run : runs)
             for (const auto& [name, value] : metrics_of(run.report)) {
                 values_[{run.scene, run.configuration, name}].push_back(value);
                 known_.insert(name);
             }
+        for (const PublishedFigure& figure : published) {
+            const std::set<std::string> ours(scenes_.begin(), scenes_.end()),
+                theirs(figure.scenes.begin(), figure.scenes.end());
+            const bool mean = theirs == ours && ours.size() > 1;
+            if (!mean && !(theirs.size() == 1 && ours.count(figure.scenes[0]))) continue;
+            const std::string row = str(figure.method, " (", figure.source, ")");
+            published_[{mean ? "" : figure.scenes[0], row, figure.metric}] = figure.value;
+            if (std::find(published_rows_.begin(), published_rows_.end(), row) ==
+                published_rows_.end())
+                published_rows_.push_back(row);
+        }
     }
 
     std::string markdown() const {
@@ -107,8 +120,16 @@ public:
                           per_scene({{"P", "precision@" + at, 1, 3},
                                      {"R", "recall@" + at, 1, 3},
                                      {"F1", "f1@" + at, 1, 3}}));
-        text +=
-            table("Novel views", "", per_scene({{"PSNR", "psnr", 1, 4}, {"SSIM", "ssim", 1, 3}}));
+        for (const std::string& source : sources("f1 "))
+            text += table("Precision, recall and F1 at the scene's threshold " + source, "",
+                          per_scene({{"P", "precision " + source, 1, 3},
+                                     {"R", "recall " + source, 1, 3},
+                                     {"F1", "f1 " + source, 1, 3}}));
+        for (const char* masked : {"", "_masked"})
+            text += table(*masked ? "Novel views, the object alone" : "Novel views", "",
+                          per_scene({{"PSNR", str("psnr", masked), 1, 4},
+                                     {"SSIM", str("ssim", masked), 1, 3},
+                                     {"LPIPS", str("lpips", masked), -1, 3}}));
         text += table(
             "Run time and memory", "",
             per_scene(
@@ -146,8 +167,9 @@ private:
     std::vector<Column> means() const {
         std::vector<Column> columns;
         for (const std::string& name : known_) {
-            const bool quality = name.starts_with("f1@") || name == "psnr" || name == "ssim";
-            if (quality || name.starts_with("chamfer") || name == "seconds" || name == "peak MiB")
+            const bool quality = name.starts_with("f1") || name == "psnr" || name == "ssim";
+            if (quality || name.starts_with("chamfer") || name == "lpips" || name == "seconds" ||
+                name == "peak MiB")
                 columns.push_back({name, name, "", quality ? 1 : -1, 4});
         }
         return columns;
@@ -195,6 +217,18 @@ private:
             }
             text += "\n";
         }
+        for (const std::string& row : published_rows_) {
+            std::string cells;
+            bool any = false;
+            for (const Column& c : columns) {
+                const auto found = published_.find({c.scene, row, c.metric});
+                any |= found != published_.end();
+                cells += found == published_.end()
+                             ? " \u2013 |"
+                             : " " + short_number(found->second, c.digits) + " |";
+            }
+            if (any) text += "| *" + in_cell(row) + "* |" + cells + "\n";
+        }
         return text + "\n";
     }
 
@@ -207,7 +241,10 @@ private:
     }
 
     std::vector<std::string> scenes_, configurations_;
-    std::map<std::tuple<std::string, std::string, std::string>, std::vector<double>> values_;
+    using Key = std::tuple<std::string, std::string, std::string>;  // scene, row, metric
+    std::map<Key, std::vector<double>> values_;
+    std::map<Key, double> published_;  // scene empty: the mean
+    std::vector<std::string> published_rows_;
     std::set<std::string> known_;
 };
 
@@ -227,25 +264,25 @@ struct Trace {
 };
 
 struct Quality {
-    const char *name, *title, *unit;
+    const char *name, *source, *title, *unit;  // source: a part of an evaluation, or empty
     bool log_y;
 };
-constexpr Quality kQualities[] = {{"chamfer", "Chamfer of the centres", "scene units", true},
-                                  {"f1", "F1 of the centres", "share", false},
-                                  {"psnr", "PSNR of the test views", "dB", false},
-                                  {"ssim", "SSIM of the test views", "1 is equal", false}};
+constexpr Quality kQualities[] = {
+    {"chamfer", "centres", "Chamfer of the centres", "scene units", true},
+    {"f1", "centres", "F1 of the centres", "share", false},
+    {"chamfer", "mesh", "Chamfer of the mesh", "scene units", true},
+    {"f1", "mesh", "F1 of the mesh", "share", false},
+    {"psnr", "", "PSNR of the test views", "dB", false},
+    {"ssim", "", "SSIM of the test views", "1 is equal", false}};
 
-Trace trace_of(const JsonValue& report, const std::string& quality) {
+Trace trace_of(const JsonValue& report, const Quality& quality) {
     Trace trace;
-    for (const JsonValue& e : report["evaluations"].items) {
-        const auto& thresholds = e["centres"]["thresholds"].items;
-        static const JsonValue none;
-        const JsonValue& value =
-            quality == "chamfer" ? e["centres"]["chamfer"]
-            : quality == "f1"
-                ? (thresholds.empty() ? none : thresholds[thresholds.size() / 2]["f1"])
-                : e[quality];
-        const double t = e["seconds"].number_or(0);
+    for (const JsonValue& evaluation : report["evaluations"].items) {
+        const JsonValue& part = *quality.source ? evaluation[quality.source] : evaluation;
+        const auto& thresholds = part["thresholds"].items;
+        const JsonValue& at_middle = thresholds.empty() ? part : thresholds[thresholds.size() / 2];
+        const JsonValue& value = (part[quality.name] ? part : at_middle)[quality.name];
+        const double t = evaluation["seconds"].number_or(0);
         if (!value.is(JsonValue::Kind::number) || !(t > 0) ||
             (!trace.seconds.empty() && t <= trace.seconds.back()))
             continue;
@@ -297,7 +334,10 @@ std::map<std::string, double> metrics_of(const JsonValue& report) {
     add_number(metrics, "splats", summary["gaussians"]);
     if (summary["peak_bytes"])
         metrics["peak MiB"] = std::round(summary["peak_bytes"].number_or(0) / (1 << 20));
-    add_geometry(metrics, "centres", summary["centres"]);
+    for (const auto& [name, value] : report["nvs"].members)
+        if (name.starts_with("ssim_") || name.starts_with("psnr_") || name.starts_with("lpips"))
+            add_number(metrics, name, value);
+    for (const char* what : {"centres", "mesh"}) add_geometry(metrics, what, summary[what]);
     for (const auto& [name, result] : report["results"].members)
         add_geometry(metrics, name, result);
     return metrics;
@@ -344,8 +384,35 @@ Cell cell_of(const std::vector<double>& values) {
     return cell;
 }
 
-std::string tables_markdown(const std::vector<TableRun>& runs) {
-    return Tables(runs).markdown();
+std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::string& where) {
+    std::vector<PublishedFigure> figures;
+    for (const JsonValue& entry : file["figures"].items) {
+        PublishedFigure figure{entry["method"].text,
+                               entry["source"].text,
+                               {},
+                               entry["metric"].text,
+                               entry["value"].number_or(std::nan(""))};
+        const JsonValue& scenes = entry["set"] ? file["sets"][entry["set"].text] : entry["scenes"];
+        for (const JsonValue& scene : scenes.items)
+            figure.scenes.push_back(scene.text + entry["with"].text);
+        if (figure.method.empty() || !file["sources"][figure.source] || figure.scenes.empty() ||
+            figure.metric.empty() || !std::isfinite(figure.value))
+            throw Error(ExitCode::input,
+                        str(where, ": figure ", figures.size() + 1,
+                            ": expected method, a source of the list 'sources', a set of the list "
+                            "'sets' or scenes, metric and value"));
+        figures.push_back(std::move(figure));
+    }
+    if (figures.empty())
+        throw Error(ExitCode::input, str(where,
+                                         ": holds no list 'figures'; see "
+                                         "docs/published_figures.json"));
+    return figures;
+}
+
+std::string tables_markdown(const std::vector<TableRun>& runs,
+                            const std::vector<PublishedFigure>& published) {
+    return Tables(runs, published).markdown();
 }
 
 std::string tables_csv(const std::vector<TableRun>& runs) {
@@ -375,7 +442,7 @@ std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs) {
                 std::vector<Trace> seeds;
                 for (const TableRun& run : runs)
                     if (run.scene == scene && run.configuration == configuration)
-                        seeds.push_back(trace_of(run.report, quality.name));
+                        seeds.push_back(trace_of(run.report, quality));
                 std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
                 if (seeds.empty()) continue;
                 over_time |= seeds.front().seconds.size() > 1;
@@ -384,7 +451,8 @@ std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs) {
                     plot.note = "Means over seeds; bands reach from the lowest to the highest.";
             }
             if (!over_time) continue;
-            const std::string name = file_name(scene + "_" + quality.name);
+            const std::string name = file_name(
+                str(scene, "_", quality.name, *quality.source ? "_" : "", quality.source));
             plots.push_back({name, plot.title, standalone_svg(plot_svg(plot, name))});
         }
     return plots;

@@ -23,6 +23,18 @@ std::map<std::string, double> metrics_of(const JsonValue& report);
 /// evaluation do not count.
 void name_configurations(std::vector<TableRun>& runs);
 
+/// A result that somebody else has published for the mean over `scenes`, named as ours are.
+struct PublishedFigure {
+    std::string method, source;
+    std::vector<std::string> scenes;
+    std::string metric;
+    double value = 0;
+};
+
+/// docs/published_figures.json says what they look like. Throws Error(ExitCode::input) naming
+/// `where`.
+std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::string& where);
+
 /// Mean over seeds, and their standard deviation where there are several.
 struct Cell {
     double mean = 0, deviation = 0;
@@ -31,8 +43,10 @@ struct Cell {
 Cell cell_of(const std::vector<double>& values);
 
 /// Markdown: distances per scene, precision, recall and F1, PSNR and SSIM, time and memory, and one
-/// row per configuration with the means over the scenes. The best of each column is bold.
-std::string tables_markdown(const std::vector<TableRun>& runs);
+/// row per configuration with the means over the scenes. The best of each column is bold. Published
+/// figures for the same scenes, or the mean over just these, are rows of their own.
+std::string tables_markdown(const std::vector<TableRun>& runs,
+                            const std::vector<PublishedFigure>& published = {});
 
 /// scene,configuration,seed,metric,value
 std::string tables_csv(const std::vector<TableRun>& runs);

@@ -3,6 +3,7 @@
 
 #include "io/config.h"
 #include "io/scene_reader.h"
+#include "mesh_extraction.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"
 #include "train_evaluation.h"
@@ -13,6 +14,7 @@ struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
     StereoOptions stereo;  // for a scene with few points
+    MeshOptions mesh;
     EvaluationOptions eval;
 
     /// The table refers to this object.
@@ -20,6 +22,7 @@ struct RunOptions {
         table.add("", train);
         table.add("scene", scene);
         table.add("stereo", stereo);
+        table.add("mesh", mesh);
         table.add("eval", eval);
     }
 };

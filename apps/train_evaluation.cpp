@@ -61,11 +61,12 @@ bool EvaluationSchedule::due(int step, double seconds) {
 std::optional<Truth> read_truth(const EvaluationOptions& options) {
     if (options.gt.empty()) {
         for (const auto& [flag, value] :
-             {std::pair("--crop", &options.crop), std::pair("--visible-gt", &options.visible_gt),
-              std::pair("--tau", &options.taus)})
-            if (!value->empty())
+             {std::pair("--crop", options.crop), std::pair("--visible-gt", options.visible_gt),
+              std::pair("--tau", options.taus),
+              std::pair("--eval-mesh", std::string(options.mesh ? "true" : ""))})
+            if (!value.empty())
                 throw Error(ExitCode::usage,
-                            str(flag, " ", *value, ": needs the true surface; give --gt FILE"));
+                            str(flag, " ", value, ": needs the true surface; give --gt FILE"));
         return std::nullopt;
     }
     Truth truth;
@@ -75,6 +76,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options) {
     if (!options.visible_gt.empty())
         truth.visible = read_points(options.visible_gt, sampling, truth.crop);
     truth.max_distance = static_cast<double>(options.max_distance);
+    truth.samples = static_cast<std::size_t>(options.samples);
     if (options.taus.empty()) {
         const double size = diagonal(truth.points);
         for (const double share : {0.005, 0.01, 0.02})
@@ -85,14 +87,14 @@ std::optional<Truth> read_truth(const EvaluationOptions& options) {
     return truth;
 }
 
-CentreScores score_centres(const std::vector<Vec3f>& centres, const Truth& truth, bool curve) {
+PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve) {
     std::vector<Vec3f> inside;
-    for (const Vec3f p : centres)
+    for (const Vec3f p : points)
         if (is_finite(p) && contains(truth.crop, vec_cast<double>(p))) inside.push_back(p);
-    CentreScores scores;
+    PointScores scores;
     scores.chamfer = scores.f1 = std::nan("");
     if (inside.empty()) {
-        scores.json.add("error", str("none of ", centres.size(), " centres is in the crop"));
+        scores.json.add("error", str("none of ", points.size(), " points is in the crop"));
         return scores;
     }
     GeometryOptions options{truth.taus, truth.max_distance};
@@ -140,15 +142,37 @@ CentreScores score_centres(const std::vector<Vec3f>& centres, const Truth& truth
     return scores;
 }
 
+PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve) {
+    if (mesh.faces.empty()) return score_points({}, truth, curve);
+    return score_points(sample_surface(mesh, truth.samples), truth, curve);
+}
+
+namespace {
+
+void add_scores(JsonLine& line,
+                const char* what,
+                const PointScores& scores,
+                const std::string& run) {
+    write_text_file(str(run, "/eval/", what, ".json"), scores.json.text() + "\n");
+    line.add_json(what, scores.json.text());
+    spdlog::info("{}: Chamfer {:.4g}, F1 {:.3f} at {:g}", what, scores.chamfer, scores.f1,
+                 scores.tau);
+}
+
+}  // namespace
+
 void add_centres(JsonLine& line,
                  const std::vector<Vec3f>& centres,
                  const Truth& truth,
                  const std::string& run) {
-    const CentreScores scores = score_centres(centres, truth, true);
-    write_text_file(run + "/eval/centres.json", scores.json.text() + "\n");
-    line.add_json("centres", scores.json.text());
-    spdlog::info("centres: Chamfer {:.4g}, F1 {:.3f} at {:g}", scores.chamfer, scores.f1,
-                 scores.tau);
+    add_scores(line, "centres", score_points(centres, truth, true), run);
+}
+
+void add_mesh(JsonLine& line,
+              const TriangleMesh& mesh,
+              const Truth& truth,
+              const std::string& run) {
+    add_scores(line, "mesh", score_mesh(mesh, truth, true), run);
 }
 
 }  // namespace tvsgs

@@ -7,6 +7,7 @@
 
 #include "core/crop.h"
 #include "io/config.h"
+#include "mesh_extraction.h"
 #include "view_evaluation.h"
 
 namespace tvsgs {
@@ -17,6 +18,7 @@ struct EvaluationOptions {
     int every = 0;
     float max_distance = 0;
     std::int64_t samples = 1000000;
+    bool mesh = false;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -31,7 +33,8 @@ struct EvaluationOptions {
               "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
               "truth's size");
         field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
-        field("samples", samples, {1, 1e8}, "points on a true surface that is a mesh");
+        field("samples", samples, {1, 1e8}, "points on the mesh, and on a truth that is one");
+        field("mesh", mesh, "measure the mesh as well as the centres; takes as long as making it");
     }
 };
 
@@ -56,25 +59,39 @@ struct Truth {
     Crop crop;
     std::vector<double> taus;
     double max_distance = 0;
+    std::size_t samples = 0;
 };
 
 /// Nothing without eval.gt. Throws Error.
 std::optional<Truth> read_truth(const EvaluationOptions& options);
 
-/// Distances of the splats' centres as `tvsgs-eval geometry` writes them, or {"error": ...} when no
-/// centre is in the crop. With `curve`, precision and recall at 41 thresholds up to twice the
-/// largest tau, under "curve".
-struct CentreScores {
+/// Distances of the splats' centres, or of points on the mesh, as `tvsgs-eval geometry` writes
+/// them, or {"error": ...} when none is in the crop. With `curve`, precision and recall at 41
+/// thresholds up to twice the largest tau, under "curve".
+struct PointScores {
     JsonLine json;
     double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
 };
-CentreScores score_centres(const std::vector<Vec3f>& centres, const Truth& truth, bool curve);
+PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
 
-/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end.
+/// Of truth.samples points spread over it; {"error": ...} for an empty mesh.
+PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
+
+/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the
+/// same for RUN/eval/mesh.json.
 void add_centres(JsonLine& line,
                  const std::vector<Vec3f>& centres,
                  const Truth& truth,
                  const std::string& run);
+void add_mesh(JsonLine& line, const TriangleMesh& mesh, const Truth& truth, const std::string& run);
+
+/// What an evaluation of the mesh needs besides the splats.
+struct MeshSource {
+    const std::vector<View>& views;
+    const MeshOptions& options;
+    std::string spill_folder;
+    Vec3d origin{};  // see depth_rules
+};
 
 /// The line of log.jsonl for an evaluation during training.
 template <class Device>
@@ -83,7 +100,8 @@ std::string evaluation_line(int step,
                             const Gaussians<Device>& gaussians,
                             const std::vector<View>& views,
                             const TrainOptions& options,
-                            const std::optional<Truth>& truth) {
+                            const std::optional<Truth>& truth,
+                            const MeshSource* mesh = nullptr) {
     JsonLine line;
     line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
     line.add("gaussians", gaussians.size());
@@ -95,10 +113,17 @@ std::string evaluation_line(int step,
                      scores.mean_ssim);
     }
     if (truth) {
-        const CentreScores scores = score_centres(to_host(gaussians.means), *truth, false);
-        line.add_json("centres", scores.json.text());
-        spdlog::info("after {:.1f} s: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, scores.chamfer,
-                     scores.f1, scores.tau);
+        const auto add = [&](const char* what, const PointScores& scores) {
+            line.add_json(what, scores.json.text());
+            spdlog::info("after {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
+                         scores.chamfer, scores.f1, scores.tau);
+        };
+        add("centres", score_points(to_host(gaussians.means), *truth, false));
+        if (mesh)
+            add("mesh",
+                score_mesh(extract_mesh(mesh->views, gaussians, options, mesh->options,
+                                        mesh->spill_folder, spdlog::level::debug, mesh->origin),
+                           *truth, false));
     }
     return line.text();
 }

@@ -75,6 +75,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flags.add("--eval-every", "eval.every", "iterations between evaluations", group);
     flags.add("--gt", "eval.gt", "true surface (PLY): Chamfer and F1 of the splats' centres",
               group);
+    flags.add_switch("--eval-mesh", "eval.mesh", "with --gt: extract and measure the mesh as well",
+                     group);
     flags.add("--visible-gt", "eval.visible_gt", "part that completeness asks for", group);
     flags.add("--crop", "eval.crop", "selection volume, box or gt/info.json", group);
     flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth]", group);
@@ -202,12 +204,13 @@ int train_and_save(const Scene& scene,
 
     EvaluationSchedule schedule(options.eval, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
+    const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh"};
     const auto evaluate_now = [&](int step, const SplatsNow<Device>& splats) {
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;
         synchronize(Device{});
         progress.pause();
-        run.log(
-            evaluation_line(step, progress.seconds(), splats(), scene.test, options.train, truth));
+        run.log(evaluation_line(step, progress.seconds(), splats(), scene.test, options.train,
+                                truth, options.eval.mesh ? &mesh_source : nullptr));
         progress.resume();
     };
     const auto train_or_explain = [&] {
@@ -251,6 +254,12 @@ int train_and_save(const Scene& scene,
                      scores.mean_psnr, scores.mean_ssim, scene.test.size(), run.path());
     }
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
+    if (options.eval.mesh) {
+        const TriangleMesh mesh = extract_mesh(scene.train, gaussians, options.train, options.mesh,
+                                               mesh_source.spill_folder);
+        write_mesh_ply(run.path() + "/mesh/mesh.ply", mesh);
+        add_mesh(summary, mesh, *truth, run.path());
+    }
     run.log(summary.text());
     write_report(run.path(), scene.test, truth);
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",

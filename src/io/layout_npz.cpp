@@ -46,10 +46,8 @@ int camera_scale(double cx_px, int width, const std::string& where) {
 }  // namespace
 
 SceneLayout read_npz_layout(const SceneOptions& options) {
-    SceneLayout layout;
-    layout.format = "idr";
-    layout.source = find_camera_file(options);
-    layout.images = find_image_folder(options, {"image", "images"});
+    SceneLayout layout = empty_layout("idr", find_camera_file(options),
+                                      find_image_folder(options, {"image", "images"}));
     const NpzCameras cameras = read_npz_cameras(layout.source);
     const std::vector<std::string> names = image_names(layout.images);
     if (names.size() != cameras.views.size())
@@ -75,16 +73,14 @@ SceneLayout read_npz_layout(const SceneOptions& options) {
     }
     spdlog::info("{}: {} cameras, normalised by scale_mat_0: 1 unit is {:.6g} of the world",
                  layout.source, cameras.views.size(), cameras.scale);
-    finish_layout(layout);
-    return layout;
+    return finished(std::move(layout));
 }
 
 SceneLayout read_mvsnet_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
-    SceneLayout layout;
-    layout.format = "mvsnet";
-    layout.source = (scene / (fs::exists(scene / "cams") ? "cams" : "cams_1")).string();
-    layout.images = find_image_folder(options, {"images", "image", "blended_images"});
+    SceneLayout layout =
+        empty_layout("mvsnet", (scene / (fs::exists(scene / "cams") ? "cams" : "cams_1")).string(),
+                     find_image_folder(options, {"images", "image", "blended_images"}));
     std::size_t cameras = 0;
     for (const std::string& name : image_names(layout.images)) {
         const std::string path = layout.source + "/" + fs::path(name).stem().string() + "_cam.txt";
@@ -131,8 +127,7 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
                              q * (K[5] + options.pixel_offset)}),
             camera_from_world);
     }
-    finish_layout(layout);
-    return layout;
+    return finished(std::move(layout));
 }
 
 }  // namespace tvsgs

@@ -127,10 +127,8 @@ std::string with_extension(const fs::path& folder, const std::string& name) {
 
 SceneLayout read_blender_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
-    SceneLayout layout;
-    layout.format = "blender";
-    layout.source = (scene / "transforms_train.json").string();
-    layout.images = options.path;
+    SceneLayout layout =
+        empty_layout("blender", (scene / "transforms_train.json").string(), options.path);
     layout.alpha_on_black = true;
     for (const bool test : {false, true}) {
         const std::string path =
@@ -154,16 +152,13 @@ SceneLayout read_blender_layout(const SceneOptions& options) {
         }
     }
     if (fs::exists(scene / "points3d.ply")) layout.points = (scene / "points3d.ply").string();
-    finish_layout(layout);
-    return layout;
+    return finished(std::move(layout));
 }
 
 SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
     const fs::path scene(options.path);
-    SceneLayout layout;
-    layout.format = "nerfstudio";
-    layout.source = (scene / "transforms.json").string();
-    layout.images = options.path;
+    SceneLayout layout =
+        empty_layout("nerfstudio", (scene / "transforms.json").string(), options.path);
     const TransformsReader in(layout.source);
     const auto listed = [&](const json& frame, const char* key) {
         std::string name = in.name(frame, key);
@@ -189,8 +184,7 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
     }
     if (in.file.contains("ply_file_path"))
         layout.points = (scene / in.name(in.file, "ply_file_path")).string();
-    finish_layout(layout);
-    return layout;
+    return finished(std::move(layout));
 }
 
 }  // namespace tvsgs

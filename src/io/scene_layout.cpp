@@ -155,7 +155,13 @@ Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where) {
     return pose;
 }
 
-void finish_layout(SceneLayout& layout) {
+SceneLayout empty_layout(const char* format, const std::string& source, const std::string& images) {
+    SceneLayout layout;
+    layout.format = format, layout.source = source, layout.images = images;
+    return layout;
+}
+
+SceneLayout finished(SceneLayout layout) {
     auto& images = layout.model.images;
     if (images.empty())
         throw input_error("E_NO_IMAGES: ", layout.source, ": none of its images is there");
@@ -165,6 +171,7 @@ void finish_layout(SceneLayout& layout) {
     if (same != images.end())
         throw input_error("E_DUPLICATE_ID: ", layout.source, ": two images are named '", same->name,
                           "'");
+    return layout;
 }
 
 }  // namespace tvsgs

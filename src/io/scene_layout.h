@@ -48,7 +48,10 @@ void add_view(SceneLayout& layout, const std::string& name, const Intrinsics& ca
 /// `where`, for what is none within 1e-3.
 Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where);
 
-/// Sorts the images by name; throws E_DUPLICATE_ID where two share one.
-void finish_layout(SceneLayout& layout);
+/// A layout without views.
+SceneLayout empty_layout(const char* format, const std::string& source, const std::string& images);
+
+/// The same with its images sorted by name; throws E_DUPLICATE_ID where two share one.
+SceneLayout finished(SceneLayout layout);
 
 }  // namespace tvsgs

@@ -32,6 +32,9 @@ DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
             case DepthFate::masked:
                 ++counts.masked;
                 break;
+            case DepthFate::grazing:
+                ++counts.grazing;
+                break;
             case DepthFate::outside:
                 ++counts.outside;
                 break;
@@ -42,7 +45,8 @@ DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
 DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b) {
     a.kept += b.kept, a.not_finite += b.not_finite, a.no_surface += b.no_surface,
         a.too_far += b.too_far;
-    a.transparent += b.transparent, a.masked += b.masked, a.outside += b.outside;
+    a.transparent += b.transparent, a.masked += b.masked, a.grazing += b.grazing,
+        a.outside += b.outside;
     return a;
 }
 

@@ -9,8 +9,10 @@
 namespace tvsgs {
 
 struct DepthRules {
-    float depth_max = 0;  // depths from there on are dropped
-    float alpha_min = 0;  // least coverage; 0: any
+    float depth_max = 0;   // depths from there on are dropped
+    float depth_step = 0;  // kept depths are rounded down to multiples of it; 0: not
+    float alpha_min = 0;   // least coverage; 0: any
+    float min_cosine = 0;  // least one between the ray and the blended normal; 0: any
     bool has_box = false;
     Vec3f box_min, box_max;  // surface points outside are dropped
 };
@@ -18,7 +20,7 @@ struct DepthRules {
 /// What became of the pixels; each is counted once, under the first rule that drops it.
 struct DepthCounts {
     std::int64_t kept = 0, not_finite = 0, no_surface = 0, too_far = 0, transparent = 0, masked = 0,
-                 outside = 0;
+                 grazing = 0, outside = 0;
 };
 DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b);
 

@@ -14,6 +14,7 @@ enum class DepthFate : std::uint8_t {
     too_far,
     transparent,
     masked,
+    grazing,
     outside
 };
 
@@ -21,6 +22,7 @@ struct CleanDepthBody {
     Camera camera;
     DepthRules rules;
     Span<const float> rendered_depth, transmittance;
+    Span<const Vec3f> normals;
     Span<const std::uint8_t> mask;
     Span<float> depth;
     Span<std::uint8_t> fates;
@@ -33,6 +35,12 @@ struct CleanDepthBody {
         if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min))
             return DepthFate::transparent;
         if (!mask.empty() && mask[i] < 128) return DepthFate::masked;
+        if (rules.min_cosine > 0) {
+            const Vec3f ray = pixel_ray(camera, i % camera.width_px, i / camera.width_px);
+            const Vec3f n = normals[i];
+            if (!(-dot(ray, n) >= rules.min_cosine * norm(ray) * norm(n)) || !(norm(n) > 0))
+                return DepthFate::grazing;
+        }
         if (rules.has_box) {
             const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
             for (int axis = 0; axis < 3; ++axis)
@@ -44,7 +52,9 @@ struct CleanDepthBody {
     TVSGS_HD void operator()(int i) const {
         const DepthFate result = fate(i);
         fates[i] = static_cast<std::uint8_t>(result);
-        depth[i] = result == DepthFate::kept ? rendered_depth[i] : 0;
+        float kept = result == DepthFate::kept ? rendered_depth[i] : 0;
+        if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
+        depth[i] = kept;
     }
 };
 
@@ -59,7 +69,7 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
     fates.resize(rendered.depth.size());
     parallel_for(Device{}, static_cast<int>(depth.size()),
                  CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
-                                mask, depth.span(), fates.span()});
+                                rendered.normal.span(), mask, depth.span(), fates.span()});
     return count_fates(to_host(fates));
 }
 

@@ -54,6 +54,15 @@ struct VoxelGrid {
     }
 };
 
+/// The blocks that own what is made.
+struct BlockRun {
+    int first, count;
+
+    TVSGS_HD bool has_voxel(int voxel) const {
+        return voxel / kBlockVoxels >= first && voxel / kBlockVoxels < first + count;
+    }
+};
+
 TVSGS_HD inline Vec3i axis_offset(int axis) {
     return {axis == 0, axis == 1, axis == 2};
 }
@@ -63,6 +72,7 @@ struct CasesBody {
     VoxelGrid grid;
     Span<const CubeCase> table;
     float min_weight;
+    BlockRun own;
     Span<std::uint8_t> cases;
     Span<std::uint32_t> triangle_counts;
 
@@ -80,13 +90,15 @@ struct CasesBody {
     TVSGS_HD void operator()(int voxel) const {
         const int inside = cell_case(voxel);
         cases[voxel] = static_cast<std::uint8_t>(inside);
-        triangle_counts[voxel] = static_cast<std::uint32_t>(table[inside].triangles);
+        triangle_counts[voxel] =
+            own.has_voxel(voxel) ? static_cast<std::uint32_t>(table[inside].triangles) : 0;
     }
 };
 
 /// Which of a voxel's three edges carry a vertex: those that a cell with a case crosses.
 struct EdgesBody {
     VoxelGrid grid;
+    BlockRun own;
     Span<const std::uint8_t> cases;
     Span<std::uint8_t> edges;  // bit per axis
     Span<std::uint32_t> vertex_counts;
@@ -105,7 +117,7 @@ struct EdgesBody {
     TVSGS_HD void operator()(int voxel) const {
         int flags = 0, count = 0;
         for (int axis = 0; axis < 3; ++axis)
-            if (crossed(voxel, axis)) flags |= 1 << axis, ++count;
+            if (own.has_voxel(voxel) && crossed(voxel, axis)) flags |= 1 << axis, ++count;
         edges[voxel] = static_cast<std::uint8_t>(flags);
         vertex_counts[voxel] = static_cast<std::uint32_t>(count);
     }
@@ -116,6 +128,7 @@ struct VerticesBody {
     Span<const std::uint8_t> edges;
     Span<const std::uint32_t> offsets;
     Span<Vec3f> positions, colors;
+    Span<std::uint16_t> owner_edges;  // may be empty
 
     TVSGS_HD void operator()(int voxel) const {
         std::uint32_t place = offsets[voxel];
@@ -129,13 +142,24 @@ struct VerticesBody {
             Vec3f p = grid.centre(voxel);
             p[axis] += t * grid.voxel_size;
             positions[place] = p;
+            if (!owner_edges.empty())
+                owner_edges[place] = static_cast<std::uint16_t>(voxel % kBlockVoxels * 3 + axis);
             colors[place++] = (1 - t) * a.color + t * b.color;
         }
     }
 };
 
+struct FirstVerticesBody {
+    int first;
+    Span<const std::uint32_t> offsets;
+    Span<std::uint32_t> firsts;
+
+    TVSGS_HD void operator()(int i) const { firsts[i] = offsets[(first + i) * kBlockVoxels]; }
+};
+
 struct FacesBody {
     VoxelGrid grid;
+    BlockRun own;
     Span<const CubeCase> table;
     Span<const std::uint8_t> cases, edges;
     Span<const std::uint32_t> vertex_offsets, triangle_offsets;
@@ -144,11 +168,13 @@ struct FacesBody {
     TVSGS_HD int vertex(int cell, int edge) const {
         const int axis = edge_axis(edge);
         const int owner = grid.moved(cell, corner_offset(edge_corner(edge)));
+        if (!own.has_voxel(owner)) return ~(owner * 3 + axis);
         int place = static_cast<int>(vertex_offsets[owner]);
         for (int before = 0; before < axis; ++before) place += edges[owner] >> before & 1;
         return place;
     }
     TVSGS_HD void operator()(int cell) const {
+        if (!own.has_voxel(cell)) return;
         const CubeCase& c = table[cases[cell]];
         for (int k = 0; k < c.triangles; ++k)
             faces[triangle_offsets[cell] + k] = {vertex(cell, c.edges[3 * k]),
@@ -157,8 +183,10 @@ struct FacesBody {
     }
 };
 
+/// Of blocks [first, first + count); `part`, if not null, gets its edges and block_vertices.
 template <class Device>
-TriangleMesh marching_cubes_on(const VoxelBlocks<Device>& blocks, float min_weight) {
+TriangleMesh marching_cubes_on(
+    const VoxelBlocks<Device>& blocks, float min_weight, int first, int count, MeshPart* part) {
     TriangleMesh mesh;
     if (blocks.size() == 0) return mesh;
     const auto table_host = marching_cubes_table();
@@ -172,29 +200,37 @@ TriangleMesh marching_cubes_on(const VoxelBlocks<Device>& blocks, float min_weig
     const VoxelGrid grid{blocks.keys.span(), blocks.slots.span(), neighbours.span(),
                          blocks.chunk_table.span(), blocks.voxel_size};
 
+    const BlockRun own{first, count};
     Buffer<std::uint8_t, Device> cases(voxels), edges(voxels);
     Buffer<std::uint32_t, Device> triangle_offsets(voxels), vertex_offsets(voxels);
+    parallel_for(
+        Device{}, voxels,
+        CasesBody{grid, table.span(), min_weight, own, cases.span(), triangle_offsets.span()});
     parallel_for(Device{}, voxels,
-                 CasesBody{grid, table.span(), min_weight, cases.span(), triangle_offsets.span()});
-    parallel_for(Device{}, voxels,
-                 EdgesBody{grid, cases.span(), edges.span(), vertex_offsets.span()});
+                 EdgesBody{grid, own, cases.span(), edges.span(), vertex_offsets.span()});
     const std::uint64_t triangle_count = exclusive_scan(triangle_offsets);
     const std::uint64_t vertex_count = exclusive_scan(vertex_offsets);
     if (triangle_count >= 1u << 31 || vertex_count >= 1u << 31)
-        throw Error(ExitCode::memory,
-                    str("the mesh has ", vertex_count, " vertices and ", triangle_count,
-                        " faces, more than a PLY file's indices can number; raise --voxel-size"));
+        throw_mesh_too_large(vertex_count, triangle_count);
 
     Buffer<Vec3f, Device> positions(vertex_count), colors(vertex_count);
-    parallel_for(
-        Device{}, voxels,
-        VerticesBody{grid, edges.span(), vertex_offsets.span(), positions.span(), colors.span()});
+    Buffer<std::uint16_t, Device> owner_edges(part ? vertex_count : 0);
+    parallel_for(Device{}, voxels,
+                 VerticesBody{grid, edges.span(), vertex_offsets.span(), positions.span(),
+                              colors.span(), owner_edges.span()});
     mesh.vertices = to_host(positions);
     mesh.colors = to_host(colors);
+    if (part) {
+        part->edges = to_host(owner_edges);
+        Buffer<std::uint32_t, Device> firsts(static_cast<std::size_t>(count));
+        parallel_for(Device{}, count,
+                     FirstVerticesBody{first, std::as_const(vertex_offsets).span(), firsts.span()});
+        part->block_vertices = to_host(firsts);
+    }
     Buffer<Vec3i, Device> faces(triangle_count);
     parallel_for(Device{}, voxels,
-                 FacesBody{grid, table.span(), cases.span(), edges.span(), vertex_offsets.span(),
-                           triangle_offsets.span(), faces.span()});
+                 FacesBody{grid, own, table.span(), cases.span(), edges.span(),
+                           vertex_offsets.span(), triangle_offsets.span(), faces.span()});
     mesh.faces = to_host(faces);
     return mesh;
 }

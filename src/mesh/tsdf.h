@@ -13,6 +13,8 @@ template <class Device>
 struct VoxelBlocks {
     static constexpr int kChunkBlocks = 1024;
     static constexpr std::int64_t kBytesPerBlock = kBlockVoxels * sizeof(Voxel);
+    /// With lists, marching cubes and what they make.
+    static constexpr std::int64_t kWorkingBytesPerBlock = 8 * kBytesPerBlock / 5;
 
     float voxel_size = 0;                // world units
     Buffer<std::uint64_t, Device> keys;  // [B] ascending block keys
@@ -28,14 +30,14 @@ TVSGS_HD inline Voxel& voxel_at(Span<Voxel* const> chunk_table, int slot, int lo
     return chunk_table[slot / kChunk][(slot % kChunk) * kBlockVoxels + local];
 }
 
-/// Makes room for the voxels of `count` blocks; new ones are empty.
+/// Makes room for the voxels of `count` blocks, in whole chunks; new ones are empty.
 template <class Device>
 void reserve_slots(VoxelBlocks<Device>& blocks, int count);
 
 struct TsdfOptions {
     float voxel_size = 0;        // world units
     float truncation = 0;        // world units
-    std::int64_t max_bytes = 0;  // voxels may take; 0: no limit
+    std::int64_t max_bytes = 0;  // voxels and marching cubes may take; 0: no limit
 };
 
 template <class Device>
@@ -55,18 +57,29 @@ public:
     /// Throws Error(ExitCode::usage) unless voxel size and truncation are positive.
     explicit TsdfVolume(const TsdfOptions& options);
 
-    /// Throws Error(ExitCode::input) for points outside of the volume's reach and
-    /// Error(ExitCode::memory), before allocating, when the blocks would not fit into max_bytes.
-    /// The volume is unchanged in both cases.
-    void integrate(const DepthView<Device>& view);
+    /// False when its blocks would not fit into max_bytes. Throws Error(ExitCode::input) for points
+    /// outside of the volume's reach. The volume is unchanged in both cases.
+    [[nodiscard]] bool integrate(const DepthView<Device>& view);
+
+    /// For fusion in parts (mesh/fusion.h): the blocks that a view touches, ascending; how many
+    /// blocks a part may have; a fresh volume of just these blocks; fusion of a view into those of
+    /// them that it touches.
+    std::vector<std::uint64_t> touched_blocks(const DepthView<Device>& view);
+    std::size_t part_capacity() const;
+    void start_part(const std::vector<std::uint64_t>& keys);
+    void integrate_part(const DepthView<Device>& view, const std::vector<std::uint64_t>& touched);
+
+    /// Gives the memory of the voxels back.
+    void clear();
 
     const VoxelBlocks<Device>& blocks() const { return blocks_; }
     std::int64_t bytes() const { return blocks_.size() * VoxelBlocks<Device>::kBytesPerBlock; }
 
 private:
     void mark_blocks(const DepthView<Device>& view);  // fills view_keys_
-    void add_blocks();                                // view_keys_ into blocks_; fills view_slots_
-    void check_memory(std::int64_t blocks) const;
+    bool add_blocks();                                // view_keys_ into blocks_; fills view_slots_
+    void fuse_marked(const DepthView<Device>& view);  // into the blocks of view_slots_
+    bool fits(std::int64_t blocks) const;
 
     TsdfOptions options_;
     VoxelBlocks<Device> blocks_;

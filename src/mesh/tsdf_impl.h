@@ -1,8 +1,9 @@
 // The fusion itself, for both devices; tsdf.cpp and tsdf.cu instantiate it.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
-#include <string>
+#include <numeric>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -14,6 +15,7 @@ namespace detail {
 
 inline constexpr std::uint32_t kTooMany = 1u << 31;  // blocks of one pixel, or of one view
 inline constexpr int kMaxBlocks = (1 << 22) - 1;     // voxels are counted in int
+inline constexpr int kMaxPartBlocks = 1'000'000;     // edges of a part's voxels are, too
 
 /// Blocks of pixel i that its left neighbour does not mark as well: most pixels then mark none.
 struct PixelBlocks {
@@ -81,6 +83,14 @@ struct AssignSlotsBody {
     }
 };
 
+/// Slots of blocks of a part, which all are there and lie in the order of their keys.
+struct FindSlotsBody {
+    Span<const std::uint64_t> keys, view_keys;
+    Span<int> view_slots;
+
+    TVSGS_HD void operator()(int i) const { view_slots[i] = find_key(keys, view_keys[i]); }
+};
+
 /// Merges two ascending lists without common keys: an element's place is its own plus the number of
 /// smaller ones in the other list.
 struct MergeBody {
@@ -118,11 +128,6 @@ struct IntegrateBody {
     }
 };
 
-inline std::string gib(double bytes) {
-    const double tenths = std::ceil(bytes / (1 << 30) * 100) / 100;
-    return str(tenths, " GiB");
-}
-
 }  // namespace detail
 
 template <class Device>
@@ -152,30 +157,22 @@ TsdfVolume<Device>::TsdfVolume(const TsdfOptions& options) : options_(options) {
 }
 
 template <class Device>
-void TsdfVolume<Device>::check_memory(std::int64_t count) const {
-    const double bytes = static_cast<double>(count) * VoxelBlocks<Device>::kBytesPerBlock;
-    const double limit = static_cast<double>(options_.max_bytes);
-    if (count <= detail::kMaxBlocks && (options_.max_bytes <= 0 || bytes <= limit)) return;
-    // The number of blocks goes with the inverse square of the voxel size; 5 % to spare, two
-    // digits.
-    const double fit =
-        options_.max_bytes > 0
-            ? std::min(limit, double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock)
-            : double(detail::kMaxBlocks) * VoxelBlocks<Device>::kBytesPerBlock;
-    const double voxel = 1.05 * options_.voxel_size * std::sqrt(bytes / fit);
-    const double digit = std::pow(10.0, std::floor(std::log10(voxel)) - 1);
-    throw Error(ExitCode::memory,
-                str("the volume needs at least ", detail::gib(bytes), " for ", count,
-                    " blocks (voxel size ", options_.voxel_size, ", truncation ",
-                    options_.truncation, "), but may use ", detail::gib(fit), "; try --voxel-size ",
-                    std::ceil(voxel / digit) * digit,
-                    ", a smaller --depth-max or --bbox, or raise --memory"));
+bool TsdfVolume<Device>::fits(std::int64_t count) const {
+    constexpr std::int64_t kChunk = VoxelBlocks<Device>::kChunkBlocks;
+    const std::int64_t allocated = (count + kChunk - 1) / kChunk * kChunk;
+    return count <= detail::kMaxBlocks &&
+           (options_.max_bytes <= 0 ||
+            allocated * VoxelBlocks<Device>::kWorkingBytesPerBlock <= options_.max_bytes);
 }
 
 template <class Device>
 void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
     const Camera& camera = view.camera;
     const int pixels = camera.width_px * camera.height_px;
+    const auto expected = static_cast<std::size_t>(pixels);
+    if (view.depth.count != expected || view.color.count != expected)
+        throw Error(ExitCode::internal, str("fusion: ", view.depth.count, " depths and ",
+                                            view.color.count, " colours for ", pixels, " pixels"));
     const float block_size = options_.voxel_size * kBlockEdge;
     offsets_.resize(static_cast<std::size_t>(pixels));
     parallel_for(Device{}, pixels,
@@ -210,7 +207,7 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
 }
 
 template <class Device>
-void TsdfVolume<Device>::add_blocks() {
+bool TsdfVolume<Device>::add_blocks() {
     const int marked = static_cast<int>(view_keys_.size());
     const int old_count = blocks_.size();
     offsets_.resize(view_keys_.size());
@@ -218,7 +215,7 @@ void TsdfVolume<Device>::add_blocks() {
     parallel_for(Device{}, marked,
                  detail::FlagNewBody{blocks_.keys.span(), view_keys_.span(), offsets_.span()});
     const int new_count = static_cast<int>(exclusive_scan(offsets_));
-    check_memory(std::int64_t{old_count} + new_count);
+    if (!fits(std::int64_t{old_count} + new_count)) return false;
     const int merged_count = old_count + new_count;
     reserve_slots(blocks_, merged_count);
 
@@ -227,7 +224,7 @@ void TsdfVolume<Device>::add_blocks() {
         Device{}, marked,
         detail::AssignSlotsBody{blocks_.keys.span(), view_keys_.span(), blocks_.slots.span(),
                                 offsets_.span(), view_slots_.span(), new_keys_.span()});
-    if (new_count == 0) return;
+    if (new_count == 0) return true;
     merged_keys_.resize(static_cast<std::size_t>(merged_count));
     merged_slots_.resize(static_cast<std::size_t>(merged_count));
     parallel_for(Device{}, merged_count,
@@ -235,22 +232,78 @@ void TsdfVolume<Device>::add_blocks() {
                                    merged_keys_.span(), merged_slots_.span()});
     blocks_.keys.swap(merged_keys_);
     blocks_.slots.swap(merged_slots_);
+    return true;
 }
 
 template <class Device>
-void TsdfVolume<Device>::integrate(const DepthView<Device>& view) {
-    const std::size_t pixels = static_cast<std::size_t>(view.camera.width_px) *
-                               static_cast<std::size_t>(view.camera.height_px);
-    if (view.depth.count != pixels || view.color.count != pixels)
-        throw Error(ExitCode::internal, str("fusion: ", view.depth.count, " depths and ",
-                                            view.color.count, " colours for ", pixels, " pixels"));
-    mark_blocks(view);
-    add_blocks();
-    // Blocks that the view touches; few enough for int, see kMaxBlocks.
+void TsdfVolume<Device>::fuse_marked(const DepthView<Device>& view) {
+    // Few enough for int, see kMaxBlocks.
     parallel_for(Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
                  detail::IntegrateBody{view.camera, view.depth, view.color, options_.voxel_size,
                                        options_.truncation, view_keys_.span(), view_slots_.span(),
                                        std::as_const(blocks_.chunk_table).span()});
+}
+
+template <class Device>
+bool TsdfVolume<Device>::integrate(const DepthView<Device>& view) {
+    mark_blocks(view);
+    if (!add_blocks()) return false;
+    fuse_marked(view);
+    return true;
+}
+
+template <class Device>
+std::vector<std::uint64_t> TsdfVolume<Device>::touched_blocks(const DepthView<Device>& view) {
+    mark_blocks(view);
+    return to_host(view_keys_);
+}
+
+template <class Device>
+std::size_t TsdfVolume<Device>::part_capacity() const {
+    if (options_.max_bytes <= 0) return detail::kMaxPartBlocks;
+    return static_cast<std::size_t>(std::min<std::int64_t>(
+        options_.max_bytes / VoxelBlocks<Device>::kWorkingBytesPerBlock, detail::kMaxPartBlocks));
+}
+
+template <class Device>
+void TsdfVolume<Device>::start_part(const std::vector<std::uint64_t>& keys) {
+    if (keys.size() > part_capacity())
+        throw Error(ExitCode::internal, str("a part of ", keys.size(), " blocks"));
+    copy(keys, blocks_.keys);
+    std::vector<int> slots(keys.size());
+    std::iota(slots.begin(), slots.end(), 0);
+    copy(slots, blocks_.slots);
+    // Unlike in a volume that grows, the last chunk is no larger than needed.
+    std::size_t room = 0;
+    for (const auto& chunk : blocks_.chunks) room += chunk.size() / kBlockVoxels;
+    if (room < keys.size()) {
+        blocks_.chunks.clear();
+        std::vector<Voxel*> addresses;
+        for (std::size_t left = keys.size(), next; left > 0; left -= next) {
+            next = std::min<std::size_t>(left, VoxelBlocks<Device>::kChunkBlocks);
+            blocks_.chunks.emplace_back(next * kBlockVoxels);
+            addresses.push_back(blocks_.chunks.back().data());
+        }
+        copy(addresses, blocks_.chunk_table);
+    }
+    for (auto& chunk : blocks_.chunks) chunk.fill_zero();
+}
+
+template <class Device>
+void TsdfVolume<Device>::integrate_part(const DepthView<Device>& view,
+                                        const std::vector<std::uint64_t>& touched) {
+    copy(touched, view_keys_);
+    view_slots_.resize(touched.size());
+    parallel_for(Device{}, static_cast<int>(touched.size()),
+                 detail::FindSlotsBody{std::as_const(blocks_.keys).span(),
+                                       std::as_const(view_keys_).span(), view_slots_.span()});
+    fuse_marked(view);
+}
+
+template <class Device>
+void TsdfVolume<Device>::clear() {
+    blocks_ = {};
+    blocks_.voxel_size = options_.voxel_size;
 }
 
 }  // namespace tvsgs

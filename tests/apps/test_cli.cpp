@@ -1,17 +1,15 @@
 // The commands as a user runs them: scene, training, mesh and scores; and what they refuse.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "io/image_file.h"
+#include "support/command.h"
 #include "support/numeric.h"
 
 namespace tvsgs {
@@ -19,23 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
-
-struct Result {
-    int code;
-    std::string out, err;
-
-    bool says(const std::string& text) const { return err.find(text) != std::string::npos; }
-};
-std::ostream& operator<<(std::ostream& stream, const Result& result) {
-    return stream << "exit code " << result.code << ": " << result.err;
-}
 
 constexpr int kIterations = 80;
 
@@ -58,16 +39,11 @@ protected:
 
     /// Runs tvsgs-<tool> in the folder of the test.
     static Result call(const std::string& tool, const std::string& arguments) {
-        return shell("OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " + arguments +
-                     " >out.txt 2>err.txt");
+        return run_tool(folder_, tool, arguments);
     }
 
     /// Runs a script there.
-    static Result shell(const std::string& script) {
-        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
-        return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(folder_ / "out.txt"),
-                contents(folder_ / "err.txt")};
-    }
+    static Result shell(const std::string& script) { return run_script(folder_, script); }
 
     /// A copy of the scene that `spoil` has changed.
     static void spoiled_scene(const std::string& name,

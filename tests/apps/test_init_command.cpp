@@ -1,28 +1,19 @@
 // tvsgs-init as a user runs it, and tvsgs-train's own use of stereo and of clouds from outside.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <sstream>
 
 #include "io/npz.h"
 #include "io/ply.h"
+#include "support/command.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
 
 class InitCommand : public testing::Test {
 protected:
@@ -39,11 +30,7 @@ protected:
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
     static int call(const std::string& tool, const std::string& arguments) {
-        const std::string line = "cd '" + folder_.string() +
-                                 "' && OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " +
-                                 arguments + " >out.txt 2>err.txt";
-        const int status = std::system(line.c_str());
-        return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
+        return run_tool(folder_, tool, arguments).code;
     }
     static std::string err() { return contents(folder_ / "err.txt"); }
     static void expect_refused(const std::string& tool,

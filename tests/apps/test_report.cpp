@@ -1,13 +1,12 @@
 // Evaluation while training, the report of a run and the tables of several, from the parts to the
 // page in a browser.
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 
 #include "io/json_value.h"
@@ -15,19 +14,13 @@
 #include "report_pictures.h"
 #include "report_plot.h"
 #include "report_table.h"
+#include "support/command.h"
 #include "train_evaluation.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
 
 std::size_t count_of(const std::string& text, const std::string& part) {
     std::size_t count = 0;
@@ -82,7 +75,7 @@ TEST(CentreScores, CountTheCropAndTheCurve) {
     truth.crop.min = {-1, -1, -1}, truth.crop.max = {10, 10, 10};
     // Two in the crop, at distances 0 and 1; two that do not count.
     const std::vector<Vec3f> centres{{0, 0, 0}, {1, 1, 0}, {50, 0, 0}, {NAN, 0, 0}};
-    const CentreScores scores = score_centres(centres, truth, true);
+    const PointScores scores = score_points(centres, truth, true);
     const JsonValue json = parse_json_value(scores.json.text(), "scores");
     EXPECT_EQ(json["points"]["pred"].number, 2);
     EXPECT_DOUBLE_EQ(json["accuracy"].number, 0.5);
@@ -92,7 +85,7 @@ TEST(CentreScores, CountTheCropAndTheCurve) {
     EXPECT_EQ(json["curve"]["tau"].items.back().number, 4) << "twice the largest threshold";
     EXPECT_EQ(json["curve"]["precision"].items.back().number, 1);
     const JsonValue none =
-        parse_json_value(score_centres({{50, 0, 0}}, truth, false).json.text(), "none");
+        parse_json_value(score_points({{50, 0, 0}}, truth, false).json.text(), "none");
     EXPECT_TRUE(none["error"]);
 }
 
@@ -236,10 +229,7 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
-    static int shell(const std::string& script) {
-        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
-        return WIFEXITED(status) ? WEXITSTATUS(status) : -1;
-    }
+    static int shell(const std::string& script) { return run_script(folder_, script).code; }
     static int call(const std::string& command) {
         return shell("OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/" + command + " >out.txt 2>err.txt");
     }
@@ -322,19 +312,21 @@ TEST_F(Report, RefusesWhatCannotBeEvaluated) {
     EXPECT_FALSE(fs::exists(folder_ / "refused"));
 }
 
+/// Headless, printing the page as its scripts leave it; the browser's own errands end at a resolver
+/// that knows nobody.
+constexpr const char* kChromium =
+    "timeout 100 chromium --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
+    "--user-data-dir=\"$PWD/profile\" --no-first-run --disable-background-networking "
+    "--disable-component-update --host-resolver-rules='MAP * ~NOTFOUND' --window-size=390,844 "
+    "--enable-logging=stderr --log-net-log=\"$PWD/net.json\" --dump-dom ";
+
 TEST_F(Report, OpensInABrowser) {
     if (shell("command -v chromium >/dev/null") != 0)
         GTEST_SKIP() << "no chromium; Debian's package of this name has it";
-    // The browser's own errands end at a resolver that knows nobody.
-    const std::string chromium =
-        "timeout 100 chromium --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
-        "--user-data-dir=\"$PWD/profile\" --no-first-run --disable-background-networking "
-        "--disable-component-update --host-resolver-rules='MAP * ~NOTFOUND' "
-        "--window-size=390,844 --enable-logging=stderr --log-net-log=\"$PWD/net.json\" --dump-dom ";
     const std::string asked = "\"initiator\":\"null\"";  // by a page that came from a file
     const auto open = [&](const std::string& page) {
         fs::remove(folder_ / "net.json");
-        return shell(chromium + "\"file://$PWD/" + page + "\" >dom.html 2>err.txt");
+        return shell(str(kChromium, "\"file://$PWD/", page, "\" >dom.html 2>err.txt"));
     };
     const int code = open("run/report.html");
     const std::string dom = contents(folder_ / "dom.html");
@@ -350,6 +342,62 @@ TEST_F(Report, OpensInABrowser) {
     open("bad.html");
     EXPECT_NE(said().find("CONSOLE"), std::string::npos) << said();
     EXPECT_GT(count_of(contents(folder_ / "net.json"), asked), 0u);
+}
+
+TEST_F(Report, TheViewerTurnsZoomsAndChangesColours) {
+    if (shell("command -v chromium >/dev/null") != 0)
+        GTEST_SKIP() << "no chromium; Debian's package of this name has it";
+    // Does one thing after the other and notes what the canvas then shows.
+    const std::string script = R"JS(<script>
+addEventListener('load', async () => {
+  const canvas = document.querySelector('#viewer canvas'), seen = [];
+  const wait = () => new Promise(done => setTimeout(done, 150));
+  const look = async name => {
+    await wait();
+    const d = canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data;
+    let h = 0;
+    for (let i = 0; i < d.length; ++i) h = (h * 31 + d[i]) | 0;
+    seen.push(name + '=' + h);
+  };
+  const key = k => canvas.dispatchEvent(new KeyboardEvent('keydown', {key: k, cancelable: true}));
+  const click = act => document.querySelector('button[data-act=' + act + ']').click();
+  const point = (type, x, id) => canvas.dispatchEvent(
+      new PointerEvent(type, {pointerId: id, clientX: x, clientY: 50}));
+  canvas.setPointerCapture = () => {};  // there is no such pointer
+  await look('start');
+  key('ArrowRight'); await look('turned');
+  key('0'); await look('reset');
+  click('near'); await look('near');
+  click('far'); await look('far');
+  key('Home'); point('pointerdown', 50, 7); point('pointermove', 90, 7); point('pointerup', 90, 7);
+  await look('dragged');
+  point('pointermove', 150, 7); await look('released');
+  key('0'); document.querySelector('button[data-colors]').click(); await look('own');
+  document.body.dataset.seen = seen.join(' ');
+  document.body.dataset.scale = document.querySelector('.scale').hidden;
+});
+</script>)JS";
+    std::ofstream(folder_ / "run/driven.html") << contents(folder_ / "run/report.html") << script;
+    const int code = shell(str(kChromium,
+                               "--virtual-time-budget=10000 \"file://$PWD/run/driven.html\" "
+                               ">dom.html 2>err.txt"));
+    const std::string dom = contents(folder_ / "dom.html");
+    if (code != 0 && dom.empty()) GTEST_SKIP() << "chromium does not start here: " << said();
+    EXPECT_EQ(said().find("CONSOLE"), std::string::npos) << said();
+    const std::size_t at = dom.find("data-seen=\"");
+    ASSERT_NE(at, std::string::npos) << dom.substr(0, 500);
+    std::istringstream seen(dom.substr(at + 11, dom.find('"', at + 11) - at - 11));
+    std::map<std::string, std::string> state;
+    for (std::string word; seen >> word;)
+        state[word.substr(0, word.find('='))] = word.substr(word.find('='));
+    EXPECT_NE(state["turned"], state["start"]);
+    EXPECT_EQ(state["reset"], state["start"]);
+    EXPECT_NE(state["near"], state["start"]);
+    EXPECT_EQ(state["far"], state["start"]);
+    EXPECT_NE(state["dragged"], state["start"]);
+    EXPECT_EQ(state["released"], state["dragged"]) << "the pointer is up";
+    EXPECT_NE(state["own"], state["start"]);
+    EXPECT_NE(dom.find("data-scale=\"true\""), std::string::npos) << "no errors, so no scale";
 }
 
 }  // namespace

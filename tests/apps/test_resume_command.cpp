@@ -11,32 +11,15 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <random>
-#include <sstream>
 
 #include "io/checkpoint.h"
+#include "support/command.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
-
-struct Result {
-    int code;
-    std::string err;
-
-    bool says(const std::string& text) const { return err.find(text) != std::string::npos; }
-};
-std::ostream& operator<<(std::ostream& stream, const Result& result) {
-    return stream << "exit code " << result.code << ": " << result.err;
-}
 
 constexpr const char* kTrain = TVSGS_BIN_DIR "/tvsgs-train";
 
@@ -64,10 +47,7 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
-    static Result shell(const std::string& script) {
-        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
-        return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(folder_ / "err.txt")};
-    }
+    static Result shell(const std::string& script) { return run_script(folder_, script); }
     static Result train(const std::string& arguments) {
         return shell(std::string("OMP_NUM_THREADS=1 ") + kTrain + " --device cpu " + arguments +
                      " >out.txt 2>err.txt");

@@ -49,8 +49,29 @@ std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_
     return {to_host(depth), counts};
 }
 
+/// A plane that falls away to the right: its normal, and no normal in the last pixel.
+template <class Device>
+void check_angle_and_step() {
+    RenderedImages<Device> rendered;
+    copy(std::vector<float>{1.2345f, 1, 1}, rendered.depth);
+    copy(std::vector<float>{0, 0, 0}, rendered.transmittance);
+    copy(std::vector<Vec3f>{{0, 0, -0.5f}, {-3, 0, -0.3f}, {0, 0, 0}}, rendered.normal);
+    const Camera camera{3, 1, 100, 100, 1.5f, 0.5f, {}};
+    DepthRules rules;
+    rules.depth_max = 2, rules.depth_step = 0.001f;
+    rules.min_cosine = 0.17f;  // 80 degrees
+    Buffer<float, Device> depth;
+    Buffer<std::uint8_t, Device> fates;
+    const DepthCounts counts = clean_depth(rendered, camera, {}, rules, depth, fates);
+    EXPECT_EQ(counts.grazing, 2);  // 84 degrees; unknown
+    EXPECT_EQ(counts.kept, 1);
+    EXPECT_FLOAT_EQ(to_host(depth)[0], 1.234f);
+    EXPECT_EQ(to_host(depth)[1], 0);
+}
+
 template <class Device>
 void check_rules() {
+    check_angle_and_step<Device>();
     DepthRules rules;
     rules.depth_max = 2;
     {

@@ -1,0 +1,177 @@
+#include "mesh_extraction.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr int kTruncationVoxels = 5;        // as 2DGS and FatesGS
+constexpr int kMeshResolution = 1024;       // as 2DGS and FatesGS
+constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
+
+void parse_box(const std::string& text, Vec3d origin, DepthRules& rules) {
+    double numbers[6];
+    const char* at = text.data();
+    const char* const end = at + text.size();
+    bool good = true;
+    for (int i = 0; i < 6 && good; ++i) {
+        const auto [rest, code] = std::from_chars(at, end, numbers[i]);
+        good = code == std::errc{} && std::isfinite(numbers[i]) &&
+               (i < 5 ? rest != end && *rest == ',' : rest == end);
+        at = rest + 1;
+    }
+    if (!good || !(numbers[0] < numbers[3] && numbers[1] < numbers[4] && numbers[2] < numbers[5]))
+        throw Error(
+            ExitCode::usage,
+            str("--bbox ", text, ": expected x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1"));
+    rules.has_box = true;
+    rules.box_min = vec_cast<float>(Vec3d{numbers[0], numbers[1], numbers[2]} - origin);
+    rules.box_max = vec_cast<float>(Vec3d{numbers[3], numbers[4], numbers[5]} - origin);
+}
+
+/// Voxels along the depth limit: as many as the official codes take, but none smaller than a pixel
+/// at half that depth, where the object is: such voxels average nothing and hold only noise.
+int automatic_resolution(const std::vector<View>& views) {
+    float focal_px = kMeshResolution / 2.0f;
+    for (const View& view : views) focal_px = std::min(focal_px, view.camera.fx_px);
+    return std::max(8, static_cast<int>(2 * focal_px));
+}
+
+}  // namespace
+
+std::int64_t parse_bytes(const std::string& text) {
+    double value = 0;
+    const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+    std::string suffix(rest, text.data() + text.size());
+    for (const char* unit : {"iB", "B"})
+        if (suffix.ends_with(unit)) suffix.resize(suffix.size() - std::string(unit).size());
+    const std::size_t power = std::string("KMGT").find(suffix);
+    if (code != std::errc{} || !(value > 0) || suffix.size() > 1 || power == std::string::npos)
+        throw Error(ExitCode::usage,
+                    str("--memory ", text, ": expected a number of bytes such as 8G or 500M"));
+    const double bytes = std::ldexp(value, suffix.empty() ? 0 : 10 * (static_cast<int>(power) + 1));
+    return static_cast<std::int64_t>(std::min(bytes, 9e18));
+}
+
+DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
+    DepthRules rules;
+    rules.depth_max = options.depth_max, rules.alpha_min = options.alpha_min;
+    rules.depth_step = options.depth_step;
+    if (options.max_angle < 90)
+        rules.min_cosine = std::cos(options.max_angle * static_cast<float>(M_PI / 180));
+    if (!options.box.empty()) parse_box(options.box, origin, rules);
+    return rules;
+}
+
+namespace detail {
+
+double median_depth(std::vector<float> depths) {
+    std::erase_if(depths, [](float d) { return !(d > 0 && std::isfinite(d)); });
+    if (depths.empty()) return 0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return static_cast<double>(*middle);
+}
+
+std::vector<Camera> cameras_of(const std::vector<View>& views) {
+    std::vector<Camera> cameras;
+    for (const View& view : views) cameras.push_back(view.camera);
+    return cameras;
+}
+
+float depth_max_of(const Focus& focus, spdlog::level::level_enum level) {
+    if (!(focus.radius > 0))
+        throw Error(ExitCode::input,
+                    "no depth limit can be found: a camera lies in the point that all look at; "
+                    "give --depth-max");
+    spdlog::log(level, "cameras look at ({:.4g}, {:.4g}, {:.4g}), the nearest from {:.4g}",
+                focus.point.x, focus.point.y, focus.point.z, focus.radius);
+    return static_cast<float>(2 * focus.radius);
+}
+
+TsdfOptions volume_options(const MeshOptions& options,
+                           const std::vector<View>& views,
+                           float depth_max,
+                           std::int64_t free_bytes,
+                           spdlog::level::level_enum level) {
+    TsdfOptions volume;
+    const int resolution =
+        options.resolution > 0 ? options.resolution : automatic_resolution(views);
+    volume.voxel_size =
+        options.voxel_size > 0 ? options.voxel_size : depth_max / static_cast<float>(resolution);
+    volume.truncation =
+        options.truncation > 0 ? options.truncation : kTruncationVoxels * volume.voxel_size;
+    volume.max_bytes =
+        !options.memory.empty()
+            ? parse_bytes(options.memory)
+            : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
+    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {:.4g}",
+                volume.voxel_size, volume.truncation, depth_max);
+    return volume;
+}
+
+/// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
+/// pixels do not touch, the surface falls apart into specks.
+void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
+    const double pixel =
+        median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
+    if (2 * static_cast<double>(volume.truncation) >= pixel) return;
+    throw Error(ExitCode::usage, str("voxels of ", volume.voxel_size, " with a truncation of ",
+                                     volume.truncation, ": the pixels lie ", pixel,
+                                     " apart on the surface, so it would have gaps; give "
+                                     "a --voxel-size of about ",
+                                     pixel, ", or a --truncation of at least ", pixel));
+}
+
+void report_fusion(const DepthCounts& counts,
+                   const DepthRules& rules,
+                   const FusionReport& fusion,
+                   spdlog::level::level_enum level) {
+    const auto line = [&](const char* what, std::int64_t count) {
+        if (count > 0) spdlog::log(level, "  {:>12} pixels dropped: {}", count, what);
+    };
+    spdlog::log(level, "  {:>12} pixels fused", counts.kept);
+    line("depth not finite", counts.not_finite);
+    line("no surface", counts.no_surface);
+    line(str("depth at or beyond ", rules.depth_max).c_str(), counts.too_far);
+    line(str("coverage below ", rules.alpha_min).c_str(), counts.transparent);
+    line("outside of the mask", counts.masked);
+    line("seen at too flat an angle", counts.grazing);
+    line("outside of --bbox", counts.outside);
+    spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
+                static_cast<double>(fusion.bytes) / (1 << 20));
+    if (fusion.parts > 1)
+        spdlog::log(level,
+                    "fused in {} parts to keep within --memory; {:.1f} MiB were kept on disk",
+                    fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
+}
+
+void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double median_depth) {
+    if (counts.kept > 0) return;
+    spdlog::warn(
+        "empty mesh: none of {} depth pixels passed (depths below {:.4g} pass; the median depth of "
+        "the last view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks and "
+        "--bbox",
+        counts.not_finite + counts.too_far + counts.transparent + counts.masked + counts.grazing +
+            counts.outside,
+        rules.depth_max, median_depth);
+}
+
+void clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level) {
+    const CleanReport cleaned = keep_largest_components(mesh, clusters);
+    spdlog::log(level, "{} components, {} kept; {} faces and {} vertices removed",
+                cleaned.components, cleaned.kept_components, cleaned.removed_faces,
+                cleaned.removed_vertices);
+    if (mesh.faces.empty() && cleaned.components > 0)
+        spdlog::warn(
+            "empty mesh: all {} components have fewer than 50 faces; lower --voxel-size, or pass "
+            "--clusters 0",
+            cleaned.components);
+}
+
+}  // namespace detail
+}  // namespace tvsgs
