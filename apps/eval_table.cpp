@@ -72,9 +72,9 @@ int table(const std::vector<std::string>& folders,
     }
     const fs::path path(out), stem = fs::path(out).replace_extension();
     for (const OverlayPlot& plot : overlay_plots(runs)) {
-        const std::string file = str(stem.string(), "_", plot.name, ".svg");
-        write_text_file(file, plot.svg);
-        text += str("![", plot.title, "](<", fs::path(file).filename().string(), ">)\n\n");
+        const std::string path_of_plot = str(stem.string(), "_", plot.name, ".svg");
+        write_text_file(path_of_plot, plot.svg);
+        text += str("![", plot.title, "](<", fs::path(path_of_plot).filename().string(), ">)\n\n");
     }
     write_text_file(stem.string() + ".csv", tables_csv(runs));
     write_text_file(out, text);
