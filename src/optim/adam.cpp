@@ -9,7 +9,7 @@ void update_parameters(Cpu, int count, const AdamBody& body, const int* halted) 
 
 // All harmonics of a Gaussian side by side, so that loops over them vectorise.
 void take_step(Cpu, int count, const AdamStep& step) {
-    take_step_as<kMaxShCount>(Cpu{}, count, step);
+    with_step_body<kMaxShCount>(step, [&](const auto& body) { parallel_for(Cpu{}, count, body); });
 }
 
 void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px) {

@@ -49,41 +49,42 @@ struct ShAdam {
     const ShScale* scales = nullptr;  // [kMostPending] of those steps
     int due = 0;                      // how many have been due since
 
-    /// `kGroup` coefficients of Gaussian i; absent ones count as 0.
+    /// `kGroup` coefficients of Gaussian i, RGB side by side; absent ones count as 0.
     template <int kGroup>
     struct Group {
-        Vec3f value[kGroup], m[kGroup], v[kGroup];
+        float value[3 * kGroup], m[3 * kGroup], v[3 * kGroup];
     };
     template <int kGroup>
     TVSGS_HD Group<kGroup> load(int i, int first) const {
         Group<kGroup> g;
-        for (int k = 0; k < kGroup; ++k) {
+        const auto get = [&](const Vec3f* from, int k, float* to) {
             const bool there = first + k < coefficients;
-            const std::size_t at = static_cast<std::size_t>(first + k) * stride + i;
-            g.value[k] = there ? values[at] : Vec3f{};
-            g.m[k] = there ? m[at] : Vec3f{};
-            g.v[k] = there ? v[at] : Vec3f{};
-        }
+            const Vec3f c =
+                there ? from[static_cast<std::size_t>(first + k) * stride + i] : Vec3f{};
+            to[3 * k] = c.x, to[3 * k + 1] = c.y, to[3 * k + 2] = c.z;
+        };
+        for (int k = 0; k < kGroup; ++k) get(values, k, g.value), get(m, k, g.m), get(v, k, g.v);
         return g;
     }
     template <int kGroup>
     TVSGS_HD void store(int i, int first, const Group<kGroup>& g) const {
+        const auto put = [&](const float* from, int k, Vec3f* to) {
+            to[static_cast<std::size_t>(first + k) * stride + i] = {from[3 * k], from[3 * k + 1],
+                                                                    from[3 * k + 2]};
+        };
         for (int k = 0; k < kGroup; ++k) {
             if (first + k >= coefficients) break;
-            const std::size_t at = static_cast<std::size_t>(first + k) * stride + i;
-            values[at] = g.value[k], m[at] = g.m[k], v[at] = g.v[k];
+            put(g.value, k, values), put(g.m, k, m), put(g.v, k, v);
         }
     }
     template <int kGroup>
     TVSGS_HD static void step(Group<kGroup>& g,
                               int first,
-                              const Vec3f (&gradient)[kGroup],
+                              const float (&dL)[3 * kGroup],
                               const ShScale& s) {
-        float *value = &g.value[0].x, *moment = &g.m[0].x, *second = &g.v[0].x;
-        const float* dL = &gradient[0].x;
         for (int j = 0; j < 3 * kGroup; ++j)
-            value[j] = adam_update(value[j], dL[j], moment[j], second[j],
-                                   3 * first + j < 3 ? s.step_dc : s.step_rest, s.root);
+            g.value[j] = adam_update(g.value[j], dL[j], g.m[j], g.v[j],
+                                     3 * first + j < 3 ? s.step_dc : s.step_rest, s.root);
     }
 
     /// Takes the steps that wait.
@@ -91,10 +92,10 @@ struct ShAdam {
     TVSGS_HD void catch_up(int i) const {
         const int from = taken[i];
         if (from == due) return;
-        const Vec3f zero[kGroup]{};
+        const float zero[3 * kGroup]{};
         for (int first = 0; first < coefficients; first += kGroup) {
             Group<kGroup> g = load<kGroup>(i, first);
-            for (int t = from; t < due; ++t) step(g, first, zero, scales[t]);
+            for (int t = from; t < due; ++t) step<kGroup>(g, first, zero, scales[t]);
             store(i, first, g);
         }
         taken[i] = static_cast<std::uint8_t>(due);
@@ -113,8 +114,12 @@ struct ShStep {
                              const Vec3f (&gradient)[kGroup],
                              Vec3f (&values)[kGroup]) const {
         auto g = sh.load<kGroup>(i, first);
-        for (int k = 0; k < kGroup; ++k) values[k] = g.value[k];
-        ShAdam::step(g, first, gradient, scale);
+        float dL[3 * kGroup];
+        for (int k = 0; k < kGroup; ++k) {
+            values[k] = {g.value[3 * k], g.value[3 * k + 1], g.value[3 * k + 2]};
+            dL[3 * k] = gradient[k].x, dL[3 * k + 1] = gradient[k].y, dL[3 * k + 2] = gradient[k].z;
+        }
+        ShAdam::step<kGroup>(g, first, dL, scale);
         sh.store(i, first, g);
     }
 

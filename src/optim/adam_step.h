@@ -44,22 +44,27 @@ inline constexpr float kLeastLogScale = -16.118096f;  // ln 1e-7
 /// One step of a Gaussian's geometry, its moments included.
 TVSGS_HD inline void step_geometry(SplatGeometry& splat,
                                    const SplatGeometry& gradient,
-                                   SplatGeometry& moment,
-                                   SplatGeometry& second,
+                                   SplatGeometry& m,
+                                   SplatGeometry& v,
                                    const GeometryScale& scale,
                                    bool with_opacity) {
-    float *value = &splat.mean.x, *m = &moment.mean.x, *v = &second.mean.x;
-    const float* dL = &gradient.mean.x;
-    for (int j = 0; j < SplatGeometry::kCount; ++j) {
-        if (j == 10 && !with_opacity) break;
-        const float step = j < 3    ? scale.mean
-                           : j < 6  ? scale.log_scale
-                           : j < 10 ? scale.quat
-                                    : scale.opacity_logit;
-        const float next = adam_update(value[j], dL[j], m[j], v[j], step, scale.root);
+    const auto step = [&scale](float& value, float dL, float& moment, float& second, float rate) {
+        value = adam_update(value, dL, moment, second, rate, scale.root);
+    };
+    for (int k = 0; k < 3; ++k) {
+        step(splat.mean[k], gradient.mean[k], m.mean[k], v.mean[k], scale.mean);
+        float& log_scale = splat.log_scale[k];
+        step(log_scale, gradient.log_scale[k], m.log_scale[k], v.log_scale[k], scale.log_scale);
         // Written so that what is not finite shows.
-        value[j] = j >= 3 && j < 6 && next < kLeastLogScale ? kLeastLogScale : next;
+        log_scale = log_scale < kLeastLogScale ? kLeastLogScale : log_scale;
     }
+    step(splat.quat.w, gradient.quat.w, m.quat.w, v.quat.w, scale.quat);
+    step(splat.quat.x, gradient.quat.x, m.quat.x, v.quat.x, scale.quat);
+    step(splat.quat.y, gradient.quat.y, m.quat.y, v.quat.y, scale.quat);
+    step(splat.quat.z, gradient.quat.z, m.quat.z, v.quat.z, scale.quat);
+    if (with_opacity)
+        step(splat.opacity_logit, gradient.opacity_logit, m.opacity_logit, v.opacity_logit,
+             scale.opacity_logit);
 }
 
 struct AdamStep {
@@ -81,9 +86,7 @@ struct AdamStepBody {
 
     TVSGS_HD void operator()(int i) const {
         if (in.halted != nullptr && *in.halted != 0) return;
-        SplatGeometry splat = in.values.load(i),
-                      gradient = in.extra.means != nullptr ? in.extra.load(i)
-                                                           : SplatGeometry{{}, {}, {0, 0, 0, 0}, 0};
+        SplatGeometry splat = in.values.load(i), gradient = no_gradient();
         ShStep<kGroup> sh{in.sh, i, in.sh_scale};
         const bool drawn = splat_vjp<kChannels>(in.view, i, splat, gradient, sh);
         const bool in_view = in.view.slot_counts[i] != 0;
@@ -95,6 +98,7 @@ struct AdamStepBody {
             sh.decay();
         }
         if (in.form == AdamForm::visible && !in_view) return;
+        if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
         SplatGeometry m = in.m.load(i), v = in.v.load(i);
         step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
         in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
@@ -117,16 +121,17 @@ void take_step(Cuda, int count, const AdamStep& step);
 void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px);
 void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px);
 
-/// The twins: they differ in how much of the harmonics they hold at once.
-template <int kGroup, class Device>
-void take_step_as(Device device, int count, const AdamStep& step) {
+/// run(body) with the body for the view's channels. The twins differ in how many harmonics they
+/// hold at once.
+template <int kGroup, class Run>
+void with_step_body(const AdamStep& step, const Run& run) {
     switch (step.view.channels) {
         case Channels::color:
-            return parallel_for(device, count, AdamStepBody<Channels::color, kGroup>{step});
+            return run(AdamStepBody<Channels::color, kGroup>{step});
         case Channels::color_plane:
-            return parallel_for(device, count, AdamStepBody<Channels::color_plane, kGroup>{step});
+            return run(AdamStepBody<Channels::color_plane, kGroup>{step});
         case Channels::plane:
-            return parallel_for(device, count, AdamStepBody<Channels::plane, kGroup>{step});
+            return run(AdamStepBody<Channels::plane, kGroup>{step});
     }
 }
 

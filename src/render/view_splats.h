@@ -203,10 +203,18 @@ struct SplatGeometry {
     Vec3f mean, log_scale;
     Quatf quat;
     float opacity_logit;
-
-    static constexpr int kCount = 11;
 };
-static_assert(sizeof(SplatGeometry) == SplatGeometry::kCount * sizeof(float));
+TVSGS_HD inline SplatGeometry no_gradient() {
+    return {{}, {}, {0, 0, 0, 0}, 0};  // Quatf{} is the identity
+}
+TVSGS_HD inline void add(Quatf& sum, const Quatf& q) {
+    sum.w += q.w, sum.x += q.x, sum.y += q.y, sum.z += q.z;
+}
+TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
+    sum.mean += g.mean, sum.log_scale += g.log_scale;
+    add(sum.quat, g.quat);
+    sum.opacity_logit += g.opacity_logit;
+}
 
 /// Adds the gradients of Gaussian i; `visit` as sh_color_vjp takes it. False: it has none.
 template <Channels kChannels, class Visit>
@@ -214,8 +222,12 @@ TVSGS_HD bool splat_vjp(
     const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {
     const SplatGradients<float>* const found = in.find(i);
     if (found == nullptr) return false;
-    const SplatGradients<float> g = *found;
+    const SplatGradients<float>& g = *found;
     const ViewParameters& view = in.view;
+    Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
+    if constexpr (has_color(kChannels))
+        dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+                                       in.features[i].f.color, g.features.color, visit);
     const Vec3f p = view.camera.camera_from_world * splat.mean;
     const Mat3f R = rotation(normalize(splat.quat));
     const Vec3f scales = exp(splat.log_scale);
@@ -237,15 +249,9 @@ TVSGS_HD bool splat_vjp(
             ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
         }
     }
-    Vec3f dL_dmean = transpose_times(view.camera.camera_from_world.R, dL_dp);
-    if constexpr (has_color(kChannels))
-        dL_dmean += sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
-                                        in.features[i].f.color, g.features.color, visit);
-    sum.mean += dL_dmean;
+    sum.mean += dL_dmean + transpose_times(view.camera.camera_from_world.R, dL_dp);
     sum.log_scale += ellipse.dL_dlog_s;
-    const Quatf dL_dquat = rotation_vjp(splat.quat, ellipse.dL_dR);
-    sum.quat.w += dL_dquat.w, sum.quat.x += dL_dquat.x;
-    sum.quat.y += dL_dquat.y, sum.quat.z += dL_dquat.z;
+    add(sum.quat, rotation_vjp(splat.quat, ellipse.dL_dR));
     return true;
 }
 
@@ -263,15 +269,14 @@ struct ProjectBackwardBody {
     Span<Vec3f> dL_dsh;
 
     TVSGS_HD void operator()(int i) const {
-        SplatGeometry sum{{}, {}, {0, 0, 0, 0}, 0};
+        SplatGeometry sum = no_gradient();
         AddShGradient<float> visit{sh.data, dL_dsh.data, means.count, static_cast<std::size_t>(i)};
         const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
         if (!splat_vjp<kChannels>(in, i, splat, sum, visit)) return;
         dL_dmeans[i] += sum.mean;
         dL_dlog_scales[i] += sum.log_scale;
         dL_dopacity_logits[i] += sum.opacity_logit;
-        dL_dquats[i].w += sum.quat.w, dL_dquats[i].x += sum.quat.x;
-        dL_dquats[i].y += sum.quat.y, dL_dquats[i].z += sum.quat.z;
+        add(dL_dquats[i], sum.quat);
     }
 };
 
