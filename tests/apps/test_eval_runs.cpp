@@ -23,7 +23,8 @@ std::string train_flags(const std::string& scene, const std::string& more = "") 
     return "--scene " + data + " --split train_3 --init-ply " + data +
            "/init/train_3.ply -r 8 --iterations 30 --config " TVSGS_SOURCE_DIR
            "/configs/pgsr_sparse.json --set init.max_points=6000 --set tv.k=16 --set "
-           "densify.until=0 --set mesh.resolution=150 --set mesh.masks=false --set eval.samples=20000 --device cpu "
+           "densify.until=0 --set mesh.resolution=150 --set mesh.masks=false --set "
+           "eval.samples=20000 --device cpu "
            "--quiet --eval-every 10 --eval-mesh --gt " +
            data + "/gt/points.ply --crop " + data + "/gt/info.json --tau 5,10 " + more;
 }
@@ -196,30 +197,28 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
                             "bust/point_cloud/iteration_30/point_cloud.ply");
     expect_done("eval", "report --run bust --quiet");
 
-    std::ofstream(folder_ / "published.json") << R"({"sources": {"Somebody": "a paper"},
+    std::ofstream(folder_ / "published.json") << R"JS({"sources": {"Somebody": "a paper"},
         "sets": {"ours": ["ycb_table", "stone_bust"]}, "figures": [
         {"source": "Somebody", "method": "Theirs", "scenes": ["ycb_table"], "with": ", train_3",
-         "metric": "chamfer (dtu)",
-        "value" : 1.25
-},
+         "metric": "chamfer (dtu)", "value": 1.25},
         {"source": "Somebody", "method": "Theirs", "set": "ours", "with": ", train_3",
          "metric": "psnr", "value": 33.5},
-        {"source": "Somebody", "method": "Other views", "scenes": ["ycb_table"], "with": ", train_9",
-         "metric": "psnr", "value": 35.5}]
-})";
-    expect_done("eval", "table --runs ours=table ours=bust --published published.json --out "
-                        "all.md --quiet");
-const std::string table = contents(folder_ / "all.md");
-for (const char* text :
-     {"## Chamfer distance (dtu)", "## Chamfer distance (dtu\\_centres)", "threshold (tnt)",
-      "threshold (tnt\\_centres)", "## Novel views", "## Run time and memory",
-      "ycb\\_table, train\\_3", "| *Theirs (Somebody)* | 1.25 |", " 33.5 |",
-      "Published, Somebody: a paper.", "all_stone_bust_train_3_f1_mesh.svg"})
-    EXPECT_NE(table.find(text), std::string::npos) << text << "\n" << table;
-EXPECT_EQ(table.find("Other views"), std::string::npos);
-EXPECT_TRUE(fs::exists(folder_ / "all_ycb_table_train_3_chamfer_mesh.svg"));
-const Result bad = call("eval", "table --runs table --published all.csv");
-EXPECT_EQ(bad.code, 3) << bad;
+        {"source": "Somebody", "method": "Other views", "scenes": ["ycb_table"],
+         "with": ", train_9", "metric": "psnr", "value": 35.5}]})JS";
+    expect_done("eval",
+                "table --runs ours=table ours=bust --published published.json --out "
+                "all.md --quiet");
+    const std::string table = contents(folder_ / "all.md");
+    for (const char* text :
+         {"## Chamfer distance (dtu)", "## Chamfer distance (dtu\\_centres)", "threshold (tnt)",
+          "threshold (tnt\\_centres)", "## Novel views", "## Run time and memory",
+          "ycb\\_table, train\\_3", "| *Theirs (Somebody)* | 1.25 |", " 33.5 |",
+          "Published, Somebody: a paper.", "all_stone_bust_train_3_f1_mesh.svg"})
+        EXPECT_NE(table.find(text), std::string::npos) << text << "\n" << table;
+    EXPECT_EQ(table.find("Other views"), std::string::npos);
+    EXPECT_TRUE(fs::exists(folder_ / "all_ycb_table_train_3_chamfer_mesh.svg"));
+    const Result bad = call("eval", "table --runs table --published all.csv");
+    EXPECT_EQ(bad.code, 3) << bad;
 }
 
 }  // namespace
