@@ -28,9 +28,13 @@ int report(const std::string& run, const std::string& scene_path) {
     options.scene.need_points = false;
     std::vector<View> test;
     std::optional<Truth> truth;
-    if_possible("photographs", [&] { test = read_scene_of_run(options.scene, run).test; });
-    if_possible("errors of the centres", [&] { truth = read_truth(options.eval); });
-    write_report(run, test, truth);
+    Vec3d origin;
+    if_possible("photographs", [&] {
+        Scene scene = read_scene_of_run(options.scene, run);
+        test = std::move(scene.test), origin = scene.origin;
+    });
+    if_possible("errors of the centres", [&] { truth = read_truth(options.eval, origin); });
+    write_report(run, test, truth, origin);
     spdlog::info("{}/report.html", run);
     return 0;
 }

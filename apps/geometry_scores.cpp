@@ -11,7 +11,7 @@ namespace tvsgs {
 std::vector<Vec3f> read_points(const std::string& path,
                                const PointsOptions& options,
                                const Crop& crop) {
-    PlyContents ply = read_ply(path);
+    PlyContents ply = read_ply(path, options.origin);
     const char* kind = ply.is_splats       ? "splat centres"
                        : ply.faces.empty() ? "points"
                                            : "samples of the mesh";
@@ -26,13 +26,14 @@ std::vector<Vec3f> read_points(const std::string& path,
     }
     const std::size_t before = points.size();
     Vec3d lower{INFINITY, INFINITY, INFINITY}, upper = -lower;
-    std::erase_if(points, [&](Vec3f p) {
-        if (!is_finite(p)) return true;
+    std::erase_if(points, [&](Vec3f local) {
+        if (!is_finite(local)) return true;
+        const Vec3d p = vec_cast<double>(local) + options.origin;
         for (int axis = 0; axis < 3; ++axis) {
-            lower[axis] = std::min<double>(lower[axis], p[axis]);
-            upper[axis] = std::max<double>(upper[axis], p[axis]);
+            lower[axis] = std::min(lower[axis], p[axis]);
+            upper[axis] = std::max(upper[axis], p[axis]);
         }
-        return !contains(crop, vec_cast<double>(p));
+        return !contains(crop, p);
     });
     spdlog::info("{}: {} {}, {} of them used", path, before, kind, points.size());
     if (points.empty())

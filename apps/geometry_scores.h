@@ -15,6 +15,7 @@ struct PointsOptions {
     std::int64_t samples = 1000000;  // of a mesh
     std::uint64_t seed = 0;
     std::string crop_path;  // for messages
+    Vec3d origin{};         // of the frame of the result; that of files and crop is at zero
 };
 
 /// Even samples of a mesh, the points of a cloud, the centres of splats; those in the crop. Throws

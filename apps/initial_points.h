@@ -33,7 +33,7 @@ inline void prepare_points(const DeviceChoice& device, const RunOptions& options
 
 inline void read_fixed_voters(const RunOptions& options, Scene& scene) {
     if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
-        scene.fixed_voters = read_ply(options.train.tv.fixed_voters).points;
+        scene.fixed_voters = read_ply(options.train.tv.fixed_voters, scene.origin).points;
 }
 
 }  // namespace tvsgs

@@ -173,7 +173,8 @@ JsonValue pictures(const std::string& run,
 
 JsonValue collect_report(const std::string& run,
                          const std::vector<View>& test,
-                         const std::optional<Truth>& truth) {
+                         const std::optional<Truth>& truth,
+                         Vec3d origin) {
     JsonValue report = JsonValue::object(), config = read_json(run_config_path(run));
     report.set("format", "tvsgs-report");
     report.set("format_version", 1);
@@ -195,7 +196,7 @@ JsonValue collect_report(const std::string& run,
     if (fs::exists(run + "/point_cloud", code)) {
         const std::string cameras = run + "/cameras.json";
         report.set("points",
-                   points_json(read_splat_ply(find_splats(run)), truth,
+                   points_json(read_splat_ply(find_splats(run), origin), truth,
                                viewpoint_of(exists(cameras) ? read_json(cameras) : JsonValue())));
     }
     return report;
@@ -203,8 +204,9 @@ JsonValue collect_report(const std::string& run,
 
 void write_report(const std::string& run,
                   const std::vector<View>& test,
-                  const std::optional<Truth>& truth) {
-    const std::string json = json_text(collect_report(run, test, truth));
+                  const std::optional<Truth>& truth,
+                  Vec3d origin) {
+    const std::string json = json_text(collect_report(run, test, truth, origin));
     write_text_file(run + "/report.json", json + "\n");
     // From what was written: the page is a function of report.json alone.
     write_text_file(run + "/report.html",

@@ -13,15 +13,17 @@ namespace tvsgs {
 
 /// Writes RUN/report.json and RUN/report.html. `test`: the views with their photographs, for the
 /// pictures beside the renders; may be empty. A run that has not ended has a report, too. Throws
-/// Error(ExitCode::input) when `run` is no run folder.
+/// Error(ExitCode::input) when `run` is no run folder. `origin`: the scene's, truth's too.
 void write_report(const std::string& run,
                   const std::vector<View>& test,
-                  const std::optional<Truth>& truth);
+                  const std::optional<Truth>& truth,
+                  Vec3d origin);
 
 /// The tree of report.json. Keys: format, run, config, summary, reports (columns), stages,
 /// evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json), pictures, points.
 JsonValue collect_report(const std::string& run,
                          const std::vector<View>& test,
-                         const std::optional<Truth>& truth);
+                         const std::optional<Truth>& truth,
+                         Vec3d origin);
 
 }  // namespace tvsgs

@@ -161,7 +161,7 @@ JsonValue points_json(const Gaussians<Cpu>& splats,
     std::vector<std::size_t> chosen;
     for (std::size_t i = 0; i < splats.means.size(); ++i) {
         const Vec3f p = splats.means[i];
-        if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p))))
+        if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p) + truth->origin)))
             chosen.push_back(i);
     }
     const std::size_t candidates = chosen.size();

@@ -114,13 +114,14 @@ void RunFolder::save_cameras(const Scene& scene) const {
     for (const std::vector<View>* views : {&scene.train, &scene.test})
         for (const View& view : *views) {
             const Camera& c = view.camera;
-            const Vec3f centre = camera_centre(c);
-            const Mat3f R = transpose(c.camera_from_world.R);
+            const Vec3d centre = vec_cast<double>(camera_centre(c)) + scene.origin;
+            const Mat3<double> R = mat_cast<double>(transpose(c.camera_from_world.R));
             JsonLine line;
-            const auto row = [](float x, float y, float z) {
-                char numbers[64];
-                std::snprintf(numbers, sizeof numbers, "[%.9g,%.9g,%.9g]", static_cast<double>(x),
-                              static_cast<double>(y), static_cast<double>(z));
+            const int digits = norm(scene.origin) > 0 ? 15 : 9;
+            const auto row = [digits](double x, double y, double z) {
+                char numbers[96];
+                std::snprintf(numbers, sizeof numbers, "[%.*g,%.*g,%.*g]", digits, x, digits, y,
+                              digits, z);
                 return std::string(numbers);
             };
             line.add("id", id)
@@ -143,9 +144,9 @@ void RunFolder::log(const std::string& json_line) {
         throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
 }
 
-void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration) const {
-    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"),
-                    gaussians);
+void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const {
+    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians,
+                    origin);
 }
 
 std::string find_splats(const std::string& path) {
@@ -168,8 +169,8 @@ std::string find_splats(const std::string& path) {
     return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
 }
 
-Gaussians<Cpu> read_splats(const std::string& file) {
-    Gaussians<Cpu> splats = read_splat_ply(file);
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin) {
+    Gaussians<Cpu> splats = read_splat_ply(file, origin);
     if (splats.size() == 0)
         throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
     return splats;

@@ -34,8 +34,8 @@ public:
     /// Appends one line to log.jsonl and flushes it.
     void log(const std::string& json_line);
 
-    /// point_cloud/iteration_N/point_cloud.ply
-    void save_splats(const Gaussians<Cpu>& gaussians, int iteration) const;
+    /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of io/ply.h.
+    void save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const;
 
 private:
     std::string path_;
@@ -48,7 +48,7 @@ private:
 std::string find_splats(const std::string& path);
 
 /// The splats in that file, at least one. Throws Error(ExitCode::input).
-Gaussians<Cpu> read_splats(const std::string& file);
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);

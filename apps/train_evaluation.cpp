@@ -58,7 +58,7 @@ bool EvaluationSchedule::due(int step, double seconds) {
     return now;
 }
 
-std::optional<Truth> read_truth(const EvaluationOptions& options) {
+std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) {
     if (options.gt.empty()) {
         for (const auto& [flag, value] :
              {std::pair("--crop", options.crop), std::pair("--visible-gt", options.visible_gt),
@@ -70,8 +70,9 @@ std::optional<Truth> read_truth(const EvaluationOptions& options) {
         return std::nullopt;
     }
     Truth truth;
+    truth.origin = origin;
     if (!options.crop.empty()) truth.crop = read_crop(options.crop);
-    const PointsOptions sampling{options.samples, 0, options.crop};
+    const PointsOptions sampling{options.samples, 0, options.crop, origin};
     truth.points = read_points(options.gt, sampling, truth.crop);
     if (!options.visible_gt.empty())
         truth.visible = read_points(options.visible_gt, sampling, truth.crop);
@@ -90,7 +91,8 @@ std::optional<Truth> read_truth(const EvaluationOptions& options) {
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve) {
     std::vector<Vec3f> inside;
     for (const Vec3f p : points)
-        if (is_finite(p) && contains(truth.crop, vec_cast<double>(p))) inside.push_back(p);
+        if (is_finite(p) && contains(truth.crop, vec_cast<double>(p) + truth.origin))
+            inside.push_back(p);
     PointScores scores;
     scores.chamfer = scores.f1 = std::nan("");
     if (inside.empty()) {

@@ -55,6 +55,7 @@ private:
 
 /// The true surface, cropped, ready to measure against.
 struct Truth {
+    Vec3d origin;  // of the frame of the points in that of the crop: the scene's
     std::vector<Vec3f> points, visible;
     Crop crop;
     std::vector<double> taus;
@@ -63,7 +64,7 @@ struct Truth {
 };
 
 /// Nothing without eval.gt. Throws Error.
-std::optional<Truth> read_truth(const EvaluationOptions& options);
+std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
 
 /// Distances of the splats' centres, or of points on the mesh, as `tvsgs-eval geometry` writes
 /// them, or {"error": ...} when none is in the crop. With `curve`, precision and recall at 41

@@ -111,8 +111,8 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is the file of the splats; name another"));
     const DeviceChoice device = choose_device(arguments.device);
-    const Gaussians<Cpu> splats = read_splats(splat_path);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
+    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
     spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
                  scene.train.size(), options.scene.path, device.description);
 
@@ -120,9 +120,10 @@ int command(int argc, char** argv) {
         Gaussians<decltype(tag)> gaussians;
         copy(splats, gaussians);
         return extract_mesh(scene.train, gaussians, options.train, options.mesh,
-                            fs::absolute(arguments.out).parent_path().string());
+                            fs::absolute(arguments.out).parent_path().string(), spdlog::level::info,
+                            scene.origin);
     });
-    write_mesh_ply(arguments.out, mesh);
+    write_mesh_ply(arguments.out, mesh, scene.origin);
     spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
                  mesh.faces.size());
     if (!arguments.no_preview && !mesh.faces.empty()) {

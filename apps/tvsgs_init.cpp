@@ -130,7 +130,7 @@ int command(int argc, char** argv) {
                      static_cast<std::size_t>(arguments.max_points));
     if (!arguments.maps.empty())
         write_maps(arguments.maps, scene.train, result.maps, arguments.pictures);
-    if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud);
+    if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud, scene.origin);
     return 0;
 }
 

@@ -204,7 +204,7 @@ int train_and_save(const Scene& scene,
 
     EvaluationSchedule schedule(options.eval, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
-    const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh"};
+    const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh", scene.origin};
     const auto evaluate_now = [&](int step, const SplatsNow<Device>& splats) {
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;
         synchronize(Device{});
@@ -231,7 +231,7 @@ int train_and_save(const Scene& scene,
     const double seconds = progress.seconds();
     Gaussians<Cpu> host;
     copy(gaussians, host);
-    run.save_splats(host, step_now);
+    run.save_splats(host, step_now, scene.origin);
     const auto last = checkpoints.finish();
     if (step_now < iterations) {
         spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", step_now,
@@ -256,12 +256,13 @@ int train_and_save(const Scene& scene,
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     if (options.eval.mesh) {
         const TriangleMesh mesh = extract_mesh(scene.train, gaussians, options.train, options.mesh,
-                                               mesh_source.spill_folder);
-        write_mesh_ply(run.path() + "/mesh/mesh.ply", mesh);
+                                               mesh_source.spill_folder, spdlog::level::info,
+                                               scene.origin);
+        write_mesh_ply(run.path() + "/mesh/mesh.ply", mesh, scene.origin);
         add_mesh(summary, mesh, *truth, run.path());
     }
     run.log(summary.text());
-    write_report(run.path(), scene.test, truth);
+    write_report(run.path(), scene.test, truth, scene.origin);
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
     return 0;
@@ -280,7 +281,8 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
     const EvaluationSchedule checked(options.eval);
-    const std::optional<Truth> truth = read_truth(options.eval);
+    const std::optional<Truth> truth = read_truth(
+        options.eval, options.eval.gt.empty() ? Vec3d{} : read_scene_origin(options.scene));
     const DeviceChoice device = choose_device(arguments.device);
     if (arguments.out.empty()) {
         const auto scene_folder = std::filesystem::weakly_canonical(options.scene.path);

@@ -27,6 +27,10 @@ struct PointCloud {
 
 struct Scene {
     std::string path;
+    /// Of the frame of all that follows, in that of the files; float has no digits for places far
+    /// from zero (UTM). Readers take it off and writers add it again, in double. See
+    /// core/local_origin.h.
+    Vec3d origin{};
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud
     PointCloud fixed_voters;        // measured points of tv.fixed_voters; confidences are weights

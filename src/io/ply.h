@@ -12,13 +12,14 @@ namespace tvsgs {
 
 /// Any PLY with x y z: ASCII or binary of either byte order, extra properties skipped. Faces, if
 /// any, are triangulated as fans. Colours (uchar 0-255 or float 0-1), normals and confidences
-/// (properties confidence or weight) are read where present.
+/// (properties confidence or weight) are read where present. `origin`, here and below: where the
+/// frame of the result lies in that of the file; taken off, and added by writers, in double.
 struct PlyContents {
     PointCloud points;
     std::vector<Vec3i> faces;
     bool is_splats = false;  // it holds opacity, scale_* and rot_*: positions are splat centres
 };
-PlyContents read_ply(const std::string& path);
+PlyContents read_ply(const std::string& path, Vec3d origin = {});
 
 /// Positions in full precision and faces, for measuring.
 struct PlyGeometry {
@@ -31,12 +32,13 @@ PlyGeometry read_ply_geometry(const std::string& path);
 
 /// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
 /// splats are dropped with a warning.
-Gaussians<Cpu> read_splat_ply(const std::string& path);
+Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin = {});
 
 /// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
-/// Error(ExitCode::numerical) naming the first non-finite value instead of writing it.
-void write_splat_ply(const std::string& path, const Gaussians<Cpu>& gaussians);
-void write_mesh_ply(const std::string& path, const TriangleMesh& mesh);
-void write_cloud_ply(const std::string& path, const PointCloud& points);
+/// Error(ExitCode::numerical) naming the first non-finite value instead of writing it. Positions
+/// are floats, or doubles where there is an origin to add.
+void write_splat_ply(const std::string& path, const Gaussians<Cpu>& gaussians, Vec3d origin = {});
+void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin = {});
+void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
 
 }  // namespace tvsgs

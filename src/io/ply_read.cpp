@@ -42,6 +42,16 @@ Vec3f pick(const std::vector<double>& row, const std::array<int, 3>& columns) {
     return v;
 }
 
+/// A position in the frame at `origin`.
+Vec3f pick_position(const std::vector<double>& row,
+                    const std::array<int, 3>& columns,
+                    Vec3d origin) {
+    Vec3d v;
+    for (int c = 0; c < 3; ++c)
+        v[c] = row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])] - origin[c];
+    return vec_cast<float>(v);
+}
+
 Vec3f clamped_color(Vec3f color, float scale) {
     for (int c = 0; c < 3; ++c) {
         const float value = color[c] * scale;
@@ -50,7 +60,7 @@ Vec3f clamped_color(Vec3f color, float scale) {
     return color;
 }
 
-void read_cloud(PlyReader& in, const Element& vertex, PlyContents& out) {
+void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents& out) {
     check_vertices(in, vertex);
     const std::array<int, 3> xyz{vertex.find("x"), vertex.find("y"), vertex.find("z")};
     const std::array<int, 3> normal{vertex.find({"nx", "normal_x"}),
@@ -80,7 +90,7 @@ void read_cloud(PlyReader& in, const Element& vertex, PlyContents& out) {
     std::vector<double> row;
     for (std::size_t i = 0; i < count; ++i) {
         in.read_row(vertex, row);
-        points.positions.push_back(pick(row, xyz));
+        points.positions.push_back(pick_position(row, xyz, origin));
         if (has_normals) points.normals.push_back(normalize(pick(row, normal)));
         if (weight >= 0)
             points.confidences.push_back(static_cast<float>(row[static_cast<std::size_t>(weight)]));
@@ -154,13 +164,13 @@ SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
 
 }  // namespace
 
-PlyContents read_ply(const std::string& path) {
+PlyContents read_ply(const std::string& path, Vec3d origin) {
     PlyReader in(path);
     const Element& vertex = vertex_element(in);
     PlyContents contents;
     for (const Element& element : in.elements()) {
         if (&element == &vertex)
-            read_cloud(in, element, contents);
+            read_cloud(in, element, origin, contents);
         else if (element.name == "face")
             read_faces(in, element, static_cast<double>(vertex.count), contents.faces);
         else
@@ -200,7 +210,7 @@ PlyGeometry read_ply_geometry(const std::string& path) {
     return out;
 }
 
-Gaussians<Cpu> read_splat_ply(const std::string& path) {
+Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin) {
     PlyReader in(path);
     const Element& vertex = vertex_element(in);
     check_vertices(in, vertex);
@@ -256,7 +266,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path) {
         }
         const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
                          value(columns.rot[3])};
-        const Vec3f mean = pick(row, columns.mean);
+        const Vec3f mean = pick_position(row, columns.mean, origin);
         const std::size_t begin = sh.size();
         sh.push_back(pick(row, columns.dc));
         bool finite = is_finite(mean) && is_finite(log_scale) && is_finite(sh.back()) &&

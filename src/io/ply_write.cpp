@@ -12,6 +12,13 @@ namespace {
 static_assert(std::endian::native == std::endian::little,
               "PLY files are written in the machine's byte order");
 
+bool is_zero(Vec3d v) {
+    return v.x == 0 && v.y == 0 && v.z == 0;
+}
+const char* position_type(Vec3d origin) {
+    return is_zero(origin) ? "float" : "double";
+}
+
 /// A file that is written in pieces of a MiB.
 class PlyWriter {
 public:
@@ -25,6 +32,12 @@ public:
     }
     void put(const std::string& text) { buffer_ += text; }
     void put(Vec3f v) { put(v.x), put(v.y), put(v.z); }
+    /// In the frame of the file; doubles where `origin` is not zero.
+    void put_position(Vec3f v, Vec3d origin) {
+        if (is_zero(origin)) return put(v);
+        const Vec3d p = vec_cast<double>(v) + origin;
+        put(p.x), put(p.y), put(p.z);
+    }
     void put_color(Vec3f color) {
         for (int c = 0; c < 3; ++c)
             put(static_cast<std::uint8_t>(std::clamp(color[c], 0.0f, 1.0f) * 255 + 0.5f));
@@ -43,9 +56,11 @@ private:
     std::string buffer_;
 };
 
-std::string header(std::size_t count) {
-    return str("ply\nformat binary_little_endian 1.0\nelement vertex ", count,
-               "\nproperty float x\nproperty float y\nproperty float z\n");
+std::string header(std::size_t count, Vec3d origin) {
+    std::string text = str("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+    for (const char* axis : {"x", "y", "z"})
+        text += str("property ", position_type(origin), " ", axis, "\n");
+    return text;
 }
 constexpr const char* kNormals = "property float nx\nproperty float ny\nproperty float nz\n";
 constexpr const char* kColors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
@@ -69,17 +84,16 @@ void check_size(const std::string& path,
 
 }  // namespace
 
-void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g) {
+void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g, Vec3d origin) {
     const std::size_t count = g.means.size();
     const int rest = sh_count(g.sh_degree) - 1;
 
-    std::vector<std::string> names = {"x",  "y",      "z",      "nx",    "ny",
-                                      "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+    std::vector<std::string> names = {"nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
     for (int i = 0; i < 3 * rest; ++i) names.push_back(str("f_rest_", i));
     for (const char* name :
          {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
         names.push_back(name);
-    std::string text = str("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+    std::string text = header(count, origin);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
     PlyWriter out(path);
@@ -88,7 +102,11 @@ void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g) {
     for (std::size_t i = 0; i < count; ++i) {
         auto to = row.begin();
         const auto put3 = [&](Vec3f v) { to = std::copy_n(&v.x, 3, to); };
-        put3(g.means[i]);
+        if (!is_finite(g.means[i]))
+            throw Error(ExitCode::numerical,
+                        str(path, ": not written: the centre of splat ", i, " is (", g.means[i].x,
+                            ", ", g.means[i].y, ", ", g.means[i].z, "); expected finite numbers"));
+        out.put_position(g.means[i], origin);
         put3({});  // normals
         put3(g.sh[i]);
         for (int c = 0; c < 3; ++c)  // channel major
@@ -109,16 +127,17 @@ void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g) {
     out.commit();
 }
 
-void write_mesh_ply(const std::string& path, const TriangleMesh& mesh) {
+void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin) {
     check_finite(path, mesh.vertices, "vertex");
     check_finite(path, mesh.colors, "colour");
     check_size(path, mesh.colors.size(), mesh.vertices.size(), "colours");
     const int count = static_cast<int>(mesh.vertices.size());
     PlyWriter out(path);
-    out.put(str(header(mesh.vertices.size()), mesh.colors.empty() ? "" : kColors, "element face ",
-                mesh.faces.size(), "\nproperty list uchar int vertex_indices\nend_header\n"));
+    out.put(str(header(mesh.vertices.size(), origin), mesh.colors.empty() ? "" : kColors,
+                "element face ", mesh.faces.size(),
+                "\nproperty list uchar int vertex_indices\nend_header\n"));
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
-        out.put(mesh.vertices[i]);
+        out.put_position(mesh.vertices[i], origin);
         if (!mesh.colors.empty()) out.put_color(mesh.colors[i]);
     }
     for (const Vec3i face : mesh.faces) {
@@ -133,7 +152,7 @@ void write_mesh_ply(const std::string& path, const TriangleMesh& mesh) {
     out.commit();
 }
 
-void write_cloud_ply(const std::string& path, const PointCloud& points) {
+void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin) {
     check_finite(path, points.positions, "position");
     check_finite(path, points.colors, "colour");
     check_finite(path, points.normals, "normal");
@@ -141,11 +160,11 @@ void write_cloud_ply(const std::string& path, const PointCloud& points) {
     check_size(path, points.normals.size(), points.positions.size(), "normals");
     check_size(path, points.confidences.size(), points.positions.size(), "confidences");
     PlyWriter out(path);
-    out.put(str(header(points.positions.size()), points.normals.empty() ? "" : kNormals,
+    out.put(str(header(points.positions.size(), origin), points.normals.empty() ? "" : kNormals,
                 points.colors.empty() ? "" : kColors,
                 points.confidences.empty() ? "" : "property float confidence\n", "end_header\n"));
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
-        out.put(points.positions[i]);
+        out.put_position(points.positions[i], origin);
         if (!points.normals.empty()) out.put(points.normals[i]);
         if (!points.colors.empty()) out.put_color(points.colors[i]);
         if (!points.confidences.empty()) out.put(points.confidences[i]);

@@ -11,6 +11,7 @@
 #include <set>
 #include <tuple>
 
+#include "core/local_origin.h"
 #include "core/log.h"
 #include "core/parallel.h"
 #include "io/colmap.h"
@@ -168,7 +169,7 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
 }
 
-View load_view(const ViewSource& source, const SceneOptions& options) {
+View load_view(const ViewSource& source, const SceneOptions& options, Vec3d origin) {
     // 1. Pixels, and where there are masks, theirs.
     const ImageSize file_size = read_image_size(source.file);
     check_size(source.file, file_size, source.intrinsics);
@@ -227,18 +228,20 @@ View load_view(const ViewSource& source, const SceneOptions& options) {
     if (options.center_principal_point)
         camera.cx_px = static_cast<float>(size.width_px) / 2,
         camera.cy_px = static_cast<float>(size.height_px) / 2;
-    camera.camera_from_world = {mat_cast<float>(source.image->camera_from_world.R),
-                                vec_cast<float>(source.image->camera_from_world.t)};
+    const Rigid3d& pose = source.image->camera_from_world;
+    camera.camera_from_world = {mat_cast<float>(pose.R), vec_cast<float>(pose * origin)};
     return view;
 }
 
-std::vector<View> load_views(const std::vector<ViewSource>& sources, const SceneOptions& options) {
+std::vector<View> load_views(const std::vector<ViewSource>& sources,
+                             const SceneOptions& options,
+                             Vec3d origin) {
     std::vector<View> views(sources.size());
     std::vector<std::exception_ptr> errors(sources.size());
     parallel_for_heavy(Cpu{}, static_cast<int>(sources.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
         try {
-            views[at] = load_view(sources[at], options);
+            views[at] = load_view(sources[at], options, origin);
         } catch (...) {
             errors[at] = std::current_exception();  // must not leave the parallel loop
         }
@@ -287,11 +290,12 @@ void clean(PointCloud& cloud, const std::string& source) {
 
 PointCloud initial_points(const SceneOptions& options,
                           const SceneLayout& layout,
-                          const std::vector<ViewSource>& train) {
+                          const std::vector<ViewSource>& train,
+                          Vec3d origin) {
     const std::string& model_folder = layout.source;
     const ColmapModel& model = layout.model;
-    const auto from_ply = [](const std::string& path) {
-        PointCloud cloud = read_ply(path).points;
+    const auto from_ply = [origin](const std::string& path) {
+        PointCloud cloud = read_ply(path, origin).points;
         clean(cloud, path);
         return cloud;
     };
@@ -320,7 +324,7 @@ PointCloud initial_points(const SceneOptions& options,
                 if (train_ids.contains(points.track[j])) seen_by.insert(points.track[j]);
             if (seen_by.size() < 2) continue;
         }
-        cloud.positions.push_back(vec_cast<float>(points.positions[i]));
+        cloud.positions.push_back(vec_cast<float>(points.positions[i] - origin));
         cloud.colors.push_back(points.colors[i]);
     }
     if (subset && !points.positions.empty())
@@ -365,6 +369,14 @@ float scene_extent(const Scene& scene) {
     return *middle;
 }
 
+/// All images of the model count, so that the frame does not depend on the split.
+Vec3d origin_of(const ColmapModel& model) {
+    std::vector<Vec3d> centres;
+    for (const ColmapImage& image : model.images)
+        centres.push_back(inverse(image.camera_from_world).t);
+    return local_origin(centres);
+}
+
 }  // namespace
 
 PixelSize resized_size(int resolution, int width, int height) {
@@ -386,6 +398,11 @@ PixelSize resized_size(int resolution, int width, int height) {
     // The order of the operations is that of the official codes; it can lose a pixel.
     const double scale = w / resolution;
     return size(w / scale, h / scale);
+}
+
+Vec3d read_scene_origin(const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path),
+                        [&] { return origin_of(read_layout(options).model); });
 }
 
 Scene read_scene(const SceneOptions& options) {
@@ -442,8 +459,14 @@ Scene read_scene(const SceneOptions& options) {
         const std::vector<ViewSource> train = sources(split.train);
         Scene scene;
         scene.path = options.path;
-        scene.train = load_views(train, options);
-        scene.test = load_views(sources(split.test), options);
+        scene.origin = origin_of(model);
+        if (norm(scene.origin) > 0)
+            spdlog::info(
+                "{}: the cameras stand far from zero, so all is computed in a frame at ({}, {}, "
+                "{}); files have coordinates as given",
+                options.path, scene.origin.x, scene.origin.y, scene.origin.z);
+        scene.train = load_views(train, options, scene.origin);
+        scene.test = load_views(sources(split.test), options, scene.origin);
         double offset = 0;
         for (const ViewSource& view : train)
             offset =
@@ -456,7 +479,8 @@ Scene read_scene(const SceneOptions& options) {
                 options.path, 100 * offset);
 
         // 3. The initial cloud.
-        if (options.need_points) scene.points = initial_points(options, layout, train);
+        if (options.need_points)
+            scene.points = initial_points(options, layout, train, scene.origin);
         scene.extent = scene_extent(scene);
         return scene;
     });

@@ -76,6 +76,9 @@ struct SceneOptions {
 /// Error(ExitCode::input) that names the place, what was found and what to do.
 Scene read_scene(const SceneOptions& options);
 
+/// Its Scene::origin alone, without the photographs.
+Vec3d read_scene_origin(const SceneOptions& options);
+
 /// Size of the training images for -r.  [input specification, 1.6]
 struct PixelSize {
     int width_px, height_px;
