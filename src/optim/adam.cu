@@ -13,11 +13,26 @@ struct HaltingAdamBody {
 };
 
 constexpr int kThreads = 128, kBlocks = 5;  // of a multiprocessor: many loads under way
-template <class Body>
-__global__ void __launch_bounds__(kThreads, kBlocks) step_kernel(int count, Body body) {
+// Few harmonics at a time: registers. More than one, so that several loads are under way.
+constexpr int kHarmonics = 2;
+
+template <Channels kChannels>
+__global__ void __launch_bounds__(kThreads, kBlocks) step_kernel(int count, AdamStep step) {
+    if (step.halted != nullptr && *step.halted != 0) return;
     const int i = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
-    if (i < count) body(i);
+    if (i >= count) return;
+    ShStep<kHarmonics> sh{step.sh, i, step.sh_scale};
+    if (step_splat<kChannels>(step, i, sh)) sh.decay();
 }
+
+struct CatchUpBody {
+    ShAdam sh;
+    Span<const float> radii_px;
+
+    TVSGS_HD void operator()(int i) const {
+        if (radii_px.empty() || radii_px[i] > 0) sh.catch_up<kHarmonics>(i);
+    }
+};
 
 }  // namespace
 
@@ -25,19 +40,17 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
     parallel_for(Cuda{}, count, HaltingAdamBody{body, halted});
 }
 
-// Few harmonics at a time: registers. More than one, so that several loads are under way.
-constexpr int kHarmonics = 2;
-
 void take_step(Cuda, int count, const AdamStep& step) {
     if (count == 0) return;
-    with_step_body<kHarmonics>(step, [&](const auto& body) {
-        step_kernel<<<(count + kThreads - 1) / kThreads, kThreads>>>(count, body);
-        check_launch();
+    const int blocks = (count + kThreads - 1) / kThreads;
+    with_channels(step.view.channels, [&]<Channels kChannels>() {
+        step_kernel<kChannels><<<blocks, kThreads>>>(count, step);
     });
+    check_launch();
 }
 
 void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px) {
-    parallel_for(Cuda{}, count, CatchUpBody<kHarmonics>{sh, radii_px});
+    parallel_for(Cuda{}, count, CatchUpBody{sh, radii_px});
 }
 
 }  // namespace tvsgs

@@ -79,59 +79,43 @@ struct AdamStep {
     const int* halted;  // where *halted (may be null) is not 0, nothing changes
 };
 
-/// `kGroup`: coefficients of the harmonics at a time.
-template <Channels kChannels, int kGroup>
-struct AdamStepBody {
-    AdamStep in;
-
-    TVSGS_HD void operator()(int i) const {
-        if (in.halted != nullptr && *in.halted != 0) return;
-        SplatGeometry splat = in.values.load(i), gradient = no_gradient();
-        ShStep<kGroup> sh{in.sh, i, in.sh_scale};
-        const bool drawn = splat_vjp<kChannels>(in.view, i, splat, gradient, sh);
-        const bool in_view = in.view.slot_counts[i] != 0;
-        const bool colored = drawn && has_color(kChannels);
-        if (in.form == AdamForm::lazy) {
-            if (colored && in.sh.taken != nullptr)
-                in.sh.taken[i] = static_cast<std::uint8_t>(in.sh.due + 1);
-        } else if (!colored && (in.form == AdamForm::dense || in_view)) {
-            sh.decay();
-        }
-        if (in.form == AdamForm::visible && !in_view) return;
+/// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
+/// sh_color_vjp. Returns whether these are to step without one.
+template <Channels kChannels, class Visit>
+TVSGS_HD bool step_splat(const AdamStep& in, int i, Visit& visit) {
+    SplatGeometry splat = in.values.load(i), gradient = no_gradient();
+    const bool colored =
+        splat_vjp<kChannels>(in.view, i, splat, gradient, visit) && has_color(kChannels);
+    if (in.form == AdamForm::lazy && colored)
+        in.sh.taken[i] = static_cast<std::uint8_t>(in.sh.due + 1);
+    const bool steps = in.form != AdamForm::visible || in.view.slot_counts[i] != 0;
+    if (steps) {
         if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
         SplatGeometry m = in.m.load(i), v = in.v.load(i);
         step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
         in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
     }
-};
+    return in.form != AdamForm::lazy && steps && !colored;
+}
 
-/// Harmonics of the Gaussians with a radius, or of all where there are no radii.
-template <int kGroup>
-struct CatchUpBody {
-    ShAdam sh;
-    Span<const float> radii_px;
-
-    TVSGS_HD void operator()(int i) const {
-        if (radii_px.empty() || radii_px[i] > 0) sh.catch_up<kGroup>(i);
-    }
-};
-
+// The twins go through the harmonics in the order that suits them: on a GPU each lane through those
+// of its Gaussian, on a CPU one coefficient after the other of some Gaussians side by side.
 void take_step(Cpu, int count, const AdamStep& step);
 void take_step(Cuda, int count, const AdamStep& step);
+/// Harmonics of the Gaussians with a radius, or of all where there are no radii.
 void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px);
 void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px);
 
-/// run(body) with the body for the view's channels. The twins differ in how many harmonics they
-/// hold at once.
-template <int kGroup, class Run>
-void with_step_body(const AdamStep& step, const Run& run) {
-    switch (step.view.channels) {
+/// run() as a template of the channels.
+template <class Run>
+void with_channels(Channels channels, const Run& run) {
+    switch (channels) {
         case Channels::color:
-            return run(AdamStepBody<Channels::color, kGroup>{step});
+            return run.template operator()<Channels::color>();
         case Channels::color_plane:
-            return run(AdamStepBody<Channels::color_plane, kGroup>{step});
+            return run.template operator()<Channels::color_plane>();
         case Channels::plane:
-            return run(AdamStepBody<Channels::plane, kGroup>{step});
+            return run.template operator()<Channels::plane>();
     }
 }
 
