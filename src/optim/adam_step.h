@@ -106,17 +106,4 @@ void take_step(Cuda, int count, const AdamStep& step);
 void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px);
 void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px);
 
-/// run() as a template of the channels.
-template <class Run>
-void with_channels(Channels channels, const Run& run) {
-    switch (channels) {
-        case Channels::color:
-            return run.template operator()<Channels::color>();
-        case Channels::color_plane:
-            return run.template operator()<Channels::color_plane>();
-        case Channels::plane:
-            return run.template operator()<Channels::plane>();
-    }
-}
-
 }  // namespace tvsgs

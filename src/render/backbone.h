@@ -23,6 +23,19 @@ constexpr bool has_plane(Channels channels) {
     return channels != Channels::color;
 }
 
+/// run() as a template of the channels.
+template <class Run>
+void with_channels(Channels channels, const Run& run) {
+    switch (channels) {
+        case Channels::color:
+            return run.template operator()<Channels::color>();
+        case Channels::color_plane:
+            return run.template operator()<Channels::color_plane>();
+        case Channels::plane:
+            return run.template operator()<Channels::plane>();
+    }
+}
+
 /// Where the rays of depth maps pass through the pixels. `official` keeps a habit of PGSR's code:
 /// half a pixel up and left of the centres, through which it blends.
 enum class PixelCenter { exact, official };

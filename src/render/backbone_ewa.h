@@ -31,8 +31,9 @@ public:
         resize_images();
         splats_.resize(gaussians.means.size());
         statistics_.radii_px.resize(gaussians.means.size());
-        with_channels(
-            [&]<Channels kChannels>() { forward_as<kChannels>(gaussians, before_colors); });
+        with_channels(channels_, [&]<Channels kChannels>() {
+            forward_as<kChannels>(gaussians, before_colors);
+        });
         return images_;
     }
 
@@ -40,13 +41,14 @@ public:
                   const ImageGradients<Device>& dL_dimages,
                   Gaussians<Device>& dL_dgaussians) override {
         const ViewGradients in = blend_backward(dL_dimages);
-        with_channels(
-            [&]<Channels kChannels>() { backward_as<kChannels>(in, gaussians, dL_dgaussians); });
+        with_channels(channels_, [&]<Channels kChannels>() {
+            backward_as<kChannels>(in, gaussians, dL_dgaussians);
+        });
     }
 
     ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) override {
         this->clock()("blend backward", [&] {
-            with_channels([&]<Channels kChannels>() {
+            with_channels(channels_, [&]<Channels kChannels>() {
                 blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages,
                                            slots_);
             });
@@ -73,18 +75,6 @@ public:
     RenderCounts counts() const override { return {lists_.visible_count, lists_.slot_count}; }
 
 private:
-    template <class Action>
-    void with_channels(const Action& action) {
-        switch (channels_) {
-            case Channels::color:
-                return action.template operator()<Channels::color>();
-            case Channels::color_plane:
-                return action.template operator()<Channels::color_plane>();
-            case Channels::plane:
-                return action.template operator()<Channels::plane>();
-        }
-    }
-
     void resize_images() {
         const std::size_t pixels = std::size_t(grid_.width) * grid_.height;
         const std::size_t color = has_color(channels_) ? pixels : 0,
