@@ -14,8 +14,10 @@
 #include <new>
 #include <vector>
 
+#include "core/buffer.h"
 #include "core/nearest_name.h"
 #include "io/atomic_file.h"
+#include "mesh/device_algorithms.h"
 
 namespace tvsgs {
 namespace {
@@ -159,6 +161,20 @@ std::vector<double> parse_numbers(const std::string& flag, const std::string& te
     return numbers;
 }
 
+std::int64_t parse_bytes(const std::string& flag, const std::string& text) {
+    double value = 0;
+    const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), value);
+    std::string suffix(rest, text.data() + text.size());
+    for (const std::string unit : {"iB", "B"})
+        if (suffix.ends_with(unit)) suffix.resize(suffix.size() - unit.size());
+    const std::size_t power = std::string("KMGT").find(suffix);
+    if (code != std::errc{} || !(value > 0) || suffix.size() > 1 || power == std::string::npos)
+        throw Error(ExitCode::usage,
+                    str(flag, " ", text, ": expected a number of bytes such as 8G or 500M"));
+    const double bytes = std::ldexp(value, suffix.empty() ? 0 : 10 * (static_cast<int>(power) + 1));
+    return static_cast<std::int64_t>(std::min(bytes, 9e18));
+}
+
 DeviceChoice choose_device(const std::string& name) {
     if (name == "cpu") return {false, "cpu"};
     int index = 0;
@@ -217,9 +233,11 @@ int run_command(const std::function<int()>& command) {
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());
     } catch (const std::bad_alloc&) {
-        std::fprintf(
-            stderr,
-            "error: out of memory; use fewer splats (--max-gaussians) or smaller images (-r)\n");
+        // The library does not say how much it was asked for.
+        const Error explained = out_of_memory(
+            str("the host gave no more beside the ", memory_use(Cpu{}).current_bytes >> 20,
+                " MiB of buffers; ", free_bytes(Cpu{}) >> 20, " MiB are free on the machine"));
+        std::fprintf(stderr, "error: %s\n", explained.what());
         return static_cast<int>(ExitCode::memory);
     } catch (const std::exception& error) {
         std::fprintf(stderr, "error: internal: %s\n", error.what());

@@ -26,6 +26,10 @@ void parse_command_line(CLI::App& app, int argc, char** argv);
 /// Positive numbers with commas between. Throws Error(ExitCode::usage) naming the flag.
 std::vector<double> parse_numbers(const std::string& flag, const std::string& text);
 
+/// A number of bytes with an optional suffix K, M, G or T, powers of 1024. Throws
+/// Error(ExitCode::usage) naming the flag or key.
+std::int64_t parse_bytes(const std::string& flag, const std::string& text);
+
 /// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu";
 /// "cuda"; "cuda:N". Throws Error(ExitCode::device).
 struct DeviceChoice {

@@ -88,8 +88,8 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
         write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
     } else if (!code && fs::exists(folder / "config.json", code)) {
         for (const char* name :
-             {"config.json", "plan.json", "log.jsonl", "cameras.json", "point_cloud", "checkpoints",
-              "mesh", "eval", "test", "report.json", "report.html"})
+             {"config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
+              "checkpoints", "mesh", "eval", "test", "report.json", "report.html"})
             fs::remove_all(folder / name, code);
     }
     if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");

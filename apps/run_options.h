@@ -3,6 +3,7 @@
 
 #include "io/config.h"
 #include "io/scene_reader.h"
+#include "memory_plan.h"
 #include "mesh_extraction.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"
@@ -16,6 +17,7 @@ struct RunOptions {
     StereoOptions stereo;  // for a scene with few points
     MeshOptions mesh;
     EvaluationOptions eval;
+    MemoryOptions memory;
 
     /// The table refers to this object.
     void add_to(OptionTable& table) {
@@ -24,6 +26,7 @@ struct RunOptions {
         table.add("stereo", stereo);
         table.add("mesh", mesh);
         table.add("eval", eval);
+        table.add("memory", memory);
     }
 };
 

@@ -4,8 +4,11 @@
 #include "checkpoints.h"
 #include "common.h"
 #include "initial_points.h"
+#include "io/atomic_file.h"
 #include "io/ply.h"
 #include "key_flags.h"
+#include "memory_plan.h"
+#include "optim/fixed_voters.h"
 #include "progress.h"
 #include "report_data.h"
 #include "run_folder.h"
@@ -65,6 +68,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flags.add("--iterations", "iterations", "training iterations", group);
     flags.add("--seed", "seed", "of all random numbers", group);
     flags.add("--max-gaussians", "densify.max_gaussians", "growth stops there", group);
+    flags.add("--gpu-memory", "memory.gpu", "GPU memory to use, such as 8G: growth stops before",
+              group);
+    flags.add("--host-memory", "memory.host", "the same of the host", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
     app.add_flag("--deterministic", arguments.deterministic,
                  "accepted for scripts: every run is reproducible bit for bit")
@@ -255,9 +261,9 @@ int train_and_save(const Scene& scene,
     }
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     if (options.eval.mesh) {
-        const TriangleMesh mesh = extract_mesh(scene.train, gaussians, options.train, options.mesh,
-                                               mesh_source.spill_folder, spdlog::level::info,
-                                               scene.origin);
+        const TriangleMesh mesh =
+            extract_mesh(scene.train, gaussians, options.train, options.mesh,
+                         mesh_source.spill_folder, spdlog::level::info, scene.origin);
         write_mesh_ply(run.path() + "/mesh/mesh.ply", mesh, scene.origin);
         add_mesh(summary, mesh, *truth, run.path());
     }
@@ -305,10 +311,18 @@ int command(int argc, char** argv) {
     else
         prepare_points(device, options, scene);
     read_fixed_voters(options, scene);
-    RunFolder run(arguments.out, point && go_on ? point->done : -1);
+    if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
+        make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run
     const std::string changed = point ? changed_values(arguments.configured, table) : "";
     const std::string config = table.json(run_info(device, arguments, changed, argc, argv));
+    // After the configuration, which keeps the cap that was asked for.
+    const std::size_t first_splats =
+        point ? point->state->get("opacity_logits", 4).count() : scene.points.positions.size();
+    const MemoryPlan memory = plan_memory(
+        scene, options.memory, static_cast<std::int64_t>(first_splats), device.cuda, options.train);
+    RunFolder run(arguments.out, point && go_on ? point->done : -1);
     run.save_config(config);
+    write_text_file(run.path() + "/memory.json", memory.json() + "\n");
     if (point) {
         if (go_on) remove_checkpoints_after(run.path(), point->done);
         run.log(JsonLine()
@@ -330,6 +344,7 @@ int command(int argc, char** argv) {
         options.scene.path, scene.train.size(), scene.test.size(), camera.width_px,
         camera.height_px, scene.points.positions.size(), static_cast<double>(scene.extent),
         device.description);
+    spdlog::info(memory.text());
     return on_device(device, [&](auto tag) {
         return train_and_save<decltype(tag)>(scene, options, arguments, truth, config, run);
     });

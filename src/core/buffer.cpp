@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 namespace {
-std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0};
+std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0}, limit_bytes{INT64_MAX};
 constexpr std::size_t kAlignment = 256;  // a whole number of cache lines and of vector registers
 }  // namespace
 
@@ -16,17 +16,23 @@ MemoryUse memory_use(Cpu) {
     return {current_bytes, peak_bytes};
 }
 
+void set_memory_limit(Cpu, std::int64_t bytes) {
+    limit_bytes = bytes;
+}
+
 namespace detail {
 
 void* allocate(Cpu, std::size_t bytes) {
     if (bytes == 0) return nullptr;
     const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-    void* data = std::aligned_alloc(kAlignment, rounded);
+    const std::int64_t held = current_bytes, limit = limit_bytes;
+    const bool allowed = static_cast<std::int64_t>(bytes) <= limit - held;
+    void* data = allowed ? std::aligned_alloc(kAlignment, rounded) : nullptr;
     if (data == nullptr)
-        throw Error(ExitCode::memory,
-                    str("out of memory: could not get ", bytes >> 20, " MiB beside the ",
-                        current_bytes.load() >> 20,
-                        " MiB held; use fewer splats (--max-gaussians) or smaller images (-r)"));
+        throw out_of_memory(
+            str(bytes, " more bytes are needed beside the ", held >> 20, " MiB held, ",
+                allowed ? std::string("and the host has no more")
+                        : str("and ", limit >> 20, " MiB are allowed (memory.host)")));
     const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
     for (std::int64_t peak = peak_bytes;
          now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {

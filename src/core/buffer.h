@@ -36,6 +36,11 @@ struct MemoryUse {
 MemoryUse memory_use(Cpu);
 MemoryUse memory_use(Cuda);
 
+/// Buffers of the device may hold that much together, from now on; at first there is no limit but
+/// the memory.
+void set_memory_limit(Cpu, std::int64_t bytes);
+void set_memory_limit(Cuda, std::int64_t bytes);
+
 /// Waits until the device has done all work given to it.
 inline void synchronize(Cpu) {}
 void synchronize(Cuda);
@@ -78,6 +83,7 @@ public:
             const std::size_t wanted = capacity_ == 0 ? size : size + size / 4;
             detail::release(Device{}, std::exchange(data_, nullptr),
                             std::exchange(capacity_, 0) * sizeof(T));
+            size_ = 0;  // for good, should there be no memory
             data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T)));
             capacity_ = wanted;
         }

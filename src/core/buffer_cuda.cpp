@@ -7,22 +7,29 @@
 
 namespace tvsgs {
 namespace {
-std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0};
+std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0}, limit_bytes{INT64_MAX};
+
+/// Driver too old for this program, or a GPU that it holds no code for, among others.
+bool no_usable_device(cudaError_t status) {
+    return status == cudaErrorNoDevice || status == cudaErrorInsufficientDriver ||
+           status == cudaErrorNoKernelImageForDevice || status == cudaErrorInvalidDeviceFunction;
+}
 }  // namespace
 
 void check_cuda(cudaError_t status, std::source_location where) {
     if (status == cudaSuccess) return;
-    const ExitCode code = status == cudaErrorMemoryAllocation ? ExitCode::memory
-                          : status == cudaErrorNoDevice || status == cudaErrorInsufficientDriver ||
-                                  status == cudaErrorNoKernelImageForDevice
-                              ? ExitCode::device
-                              : ExitCode::internal;
-    throw Error(code, str("CUDA: ", cudaGetErrorString(status), " (", where.file_name(), ":",
-                          where.line(), ")"));
+    const std::string what =
+        str("CUDA: ", cudaGetErrorString(status), " (", where.file_name(), ":", where.line(), ")");
+    if (status == cudaErrorMemoryAllocation) throw out_of_memory(what);
+    throw Error(no_usable_device(status) ? ExitCode::device : ExitCode::internal, what);
 }
 
 MemoryUse memory_use(Cuda) {
     return {current_bytes, peak_bytes};
+}
+
+void set_memory_limit(Cuda, std::int64_t bytes) {
+    limit_bytes = bytes;
 }
 
 int cuda_device_count() {
@@ -45,6 +52,13 @@ std::string use_cuda_device(int index) {
     check_cuda(cudaSetDevice(index));
     cudaDeviceProp properties{};
     check_cuda(cudaGetDeviceProperties(&properties, index));
+    if (const cudaError_t status = find_device_code(); status != cudaSuccess)
+        throw Error(ExitCode::device,
+                    str("GPU cuda:", index, ", ", properties.name, ", compute capability ",
+                        properties.major, ".", properties.minor,
+                        ": this program holds no code for it (", cudaGetErrorString(status),
+                        "); configure with -DCMAKE_CUDA_ARCHITECTURES=", properties.major,
+                        properties.minor, ", or use --device cpu"));
     return properties.name;
 }
 
@@ -53,15 +67,19 @@ namespace detail {
 void* allocate(Cuda, std::size_t bytes) {
     if (bytes == 0) return nullptr;
     void* data = nullptr;
+    const std::int64_t held = current_bytes, limit = limit_bytes;
+    if (static_cast<std::int64_t>(bytes) > limit - held)
+        throw out_of_memory(str(bytes, " more bytes of GPU memory are needed beside the ",
+                                held >> 20, " MiB held, and ", limit >> 20,
+                                " MiB are allowed (--gpu-memory)"));
     if (const cudaError_t status = cudaMalloc(&data, bytes); status != cudaSuccess) {
         cudaGetLastError();
         std::size_t free_bytes = 0, total_bytes = 0;
         cudaMemGetInfo(&free_bytes, &total_bytes);
         if (status != cudaErrorMemoryAllocation) check_cuda(status);
-        throw Error(ExitCode::memory, str("out of GPU memory: needed ", bytes >> 20, " MiB, ",
-                                          free_bytes >> 20, " of ", total_bytes >> 20,
-                                          " MiB are free; use fewer splats (--max-gaussians), "
-                                          "smaller images (-r) or --device cpu"));
+        throw out_of_memory(str(bytes, " more bytes of GPU memory are needed beside the ",
+                                held >> 20, " MiB held, and ", free_bytes >> 20, " of ",
+                                total_bytes >> 20, " MiB are free"));
     }
     const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
     for (std::int64_t peak = peak_bytes;

@@ -10,4 +10,7 @@ namespace tvsgs {
 /// Throws Error with the call's place and CUDA's own words when `status` is not success.
 void check_cuda(cudaError_t status, std::source_location where = std::source_location::current());
 
+/// Success when this program holds code that the current GPU can run.
+cudaError_t find_device_code();
+
 }  // namespace tvsgs

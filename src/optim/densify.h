@@ -44,7 +44,8 @@ struct DensifyOptions {
               "splats in front in fewer training views are trimmed; 0: no trim");
         field("jitter_clones", jitter_clones,
               "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
-        field("max_gaussians", max_gaussians, {1, 2e9}, "growth stops there");
+        // 45 floats of colour each are counted in int.
+        field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
     }
 };
 

@@ -1,0 +1,60 @@
+// How much memory a training will take, before its first step, and how far it may grow.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/scene.h"
+#include "optim/train.h"
+
+namespace tvsgs {
+
+struct MemoryOptions {
+    std::string gpu, host;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("gpu", gpu,
+              "GPU memory that training may take, such as 8G or 500M; empty: 90 % of what is free");
+        field("host", host, "the same of the host's memory");
+    }
+};
+
+/// Bytes that go with the number of splats, and those that do not.
+struct MemoryNeed {
+    std::int64_t fixed = 0, per_splat = 0;
+
+    std::int64_t at(std::int64_t splats) const { return fixed + per_splat * splats; }
+};
+
+/// An estimate: measured peaks of trainings lie between 0.4 and 1.25 times it
+/// (tests/reliability).
+struct MemoryPlan {
+    MemoryNeed buffers;  // of all Buffers on the training device
+    MemoryNeed host;     // of all on the host; with the CPU as the device, `buffers` are a part
+    std::int64_t device_limit = 0, host_limit = 0;  // bytes that may be used
+    std::int64_t first = 0;                         // splats at the start
+    std::int64_t most = 0;                          // splats that growth stops at
+
+    /// One line for people.
+    std::string text() const;
+    /// RUN/memory.json
+    std::string json() const;
+};
+
+/// The needs alone, for `splats` at the start.
+MemoryPlan estimate_memory(const Scene& scene,
+                           const TrainOptions& options,
+                           std::int64_t splats,
+                           bool cuda);
+
+/// With limits from `memory`, else from what is free; lowers options.densify.max_gaussians to what
+/// fits and makes the limits those of the allocators. Throws Error(ExitCode::memory) when the first
+/// splats do not fit, Error(ExitCode::usage) for limits that are none.
+MemoryPlan plan_memory(const Scene& scene,
+                       const MemoryOptions& memory,
+                       std::int64_t splats,
+                       bool cuda,
+                       TrainOptions& options);
+
+}  // namespace tvsgs

@@ -1,0 +1,102 @@
+// Commands as a user runs them, in a folder of the test that holds a small made-up scene.
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace tvsgs {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+struct Result {
+    int code;
+    std::string out, err;
+
+    bool says(const std::string& text) const { return err.find(text) != std::string::npos; }
+};
+inline std::ostream& operator<<(std::ostream& stream, const Result& result) {
+    return stream << "exit code " << result.code << ": " << result.err;
+}
+
+/// `scene`: 8 views of 48x36 pixels around a bust, as tvsgs-synth makes them.
+class CommandTest : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_reliability_" + std::to_string(getpid()));
+        fs::create_directories(folder_);
+        const Result synth = call("synth", "--out scene --views 8 --width 48 --height 36");
+        ASSERT_EQ(synth.code, 0) << synth;
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static Result shell(const std::string& script) {
+        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
+        return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read("out.txt"),
+                read("err.txt")};
+    }
+    static Result call(const std::string& tool, const std::string& arguments) {
+        return shell("OMP_NUM_THREADS=1 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " + arguments +
+                     " >out.txt 2>err.txt");
+    }
+    /// A short run on the CPU that starts from the points of the model.
+    static Result train(const std::string& arguments) {
+        return call("train", "--device cpu --iterations 6 --set init.min_points=0 " + arguments);
+    }
+
+    static std::string read(const std::string& name) {
+        std::ifstream in(folder_ / name, std::ios::binary);
+        std::ostringstream out;
+        out << in.rdbuf();
+        return out.str();
+    }
+    static void write(const std::string& name, const std::string& bytes) {
+        fs::create_directories((folder_ / name).parent_path());
+        std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    }
+    static std::string splats(const std::string& run, int iterations = 6) {
+        return read(run + "/point_cloud/iteration_" + std::to_string(iterations) +
+                    "/point_cloud.ply");
+    }
+    static json last_line(const std::string& run) {
+        std::istringstream log(read(run + "/log.jsonl"));
+        std::string line, last;
+        while (std::getline(log, line)) last = line;
+        return json::parse(last);
+    }
+    /// A copy of the scene for the test to spoil.
+    static void copy_scene(const std::string& name) {
+        fs::copy(folder_ / "scene", folder_ / name, fs::copy_options::recursive);
+    }
+    /// Refused with that exit code and a message that says `expected`; no run folder is left.
+    static void expect_refused(const std::string& arguments,
+                               int code,
+                               const std::string& expected) {
+        const Result r = train(arguments + " --out refused");
+        EXPECT_EQ(r.code, code) << arguments << ": " << r;
+        EXPECT_TRUE(r.says(expected)) << "'" << expected << "' is not in: " << r;
+        EXPECT_FALSE(fs::exists(folder_ / "refused")) << arguments;
+        fs::remove_all(folder_ / "refused");
+    }
+    /// Trains to the end with finite scores; what it said.
+    static Result expect_trained(const std::string& arguments, const std::string& run) {
+        Result r = train(arguments + " --out " + run);
+        EXPECT_EQ(r.code, 0) << arguments << ": " << r;
+        EXPECT_FALSE(splats(run).empty()) << arguments;
+        return r;
+    }
+
+    static inline fs::path folder_;
+};
+
+}  // namespace tvsgs

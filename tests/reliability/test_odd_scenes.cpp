@@ -1,0 +1,227 @@
+// Scenes that are odd but right, and scenes that are wrong: what training makes of them.
+#include <cmath>
+#include <sstream>
+
+#include "command_test.h"
+#include "io/image_file.h"
+
+namespace tvsgs {
+namespace {
+
+class OddScenes : public CommandTest {
+protected:
+    /// The points of the model, seen by views 0, 1 and 2 (images 1, 2, 3 of the model).
+    static void write_points(const std::string& scene, const std::vector<std::string>& positions) {
+        std::string text;
+        for (std::size_t i = 0; i < positions.size(); ++i)
+            text += std::to_string(i + 1) + " " + positions[i] + " 90 80 70 0.5 1 0 2 0 3 0\n";
+        write(scene + "/sparse/0/points3D.txt", text);
+    }
+    static std::string model_file(const std::string& scene, const char* name) {
+        return scene + "/sparse/0/" + name + ".txt";
+    }
+    static constexpr const char* kSparse =
+        " --config " TVSGS_SOURCE_DIR "/configs/pgsr_sparse.json --views 0,1,2 ";
+};
+
+TEST_F(OddScenes, FilesThatNoViewNamesAreLeftAlone) {
+    expect_trained("--scene scene --views 0,1,2", "plain");
+    copy_scene("extra");
+    fs::copy(folder_ / "scene/images/0000.png", folder_ / "extra/images/another.png");
+    write("extra/images/notes.txt", "not an image");
+    write("extra/images/.hidden.png", "not an image either");
+    expect_trained("--scene extra --views 0,1,2", "with_extra");
+    EXPECT_TRUE(splats("with_extra") == splats("plain"));
+}
+
+TEST_F(OddScenes, MarksAndCarriageReturnsOfEditors) {
+    expect_trained("--scene scene --views 0,1,2", "unedited");
+    copy_scene("edited");
+    for (const char* name : {"cameras", "images", "points3D"}) {
+        std::string text = "\xEF\xBB\xBF";
+        for (const char c : read(model_file("scene", name)))
+            text += c == '\n' ? std::string("\r\n") : std::string(1, c);
+        write(model_file("edited", name), text);
+    }
+    expect_trained("--scene edited --views 0,1,2", "of_edited");
+    EXPECT_TRUE(splats("of_edited") == splats("unedited"));
+    // Lists and configurations come from the same editors.
+    write("list.txt",
+          "\xEF\xBB\xBF"
+          "0000.png\r\n0001.png\r\n0002.png\r\n");
+    write("config.json", "\xEF\xBB\xBF{\"scene\": {\"path\": \"scene\"}}\r\n");
+    expect_trained("--config config.json --train-list list.txt", "of_list");
+    EXPECT_TRUE(splats("of_list") == splats("unedited"));
+}
+
+TEST_F(OddScenes, ALocaleThatWritesCommas) {
+    // Debian has the definitions, compiled or not; where neither is there, nothing can be shown.
+    const Result made = shell(
+        "mkdir -p locales && localedef -i de_DE -f UTF-8 locales/de_DE.UTF-8"
+        " >out.txt 2>err.txt; test -d locales/de_DE.UTF-8");
+    const std::string locale = "LOCPATH=$PWD/locales LC_ALL=de_DE.UTF-8 ";
+    const Result comma = shell(locale + "printf %.1f 1,5 >out.txt 2>err.txt");
+    if (made.code != 0 || comma.out != "1,5") GTEST_SKIP() << "no German locale on this machine";
+    const std::string arguments =
+        " --device cpu --iterations 6 --set init.min_points=0 --scene "
+        "scene --views 0,1,2 --set lr.scale=0.0025 --quiet --out ";
+    const std::string tool = "OMP_NUM_THREADS=1 " TVSGS_BIN_DIR "/tvsgs-train";
+    ASSERT_EQ(shell(tool + arguments + "english >out.txt 2>err.txt").code, 0);
+    const Result r = shell(locale + tool + arguments + "german >out.txt 2>err.txt");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(splats("german") == splats("english"));
+    EXPECT_EQ(json::parse(read("german/config.json")).at("lr").at("scale").get<float>(), 0.0025f);
+}
+
+TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
+    copy_scene("points");
+    const auto with = [&](const std::vector<std::string>& positions, const std::string& run) {
+        write_points("points", positions);
+        return expect_trained(
+            "--scene points" + std::string(kSparse) + "--set init.min_points=0 --set tv.start=1",
+            run);
+    };
+    EXPECT_TRUE(with({"0.1 0.1 0.1"}, "one").says("tensor voting is off: 1 of 1 splats"));
+    with({"0.1 0.1 0.1", "0.2 0.1 0.1"}, "two");
+    const std::vector<std::string> same(50, "0.1 0.1 0.1");
+    EXPECT_TRUE(with(same, "identical").says("49 points were dropped: repeated positions"));
+    std::vector<std::string> line;
+    for (int i = 0; i < 50; ++i) line.push_back("0." + std::to_string(100 + i) + " 0.1 0.1");
+    with(line, "collinear");
+    // More neighbours are asked for than there are splats.
+    const Result few = expect_trained(
+        "--scene points" + std::string(kSparse) + "--set init.min_points=0 --set tv.k=512",
+        "fewer_than_k");
+    EXPECT_FALSE(few.says("tensor voting is off")) << few;
+
+    write_points("points", {"nan 0 0", "0 inf 0", "1e10 0 0"});
+    expect_refused("--scene points --views 0,1,2", 3, "no initial points");
+    // Stereo does without.
+    const Result stereo = call("train",
+                               "--device cpu --iterations 6 --scene points --views 0,1,2 --out "
+                               "by_stereo");
+    EXPECT_EQ(stereo.code, 0) << stereo;
+    EXPECT_TRUE(stereo.says("3 points were dropped: positions not finite")) << stereo;
+}
+
+TEST_F(OddScenes, ViewsThatDoNotOverlap) {
+    // Opposite sides of the object.
+    expect_trained("--scene scene --views 0,4 --config " TVSGS_SOURCE_DIR
+                   "/configs/pgsr_sparse.json",
+                   "apart");
+    const Result r = expect_trained("--scene scene --views 0,4 --config " TVSGS_SOURCE_DIR
+                                    "/configs/pgsr_dense.json --set "
+                                    "loss.multi_view_ncc.start=1 --set "
+                                    "loss.multi_view_geometry.start=1",
+                                    "no_neighbour");
+    EXPECT_TRUE(r.says("multi-view losses: off for 2 of 2 training views")) << r;
+    EXPECT_TRUE(r.says("depths and")) << "how far the nearest are: " << r;
+    // Every third view sees what no other sees.
+    expect_trained("--scene scene --views 0,3,6", "three_apart");
+    expect_refused("--scene scene --views 4", 3, "1 training views; expected at least 2");
+}
+
+TEST_F(OddScenes, MasksThatHideEverything) {
+    copy_scene("dark");
+    for (const auto& mask : fs::directory_iterator(folder_ / "dark/masks"))
+        write_png(mask.path().string(), ImageU8(48, 36, 1));
+    const Result r = expect_trained("--scene dark --views 0,1,2", "of_dark");
+    const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
+    EXPECT_EQ(mesh.code, 3) << mesh << "; without masks there would be a surface";
+    EXPECT_TRUE(mesh.says("mask")) << mesh;
+    EXPECT_FALSE(fs::exists(folder_ / "of_dark/mesh/mesh.ply"));
+    EXPECT_EQ(
+        call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05 --no-masks").code, 0);
+}
+
+TEST_F(OddScenes, NamesInSubfoldersAndBeyondAscii) {
+    copy_scene("names");
+    const std::vector<std::string> names = {"left camera/\u5199\u771f.png",
+                                            "right/\u5199\u771f.png", "right/a.b.png"};
+    std::string text = read(model_file("scene", "images"));
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        const std::string old = "000" + std::to_string(i) + ".png";
+        text.replace(text.find(" " + old) + 1, old.size(), names[i]);
+        fs::create_directories((folder_ / "names/images" / names[i]).parent_path());
+        fs::rename(folder_ / "names/images" / old, folder_ / "names/images" / names[i]);
+    }
+    write(model_file("names", "images"), text);
+    fs::remove_all(folder_ / "names/masks");
+    write("names/splits.json",
+          "{\"some\": [\"left camera/\u5199\u771f.png\", \"right/\u5199\u771f\", \"a.b.png\"], "
+          "\"test\": [\"0003.png\"]}");
+    expect_trained("--scene names --split some", "of_names");
+    const json cameras = json::parse(read("of_names/cameras.json"));
+    ASSERT_EQ(cameras.size(), 4u);
+    EXPECT_EQ(cameras[0].at("img_name"), names[0]);
+    // The stem alone says not which of the two.
+    write("list.txt", "\u5199\u771f\n0004\n");
+    expect_refused("--scene names --train-list list.txt", 3, "names several images");
+}
+
+TEST_F(OddScenes, EveryDistortionThatIsUndone) {
+    const struct {
+        const char *name, *params, *zeros;
+        bool fisheye;
+    } models[] = {{"SIMPLE_PINHOLE", "57 24 18", "", false},
+                  {"PINHOLE", "57 57 24 18", "", false},
+                  {"SIMPLE_RADIAL", "57 24 18 ", "0", false},
+                  {"RADIAL", "57 24 18 ", "0 0", false},
+                  {"OPENCV", "57 57 24 18 ", "0 0 0 0", false},
+                  {"FULL_OPENCV", "57 57 24 18 ", "0 0 0 0 0 0 0 0", false},
+                  {"OPENCV_FISHEYE", "57 57 24 18 ", "0 0 0 0", true},
+                  {"SIMPLE_RADIAL_FISHEYE", "57 24 18 ", "0", true},
+                  {"RADIAL_FISHEYE", "57 24 18 ", "0 0", true},
+                  {"SIMPLE_FISHEYE", "57 24 18", "", true},
+                  {"FISHEYE", "57 57 24 18", "", true}};
+    copy_scene("lens");
+    std::string pinhole;
+    for (const auto& model : models)
+        for (const bool bent : {false, true}) {
+            if (bent && *model.zeros == 0) continue;
+            std::string last = model.zeros;
+            if (bent) last.replace(0, 1, "0.01");
+            write(model_file("lens", "cameras"),
+                  "1 " + std::string(model.name) + " 48 36 " + model.params + last + "\n");
+            const std::string what = std::string(model.name) + (bent ? "_bent" : "");
+            if (model.fisheye) expect_refused("--scene lens --views 0,1", 3, "fisheye");
+            expect_trained(
+                "--scene lens --views 0,1 --iterations 1 " +
+                    std::string(model.fisheye ? "--set scene.undistort_fisheye=true" : ""),
+                what);
+            const std::string result = splats(what, 1);
+            if (pinhole.empty()) pinhole = result;
+            if (!model.fisheye && !bent) {
+                EXPECT_TRUE(result == pinhole) << what << ": coefficients of 0 bend nothing";
+            }
+        }
+    write(model_file("lens", "cameras"),
+          "1 THIN_PRISM_FISHEYE 48 36 57 57 24 18 0 0 0 0 0 0 0 0\n");
+    expect_refused("--scene lens --views 0,1", 3, "camera 1 uses THIN_PRISM_FISHEYE");
+}
+
+TEST_F(OddScenes, MeasuredPointsThatAreNotFinite) {
+    // The priors that training takes are points with normals and weights.
+    const std::string header =
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+        "property float z\nproperty float weight\nend_header\n";
+    const std::string arguments =
+        "--scene scene" + std::string(kSparse) + "--set tv.fixed_voters=voters.ply";
+    write("voters.ply", header + "0 0 0 1\n0.1 0 0 1\n0 0.1 0 1\nnan 0 0 1\n");
+    expect_trained(arguments, "three_voters");
+    write("voters.ply", header + "0 0 0 1\n0.1 0 0 1\nnan 0.1 0 1\nnan 0 0 1\n");
+    Result r = train(arguments + " --out few_voters");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("voters.ply: 2 usable points; fixed voters need at least 3")) << r;
+    write("voters.ply", header + "0 0 0 1\n0.1 0 0 nan\n0 0.1 0 1\n1 0 0 1\n");
+    r = train(arguments + " --out nan_weight");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("weight nan of point 1")) << r;
+    write("voters.ply", header + "0 0 0 1\n");
+    r = train(arguments + " --out cut_voters");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("voters.ply: byte")) << r;
+}
+
+}  // namespace
+}  // namespace tvsgs
