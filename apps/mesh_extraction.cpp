@@ -4,6 +4,7 @@
 #include <charconv>
 #include <cmath>
 
+#include "common.h"
 #include "core/error.h"
 
 namespace tvsgs {
@@ -42,20 +43,6 @@ int automatic_resolution(const std::vector<View>& views) {
 }
 
 }  // namespace
-
-std::int64_t parse_bytes(const std::string& text) {
-    double value = 0;
-    const auto [rest, code] = std::from_chars(text.data(), text.data() + text.size(), value);
-    std::string suffix(rest, text.data() + text.size());
-    for (const char* unit : {"iB", "B"})
-        if (suffix.ends_with(unit)) suffix.resize(suffix.size() - std::string(unit).size());
-    const std::size_t power = std::string("KMGT").find(suffix);
-    if (code != std::errc{} || !(value > 0) || suffix.size() > 1 || power == std::string::npos)
-        throw Error(ExitCode::usage,
-                    str("--memory ", text, ": expected a number of bytes such as 8G or 500M"));
-    const double bytes = std::ldexp(value, suffix.empty() ? 0 : 10 * (static_cast<int>(power) + 1));
-    return static_cast<std::int64_t>(std::min(bytes, 9e18));
-}
 
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     DepthRules rules;
@@ -107,7 +94,7 @@ TsdfOptions volume_options(const MeshOptions& options,
         options.truncation > 0 ? options.truncation : kTruncationVoxels * volume.voxel_size;
     volume.max_bytes =
         !options.memory.empty()
-            ? parse_bytes(options.memory)
+            ? parse_bytes("--memory", options.memory)
             : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
     spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {:.4g}",
                 volume.voxel_size, volume.truncation, depth_max);

@@ -46,10 +46,6 @@ struct MeshOptions {
     }
 };
 
-/// A number of bytes with an optional suffix K, M, G or T (powers of 1024). Throws
-/// Error(ExitCode::usage).
-std::int64_t parse_bytes(const std::string& text);
-
 /// The rules of the options; depth_max may be 0. `origin`: of the splats' frame in that of the box.
 /// Throws Error(ExitCode::usage).
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin = {});
