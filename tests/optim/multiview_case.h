@@ -49,15 +49,14 @@ template <class Device>
 class PreparedImages final : public Backbone<Device> {
 public:
     explicit PreparedImages(const ViewMaps& v) : images_(upload_maps<Device>(v)) {}
-    const RenderedImages<Device>& forward(const Gaussians<Device>&,
-                                          const Camera&,
-                                          int,
-                                          Channels) override {
+    const RenderedImages<Device>& forward(
+        const Gaussians<Device>&, const Camera&, int, Channels, const BeforeColors&) override {
         return images_;
     }
     void backward(const Gaussians<Device>&,
                   const ImageGradients<Device>&,
                   Gaussians<Device>&) override {}
+    ViewGradients blend_backward(const ImageGradients<Device>&) override { return {}; }
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
 
 private:
