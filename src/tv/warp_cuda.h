@@ -91,9 +91,7 @@ struct CudaWarp {
             bitonic_sort(*this, keys, count);
             return keys[wanted - 1];
         }
-        if (count <= 256) return select<8>(keys, count, wanted);
-        // What a search for 200 begins with.
-        return count <= 320 ? select<10>(keys, count, wanted) : select<16>(keys, count, wanted);
+        return count <= 256 ? select<8>(keys, count, wanted) : select<16>(keys, count, wanted);
     }
 
     template <class Value>
@@ -162,7 +160,7 @@ private:
             const std::uint32_t middle = low + (high - low) / 2;
             int count = 0;
 #pragma unroll
-            for (int r = 0; r < kPerLane; ++r)  // faster than counts of lanes and one reduction
+            for (int r = 0; r < kPerLane; ++r)
                 count += __popc(__ballot_sync(kAll, words[r] <= middle));
             if (count >= wanted) {
                 high = middle;
@@ -186,14 +184,14 @@ private:
         }
         sync();
         const std::uint32_t last = kth_word(high, wanted);
-        int below = 0, upto = 0;
+        int below = 0, equal = 0;
 #pragma unroll
         for (int r = 0; r < kPerLane; ++r) {
             below += __popc(__ballot_sync(kAll, high[r] < last));
-            upto += __popc(__ballot_sync(kAll, high[r] <= last));
+            equal += __popc(__ballot_sync(kAll, high[r] == last));
         }
         std::uint32_t last_low = 0xffffffffu;
-        if (upto > wanted) {  // ties: by the low words
+        if (below + equal > wanted) {  // ties: by the low words
             std::uint32_t tied[kPerLane];
 #pragma unroll
             for (int r = 0; r < kPerLane; ++r) tied[r] = high[r] == last ? low[r] : 0xffffffffu;
