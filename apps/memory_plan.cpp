@@ -110,6 +110,7 @@ MemoryPlan plan_memory(const Scene& scene,
     MemoryPlan plan = estimate_memory(scene, options, splats, cuda);
     plan.host_limit = limit_of(Cpu{}, "memory.host", memory.host);
     plan.device_limit = plan.host_limit;
+    if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
     if constexpr (kHasCuda) {
         if (cuda) plan.device_limit = limit_of(Cuda{}, "memory.gpu", memory.gpu);
     }

@@ -46,8 +46,9 @@ int camera_scale(double cx_px, int width, const std::string& where) {
 }  // namespace
 
 SceneLayout read_npz_layout(const SceneOptions& options) {
-    SceneLayout layout = empty_layout("idr", find_camera_file(options),
-                                      find_image_folder(options, {"image", "images"}));
+    const std::string cameras_file = find_camera_file(options);  // the first thing to miss
+    SceneLayout layout =
+        empty_layout("idr", cameras_file, find_image_folder(options, {"image", "images"}));
     const NpzCameras cameras = read_npz_cameras(layout.source);
     const std::vector<std::string> names = image_names(layout.images);
     if (names.size() != cameras.views.size())

@@ -30,8 +30,8 @@ protected:
     void expect_input_error(const std::string& text) const {
         expect_error(ExitCode::input, text, [&] { read(); });
     }
-    static void expect_centre(const View& view, Vec3f centre) {
-        const Vec3f found = camera_centre(view.camera);
+    static void expect_centre(const View& view, Vec3f centre, Vec3d origin = {}) {
+        const Vec3f found = vec_cast<float>(vec_cast<double>(camera_centre(view.camera)) + origin);
         for (int a = 0; a < 3; ++a)  // float, of coordinates up to 242
             EXPECT_NEAR(found[a], centre[a], 1e-4f) << view.name;
     }
@@ -62,8 +62,8 @@ TEST_F(SceneLayouts, NpzExample) {  // EXPECTED.txt
     EXPECT_NEAR(camera.fy_px, 2883.18f / 4, 1e-3f);
     EXPECT_NEAR(camera.cx_px, 823.7f / 4, 1e-4f);
     EXPECT_NEAR(camera.cy_px, 619.57f / 4, 1e-4f);
-    expect_centre(scene.train[0], {-4, 8.4f, -242});
-    expect_centre(scene.train[1], {-2.8f, 8.4f, -242});
+    expect_centre(scene.train[0], {-4, 8.4f, -242}, scene.origin);
+    expect_centre(scene.train[1], {-2.8f, 8.4f, -242}, scene.origin);
     EXPECT_NEAR(camera.camera_from_world.R[0][2], 0.389418342309, 1e-7);
     EXPECT_EQ(scene.train[1].mask.width, 400);
     options.pixel_offset = 0;

@@ -89,10 +89,12 @@ protected:
         fs::remove_all(folder_ / "refused");
     }
     /// Trains to the end with finite scores; what it said.
-    static Result expect_trained(const std::string& arguments, const std::string& run) {
+    static Result expect_trained(const std::string& arguments,
+                                 const std::string& run,
+                                 int iterations = 6) {
         Result r = train(arguments + " --out " + run);
         EXPECT_EQ(r.code, 0) << arguments << ": " << r;
-        EXPECT_FALSE(splats(run).empty()) << arguments;
+        EXPECT_FALSE(splats(run, iterations).empty()) << arguments;
         return r;
     }
 

@@ -96,12 +96,13 @@ TEST_F(OddScenes, FewPointsAndPointsInOnePlace) {
 
     write_points("points", {"nan 0 0", "0 inf 0", "1e10 0 0"});
     expect_refused("--scene points --views 0,1,2", 3, "no initial points");
-    // Stereo does without.
+    // Stereo does without, but has too little to go by in pictures this small.
     const Result stereo = call("train",
                                "--device cpu --iterations 6 --scene points --views 0,1,2 --out "
                                "by_stereo");
-    EXPECT_EQ(stereo.code, 0) << stereo;
+    EXPECT_EQ(stereo.code, 3) << stereo;
     EXPECT_TRUE(stereo.says("3 points were dropped: positions not finite")) << stereo;
+    EXPECT_TRUE(stereo.says("stereo found no surface")) << stereo;
 }
 
 TEST_F(OddScenes, ViewsThatDoNotOverlap) {
@@ -127,9 +128,8 @@ TEST_F(OddScenes, MasksThatHideEverything) {
         write_png(mask.path().string(), ImageU8(48, 36, 1));
     const Result r = expect_trained("--scene dark --views 0,1,2", "of_dark");
     const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
-    EXPECT_EQ(mesh.code, 3) << mesh << "; without masks there would be a surface";
-    EXPECT_TRUE(mesh.says("mask")) << mesh;
-    EXPECT_FALSE(fs::exists(folder_ / "of_dark/mesh/mesh.ply"));
+    EXPECT_EQ(mesh.code, 0) << mesh;
+    EXPECT_TRUE(mesh.says("empty mesh")) << mesh << "; without masks there would be a surface";
     EXPECT_EQ(
         call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05 --no-masks").code, 0);
 }
@@ -188,7 +188,7 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
             expect_trained(
                 "--scene lens --views 0,1 --iterations 1 " +
                     std::string(model.fisheye ? "--set scene.undistort_fisheye=true" : ""),
-                what);
+                what, 1);
             const std::string result = splats(what, 1);
             if (pinhole.empty()) pinhole = result;
             if (!model.fisheye && !bent) {
