@@ -27,7 +27,7 @@ struct MemoryNeed {
     std::int64_t at(std::int64_t splats) const { return fixed + per_splat * splats; }
 };
 
-/// An estimate: measured peaks of trainings lie between 0.4 and 1.25 times it
+/// An estimate: measured peaks of trainings lie between half of it and all of it
 /// (tests/reliability).
 struct MemoryPlan {
     MemoryNeed buffers;  // of all Buffers on the training device

@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 
+#include "core/error.h"
 #include "mesh/mesh_parts.h"
 #include "mesh/spill_file.h"
 
@@ -37,7 +38,7 @@ TriangleMesh fuse_in_parts(int views,
     std::vector<Vec3f> color;
     for (int i = 0; i < views; ++i) {
         const DepthView<Device> view = source(i);
-        keys = volume.touched_blocks(view);
+        keys = with_context(str("fusing view ", i), [&] { return volume.touched_blocks(view); });
         depth.resize(view.depth.count), color.resize(view.color.count);
         tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(),
                             depth.size() * sizeof(float));
@@ -94,7 +95,8 @@ TriangleMesh fuse_views(int views,
                         FusionReport& report) {
     TsdfVolume<Device> volume(options);
     int fused = 0;
-    while (fused < views && volume.integrate(source(fused))) ++fused;
+    const auto fits = [&] { return volume.integrate(source(fused)); };
+    while (fused < views && with_context(str("fusing view ", fused), fits)) ++fused;
     report = {};
     TriangleMesh mesh;
     if (fused == views) {

@@ -2,32 +2,20 @@
 #pragma once
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <functional>
 #include <nlohmann/json.hpp>
 #include <sstream>
 #include <string>
-#include <vector>
+
+#include "support/command.h"
 
 namespace tvsgs {
 
 namespace fs = std::filesystem;
 using nlohmann::json;
-
-struct Result {
-    int code;
-    std::string out, err;
-
-    bool says(const std::string& text) const { return err.find(text) != std::string::npos; }
-};
-inline std::ostream& operator<<(std::ostream& stream, const Result& result) {
-    return stream << "exit code " << result.code << ": " << result.err;
-}
 
 /// `scene`: 8 views of 48x36 pixels around a bust, as tvsgs-synth makes them.
 class CommandTest : public testing::Test {
@@ -40,26 +28,16 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
-    static Result shell(const std::string& script) {
-        const int status = std::system(("cd '" + folder_.string() + "' && " + script).c_str());
-        return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status), read("out.txt"),
-                read("err.txt")};
-    }
+    static Result shell(const std::string& script) { return run_script(folder_, script); }
     static Result call(const std::string& tool, const std::string& arguments) {
-        return shell("OMP_NUM_THREADS=1 " TVSGS_BIN_DIR "/tvsgs-" + tool + " " + arguments +
-                     " >out.txt 2>err.txt");
+        return run_tool(folder_, tool, arguments, 1);
     }
     /// A short run on the CPU that starts from the points of the model.
     static Result train(const std::string& arguments) {
         return call("train", "--device cpu --iterations 6 --set init.min_points=0 " + arguments);
     }
 
-    static std::string read(const std::string& name) {
-        std::ifstream in(folder_ / name, std::ios::binary);
-        std::ostringstream out;
-        out << in.rdbuf();
-        return out.str();
-    }
+    static std::string read(const std::string& name) { return contents(folder_ / name); }
     static void write(const std::string& name, const std::string& bytes) {
         fs::create_directories((folder_ / name).parent_path());
         std::ofstream(folder_ / name, std::ios::binary) << bytes;

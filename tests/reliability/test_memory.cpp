@@ -91,11 +91,10 @@ TEST_F(Memory, EstimatesAreNearTheMeasuredPeak) {
             EXPECT_TRUE(r.says("memory: about ")) << "told before the first step: " << r;
             const auto peak = last_line(run).at("peak_bytes").get<double>();
             const auto estimate = static_cast<double>(at(plan(run).at("device"), most_splats(run)));
-            // Lists of tiles vary with the view, buffers grow by quarters, and two checkpoints are
-            // counted where short runs hold one. More than a quarter too little would mean that a
-            // part was forgotten.
-            EXPECT_LT(estimate, 2.5 * peak) << run;
-            EXPECT_GT(estimate, 0.8 * peak) << run;
+            // Never too little. Too much, as lists of tiles vary with the view, buffers grow by
+            // quarters, and two checkpoints are counted where short runs hold one.
+            EXPECT_LT(estimate, 2 * peak) << run;
+            EXPECT_GT(estimate, peak) << run;
         }
 }
 

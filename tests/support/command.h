@@ -19,7 +19,8 @@ inline std::string contents(const std::filesystem::path& path) {
     return out.str();
 }
 
-/// What a command did: its exit code, and what it wrote to out.txt and err.txt.
+/// What a command did: its exit code (128 + the signal that ended it, as a shell has it), and what
+/// it wrote to out.txt and err.txt.
 struct Result {
     int code;
     std::string out, err;
@@ -33,8 +34,8 @@ inline std::ostream& operator<<(std::ostream& stream, const Result& result) {
 /// Runs a script in a folder; it redirects to out.txt and err.txt there.
 inline Result run_script(const std::filesystem::path& folder, const std::string& script) {
     const int status = std::system(("cd '" + folder.string() + "' && " + script).c_str());
-    return {WIFEXITED(status) ? WEXITSTATUS(status) : -1, contents(folder / "out.txt"),
-            contents(folder / "err.txt")};
+    return {WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status),
+            contents(folder / "out.txt"), contents(folder / "err.txt")};
 }
 
 /// Runs bin/tvsgs-<tool> in a folder on `threads` threads.
