@@ -160,8 +160,8 @@ private:
             const std::uint32_t middle = low + (high - low) / 2;
             int count = 0;
 #pragma unroll
-            for (int r = 0; r < kPerLane; ++r)
-                count += __popc(__ballot_sync(kAll, words[r] <= middle));
+            for (int r = 0; r < kPerLane; ++r) count += words[r] <= middle;
+            count = __reduce_add_sync(kAll, count);
             if (count >= wanted) {
                 high = middle;
                 if (count == wanted) break;
