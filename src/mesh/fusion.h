@@ -24,29 +24,30 @@ template <class Device>
 TriangleMesh fuse_in_parts(int views,
                            const std::function<DepthView<Device>(int)>& source,
                            TsdfVolume<Device>& volume,
+                           bool carve,
                            float min_weight,
                            const std::string& spill_folder,
                            FusionReport& report) {
     struct Stored {
         Camera camera;
-        SpillFile::Place depth, color, keys;
+        SpillFile::Place depth, color, weight, keys;
     };
     SpillFile file(spill_folder);
     std::vector<Stored> stored;
     std::vector<std::uint64_t> all, merged, keys, touched;
-    std::vector<float> depth;
+    std::vector<float> depth, weight;
     std::vector<Vec3f> color;
+    const auto to_file = [&](auto from, auto& values) {
+        values.resize(from.count);
+        tvsgs::detail::copy(Device{}, from.data, Cpu{}, values.data(),
+                            values.size() * sizeof(values[0]));
+        return file.append(values.data(), values.size());
+    };
     for (int i = 0; i < views; ++i) {
         const DepthView<Device> view = source(i);
         keys = with_context(str("fusing view ", i), [&] { return volume.touched_blocks(view); });
-        depth.resize(view.depth.count), color.resize(view.color.count);
-        tvsgs::detail::copy(Device{}, view.depth.data, Cpu{}, depth.data(),
-                            depth.size() * sizeof(float));
-        tvsgs::detail::copy(Device{}, view.color.data, Cpu{}, color.data(),
-                            color.size() * sizeof(Vec3f));
-        stored.push_back({view.camera, file.append(depth.data(), depth.size()),
-                          file.append(color.data(), color.size()),
-                          file.append(keys.data(), keys.size())});
+        stored.push_back({view.camera, to_file(view.depth, depth), to_file(view.color, color),
+                          to_file(view.weight, weight), file.append(keys.data(), keys.size())});
         merged.clear();
         std::set_union(all.begin(), all.end(), keys.begin(), keys.end(),
                        std::back_inserter(merged));
@@ -55,7 +56,7 @@ TriangleMesh fuse_in_parts(int views,
 
     PartPlanner planner(all, volume.part_capacity());
     MeshJoiner joiner(all);
-    Buffer<float, Device> depth_buffer;
+    Buffer<float, Device> depth_buffer, weight_buffer;
     Buffer<Vec3f, Device> color_buffer;
     report.parts = 0;
     for (BlockPart part; planner.next(part); ++report.parts) {
@@ -65,12 +66,14 @@ TriangleMesh fuse_in_parts(int views,
             touched.clear();
             std::set_intersection(keys.begin(), keys.end(), part.keys.begin(), part.keys.end(),
                                   std::back_inserter(touched));
-            if (touched.empty()) continue;
+            if (touched.empty() && !carve) continue;
             file.read(view.depth, depth), file.read(view.color, color);
-            copy(depth, depth_buffer), copy(color, color_buffer);
-            volume.integrate_part({view.camera, std::as_const(depth_buffer).span(),
-                                   std::as_const(color_buffer).span()},
-                                  touched);
+            file.read(view.weight, weight);
+            copy(depth, depth_buffer), copy(color, color_buffer), copy(weight, weight_buffer);
+            volume.integrate_into(
+                {view.camera, std::as_const(depth_buffer).span(),
+                 std::as_const(color_buffer).span(), std::as_const(weight_buffer).span()},
+                carve ? part.keys : touched);
         }
         joiner.add(part, marching_cubes_part(volume.blocks(), min_weight, part.first, part.count));
     }
@@ -83,9 +86,9 @@ TriangleMesh fuse_in_parts(int views,
 
 /// The surface of views 0 to `views` - 1, in this order: the same mesh, byte for byte, for every
 /// options.max_bytes. `source(i)` renders view i, what it returns is valid until the next call; it
-/// is called once per view while all fits, and starts again with view 0 when it turns out not to.
-/// Then an unnamed file in `spill_folder` takes 16 bytes per pixel of every view. Throws what
-/// TsdfVolume and PartPlanner throw.
+/// is called once per view while all fits (twice to carve), and starts again with view 0 when it
+/// turns out not to. Then an unnamed file in `spill_folder` takes 16 bytes per pixel of every view,
+/// 20 with weights. Throws what TsdfVolume and PartPlanner throw.
 template <class Device>
 TriangleMesh fuse_views(int views,
                         const std::function<DepthView<Device>(int)>& source,
@@ -100,11 +103,16 @@ TriangleMesh fuse_views(int views,
     report = {};
     TriangleMesh mesh;
     if (fused == views) {
+        if (options.carve) {
+            const std::vector<std::uint64_t> all = to_host(volume.blocks().keys);
+            for (int i = 0; i < views; ++i) volume.integrate_into(source(i), all);
+        }
         report.blocks = volume.blocks().size();
         mesh = marching_cubes(volume.blocks(), min_weight);
     } else {
         volume.clear();
-        mesh = detail::fuse_in_parts(views, source, volume, min_weight, spill_folder, report);
+        mesh = detail::fuse_in_parts(views, source, volume, options.carve, min_weight, spill_folder,
+                                     report);
     }
     report.bytes = report.blocks * VoxelBlocks<Device>::kBytesPerBlock;
     return mesh;

@@ -33,6 +33,7 @@ struct VoxelGrid {
     Span<const int> slots, neighbours;
     Span<Voxel* const> chunks;
     float voxel_size;
+    Contraction<float> contraction;
 
     /// Number of the voxel `offset` (entries -1, 0, 1) away; -1 when its block is absent.
     TVSGS_HD int moved(int voxel, Vec3i offset) const {
@@ -141,7 +142,7 @@ struct VerticesBody {
             const float t = distance_a / (distance_a + distance_b);
             Vec3f p = grid.centre(voxel);
             p[axis] += t * grid.voxel_size;
-            positions[place] = p;
+            positions[place] = grid.contraction.expand(p);
             if (!owner_edges.empty())
                 owner_edges[place] = static_cast<std::uint16_t>(voxel % kBlockVoxels * 3 + axis);
             colors[place++] = (1 - t) * a.color + t * b.color;
@@ -197,8 +198,8 @@ TriangleMesh marching_cubes_on(
     Buffer<int, Device> neighbours(std::size_t(blocks.size()) * 27);
     parallel_for(Device{}, blocks.size() * 27,
                  NeighboursBody{blocks.keys.span(), neighbours.span()});
-    const VoxelGrid grid{blocks.keys.span(), blocks.slots.span(), neighbours.span(),
-                         blocks.chunk_table.span(), blocks.voxel_size};
+    const VoxelGrid grid{blocks.keys.span(),        blocks.slots.span(), neighbours.span(),
+                         blocks.chunk_table.span(), blocks.voxel_size,   blocks.contraction};
 
     const BlockRun own{first, count};
     Buffer<std::uint8_t, Device> cases(voxels), edges(voxels);

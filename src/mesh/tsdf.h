@@ -16,7 +16,8 @@ struct VoxelBlocks {
     /// With lists, marching cubes and what they make.
     static constexpr std::int64_t kWorkingBytesPerBlock = 8 * kBytesPerBlock / 5;
 
-    float voxel_size = 0;                // world units
+    float voxel_size = 0;  // world units, in contracted space
+    Contraction<float> contraction;
     Buffer<std::uint64_t, Device> keys;  // [B] ascending block keys
     Buffer<int, Device> slots;           // [B] where each block's voxels are
     std::vector<Buffer<Voxel, Device>> chunks;
@@ -35,16 +36,21 @@ template <class Device>
 void reserve_slots(VoxelBlocks<Device>& blocks, int count);
 
 struct TsdfOptions {
-    float voxel_size = 0;        // world units
-    float truncation = 0;        // world units
-    std::int64_t max_bytes = 0;  // voxels and marching cubes may take; 0: no limit
+    float voxel_size = 0;                 // world units
+    float truncation = 0;                 // world units
+    std::int64_t max_bytes = 0;           // voxels and marching cubes may take; 0: no limit
+    Contraction<float> contraction = {};  // of an unbounded scene
+    bool carve = false;  // views update all voxels that they see, not only those near their surface
+
+    VoxelSpace space() const { return {voxel_size, truncation, contraction}; }
 };
 
 template <class Device>
 struct DepthView {
     Camera camera;
-    Span<const float> depth;  // [H W] z-depth; 0: nothing there
-    Span<const Vec3f> color;  // [H W]
+    Span<const float> depth;        // [H W] z-depth; 0: nothing there
+    Span<const Vec3f> color;        // [H W]
+    Span<const float> weight = {};  // [H W] of the depths; empty: 1
 };
 
 /// Fuses views one after the other by the rule of Open3D's legacy volume: blocks within the
@@ -54,20 +60,22 @@ struct DepthView {
 template <class Device>
 class TsdfVolume {
 public:
-    /// Throws Error(ExitCode::usage) unless voxel size and truncation are positive.
+    /// Throws Error(ExitCode::usage) unless voxel size and truncation are positive, and the
+    /// truncation less than the radius of a contraction.
     explicit TsdfVolume(const TsdfOptions& options);
 
     /// False when its blocks would not fit into max_bytes. Throws Error(ExitCode::input) for points
-    /// outside of the volume's reach. The volume is unchanged in both cases.
+    /// outside of the volume's reach. The volume is unchanged in both cases. With options.carve
+    /// only the blocks are made: when all are there, integrate_into() is for each view.
     [[nodiscard]] bool integrate(const DepthView<Device>& view);
 
     /// For fusion in parts (mesh/fusion.h): the blocks that a view touches, ascending; how many
-    /// blocks a part may have; a fresh volume of just these blocks; fusion of a view into those of
-    /// them that it touches.
+    /// blocks a part may have; a fresh volume of just these blocks; fusion of a view into some
+    /// that are there.
     std::vector<std::uint64_t> touched_blocks(const DepthView<Device>& view);
     std::size_t part_capacity() const;
     void start_part(const std::vector<std::uint64_t>& keys);
-    void integrate_part(const DepthView<Device>& view, const std::vector<std::uint64_t>& touched);
+    void integrate_into(const DepthView<Device>& view, const std::vector<std::uint64_t>& keys);
 
     /// Gives the memory of the voxels back.
     void clear();

@@ -21,22 +21,24 @@ inline constexpr int kMaxPartBlocks = 1'000'000;     // edges of a part's voxels
 struct PixelBlocks {
     BlockRange own, left;
 
-    TVSGS_HD PixelBlocks(
-        const Camera& camera, Span<const float> depth, float truncation, float block_size, int i) {
+    TVSGS_HD PixelBlocks(const Camera& camera,
+                         Span<const float> depth,
+                         const VoxelSpace& space,
+                         int i) {
         const int x = i % camera.width_px, y = i / camera.width_px;
-        own = blocks_of_pixel(camera, x, y, depth[i], truncation, block_size);
-        if (x > 0) left = blocks_of_pixel(camera, x - 1, y, depth[i - 1], truncation, block_size);
+        own = blocks_of_pixel(camera, x, y, depth[i], space);
+        if (x > 0) left = blocks_of_pixel(camera, x - 1, y, depth[i - 1], space);
     }
 };
 
 struct CountBlocksBody {
     Camera camera;
     Span<const float> depth;
-    float truncation, block_size;
+    VoxelSpace space;
     Span<std::uint32_t> counts;  // kTooMany: too many or too far
 
     TVSGS_HD void operator()(int i) const {
-        const PixelBlocks blocks(camera, depth, truncation, block_size, i);
+        const PixelBlocks blocks(camera, depth, space, i);
         const std::uint64_t n = count(blocks.own) - count(intersection(blocks.own, blocks.left));
         counts[i] = blocks.own.too_far || n > kTooMany ? kTooMany : static_cast<std::uint32_t>(n);
     }
@@ -45,12 +47,12 @@ struct CountBlocksBody {
 struct EmitBlocksBody {
     Camera camera;
     Span<const float> depth;
-    float truncation, block_size;
+    VoxelSpace space;
     Span<const std::uint32_t> offsets;
     Span<std::uint64_t> keys;
 
     TVSGS_HD void operator()(int i) const {
-        const PixelBlocks blocks(camera, depth, truncation, block_size, i);
+        const PixelBlocks blocks(camera, depth, space, i);
         const BlockRange& own = blocks.own;
         std::uint32_t place = offsets[i];
         for (int z = own.first.z; z <= own.last.z; ++z)
@@ -83,12 +85,13 @@ struct AssignSlotsBody {
     }
 };
 
-/// Slots of blocks of a part, which all are there and lie in the order of their keys.
+/// Slots of blocks that are there.
 struct FindSlotsBody {
     Span<const std::uint64_t> keys, view_keys;
+    Span<const int> slots;
     Span<int> view_slots;
 
-    TVSGS_HD void operator()(int i) const { view_slots[i] = find_key(keys, view_keys[i]); }
+    TVSGS_HD void operator()(int i) const { view_slots[i] = slots[find_key(keys, view_keys[i])]; }
 };
 
 /// Merges two ascending lists without common keys: an element's place is its own plus the number of
@@ -113,7 +116,8 @@ struct IntegrateBody {
     Camera camera;
     Span<const float> depth;
     Span<const Vec3f> color;
-    float voxel_size, truncation;
+    Span<const float> weight;
+    VoxelSpace space;
     Span<const std::uint64_t> view_keys;
     Span<const int> view_slots;
     Span<Voxel* const> chunks;
@@ -121,10 +125,11 @@ struct IntegrateBody {
     TVSGS_HD void operator()(int i) const {
         const int block = i / kBlockVoxels, local = i % kBlockVoxels;
         const Vec3f p =
-            voxel_centre(block_of_key(view_keys[block]), local_of_index(local), voxel_size);
-        const Observation seen = observe(camera, depth, truncation, p);
+            voxel_centre(block_of_key(view_keys[block]), local_of_index(local), space.voxel_size);
+        const Observation seen = observe(camera, depth, space, space.contraction.expand(p));
         if (seen.valid)
-            fuse(voxel_at(chunks, view_slots[block], local), seen.tsdf, color[seen.pixel]);
+            fuse(voxel_at(chunks, view_slots[block], local), seen.tsdf, color[seen.pixel],
+                 weight.empty() ? 1 : weight[seen.pixel]);
     }
 };
 
@@ -153,7 +158,13 @@ TsdfVolume<Device>::TsdfVolume(const TsdfOptions& options) : options_(options) {
                     str("the voxel size (", options.voxel_size, ") and the truncation (",
                         options.truncation,
                         ") must be positive numbers; give --voxel-size and --truncation"));
-    blocks_.voxel_size = options.voxel_size;
+    const float radius = options.contraction.radius;
+    if (options.contraction.is_on() && !(options.truncation < radius && std::isfinite(radius)))
+        throw Error(ExitCode::usage,
+                    str("a truncation of ", options.truncation,
+                        " is too large for a scene contracted outside of a ball of radius ", radius,
+                        "; lower --voxel-size or --truncation"));
+    clear();
 }
 
 template <class Device>
@@ -170,14 +181,15 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
     const Camera& camera = view.camera;
     const int pixels = camera.width_px * camera.height_px;
     const auto expected = static_cast<std::size_t>(pixels);
-    if (view.depth.count != expected || view.color.count != expected)
-        throw Error(ExitCode::internal, str("fusion: ", view.depth.count, " depths and ",
-                                            view.color.count, " colours for ", pixels, " pixels"));
-    const float block_size = options_.voxel_size * kBlockEdge;
+    if (view.depth.count != expected || view.color.count != expected ||
+        (!view.weight.empty() && view.weight.count != expected))
+        throw Error(ExitCode::internal,
+                    str("fusion: ", view.depth.count, " depths, ", view.color.count,
+                        " colours and ", view.weight.count, " weights for ", pixels, " pixels"));
+    const VoxelSpace space = options_.space();
     offsets_.resize(static_cast<std::size_t>(pixels));
     parallel_for(Device{}, pixels,
-                 detail::CountBlocksBody{camera, view.depth, options_.truncation, block_size,
-                                         offsets_.span()});
+                 detail::CountBlocksBody{camera, view.depth, space, offsets_.span()});
     const std::uint64_t total = exclusive_scan(offsets_);
     if (total >= detail::kTooMany) {
         // Why? Look again on the host; only this message needs to know.
@@ -187,10 +199,10 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
         for (int i = 0; i < pixels; ++i) {
             const int x = i % camera.width_px, y = i / camera.width_px;
             const float d = depth[static_cast<std::size_t>(i)];
-            if (blocks_of_pixel(camera, x, y, d, options_.truncation, block_size).too_far)
+            if (blocks_of_pixel(camera, x, y, d, space).too_far)
                 throw Error(ExitCode::input,
                             str("pixel (", x, ", ", y, ") has depth ", d, ", which lies more than ",
-                                kBlockReach * static_cast<double>(block_size),
+                                kBlockReach * static_cast<double>(kBlockEdge * space.voxel_size),
                                 " from the origin, beyond the volume's reach; lower --depth-max or "
                                 "raise --voxel-size"));
         }
@@ -200,9 +212,9 @@ void TsdfVolume<Device>::mark_blocks(const DepthView<Device>& view) {
                 " voxels of ", options_.voxel_size, "; lower --truncation or raise --voxel-size"));
     }
     view_keys_.resize(total);
-    parallel_for(Device{}, pixels,
-                 detail::EmitBlocksBody{camera, view.depth, options_.truncation, block_size,
-                                        offsets_.span(), view_keys_.span()});
+    parallel_for(
+        Device{}, pixels,
+        detail::EmitBlocksBody{camera, view.depth, space, offsets_.span(), view_keys_.span()});
     sort_unique(view_keys_);
 }
 
@@ -239,8 +251,8 @@ template <class Device>
 void TsdfVolume<Device>::fuse_marked(const DepthView<Device>& view) {
     // Few enough for int, see kMaxBlocks.
     parallel_for(Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
-                 detail::IntegrateBody{view.camera, view.depth, view.color, options_.voxel_size,
-                                       options_.truncation, view_keys_.span(), view_slots_.span(),
+                 detail::IntegrateBody{view.camera, view.depth, view.color, view.weight,
+                                       options_.space(), view_keys_.span(), view_slots_.span(),
                                        std::as_const(blocks_.chunk_table).span()});
 }
 
@@ -248,7 +260,7 @@ template <class Device>
 bool TsdfVolume<Device>::integrate(const DepthView<Device>& view) {
     mark_blocks(view);
     if (!add_blocks()) return false;
-    fuse_marked(view);
+    if (!options_.carve) fuse_marked(view);
     return true;
 }
 
@@ -290,13 +302,14 @@ void TsdfVolume<Device>::start_part(const std::vector<std::uint64_t>& keys) {
 }
 
 template <class Device>
-void TsdfVolume<Device>::integrate_part(const DepthView<Device>& view,
-                                        const std::vector<std::uint64_t>& touched) {
-    copy(touched, view_keys_);
-    view_slots_.resize(touched.size());
-    parallel_for(Device{}, static_cast<int>(touched.size()),
-                 detail::FindSlotsBody{std::as_const(blocks_.keys).span(),
-                                       std::as_const(view_keys_).span(), view_slots_.span()});
+void TsdfVolume<Device>::integrate_into(const DepthView<Device>& view,
+                                        const std::vector<std::uint64_t>& keys) {
+    copy(keys, view_keys_);
+    view_slots_.resize(keys.size());
+    parallel_for(
+        Device{}, static_cast<int>(keys.size()),
+        detail::FindSlotsBody{std::as_const(blocks_.keys).span(), std::as_const(view_keys_).span(),
+                              std::as_const(blocks_.slots).span(), view_slots_.span()});
     fuse_marked(view);
 }
 
@@ -304,6 +317,7 @@ template <class Device>
 void TsdfVolume<Device>::clear() {
     blocks_ = {};
     blocks_.voxel_size = options_.voxel_size;
+    blocks_.contraction = options_.contraction;
 }
 
 }  // namespace tvsgs

@@ -6,6 +6,7 @@
 
 #include "core/buffer.h"
 #include "core/camera.h"
+#include "mesh/contraction_math.h"
 
 namespace tvsgs {
 
@@ -15,7 +16,7 @@ inline constexpr int kBlockReach = 1 << 20;  // block coordinates lie in [-kBloc
 
 struct Voxel {
     float tsdf = 0;    // in units of the truncation, [-1, 1]; positive in free space
-    float weight = 0;  // number of views; 0: never seen
+    float weight = 0;  // sum over the views: their number, if each has weight 1; 0: never seen
     Vec3f color;       // mean over the views
 };
 
@@ -40,7 +41,7 @@ TVSGS_HD inline Vec3i local_of_index(int i) {
     return {i % kBlockEdge, i / kBlockEdge % kBlockEdge, i / (kBlockEdge * kBlockEdge)};
 }
 
-/// Centre of voxel `local` of `block`; the grid is anchored at the world's origin.
+/// Centre of voxel `local` of `block`; the grid is anchored at the origin of contracted space.
 TVSGS_HD inline Vec3f voxel_centre(Vec3i block, Vec3i local, float voxel_size) {
     const auto coordinate = [&](int b, int l) {
         return (static_cast<float>(b * kBlockEdge + l) + 0.5f) * voxel_size;
@@ -78,13 +79,24 @@ TVSGS_HD inline Vec3f unproject(const Camera& camera, int x, int y, float depth)
     return transpose_times(camera.camera_from_world.R, p_camera - camera.camera_from_world.t);
 }
 
-/// Blocks that the axis-aligned box around a pixel's surface point overlaps, `truncation` to each
-/// side.
+/// Where voxels are, and how far from the surface they are fused.
+struct VoxelSpace {
+    float voxel_size = 0, truncation = 0;  // world units, inside of the ball if there is one
+    Contraction<float> contraction;
+};
+
+/// Blocks that the axis-aligned box around a pixel's surface point overlaps, the truncation to each
+/// side; none beyond the reach of a contraction.
 TVSGS_HD inline BlockRange blocks_of_pixel(
-    const Camera& camera, int x, int y, float depth, float truncation, float block_size) {
+    const Camera& camera, int x, int y, float depth, const VoxelSpace& space) {
     BlockRange range;
     if (!(depth > 0)) return range;
-    const Vec3f p = unproject(camera, x, y, depth);
+    const Vec3f p_world = unproject(camera, x, y, depth);
+    if (space.contraction.is_on() && is_finite(p_world) &&
+        !(norm(p_world - space.contraction.centre) < space.contraction.reach(space.truncation)))
+        return range;
+    const Vec3f p = space.contraction.contract(p_world);
+    const float truncation = space.truncation, block_size = space.voxel_size * kBlockEdge;
     for (int axis = 0; axis < 3; ++axis) {
         const float first = std::floor((p[axis] - truncation) / block_size);
         const float last = std::floor((p[axis] + truncation) / block_size);
@@ -107,10 +119,12 @@ struct Observation {
 };
 
 /// The point projects into a pixel (nearest), whose depth gives its distance to the surface along
-/// the ray; points further behind the surface than the truncation are not observed.
+/// the ray; points further behind the surface than the truncation are not observed. Outside of a
+/// contraction's ball the truncation grows with the voxels: of two points at n1 and n2 from the
+/// centre on one ray from there, (n2 - n1) / (growth1 growth2) is the distance in contracted space.
 TVSGS_HD inline Observation observe(const Camera& camera,
                                     Span<const float> depth,
-                                    float truncation,
+                                    const VoxelSpace& space,
                                     Vec3f p_world) {
     const Vec3f p = camera.camera_from_world * p_world;
     if (!(p.z > 0)) return {};
@@ -126,18 +140,34 @@ TVSGS_HD inline Observation observe(const Camera& camera,
     const float d = depth[static_cast<std::size_t>(pixel)];
     if (!(d > 0)) return {};
     const float distance = (d - p.z) * norm(pixel_ray(camera, x, y));
+    float truncation = space.truncation;
+    if (space.contraction.is_on())
+        truncation *= space.contraction.growth(p_world) *
+                      space.contraction.growth(unproject(camera, x, y, d));
     if (!(distance > -truncation)) return {};
     const float tsdf = distance / truncation;
     return {true, pixel, tsdf < 1 ? tsdf : 1};
 }
 
-/// Running means with unit weights.
-TVSGS_HD inline void fuse(Voxel& voxel, float tsdf, Vec3f color) {
+enum class DepthWeighting { unit, inverse_depth2, cosine };
+
+/// Weight of a pixel's depth in the means; 0 where there is no normal that cosine could ask.
+///   ray   of the pixel, normal   facing the camera, both in the camera frame, of any length
+TVSGS_HD inline float depth_weight(DepthWeighting by, float depth, Vec3f ray, Vec3f normal) {
+    if (by == DepthWeighting::inverse_depth2) return 1 / (depth * depth);
+    if (by == DepthWeighting::unit) return 1;
+    const float cosine = -dot(ray, normal) / (norm(ray) * norm(normal));
+    return cosine > 0 ? cosine : 0;
+}
+
+/// Running means.
+TVSGS_HD inline void fuse(Voxel& voxel, float tsdf, Vec3f color, float pixel_weight = 1) {
+    if (!(pixel_weight > 0)) return;
     const auto clamp = [](float c) { return c > 0 ? (c < 1 ? c : 1) : 0; };
     const Vec3f clamped{clamp(color.x), clamp(color.y), clamp(color.z)};
-    const float weight = voxel.weight + 1;
-    voxel.tsdf = (voxel.tsdf * voxel.weight + tsdf) / weight;
-    voxel.color = (voxel.weight * voxel.color + clamped) / weight;
+    const float weight = voxel.weight + pixel_weight;
+    voxel.tsdf = (voxel.tsdf * voxel.weight + pixel_weight * tsdf) / weight;
+    voxel.color = (voxel.weight * voxel.color + pixel_weight * clamped) / weight;
     voxel.weight = weight;
 }
 

@@ -161,16 +161,17 @@ TEST(Tsdf, OneVoxelByHand) {
     const std::vector<float> depth(100, 1.0f);
     const Vec3f p = voxel_centre({0, 0, 1}, {0, 0, 1}, 0.1f);
     EXPECT_NEAR(norm(p - Vec3f{0.05f, 0.05f, 0.95f}), 0, 1e-6);
-    const Observation seen = observe(camera, {depth.data(), 100}, 0.2f, p);
+    const VoxelSpace space{0.1f, 0.2f, {}};
+    const Observation seen = observe(camera, {depth.data(), 100}, space, p);
     ASSERT_TRUE(seen.valid);
     EXPECT_EQ(seen.pixel, 5 * 10 + 5);  // floor(10 * 0.05 / 0.95 + 4.5) = 5
     EXPECT_NEAR(seen.tsdf, 0.05 * std::sqrt(1 + 2 * 0.01) / 0.2, 1e-6);
-    EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 1.2f})
+    EXPECT_FALSE(observe(camera, {depth.data(), 100}, space, {0, 0, 1.2f})
                      .valid);  // at minus the truncation: strict
-    EXPECT_TRUE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 1.19f}).valid);
-    EXPECT_EQ(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, 0.1f}).tsdf, 1);
-    EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {0, 0, -1}).valid);
-    EXPECT_FALSE(observe(camera, {depth.data(), 100}, 0.2f, {2, 0, 1}).valid);
+    EXPECT_TRUE(observe(camera, {depth.data(), 100}, space, {0, 0, 1.19f}).valid);
+    EXPECT_EQ(observe(camera, {depth.data(), 100}, space, {0, 0, 0.1f}).tsdf, 1);
+    EXPECT_FALSE(observe(camera, {depth.data(), 100}, space, {0, 0, -1}).valid);
+    EXPECT_FALSE(observe(camera, {depth.data(), 100}, space, {2, 0, 1}).valid);
 
     Voxel voxel;
     fuse(voxel, 1, {2, -1, std::nanf("")});  // colours are clamped, NaN is black

@@ -1,0 +1,48 @@
+// Unbounded scenes: space contracted into a ball, in which voxels that are alike grow with their
+// distance in the world.  [Barron22, Eq. 10; 2DGS, utils/mesh_utils]
+#pragma once
+
+#include "core/vec.h"
+
+namespace tvsgs {
+
+/// From the world to the space in which voxels are cubes. Inside of a ball both are alike, with
+/// the origin in its centre; a point n > radius from the centre comes to lie at
+/// 2 radius - radius^2 / n, so that the world ends at twice the radius.
+template <class Real>
+struct Contraction {
+    Vec3<Real> centre;  // world units
+    Real radius = 0;    // world units; 0: no contraction, both spaces are the same
+
+    TVSGS_HD bool is_on() const { return radius > 0; }
+
+    TVSGS_HD Vec3<Real> contract(Vec3<Real> p_world) const {
+        if (!is_on()) return p_world;
+        const Vec3<Real> q = p_world - centre;
+        const Real n = norm(q);
+        return n > radius ? (2 - radius / n) * (radius / n) * q : q;
+    }
+
+    /// Not finite from twice the radius on.
+    TVSGS_HD Vec3<Real> expand(Vec3<Real> p) const {
+        if (!is_on()) return p;
+        const Real m = norm(p) / radius;
+        if (!(m < 2)) return {Real(INFINITY), Real(INFINITY), Real(INFINITY)};
+        return centre + (m > 1 ? p / (m * (2 - m)) : p);
+    }
+
+    /// Distance from the centre in radii, at least 1. Around a point beyond the ball, a small
+    /// length away from the centre contracts to 1 / growth^2 of itself, one across to about
+    /// 2 / growth.
+    TVSGS_HD Real growth(Vec3<Real> p_world) const {
+        if (!is_on()) return 1;
+        const Real g = norm(p_world - centre) / radius;
+        return g > 1 ? g : 1;
+    }
+
+    /// How far from the centre a surface may lie so that a voxel `margin` behind it in contracted
+    /// space has a place in the world.
+    TVSGS_HD Real reach(Real margin) const { return radius * (radius / margin); }
+};
+
+}  // namespace tvsgs
