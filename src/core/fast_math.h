@@ -1,6 +1,7 @@
 // Elementary functions for inner loops in two grades. ExactMath rounds as the standard library does
 // (its float decay to 2 units in the last place); FastMath takes single instructions on a GPU,
-// right to about 2 units, subnormal numbers as zero. On a CPU, and in double, both are the same.
+// right to about 2 units, subnormal numbers as zero, and on a CPU a decay of fewer steps, right to
+// 2 + x / 2 units. In double both are the same.
 #pragma once
 
 #include <bit>
@@ -10,6 +11,20 @@
 #include "core/pack.h"
 
 namespace tvsgs {
+
+/// p 2^i, where the lowest bits of `rounded` are those of i.
+inline float times_power_of_two(float p, float rounded) {
+    const auto exponent = std::bit_cast<std::uint32_t>(rounded) << 23;
+    return std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + exponent);
+}
+#if !defined(__CUDACC__)
+template <int kBytes>
+Pack<float, kBytes> times_power_of_two(Pack<float, kBytes> p, Pack<float, kBytes> rounded) {
+    using Bits [[gnu::vector_size(kBytes)]] = std::uint32_t;
+    return reinterpret_cast<typename Pack<float, kBytes>::Values>(
+        reinterpret_cast<Bits>(p.v) + (reinterpret_cast<Bits>(rounded.v) << 23));
+}
+#endif
 
 struct ExactMath {
     template <class Real>
@@ -60,25 +75,11 @@ private:
                                f * (0.00961852f + f * (0.001339986f + f * 0.00015337578f)))));
         return times_power_of_two(p, rounded);
     }
-    /// p 2^i, where the lowest bits of `rounded` are those of i.
-    static float times_power_of_two(float p, float rounded) {
-        const auto exponent = std::bit_cast<std::uint32_t>(rounded) << 23;
-        return std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + exponent);
-    }
-#if !defined(__CUDACC__)
-    template <int kBytes>
-    static Pack<float, kBytes> times_power_of_two(Pack<float, kBytes> p,
-                                                  Pack<float, kBytes> rounded) {
-        using Bits [[gnu::vector_size(kBytes)]] = std::uint32_t;
-        return reinterpret_cast<typename Pack<float, kBytes>::Values>(
-            reinterpret_cast<Bits>(p.v) + (reinterpret_cast<Bits>(rounded.v) << 23));
-    }
-#endif
 };
 
 struct FastMath : ExactMath {
-#if defined(__CUDA_ARCH__)
     using ExactMath::decay;
+#if defined(__CUDA_ARCH__)
     using ExactMath::inverse;
     using ExactMath::inverse_sqrt;
     __device__ static float inverse(float x) {
@@ -95,6 +96,29 @@ struct FastMath : ExactMath {
         float y;
         asm("ex2.approx.ftz.f32 %0, %1;" : "=f"(y) : "f"(-1.44269504f * x));
         return y;
+    }
+#else
+    static float decay(float x) {
+        return short_decay(x);
+    }
+#if !defined(__CUDACC__)
+    template <int kBytes>
+    static Pack<float, kBytes> decay(Pack<float, kBytes> x) {
+        return short_decay(x);
+    }
+#endif
+
+    /// The multiple of ln 2 taken off in one part, and a polynomial whose products do not wait for
+    /// one another; its relative error is 1e-7.
+    template <class Real>
+    static Real short_decay(Real x) {
+        constexpr float kLog2E = 1.4426950f;
+        constexpr float kRounding = 12582912.0f;  // as in decay_by_polynomial()
+        const Real y = minimum(x * kLog2E, Real(124));
+        const Real rounded = kRounding - y, f = (kRounding - rounded) - y, f2 = f * f;
+        const Real p = (1 + 0.693146978f * f) + f2 * ((0.24022242f + 0.0555073377f * f) +
+                                                      f2 * (0.00967151704f + 0.00132647321f * f));
+        return times_power_of_two(p, rounded);
     }
 #endif
 };

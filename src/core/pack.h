@@ -6,9 +6,14 @@
 #include <bit>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <type_traits>
 
 #include "core/device.h"
+
+#if defined(__x86_64__) && !defined(__CUDACC__)
+#include <immintrin.h>
+#endif
 
 namespace tvsgs {
 
@@ -19,6 +24,10 @@ TVSGS_HD constexpr Real select(bool condition, Real a, Real b) {
 }
 TVSGS_HD constexpr bool both(bool a, bool b) {
     return a && b;
+}
+/// a < b ? a : b.
+TVSGS_HD inline float minimum(float a, float b) {
+    return a < b ? a : b;
 }
 /// The larger one; a single instruction, so not for NaN.
 TVSGS_HD inline float maximum(float a, float b) {
@@ -39,6 +48,30 @@ inline constexpr bool kIsDouble = std::is_same_v<Real, double>;
 template <class T, int kBytes = 16>
 struct Pack;  // CPU only
 #else
+namespace detail {
+// What GCC makes single instructions of in no other form: 32 bytes would go through memory in
+// pieces, at twenty cycles each time.
+#if defined(__x86_64__)
+[[gnu::target("avx2")]] inline __m256 broadcast8(float x) {
+    return _mm256_set1_ps(x);
+}
+[[gnu::target("avx2")]] inline __m256 minimum8(__m256 a, __m256 b) {
+    return _mm256_min_ps(a, b);
+}
+[[gnu::target("avx2")]] inline __m256 sqrt8(__m256 x) {
+    return _mm256_sqrt_ps(x);
+}
+[[gnu::target("avx2")]] inline unsigned signs8(__m256 x) {
+    return static_cast<unsigned>(_mm256_movemask_ps(x));
+}
+template <class T, int kBytes>
+inline constexpr bool kIsM256 = kBytes == 32 && std::is_same_v<T, float>;
+#else
+template <class T, int kBytes>
+inline constexpr bool kIsM256 = false;
+#endif
+}  // namespace detail
+
 /// 16 bytes: what every x86-64 and 64-bit Arm processor has. Functions with wider ones must be
 /// inlined into one that is compiled for processors that have them: see kWideBytes.
 template <class T, int kBytes = 16>
@@ -55,17 +88,15 @@ struct Pack {
         friend bool any(Mask a) { return bits_of(a) != 0; }
         /// Bit i says whether entry i is true.
         friend unsigned bits_of(Mask a) {
+            if constexpr (detail::kIsM256<T, kBytes>)
+                return detail::signs8(reinterpret_cast<Values>(a.bits));
             unsigned bits = 0;
 #if defined(__SSE__)
-            using Four [[gnu::vector_size(16)]] = float;
-            Four parts[kBytes / 16];
-            __builtin_memcpy(parts, &a, kBytes);
-            static_assert(sizeof(T) == 4);
-            for (int k = 0; k < kBytes / 16; ++k)
-                bits |= static_cast<unsigned>(__builtin_ia32_movmskps(parts[k])) << 4 * k;
-#else
-            for (int i = 0; i < kSize; ++i) bits |= (a.bits[i] != 0 ? 1u : 0u) << i;
+            if constexpr (kBytes == 16 && sizeof(T) == 4)
+                return static_cast<unsigned>(
+                    __builtin_ia32_movmskps(reinterpret_cast<Values>(a.bits)));
 #endif
+            for (int i = 0; i < kSize; ++i) bits |= (a.bits[i] != 0 ? 1u : 0u) << i;
             return bits;
         }
     };
@@ -98,8 +129,8 @@ struct Pack {
         __builtin_memcpy(to, &v, kBytes);
     }
 
-    /// Written out, as one instruction is what GCC makes of this form only.
     static Values broadcast(T x) {
+        if constexpr (detail::kIsM256<T, kBytes>) return detail::broadcast8(x);
         if constexpr (kSize == 2) return Values{x, x};
         if constexpr (kSize == 4) return Values{x, x, x, x};
         if constexpr (kSize == 8) return Values{x, x, x, x, x, x, x, x};
@@ -150,22 +181,21 @@ struct Pack {
     friend Pack select(Mask condition, Pack a, Pack b) {
         return condition.bits ? a.v : b.v;
     }
+    friend Pack minimum(Pack a, Pack b) {
+        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::minimum8(a.v, b.v));
+        return a.v < b.v ? a.v : b.v;
+    }
     friend Pack maximum(Pack a, Pack b) {
         return a.v > b.v ? a.v : b.v;
     }
     friend Pack abs(Pack a) {
-        return a.v < 0 ? -a.v : a.v;
+        return reinterpret_cast<Values>(reinterpret_cast<Ints>(a.v) &
+                                        std::numeric_limits<Int>::max());
     }
     friend Pack sqrt(Pack a) {
+        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::sqrt8(a.v));
 #if defined(__SSE__)
-        if constexpr (sizeof(T) == 4) {
-            using Four [[gnu::vector_size(16)]] = float;
-            Four parts[kBytes / 16];
-            __builtin_memcpy(parts, &a.v, kBytes);
-            for (Four& part : parts) part = __builtin_ia32_sqrtps(part);
-            __builtin_memcpy(&a.v, parts, kBytes);
-            return a;
-        }
+        if constexpr (kBytes == 16 && sizeof(T) == 4) return Values(__builtin_ia32_sqrtps(a.v));
 #endif
         for (int i = 0; i < kSize; ++i) a.v[i] = std::sqrt(a.v[i]);
         return a;

@@ -21,6 +21,11 @@ TileBounds tile_bounds(const TileGrid& grid, int tile) {
             std::min(top + kTileSize, grid.height)};
 }
 
+std::size_t pixel_index(const TileGrid& grid, int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) +
+           static_cast<std::size_t>(x);
+}
+
 /// Calls visit(x, y, pack, entry) for the tile's pixels in the image.
 template <class Lane, class Visit>
 void for_pixels(const TileBounds& t, const Visit& visit) {
@@ -29,16 +34,6 @@ void for_pixels(const TileBounds& t, const Visit& visit) {
             visit(x, y, (x - t.left) / Lane::kSize * kTileSize + y - t.top,
                   (x - t.left) % Lane::kSize);
 }
-
-/// Calls visit(k) for the bits that are set, from the lowest.
-template <class Visit>
-void for_bits(std::uint64_t bits, const Visit& visit) {
-    for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
-}
-
-/// Splats whose packs are looked up together, before any of them is drawn: short loops over what
-/// does not depend on one another keep a processor busy.
-constexpr std::uint32_t kBatch = 32;
 
 std::uint64_t bit(int k, bool set) {
     return static_cast<std::uint64_t>(set) << k;
@@ -60,50 +55,59 @@ struct BlendTile {
     template <class Lane>
     void draw(int tile) const {
         using Pixels = TilePixels<Lane>;
-        using Mask = typename Lane::Mask;
         const TileBounds t = tile_bounds(grid, tile);
         const Pixels tile_pixels(t.left, t.top);
-        PixelForward<Lane> pixels[Pixels::kCount];
-        Lane stop[Pixels::kCount];  // the bits of integers
-        Mask full[Pixels::kCount];
-        for (Mask& mask : full) mask = Lane(0) == Lane(0);
-        std::uint64_t open = 0;
-        for_pixels<Lane>(t, [&](int, int, int k, int entry) {
-            full[k].bits[entry] = 0;
-            open |= bit(k, true);
-        });
         const TileSpan span = spans[static_cast<std::size_t>(tile)];
-        std::uint64_t met_by[kBatch];
-        Lane alphas[Pixels::kCount];
-        for (std::uint32_t begin = span.begin; begin < span.end && open != 0; begin += kBatch) {
-            const std::uint32_t count = std::min(kBatch, span.end - begin);
-            for (std::uint32_t j = 0; j < count; ++j)
-                met_by[j] = tile_pixels.packs_met(shapes[splats[begin + j]]);
+        const std::uint32_t length = span.end - span.begin;
+        PixelForward<Lane> pixels[Pixels::kCount];  // a full pixel goes on with T = 0
+        Lane last_T[Pixels::kCount];                // of full ones
+        unsigned open_in[Pixels::kCount] = {};      // pixels of each pack that are not full
+        std::uint64_t open = 0;                     // packs with such
+        for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
+            open_in[k] |= 1u << entry;
+            open |= bit(k, true);
+            stop_out[pixel_index(grid, x, y)] = length;
+        });
+        const auto close = [&](int k, unsigned entries, std::uint32_t position) {
+            open_in[k] &= ~entries;
+            if (open_in[k] == 0) open &= ~bit(k, true);
+            for_bits(entries, [&](int entry) {
+                last_T[k].v[entry] = pixels[k].T[entry], pixels[k].T.v[entry] = 0;
+                const int x = t.left + k / kTileSize * Lane::kSize + entry;
+                stop_out[pixel_index(grid, x, t.top + k % kTileSize)] = position;
+            });
+        };
+        SplatBatch<Lane> batch;
+        for (std::uint32_t begin = 0; begin < length && open != 0;) {
+            const std::uint32_t count = std::min(batch.kSplats, length - begin);
+            const std::uint32_t* const first = &splats[span.begin + begin];
             for (std::uint32_t j = 0; j < count; ++j) {
-                const std::uint64_t met = met_by[j] & open;
-                if (met == 0) continue;
-                const std::uint32_t splat = splats[begin + j];
-                const auto shape = broadcast<Lane>(shapes[splat]);
-                for_bits(met, [&](int k) {
-                    const Lane alpha = splat_alpha(shape, tile_pixels.offset(shape, k)).alpha;
-                    alphas[k] = select(full[k], Lane(0), alpha);
-                });
-                const auto f = broadcast<Lane>(features[splat].f);
-                const Lane position =
-                    Lane::from_bits(static_cast<std::int32_t>(begin + j - span.begin + 1));
-                for_bits(met, [&](int k) {
-                    const Mask fits = blend<kChannels>(pixels[k], alphas[k], f);
-                    stop[k] = select(both(alphas[k] > Lane(0), fits), position, stop[k]);
-                    if (!any(!fits)) return;
-                    full[k] = either(full[k], !fits);
-                    if (!any(!full[k])) open &= ~bit(k, true);
-                });
+                batch.place(j, shapes[first[j]], tile_pixels);
+                __builtin_prefetch(&features[first[j]]);
+                __builtin_prefetch(
+                    &shapes[splats[std::min(span.begin + begin + count + j, span.end - 1)]]);
             }
+            batch.compute(count, open);
+            for (std::uint32_t i = 0; i < batch.count;) {
+                const std::uint32_t j = batch.pairs[i].splat;
+                const auto f = broadcast<Lane>(features[first[j]].f);
+                for (; batch.pairs[i].splat == j; ++i) {
+                    const int k = batch.pairs[i].pack;
+                    PixelForward<Lane>& pixel = pixels[k];
+                    const Lane alpha = batch.alpha[i], rest = 1 - alpha;
+                    const unsigned full =
+                        bits_of(pixel.T * rest < Lane(kMinTransmittance)) & open_in[k];
+                    if (full != 0) close(k, full, begin + j);
+                    add_features<kChannels>(pixel.sum, alpha * pixel.T, f);
+                    pixel.T = pixel.T * rest;
+                }
+            }
+            begin += count;
         }
         for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
-            write(x, y, pixel_of(pixels[k], entry));
-            stop_out[static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) +
-                     static_cast<std::size_t>(x)] = std::bit_cast<std::uint32_t>(stop[k][entry]);
+            auto pixel = pixel_of(pixels[k], entry);
+            if ((open_in[k] >> entry & 1) == 0) pixel.T = last_T[k][entry];
+            write(x, y, pixel);
         });
     }
 
@@ -172,67 +176,63 @@ struct BlendTileVjp {
     template <class Lane>
     void draw(int tile) const {
         using Pixels = TilePixels<Lane>;
-        constexpr int kPasses = kLanes / Lane::kSize;
-        // Of the packs of a pass, every kPasses-th column of them.
-        constexpr std::uint64_t kColumn = (std::uint64_t{1} << kTileSize) - 1;
-        constexpr std::uint64_t kFirstPass = kColumn | kColumn << (kPasses * kTileSize);
+        constexpr int kPasses = kLanes / Lane::kSize;  // each through every kPasses-th part
         const TileBounds t = tile_bounds(grid, tile);
         const Pixels tile_pixels(t.left, t.top);
         PixelBackward<Lane> pixels[Pixels::kCount] = {};
         Lane stop[Pixels::kCount];
         std::uint32_t last_of[Pixels::kCount] = {}, last = 0;
         for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
-            const int p = y * grid.width + x;
-            set_entry(pixels[k], entry, transmittance[static_cast<std::size_t>(p)], read(p));
-            const std::uint32_t s = stop_in[static_cast<std::size_t>(p)];
-            stop[k].v[entry] = std::bit_cast<float>(s);
-            last_of[k] = std::max(last_of[k], s), last = std::max(last, s);
+            const std::size_t p = pixel_index(grid, x, y);
+            set_entry(pixels[k], entry, transmittance[p], read(static_cast<int>(p)));
+            stop[k].v[entry] = std::bit_cast<float>(stop_in[p]);
+            last_of[k] = std::max(last_of[k], stop_in[p]), last = std::max(last, stop_in[p]);
         });
-        // A pack takes part from its last contributor on.
-        int by_last[Pixels::kCount];
-        for (int k = 0; k < Pixels::kCount; ++k) by_last[k] = k;
-        std::sort(by_last, by_last + Pixels::kCount,
-                  [&](int a, int b) { return last_of[a] > last_of[b]; });
-        int next = 0;
-        std::uint64_t open = 0;
-        std::uint64_t met_by[kBatch];
-        SplatAlpha<Lane> alphas[Pixels::kCount];
+        SplatBatch<Lane> batch;
         const TileSpan span = spans[static_cast<std::size_t>(tile)];
-        for (std::uint32_t end = last; end > 0; end -= std::min(end, kBatch)) {
-            const std::uint32_t begin = end - std::min(end, kBatch);
-            for (std::uint32_t at = begin; at < end; ++at)
-                met_by[at - begin] = tile_pixels.packs_met(shapes[splats[span.begin + at]]);
-            for (std::uint32_t at = end; at-- > begin;) {
-                for (; next < Pixels::kCount && last_of[by_last[next]] > at; ++next)
-                    open |= bit(by_last[next], true);
-                const std::uint64_t met = met_by[at - begin] & open;
-                if (met == 0) continue;
-                const std::uint32_t splat = splats[span.begin + at];
-                const auto shape = broadcast<Lane>(shapes[splat]);
-                const Lane position = Lane::from_bits(static_cast<std::int32_t>(at));
+        for (std::uint32_t end = last; end > 0;) {
+            const std::uint32_t count = std::min(batch.kSplats, end), begin = end - count;
+            // From the last one on.
+            const std::uint32_t *const first = &splats[span.begin + end - 1],
+                                       *const first_slot = &slots[span.begin + end - 1];
+            for (std::uint32_t j = 0; j < count; ++j) {
+                batch.place(j, shapes[*(first - j)], tile_pixels);
+                __builtin_prefetch(&features[*(first - j)]);
+                __builtin_prefetch(&gradients[*(first_slot - j)], 1);
+                __builtin_prefetch(&shapes[splats[span.begin + std::max(begin, j + 1) - 1 - j]]);
+            }
+            std::uint64_t open = 0;  // packs with pixels that these may draw in
+            for (int k = 0; k < Pixels::kCount; ++k) open |= bit(k, last_of[k] > begin);
+            batch.compute(count, open);
+            for (std::uint32_t i = 0; i < batch.count;) {
+                const std::uint32_t j = batch.pairs[i].splat, from = i;
+                const SplatShape<float>& shape = shapes[*(first - j)];
+                const auto root = broadcast<Lane>(shape).root;
+                const auto f = broadcast<Lane>(features[*(first - j)].f);
+                const Lane position = Lane::from_bits(static_cast<std::int32_t>(end - 1 - j));
                 typename Lane::Mask draws{};
-                for_bits(met, [&](int k) {
-                    const auto a = splat_alpha(shape, tile_pixels.offset(shape, k));
-                    const auto reached = less_bits(position, stop[k]);
-                    alphas[k] = {select(reached, a.gauss, Lane(0)),
-                                 select(reached, a.alpha, Lane(0))};
-                    draws = either(draws, alphas[k].alpha > Lane(0));
-                });
-                if (!any(draws)) continue;
-                const auto f = broadcast<Lane>(features[splat].f);
                 LaneSums sums;
                 for (int pass = 0; pass < kPasses; ++pass) {
                     SplatGradients<Lane> g{};
-                    for_bits(met & kFirstPass << (pass * kTileSize), [&](int k) {
-                        blend_vjp<kChannels>(pixels[k], shape, f, tile_pixels.offset(shape, k),
-                                             alphas[k], g);
-                    });
+                    for (i = from; batch.pairs[i].splat == j; ++i) {
+                        const int k = batch.pairs[i].pack;
+                        if (k / kTileSize % kPasses != pass) continue;
+                        const auto reached = less_bits(position, stop[k]);
+                        const SplatAlpha<Lane> a{select(reached, batch.gauss[i], Lane(0)),
+                                                 select(reached, batch.alpha[i], Lane(0))};
+                        draws = either(draws, a.alpha > Lane(0));
+                        blend_vjp<kChannels>(pixels[k], root, f, batch.whitened(batch.pairs[i]), a,
+                                             g);
+                    }
                     sums.store(g, pass * Lane::kSize);
                 }
-                const std::uint32_t slot = slots[span.begin + at];
+                if (!any(draws)) continue;
+                const std::uint32_t slot = *(first_slot - j);
                 sums.add_up(gradients[slot]);
+                complete(gradients[slot], shape);
                 drawn[slot] = 1;
             }
+            end = begin;
         }
     }
 

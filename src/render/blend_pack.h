@@ -16,39 +16,21 @@ SplatFeatures<Lane> broadcast(const SplatFeatures<float>& f) {
     return {{f.color.x, f.color.y, f.color.z}, {f.normal.x, f.normal.y, f.normal.z}, f.distance};
 }
 
-/// splat_alpha() of blend_math.h.
-template <int kBytes>
-SplatAlpha<Pack<float, kBytes>> splat_alpha(const SplatShape<Pack<float, kBytes>>& s,
-                                            Vec2<Pack<float, kBytes>> d) {
-    using Lane = Pack<float, kBytes>;
-    const Vec2<Lane> w = whitened(s.root, d);
-    const Lane gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
-    const Lane alpha = s.opacity * gauss;
-    const auto draws = alpha >= Lane(kMinAlpha);
-    return {select(draws, gauss, Lane(0)),
-            select(draws, select(alpha < Lane(kMaxAlpha), alpha, Lane(kMaxAlpha)), Lane(0))};
+/// Calls visit(k) for the bits that are set, from the lowest.
+template <class Visit>
+void for_bits(std::uint64_t bits, const Visit& visit) {
+    for (; bits != 0; bits &= bits - 1) visit(std::countr_zero(bits));
 }
 
-/// blend() of blend_math.h; an alpha of 0 changes nothing. Returns where the pixel was not full.
-template <Channels kChannels, int kBytes>
-auto blend(PixelForward<Pack<float, kBytes>>& pixel,
-           Pack<float, kBytes> alpha,
-           const SplatFeatures<Pack<float, kBytes>>& f) {
-    using Lane = Pack<float, kBytes>;
-    const Lane next = pixel.T * (1 - alpha);
-    const auto fits = !(next < Lane(kMinTransmittance));
-    add_features<kChannels>(pixel.sum, select(fits, alpha * pixel.T, Lane(0)), f);
-    pixel.T = select(fits, next, pixel.T);
-    return fits;
-}
-
-/// With an alpha of 0 blend_vjp() adds zeros everywhere but here.
-template <int kBytes>
-void count_front(Pack<float, kBytes>& pixels, Pack<float, kBytes> T, Pack<float, kBytes> alpha) {
-    using Lane = Pack<float, kBytes>;
-    const auto front = both(T > Lane(kFrontTransmittance), alpha > Lane(0));
-    pixels += select(front, Lane(1), Lane(0));
-}
+/// What splat_alpha() needs of a splat that is the same all along a row of a tile, or down a part.
+template <class Lane>
+struct SplatInTile {
+    static constexpr int kParts = kTileSize / Lane::kSize;
+    std::uint64_t met;                                      // packs that it may draw in
+    Lane along[kParts];                                     // xx dx, so that w.x = xy dy + xx dx
+    alignas(Lane) float lean[kTileSize];                    // xy dy
+    alignas(Lane) float down[kTileSize], down2[kTileSize];  // w.y and its square
+};
 
 /// The pixels of a tile as packs of neighbours in a row; pack part * kTileSize + row.
 template <class Lane>
@@ -58,7 +40,6 @@ struct TilePixels {
 
     Lane x[kParts];                        // pixel centres
     Lane rows_y[kParts];                   // of kSize rows each
-    Lane y[kTileSize];                     // every entry the same
     Lane first_x[kParts], last_x[kParts];  // of each part, every entry the same
 
     TilePixels(int left_px, int top_px) {
@@ -66,7 +47,6 @@ struct TilePixels {
         for (int i = 0; i < kTileSize; ++i) {
             columns[i] = static_cast<float>(left_px + i) + 0.5f;
             rows[i] = static_cast<float>(top_px + i) + 0.5f;
-            y[i] = rows[i];
         }
         for (int part = 0; part < kParts; ++part) {
             x[part] = Lane::load(columns + part * kSize);
@@ -75,32 +55,150 @@ struct TilePixels {
         }
     }
 
-    /// From the pixel centres to a splat's mean.
-    Vec2<Lane> offset(const SplatShape<Lane>& s, int pack) const {
-        return {s.mean.x - x[pack / kTileSize], s.mean.y - y[pack % kTileSize]};
-    }
-
-    /// Bit k: the splat may draw in pack k. A row of pixel centres crosses the ellipse where
-    /// alpha is kMinAlpha or more between two points; rounding may only take them too far apart.
-    std::uint64_t packs_met(const SplatShape<float>& splat) const {
+    /// A row of pixel centres crosses the ellipse where alpha is kMinAlpha or more between two
+    /// points; rounding may only take them too far apart.
+    void place(const SplatShape<float>& splat, SplatInTile<Lane>& out) const {
         const auto s = broadcast<Lane>(splat);
-        const Lane inverse = 1 / s.root.xx, shear = s.root.xy * inverse;
+        const Lane inverse = 1 / s.root.xx;
         const Lane slack = 0.01f + 1e-5f * abs(s.mean.x), reach = s.reach + 1e-4f;
-        std::uint64_t met = 0;
+        out.met = 0;
+        for (int part = 0; part < kParts; ++part)
+            out.along[part] = s.root.xx * (s.mean.x - x[part]);
         for (int group = 0; group < kParts; ++group) {
-            const Lane dy = s.mean.y - rows_y[group], across = s.root.yy * dy, lean = shear * dy;
+            const Lane dy = s.mean.y - rows_y[group];
+            const Lane down = s.root.yy * dy, lean = s.root.xy * dy, down2 = down * down;
+            lean.store(&out.lean[group * kSize]);
+            down.store(&out.down[group * kSize]), down2.store(&out.down2[group * kSize]);
             // Above the ellipse and below it this is NaN, and no comparison holds.
-            const Lane half = sqrt(reach - across * across) * inverse;
-            const Lane wide = half + (slack + 1e-5f * (half + abs(lean)));
-            const Lane centre = s.mean.x + lean, low = centre - wide, high = centre + wide;
+            const Lane half = sqrt(reach - down2) * inverse, shift = lean * inverse;
+            const Lane wide = half + (slack + 1e-5f * (half + abs(shift)));
+            const Lane centre = s.mean.x + shift, low = centre - wide, high = centre + wide;
             for (int part = 0; part < kParts; ++part) {
                 const std::uint64_t rows =
                     bits_of(both(low <= last_x[part], high >= first_x[part]));
-                met |= rows << (part * kTileSize + group * kSize);
+                out.met |= rows << (part * kTileSize + group * kSize);
             }
         }
-        return met;
     }
 };
+
+/// A few packs that are computed with side by side: each waits for its own last result only.
+template <class Lane>
+struct Abreast {
+    static constexpr int kCount = 4;
+    Lane v[kCount];
+
+    Abreast() = default;
+    Abreast(float x) {
+        for (Lane& lane : v) lane = x;
+    }
+    template <class Operation>
+    static Abreast each(const Operation& operation) {
+        Abreast out;
+        for (int i = 0; i < kCount; ++i) out.v[i] = operation(i);
+        return out;
+    }
+    friend Abreast operator+(const Abreast& a, const Abreast& b) {
+        return each([&](int i) { return a.v[i] + b.v[i]; });
+    }
+    friend Abreast operator-(const Abreast& a, const Abreast& b) {
+        return each([&](int i) { return a.v[i] - b.v[i]; });
+    }
+    friend Abreast operator*(const Abreast& a, const Abreast& b) {
+        return each([&](int i) { return a.v[i] * b.v[i]; });
+    }
+    friend Abreast minimum(const Abreast& a, const Abreast& b) {
+        return each([&](int i) { return minimum(a.v[i], b.v[i]); });
+    }
+    friend Abreast times_power_of_two(const Abreast& a, const Abreast& b) {
+        return each([&](int i) { return times_power_of_two(a.v[i], b.v[i]); });
+    }
+};
+
+/// A few splats of a tile, and the packs in which they may draw: their alphas are computed one
+/// after the other, without a branch between them.
+template <class Lane>
+struct SplatBatch {
+    using Pixels = TilePixels<Lane>;
+    static constexpr std::uint32_t kSplats = 16;
+    static constexpr int kMost = kSplats * Pixels::kCount + Abreast<Lane>::kCount;
+
+    struct Pair {
+        std::uint16_t splat, pack;
+    };
+    SplatInTile<Lane> splats[kSplats + 1] = {};  // the last: of no splat
+    float opacities[kSplats + 1] = {};
+    Pair pairs[kMost];  // by splat; behind them some of no splat
+    std::uint32_t count = 0;
+    Lane gauss[kMost], alpha[kMost];  // of the pairs; 0 where the splat does not draw
+
+    void place(std::uint32_t j, const SplatShape<float>& shape, const Pixels& pixels) {
+        pixels.place(shape, splats[j]);
+        opacities[j] = shape.opacity;
+    }
+
+    /// For splats that are placed, in packs that are open. As splat_alpha() of blend_math.h.
+    void compute(std::uint32_t splat_count, std::uint64_t open) {
+        count = 0;
+        for (std::uint32_t j = 0; j < splat_count; ++j)
+            for_bits(splats[j].met & open, [&](int pack) {
+                pairs[count++] = {static_cast<std::uint16_t>(j), static_cast<std::uint16_t>(pack)};
+            });
+        using Few = Abreast<Lane>;
+        for (std::uint32_t i = 0; i < Few::kCount; ++i) pairs[count + i] = {kSplats, 0};
+        for (std::uint32_t first = 0; first < count; first += Few::kCount) {
+            const Pair* const pair = pairs + first;
+            const Few x = Few::each([&](int i) { return whitened(pair[i]).x; });
+            const Few y2 = Few::each(
+                [&](int i) { return Lane(splats[pair[i].splat].down2[pair[i].pack % kTileSize]); });
+            const Few g = FastMath::short_decay(x * x + y2);
+            for (int i = 0; i < Few::kCount; ++i) {
+                const Lane raw = opacities[pair[i].splat] * g.v[i];
+                const auto draws = raw >= Lane(kMinAlpha);
+                gauss[first + i] = select(draws, g.v[i], Lane(0));
+                alpha[first + i] = select(draws, minimum(raw, Lane(kMaxAlpha)), Lane(0));
+            }
+        }
+    }
+
+    Vec2<Lane> whitened(Pair p) const {
+        const SplatInTile<Lane>& splat = splats[p.splat];
+        const int row = p.pack % kTileSize;
+        return {splat.lean[row] + splat.along[p.pack / kTileSize], splat.down[row]};
+    }
+};
+
+/// Sums of blend_vjp() of blend_math.h over pixels, without the factors that are the splat's.
+template <Channels kChannels, class Lane>
+void blend_vjp(PixelBackward<Lane>& pixel,
+               const EllipseRoot<Lane>& root,
+               const SplatFeatures<Lane>& f,
+               Vec2<Lane> w,
+               SplatAlpha<Lane> a,
+               SplatGradients<Lane>& g) {
+    const Lane T = pixel.T * FastMath::inverse(1 - a.alpha);
+    const Lane step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
+    add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
+    pixel.behind += a.alpha * step;
+    pixel.T = T;
+
+    const Lane change = a.gauss * (T * step);
+    const Lane x = change * w.x, y = change * w.y;
+    g.opacity += change;
+    g.mean.x += x, g.mean.y += y;
+    g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
+    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
+    const auto front = both(T > Lane(kFrontTransmittance), a.alpha > Lane(0));
+    g.front_pixels += select(front, Lane(1), Lane(0));
+}
+
+/// The factors that blend_vjp() of packs leaves out.
+inline void complete(SplatGradients<float>& g, const SplatShape<float>& s) {
+    const EllipseRoot<float>& R = s.root;
+    const float common = s.opacity;
+    g.mean = {-2 * common * (R.xx * g.mean.x), -2 * common * (R.xy * g.mean.x + R.yy * g.mean.y)};
+    g.abs_mean = {2 * common * (R.xx * g.abs_mean.x), 2 * common * g.abs_mean.y};
+    g.spread.xx *= common, g.spread.xy *= common, g.spread.yy *= common;
+}
 
 }  // namespace tvsgs
