@@ -1,5 +1,8 @@
 // Layouts other than COLMAP's: the same Scene comes out, and bad input is named.
+#include <zip.h>
+
 #include <cmath>
+#include <map>
 
 #include "io/colmap.h"
 #include "io/image_file.h"
@@ -83,6 +86,51 @@ TEST_F(SceneLayouts, NpzExample) {  // EXPECTED.txt
         write("cameras.npz", whole.substr(0, size));
         expect_input_error("cameras.npz");
     }
+}
+
+/// An archive of 4x4 matrices of doubles.
+void write_npz(const std::string& path, const std::map<std::string, std::vector<double>>& arrays) {
+    std::vector<std::string> files;  // libzip reads them when it closes
+    for (const auto& [name, m] : arrays) {
+        std::string header = "{'descr': '<f8', 'fortran_order': False, 'shape': (4, 4), }";
+        header.resize(117, ' '), header += '\n';
+        files.push_back(std::string("\x93NUMPY\1\0\x76\0", 10) + header +
+                        std::string(reinterpret_cast<const char*>(m.data()), 128));
+    }
+    zip_t* const archive = zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, nullptr);
+    ASSERT_NE(archive, nullptr);
+    std::size_t i = 0;
+    for (const auto& [name, m] : arrays) {
+        const std::string& bytes = files[i++];
+        zip_source_t* const source = zip_source_buffer(archive, bytes.data(), bytes.size(), 0);
+        ASSERT_GE(zip_file_add(archive, (name + ".npy").c_str(), source, 0), 0);
+    }
+    ASSERT_EQ(zip_close(archive), 0);
+}
+
+TEST_F(SceneLayouts, ScaleMatricesMustBeOneUniformScale) {
+    const std::vector<double> world{500, 0, 200, 0, 0, 500, 150, 0, 0, 0, 1, 9, 0, 0, 0, 1};
+    const std::vector<double> scale{2, 0, 0, 5, 0, 2, 0, 6, 0, 0, 2, 7, 0, 0, 0, 1};
+    std::vector<double> stretched = scale, negative = scale, other = scale;
+    stretched[5] = 2.01, negative[0] = negative[5] = negative[10] = -2, other[3] = 5.5;
+    photo("image/000.png", 400, 300), photo("image/001.png", 400, 300);
+    const auto file = [&](const char* name, const std::vector<double>& first,
+                          const std::vector<double>& second) {
+        write_npz((folder / name).string(), {{"world_mat_0", world},
+                                             {"world_mat_1", world},
+                                             {"scale_mat_0", first},
+                                             {"scale_mat_1", second}});
+    };
+    file("cameras.npz", scale, scale);
+    EXPECT_EQ(read().train.size(), 2u);
+    for (const std::vector<double>& bad : {stretched, negative, other}) {
+        file("cameras.npz", scale, bad);
+        expect_input_error("scale_mat_1");
+    }
+    file("cameras.npz", stretched, scale);
+    expect_input_error("E_SCALE_MAT");
+    file("cameras.npz", scale, scale), file("cameras_sphere.npz", other, other);
+    expect_input_error("different scale_mat_0");
 }
 
 TEST_F(SceneLayouts, NpzAgreesWithColmapOnDtu) {
