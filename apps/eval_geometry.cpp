@@ -1,10 +1,12 @@
 // tvsgs-eval geometry: distances between a prediction and the truth in one frame.
 #include <memory>
 
+#include "core/local_origin.h"
 #include "eval.h"
 #include "geometry_scores.h"
 #include "io/atomic_file.h"
 #include "io/crop_file.h"
+#include "io/ply.h"
 
 namespace tvsgs {
 namespace {
@@ -17,13 +19,21 @@ struct GeometryArguments {
     std::vector<std::string> require;
 };
 
+/// Of a frame in which float has digits left, also where the file is in UTM coordinates.
+Vec3d origin_of(const std::string& path) {
+    std::vector<Vec3d> positions = read_ply_geometry(path).positions;
+    std::erase_if(positions, [](Vec3d p) { return !is_finite(p); });
+    return local_origin(positions);
+}
+
 int geometry(const GeometryArguments& arguments) {
     const std::vector<Bound> bounds = parse_bounds(arguments.require);
     GeometryOptions options;
     if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
     options.max_distance = arguments.max_distance;
     const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
-    const PointsOptions sampling{arguments.samples, arguments.seed, arguments.crop};
+    const PointsOptions sampling{arguments.samples, arguments.seed, arguments.crop,
+                                 origin_of(arguments.gt)};
     const std::vector<Vec3f> prediction = read_points(arguments.pred, sampling, crop);
     const std::vector<Vec3f> truth = read_points(arguments.gt, sampling, crop);
     std::vector<Vec3f> visible;

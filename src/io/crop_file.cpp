@@ -1,9 +1,8 @@
 #include "io/crop_file.h"
 
 #include <cmath>
-#include <nlohmann/json.hpp>
 
-#include "io/read_file.h"
+#include "io/json_file.h"
 
 namespace tvsgs {
 namespace {
@@ -84,11 +83,7 @@ struct CropReader {
 
 Crop read_crop(const std::string& path) {
     const CropReader reader{path};
-    const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
-        check_json_depth(depth, path);
-        return true;
-    };
-    const json file = json::parse(read_bytes(path), limit_depth, /*allow_exceptions=*/false);
+    const json file = read_json_file(path);
     if (!file.is_object()) throw reader.wrong("not a JSON object");
     try {
         if (file.contains("box")) return reader.box(file["box"]);

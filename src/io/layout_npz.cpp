@@ -87,7 +87,7 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
         const std::string path = layout.source + "/" + fs::path(name).stem().string() + "_cam.txt";
         if (!fs::exists(path)) continue;
         ++cameras;
-        const std::string text = read_bytes(path);
+        const std::string text = read_text(path);
         std::string_view rest = text;
         const auto expect = [&](std::string_view word) {
             if (const auto found = next_word(rest); found != word)

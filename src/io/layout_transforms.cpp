@@ -1,11 +1,10 @@
 // transforms.json of Blender scenes, nerfstudio and instant-ngp.  [input specification, 1.13]
 #include <cmath>
 #include <filesystem>
-#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "io/image_file.h"
-#include "io/read_file.h"
+#include "io/json_file.h"
 #include "io/scene_layout.h"
 
 namespace tvsgs {
@@ -19,8 +18,7 @@ struct TransformsReader {
     std::string path;
     json file;
 
-    explicit TransformsReader(const std::string& p)
-        : path(p), file(json::parse(read_bytes(p), nullptr, /*allow_exceptions=*/false)) {
+    explicit TransformsReader(const std::string& p) : path(p), file(read_json_file(p)) {
         if (!file.is_object()) throw wrong("not a JSON object");
         if (!file.contains("frames") || !file["frames"].is_array() || file["frames"].empty())
             throw wrong("has no frames; expected a list \"frames\"");

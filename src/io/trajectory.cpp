@@ -14,7 +14,7 @@ namespace {
 class Words {
 public:
     Words(const std::string& path, const char* code)
-        : path_(path), code_(code), bytes_(read_bytes(path)), rest_(bytes_) {}
+        : path_(path), code_(code), bytes_(read_text(path)), rest_(bytes_) {}
 
     bool at_end() const { return trimmed(rest_).empty(); }
 

@@ -20,8 +20,10 @@
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/read_file.h"
+#include "io/safetensors.h"
 #include "io/scene_layout.h"
 #include "io/trajectory.h"
+#include "io/view_split.h"
 #include "optim/train.h"
 
 namespace tvsgs::fuzz {
@@ -79,6 +81,12 @@ void read_npz_cameras(const std::string& folder, const std::string&) {
     for (const char* name : {"/image/000.png", "/image/001.png"})
         if (!fs::exists(folder + name)) write_png(folder + name, ImageU8(8, 6, 3));
     read_layout_of(SceneFormat::idr, folder);
+}
+
+void read_view_list(const std::string&, const std::string& file) {
+    SceneOptions options;
+    options.train_list = options.test_list = file;
+    split_views(options, {"a/0.png", "b/0.png", "c d.png"}, {true, true, true});
 }
 
 void read_configuration(const std::string&, const std::string& file) {
@@ -144,6 +152,7 @@ const std::vector<Target>& targets() {
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},
+        {"safetensors", "a.safetensors", [](S, S file) { read_tensors(file); }, nullptr},
         {"mat", "a.mat", [](S, S file) { read_mat_array(file, "ObsMask"); }, nullptr},
         {"tnt_log", "a.log", [](S, S file) { read_trajectory_log(file); }, nullptr},
         {"tnt_trans", "a.txt", [](S, S file) { read_transform(file); }, nullptr},
@@ -152,6 +161,7 @@ const std::vector<Target>& targets() {
          [](S folder, S) { read_layout_of(SceneFormat::nerfstudio, folder); }, nullptr},
         {"blender", "transforms_train.json", read_blender, nullptr},
         {"mvsnet", "cam.txt", read_mvsnet_cameras, nullptr},
+        {"view_list", "list.txt", read_view_list, nullptr},
         {"lists", "splits.json", [](S, S file) { read_json_lists(file); }, nullptr},
         {"json", "report.json", [](S, S file) { parse_json_value(read_bytes(file), file); },
          nullptr},

@@ -129,6 +129,17 @@ seed("npz_cameras", "good_two", npz(cameras, zipfile.ZIP_STORED))
 seed("npz_cameras", "no_world", npz({"scale_mat_0": matrix(scale)}, zipfile.ZIP_STORED))
 
 
+# safetensors
+def safetensors(header, data):
+    return struct.pack("<Q", len(header)) + header.encode() + data
+
+
+half = '"dtype": "F16", "shape": [2, 1], "data_offsets": [0, 4]'
+seed("safetensors", "good_two", safetensors(
+    '{"__metadata__": {"a": "b"}, "x": {%s}, "y": {"dtype": "F64", "shape": [], '
+    '"data_offsets": [4, 12]}}' % half, struct.pack("<2ed", 1, math.inf, 0.1)))
+seed("safetensors", "overlap", safetensors('{"x": {%s}, "y": {%s}}' % (half, half), bytes(4)))
+
 # MATLAB: version 4, then 5
 def element(kind, data):
     return struct.pack("<II", kind, len(data)) + data + b"\0" * (-len(data) % 8)
@@ -148,6 +159,8 @@ IDENTITY = "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n"
 seed("tnt_log", "good_two", "0 0 1\n" + IDENTITY + "1 -1 2\n" + IDENTITY)
 seed("tnt_log", "cut", "0 0 1\n1 0 0 0\n0 1 0 0\n")
 seed("tnt_trans", "good_matrix", "0.5 0 0 1e1\n0 5e-1 0 -2\n0 0 .5 3\n0 0 0 1\n")
+seed("tnt_log", "good_bom_crlf", b"\xef\xbb\xbf" + ("0 0 1\n" + IDENTITY).replace("\n", "\r\n").encode())
+seed("tnt_trans", "good_bom_crlf", b"\xef\xbb\xbf" + IDENTITY.replace("\n", "\r\n").encode())
 seed("tnt_trans", "last_row", "1 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 1 1\n")
 seed("crop", "good_prism", json.dumps({
     "class_name": "SelectionPolygonVolume", "orthogonal_axis": "Y", "axis_min": -1, "axis_max": 2,
@@ -163,6 +176,8 @@ frames = [{"file_path": f"images/{i}.png",
 seed("nerfstudio", "good_pinhole", json.dumps(
     {"w": 64, "h": 48, "fl_x": 60, "fl_y": 61, "cx": 32, "cy": 24, "camera_model": "PINHOLE",
      "frames": frames, "train_filenames": ["images/0.png"], "ply_file_path": "sparse.ply"}))
+seed("nerfstudio", "good_bom_crlf", b"\xef\xbb\xbf" + json.dumps(
+    {"w": 64, "h": 48, "fl_x": 60, "frames": frames}, indent=1).replace("\n", "\r\n").encode())
 seed("nerfstudio", "good_per_frame", json.dumps(
     {"frames": [dict(f, w=8, h=6, fl_x=9, k1=0.1, mask_path="masks/0.png") for f in frames]}))
 seed("nerfstudio", "fisheye", json.dumps(
@@ -172,7 +187,10 @@ seed("blender", "good_angle", json.dumps(
     {"camera_angle_x": 0.7, "frames": [dict(f, file_path="./image") for f in frames[:1]]}))
 MVSNET = ("extrinsic\n" + IDENTITY + "\nintrinsic\n60 0 4\n0 60 3\n0 0 1\n\n425 2.5 192 900\n")
 seed("mvsnet", "good_camera", MVSNET)
+seed("mvsnet", "good_bom_crlf", b"\xef\xbb\xbf" + MVSNET.replace("\n", "\r\n").encode())
 seed("mvsnet", "no_intrinsic", "extrinsic\n" + IDENTITY)
+seed("view_list", "good_names", "\ufeff# some\r\na/0.png\n c d\r\n")
+seed("view_list", "ambiguous", "0\n0.png\n")
 seed("lists", "good_lists", '{"train": ["a.png", "b"], "test": [3, 4], "other": {"x": 1}}')
 seed("json", "good_report", '{"a": [1, 2.5e-3, null, true], "b": {"c": "\\u00e9\\n"}, "d": -0}')
 seed("config", "good_nested",

@@ -117,8 +117,13 @@ TEST(DeepFiles, AreRefused) {
         for (const std::string& bytes :
              {nested("", "{\"a\":"), nested("{\"box\":", "["), nested("{\"frames\":[", "[")})
             EXPECT_NO_THROW(run(target, bytes)) << target.name;
-        const std::string closed = nested("{\"box\":", "[") + std::string(200000, ']') + "}";
-        EXPECT_NO_THROW(run(target, closed)) << target.name;
+        // Where a reader copies what it does not know, the copy calls itself.
+        for (const auto& [before, after] :
+             {std::pair{"{\"box\":", "}"},
+              {"{\"camera_angle_x\":1,\"frames\":[{\"file_path\":\"image\",\"more\":", "}]}"}}) {
+            const std::string closed = nested(before, "[") + std::string(200000, ']') + after;
+            EXPECT_NO_THROW(run(target, closed)) << target.name;
+        }
     }
 }
 

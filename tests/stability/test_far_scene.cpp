@@ -153,6 +153,26 @@ TEST_F(FarScene, MeshAndScoresAreThoseOfTheSceneAtZero) {
     EXPECT_LT(norm(mean_of(far) - kAway - mean_of(near)), 0.1);
 }
 
+TEST_F(FarScene, DistancesAreThoseAtZero) {
+    // Near 5e6 floats are half a unit apart.
+    PointCloud truth, prediction;
+    for (int i = 0; i < 400; ++i) {
+        const Vec3f p{static_cast<float>(i % 20), static_cast<float>(i / 20), 0};
+        truth.positions.push_back(p);
+        prediction.positions.push_back(p + Vec3f{0, 0, 0.015625f});
+    }
+    write_cloud_ply((folder_ / "truth.ply").string(), truth, kAway);
+    write_cloud_ply((folder_ / "prediction.ply").string(), prediction, kAway);
+    ASSERT_EQ(call("eval",
+                   "geometry --pred prediction.ply --gt truth.ply --tau 0.016,0.015 --out "
+                   "distances.json"),
+              0);
+    const json scores = json::parse(std::ifstream(folder_ / "distances.json"));
+    EXPECT_NEAR(scores.at("chamfer").get<double>(), 0.015625, 2e-9);  // a double's at 5e6
+    EXPECT_EQ(scores.at("thresholds").at(0).at("f1").get<double>(), 1);
+    EXPECT_EQ(scores.at("thresholds").at(1).at("f1").get<double>(), 0);
+}
+
 TEST_F(FarScene, CloudsGoThereAndBack) {
     const Vec3d origin{kAway.x + 0.5, kAway.y, kAway.z};
     PointCloud cloud;
