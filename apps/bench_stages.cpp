@@ -8,6 +8,7 @@
 #include "core/rng.h"
 #include "io/atomic_file.h"
 #include "optim/adam.h"
+#include "optim/splat_order.h"
 #include "render/photometric.h"
 
 namespace tvsgs {
@@ -141,8 +142,8 @@ const std::vector<StageCase>& stage_cases() {
     static const std::vector<StageCase> cases = {
         {"w540", Kind::trained, 1'500'000, 960, 540, 2.5},
         {"w1200", Kind::trained, 1'500'000, 1600, 1200, 4.2},
-        {"w540_runs", Kind::trained, 1'500'000, 960, 540, 2.5, 1024},
-        {"w1200_runs", Kind::trained, 1'500'000, 1600, 1200, 4.2, 1024},
+        {"w540_morton", Kind::trained, 1'500'000, 960, 540, 2.5, true},
+        {"w1200_morton", Kind::trained, 1'500'000, 1600, 1200, 4.2, true},
         {"c256", Kind::in_view, 20'000, 256, 256, 5.5},
         {"one_tile", Kind::one_tile, 1'500'000, 960, 540, 0.5},
         {"huge", Kind::huge, 2'000, 960, 540, 3000},
@@ -182,8 +183,7 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
         }
         if (c.kind == Kind::huge) opacity = draw.uniform(0.006, 0.05);
         if (c.kind == Kind::one) x = 0.5 * c.width, y = 0.5 * c.height;
-        const bool behind =
-            c.kind == Kind::empty || (c.kind == Kind::trained && splat / c.run % 2 == 1);
+        const bool behind = c.kind == Kind::empty || (c.kind == Kind::trained && splat % 2 == 1);
         if (behind) z = -z;
         g.means[i] = {static_cast<float>((x - 0.5 * c.width) / f * z),
                       static_cast<float>((y - 0.5 * c.height) / f * z), static_cast<float>(z)};
@@ -203,6 +203,7 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
                 static_cast<float>(draw.uniform(-spread, spread))};
         }
     }
+    if (c.sorted) sort_by_place(g);
     return g;
 }
 

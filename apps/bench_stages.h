@@ -16,13 +16,13 @@ struct StageCase {
     std::string name;
     Kind kind;
     int splats, width, height;
-    double size_px;  // median deviation of a splat in the image
-    int run = 1;     // trained: splats in view and out of it alternate in runs of this length
+    double size_px;       // median deviation of a splat in the image
+    bool sorted = false;  // by place, as training keeps its splats; else in random order
 };
 
-/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface; with _runs:
-/// as they lie in memory where neighbours in space are neighbours there, too; c256: a small
-/// one for CPUs, all in view and as many over each pixel; and worst cases.
+/// w540, w1200: half of the splats in view, of some pixels, as on a trained surface, in random
+/// order in memory; with _morton: in the order in which training keeps them; c256: a small one for
+/// CPUs, all in view and as many over each pixel; and worst cases.
 const std::vector<StageCase>& stage_cases();
 
 /// A pure function of its arguments; SH degree 3.

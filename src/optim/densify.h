@@ -1,5 +1,5 @@
-// Growing and pruning: clone, split, prune, trim, opacity reset.  [Kerbl23, Section 5], rules of
-// [PGSR]
+// Growing and pruning: clone, split, prune, trim, opacity reset; then Morton order again.
+// [Kerbl23, Section 5], rules of [PGSR]
 #pragma once
 
 #include <algorithm>
@@ -10,6 +10,7 @@
 #include "core/rng.h"
 #include "core/scan.h"
 #include "optim/adam.h"
+#include "optim/splat_order.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
@@ -129,28 +130,6 @@ struct SourceBody {
             child_of_split[at] = split;
             is_new[at] = split || j == 1;
         }
-    }
-};
-
-template <class T>
-TVSGS_HD T zero() {
-    return {};
-}
-template <>
-TVSGS_HD inline Quatf zero<Quatf>() {
-    return {0, 0, 0, 0};  // Quatf{} is the identity
-}
-
-template <class T>
-struct GatherBody {
-    Span<const int> parents;
-    Span<const std::uint8_t> is_new;  // with `zero_new`
-    bool zero_new;
-    const T* from;
-    T* to;
-
-    TVSGS_HD void operator()(int i) const {
-        to[i] = zero_new && is_new[i] ? zero<T>() : from[parents[i]];
     }
 };
 
@@ -344,8 +323,8 @@ private:
                                   growth_.span()});
     }
 
-    /// Carries out growth_ and counts_; false when nothing would be left, and then nothing is
-    /// changed.
+    /// Carries out growth_ and counts_ and puts the splats into Morton order; false when nothing
+    /// would be left, and then nothing is changed.
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
@@ -354,53 +333,44 @@ private:
         parallel_for(Device{}, g.size(),
                      SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),
                                 is_new_.span(), child_of_split_.span()});
-        gather(g, total, false);
-        gather(adam.first_moments(), total, true);
-        gather(adam.second_moments(), total, true);
+        // 1. The new geometry, which says where in memory a splat belongs.
+        gather_shapes(parents_.span(), {}, g);
         parallel_for(
             Device{}, total,
             ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
+        // 2. All to their places: what the splats inherit goes there at once.
+        morton_order(g.means.span(), first_);
+        gather_shapes(first_.span(), {}, g);
+        gather(first_.span(), {}, parents_, counts_);
+        gather(first_.span(), {}, is_new_, child_of_split_);
+        gather_rest({}, g);
+        for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
+            gather_shapes(parents_.span(), is_new_.span(), *moments),
+                gather_rest(is_new_.span(), *moments);
         if (!statistics_.empty()) reset_statistics(0);
         return true;
     }
 
-    void gather(Gaussians<Device>& g, int total, bool zero_new) {
-        gather(g.means, g.size(), 1, total, zero_new, scratch3_);
-        gather(g.log_scales, static_cast<int>(g.log_scales.size()), 1, total, zero_new, scratch3_);
-        gather(g.quats, static_cast<int>(g.quats.size()), 1, total, zero_new, scratch4_);
-        gather(g.opacity_logits, static_cast<int>(g.opacity_logits.size()), 1, total, zero_new,
-               scratch1_);
-        const int planes = sh_count(g.sh_degree);
-        gather(g.sh, static_cast<int>(g.sh.size()) / planes, planes, total, zero_new, scratch_sh_);
+    void gather_shapes(Span<const int> from,
+                       Span<const std::uint8_t> cleared,
+                       Gaussians<Device>& g) {
+        gather(from, cleared, g.means, scratch3_);
+        gather(from, cleared, g.log_scales, scratch3_);
+        gather(from, cleared, g.quats, scratch4_);
     }
 
-    template <class T>
-    void gather(Buffer<T, Device>& values,
-                int old_count,
-                int planes,
-                int total,
-                bool zero_new,
-                Buffer<T, Device>& scratch) {
-        scratch.resize(static_cast<std::size_t>(total) * static_cast<std::size_t>(planes));
-        for (int p = 0; p < planes; ++p)
-            parallel_for(Device{}, total,
-                         GatherBody<T>{parents_.span(), is_new_.span(), zero_new,
-                                       values.data() + static_cast<std::size_t>(p) *
-                                                           static_cast<std::size_t>(old_count),
-                                       scratch.data() + static_cast<std::size_t>(p) *
-                                                            static_cast<std::size_t>(total)});
-        values.swap(scratch);
+    void gather_rest(Span<const std::uint8_t> cleared, Gaussians<Device>& g) {
+        gather(parents_.span(), cleared, g.opacity_logits, scratch1_);
+        gather(parents_.span(), cleared, g.sh, scratch_sh_, sh_count(g.sh_degree));
     }
 
     /// parents_ <- before[parents_]: two changes of structure in one step read as one.
     void chain_parents(Buffer<int, Device>& before, bool trimmed) {
         if (!trimmed) return parents_.swap(before);
-        Buffer<int, Device> chained(parents_.size());
-        parallel_for(Device{}, static_cast<int>(parents_.size()),
-                     GatherBody<int>{parents_.span(), {}, false, before.data(), chained.data()});
-        parents_.swap(chained);
+        gather(parents_.span(), {}, before, counts_);
+        parents_.swap(before);
     }
 
     DensifyOptions options_;

@@ -99,7 +99,10 @@ private:
                                              const TrainOptions& o,
                                              const State* from) {
         Gaussians<Device> g;
-        if (from == nullptr) copy(init_gaussians(scene, o.init, o.model.sh_degree), g);
+        if (from != nullptr) return g;
+        Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
+        sort_by_place(first);
+        copy(first, g);
         return g;
     }
 

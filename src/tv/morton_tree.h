@@ -2,15 +2,11 @@
 // nodes to a node. [GPU design, section 11]
 #pragma once
 
-#include <algorithm>
 #include <bit>
 #include <cstdint>
 #include <limits>
-#include <utility>
-#include <vector>
 
-#include "core/buffer.h"
-#include "core/vec.h"
+#include "core/morton.h"
 
 namespace tvsgs {
 
@@ -79,57 +75,6 @@ private:
         }
     }
 };
-
-/// Every third bit: bit i of the low 21 bits goes to bit 3 i.
-TVSGS_HD inline std::uint64_t spread_bits(std::uint64_t x) {
-    x &= 0x1fffff;
-    x = (x | x << 32) & 0x1f00000000ffffull;
-    x = (x | x << 16) & 0x1f0000ff0000ffull;
-    x = (x | x << 8) & 0x100f00f00f00f00full;
-    x = (x | x << 4) & 0x10c30c30c30c30c3ull;
-    return (x | x << 2) & 0x1249249249249249ull;
-}
-
-/// Morton code of 3 x 42 bits inside a cube of edge `extent` at `origin`, in two words: coarse
-/// enough that far outliers do not matter (they are clamped, for the code alone), fine enough for
-/// clusters 10^6 apart.
-struct MortonCode {
-    std::uint64_t high, low;
-};
-TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
-    constexpr double kCells = 4398046511104.0;  // 2^42
-    MortonCode code{0, 0};
-    for (int axis = 0; axis < 3; ++axis) {
-        double cell = extent > 0 ? (double(p[axis]) - double(origin[axis])) / extent * kCells : 0;
-        cell = cell > 0 ? cell : 0;
-        cell = cell < kCells - 1 ? cell : kCells - 1;
-        const auto bits = static_cast<std::uint64_t>(cell);
-        code.high |= spread_bits(bits >> 21) << axis;
-        code.low |= spread_bits(bits) << axis;
-    }
-    return code;
-}
-
-/// The places of points in Morton order of their bounding box, as sorted; ties as given.
-inline std::vector<int> morton_order(const std::vector<Vec3f>& points) {
-    constexpr float kInfinity = std::numeric_limits<float>::infinity();
-    Vec3f low{kInfinity, kInfinity, kInfinity}, high = -low;
-    for (const Vec3f p : points)
-        for (int axis = 0; axis < 3; ++axis) {
-            low[axis] = std::min(low[axis], p[axis]);
-            high[axis] = std::max(high[axis], p[axis]);
-        }
-    double extent = 0;
-    for (int axis = 0; axis < 3; ++axis)
-        extent = std::max(extent, double(high[axis]) - double(low[axis]));
-    std::vector<std::pair<std::uint64_t, int>> keys;
-    for (const Vec3f p : points)
-        keys.emplace_back(morton_code(p, low, extent).high, static_cast<int>(keys.size()));
-    std::sort(keys.begin(), keys.end());
-    std::vector<int> order;
-    for (const auto& key : keys) order.push_back(key.second);
-    return order;
-}
 
 /// Orders like (distance squared, slot), distances that are not finite last.
 TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t slot) {

@@ -405,7 +405,9 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 template <class Device>
 void TensorVoter<Device>::set_fixed_voters(const FixedVoters& voters) {
     State& s = *state_;
-    s.fixed_order = morton_order(voters.means);  // as the slots: near in space, near in memory
+    Buffer<int, Cpu> order;  // as the slots: near in space, near in memory
+    morton_order(Span<const Vec3f>{voters.means.data(), voters.means.size()}, order);
+    s.fixed_order = to_host(order);
     const auto in_order = [&](auto values) {
         const auto given = values;
         for (std::size_t i = 0; i < given.size(); ++i) values[i] = given[s.fixed_order[i]];

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "core/cuda_device.h"
+#include "core/morton.h"
+#include "core/morton_cases.h"
 #include "core/parallel.h"
 #include "core/rng.h"
 
@@ -73,6 +75,18 @@ TEST_P(CoreCuda, SameSums) {
     const double first = sum_on_cuda();
     EXPECT_NEAR(first, sum, 1e-13 * (1 + size));  // double rounding in another order
     EXPECT_EQ(sum_on_cuda(), first) << "sums must not vary from run to run";
+}
+
+TEST_P(CoreCuda, SameMortonOrder) {
+    for (const std::string& kind : test::morton_clouds()) {
+        const std::vector<Vec3f> points = test::morton_cloud(kind, GetParam());
+        const auto on_device = to_device<Cuda>(points);
+        Buffer<int, Cpu> order;
+        morton_order(Span<const Vec3f>{points.data(), points.size()}, order);
+        Buffer<int, Cuda> cuda_order;
+        morton_order(on_device.span(), cuda_order);
+        EXPECT_EQ(to_host(cuda_order), to_host(order)) << kind;
+    }
 }
 
 INSTANTIATE_TEST_SUITE_P(Sizes, CoreCuda, testing::Values(0, 1, 31, 257, 1000003));

@@ -6,11 +6,13 @@ namespace {
 
 constexpr float kLogSmall = -3, kLogLarge = -1;
 
-/// A model of equal round splats, its optimiser with moments of 1, and what the last view showed.
+/// A model of equal round splats in a row, so that new ones stay next to their parents, its
+/// optimiser with moments of 1, and what the last view showed.
 struct Model {
     explicit Model(int count) : g(test::random_gaussians(count, 1, 0.1, 1)), adam({}, g) {
         const auto n = static_cast<std::size_t>(count);
         for (std::size_t i = 0; i < n; ++i) {
+            g.means[i] = {100 * static_cast<float>(i), 0, 0};
             g.log_scales[i] = {kLogSmall, kLogSmall, kLogSmall};
             g.quats[i] = {1, 0, 0, 0};
             g.opacity_logits[i] = 0;
@@ -115,21 +117,23 @@ TEST(Densify, ClonesStayOrMove) {
         DensifyOptions o = options_without_trim();
         o.jitter_clones = jitter;
         ASSERT_EQ(grow_once(model, o), (std::vector<int>{0, 0}));
-        EXPECT_EQ(norm(model.g.means[0] - mean), 0) << "the original stays";
-        const float moved = norm(model.g.means[1] - mean);
+        const std::size_t old = norm(model.g.means[0] - mean) == 0 ? 0 : 1, clone = 1 - old;
+        EXPECT_EQ(norm(model.g.means[old] - mean), 0) << "the original stays";
+        const float moved = norm(model.g.means[clone] - mean);
         EXPECT_EQ(moved > 0, jitter);
         EXPECT_LT(moved, 6 * std::exp(kLogSmall)) << "a draw beyond six deviations";
-        EXPECT_EQ(model.g.log_scales[1].x, kLogSmall);
+        EXPECT_EQ(model.g.log_scales[clone].x, kLogSmall);
         EXPECT_EQ(model.g.sh[0].x, model.g.sh[1].x);
         EXPECT_EQ(model.g.sh[2].z, model.g.sh[3].z) << "the second coefficient of both";
         // The original keeps its moments, the clone starts at rest.
-        EXPECT_EQ(model.adam.first_moments().means[0].x, 1);
-        EXPECT_EQ(model.adam.first_moments().means[1].x, 0);
-        EXPECT_EQ(model.adam.second_moments().quats[0].w, 1);
-        EXPECT_EQ(model.adam.second_moments().quats[1].w, 0) << "a zero moment, not an identity";
-        EXPECT_EQ(model.adam.second_moments().sh[2].x, 1);
-        EXPECT_EQ(model.adam.second_moments().sh[3].x, 0);
-        EXPECT_EQ(model.adam.second_moments().opacity_logits[1], 0);
+        EXPECT_EQ(model.adam.first_moments().means[old].x, 1);
+        EXPECT_EQ(model.adam.first_moments().means[clone].x, 0);
+        EXPECT_EQ(model.adam.second_moments().quats[old].w, 1);
+        EXPECT_EQ(model.adam.second_moments().quats[clone].w, 0)
+            << "a zero moment, not an identity";
+        EXPECT_EQ(model.adam.second_moments().sh[2 + old].x, 1);
+        EXPECT_EQ(model.adam.second_moments().sh[2 + clone].x, 0);
+        EXPECT_EQ(model.adam.second_moments().opacity_logits[clone], 0);
     }
 }
 
@@ -273,6 +277,7 @@ TEST(Densify, TrimKeepsSplatsInFrontInEnoughViews) {
     model.screen.dL_dmeans2d[1] = {1, 0};  // splat 1 is cloned first: 0 1 1 2 3
     DensifyOptions o = options_without_trim();
     o.trim_min_views = 2;
+    o.jitter_clones = false;  // in the same place the clone comes second
     Densifier<Cpu> densifier(o, 1, 0);
     const auto observe = [&](const auto& count_view) {
         ASSERT_EQ(model.g.size(), 5) << "views are observed after growing";
@@ -314,6 +319,65 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
     Densifier<Cpu> other(o, 1, 0);
     EXPECT_TRUE(other.step(1000, grown.screen, grown.g, grown.adam, kNoViews).structure_changed);
     EXPECT_EQ(parents_of(other), (std::vector<int>{0, 1, 1}));
+}
+
+/// Every array of a splat says whose it is.
+void mark(Gaussians<Cpu>& g) {
+    for (std::size_t i = 0; i < g.means.size(); ++i) {
+        const auto f = static_cast<float>(i);
+        g.means[i].x = g.log_scales[i].x = g.quats[i].w = g.opacity_logits[i] = f;
+        for (std::size_t k = 0; k < 4; ++k) g.sh[k * g.means.size() + i].y = f + 10000 * float(k);
+    }
+}
+bool marked(const Gaussians<Cpu>& g, std::size_t i, int mark) {
+    const auto f = static_cast<float>(mark);
+    bool all = g.opacity_logits[i] == f && g.log_scales[i].x == f && g.quats[i].w == f;
+    for (std::size_t k = 0; k < 4; ++k)
+        all &= g.sh[k * g.means.size() + i].y == f + 10000 * float(k);
+    return all;
+}
+bool at_rest(const Gaussians<Cpu>& g, std::size_t i) {
+    bool all = norm(g.means[i]) == 0 && norm(g.log_scales[i]) == 0 && g.opacity_logits[i] == 0 &&
+               g.quats[i].w == 0 && g.quats[i].x == 0;
+    for (std::size_t k = 0; k < 4; ++k) all &= norm(g.sh[k * g.means.size() + i]) == 0;
+    return all;
+}
+
+TEST(Densify, LeavesMortonOrderAndTakesEverythingAlong) {
+    const std::size_t n = 700;
+    for (const bool far : {false, true}) {
+        Model model(n);
+        test::Random random(3);
+        for (std::size_t i = 0; i < n; ++i) {
+            model.g.means[i] = (far ? 1e5f : 1.0f) * vec_cast<float>(random.normal3()) +
+                               (far ? Vec3f{1e7f, -1e7f, 0} : Vec3f{});
+            if (i % 5 == 0) model.screen.dL_dmeans2d[i] = {1, 0};
+            if (i % 7 == 0) model.g.opacity_logits[i] = -9;
+            for (std::size_t k = 0; k < 4; ++k)
+                model.g.sh[k * n + i].y = static_cast<float>(i + 10000 * k);
+        }
+        mark(model.adam.first_moments()), mark(model.adam.second_moments());
+        const std::vector<Vec3f> before = to_host(model.g.means);
+        const std::vector<int> parents = grow_once(model, options_without_trim());
+        std::vector<int> olds(n), news(n);
+        for (std::size_t i = 0; i < parents.size(); ++i) {
+            const auto parent = static_cast<std::size_t>(parents[i]);
+            EXPECT_EQ(model.g.sh[i].y, static_cast<float>(parent));
+            EXPECT_EQ(model.g.sh[3 * parents.size() + i].y, static_cast<float>(parent + 30000));
+            const bool old = !at_rest(model.adam.first_moments(), i);
+            ++(old ? olds : news)[parent];
+            EXPECT_TRUE(!old || norm(model.g.means[i] - before[parent]) == 0) << i;
+            for (auto* moments : {&model.adam.first_moments(), &model.adam.second_moments()})
+                EXPECT_TRUE(old ? marked(*moments, i, parents[i]) : at_rest(*moments, i)) << i;
+        }
+        for (std::size_t i = 0; i < n; ++i) {
+            EXPECT_EQ(olds[i], i % 7 == 0 ? 0 : 1) << i;
+            EXPECT_EQ(news[i], i % 7 != 0 && i % 5 == 0 ? 1 : 0) << i;
+        }
+        Buffer<int, Cpu> order;
+        morton_order(model.g.means.span(), order);
+        for (std::size_t i = 0; i < parents.size(); ++i) ASSERT_EQ(order[i], static_cast<int>(i));
+    }
 }
 
 TEST(Densify, TheSameTwice) {

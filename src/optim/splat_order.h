@@ -1,0 +1,61 @@
+// Moving splats to other places in memory.
+#pragma once
+
+#include "core/gaussians.h"
+#include "core/morton.h"
+#include "core/parallel.h"
+
+namespace tvsgs {
+
+template <class T>
+TVSGS_HD T zero() {
+    return {};
+}
+template <>
+TVSGS_HD inline Quatf zero<Quatf>() {
+    return {0, 0, 0, 0};  // Quatf{} is the identity
+}
+
+template <class T>
+struct GatherBody {
+    Span<const int> from;
+    Span<const std::uint8_t> cleared;
+    const T* values;
+    T* out;
+
+    TVSGS_HD void operator()(int i) const {
+        out[i] = !cleared.empty() && cleared[i] ? zero<T>() : values[from[i]];
+    }
+};
+
+/// values[i] <- values[from[i]] in each of its planes, or 0 where cleared[i] (empty: nowhere).
+/// `scratch` gets what was there before.
+template <class T, class Device>
+void gather(Span<const int> from,
+            Span<const std::uint8_t> cleared,
+            Buffer<T, Device>& values,
+            Buffer<T, Device>& scratch,
+            int planes = 1) {
+    const std::size_t old_count = values.size() / static_cast<std::size_t>(planes);
+    scratch.resize(from.count * static_cast<std::size_t>(planes));
+    for (std::size_t p = 0; p < static_cast<std::size_t>(planes); ++p)
+        parallel_for(Device{}, from.size(),
+                     GatherBody<T>{from, cleared, values.data() + p * old_count,
+                                   scratch.data() + p * from.count});
+    values.swap(scratch);
+}
+
+/// Puts splats into Morton order, in which those that a view sees lie in runs.
+template <class Device>
+void sort_by_place(Gaussians<Device>& g) {
+    Buffer<int, Device> order;
+    morton_order(g.means.span(), order);
+    const auto move = [&]<class T>(Buffer<T, Device>& values, int planes = 1) {
+        Buffer<T, Device> scratch;
+        gather(order.span(), {}, values, scratch, planes);
+    };
+    move(g.means), move(g.log_scales), move(g.quats), move(g.opacity_logits);
+    move(g.sh, sh_count(g.sh_degree));
+}
+
+}  // namespace tvsgs
