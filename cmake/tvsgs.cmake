@@ -5,7 +5,7 @@ target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
 # -Wno-restrict: GCC 12 sees overlaps in std::string that are not there (GCC bug 105651).
 # No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
 # and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
-# Warnings are GCC's: clang, which fuzzing and the thread sanitizer need, has others.
+# Warnings are GCC's: clang, which fuzzing needs, has others.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
     set(TVSGS_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Werror -Wno-restrict)
 endif()

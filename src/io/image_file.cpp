@@ -33,6 +33,23 @@ ImageSize checked_size(const std::string& path, int known, int width, int height
     return {width, height, channels};
 }
 
+/// stb takes the memory that a chunk of a PNG claims before it looks whether the file has as much.
+void check_png_chunks(const std::string& path, std::string_view bytes) {
+    if (!bytes.starts_with("\x89PNG\r\n\x1A\n")) return;
+    constexpr std::size_t kFrame = 12;  // length, kind and checksum
+    for (std::size_t at = 8; at + kFrame <= bytes.size();) {
+        std::size_t length = 0;
+        for (std::size_t i = at; i < at + 4; ++i)
+            length = length << 8 | static_cast<unsigned char>(bytes[i]);
+        if (bytes.substr(at + 4, 4) == "IEND") return;
+        if (length > bytes.size() - at - 8)
+            throw input_error("E_IMAGE_READ: ", path, ": the chunk at byte ", at, " claims ",
+                              length, " bytes of ", bytes.size() - at - 8,
+                              "; the file may be cut off: copy it again");
+        at += kFrame + length;
+    }
+}
+
 /// Filter weights of one axis: output i is the sum of weights[i * taps + j] * input[first[i] + j].
 struct Resampling {
     int taps = 0;
@@ -103,6 +120,7 @@ ImageU8 read_image(const std::string& path, int channels) {
     int width = 0, height = 0, found = 0;
     const int known = stbi_info_from_memory(data, size, &width, &height, &found);
     checked_size(path, known, width, height, found);
+    check_png_chunks(path, bytes);
     if (channels == 0) channels = found == 2 ? 4 : found;
 
     ImageU8 image;

@@ -1,4 +1,4 @@
-// Numeric arrays of MATLAB files (v5 to v7), through libmatio.
+// Numeric arrays of MATLAB files (v5 to v7).
 #pragma once
 
 #include <cstdint>

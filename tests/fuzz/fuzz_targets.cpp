@@ -62,10 +62,8 @@ void read_layout_of(SceneFormat format, const std::string& folder) {
     read_layout(options);
 }
 
-void read_mvsnet_cameras(const std::string& folder, const std::string& file) {
-    fs::create_directories(folder + "/cams");
+void read_mvsnet_cameras(const std::string& folder, const std::string&) {
     fs::create_directories(folder + "/images");
-    fs::copy_file(file, folder + "/cams/00000000_cam.txt", fs::copy_options::overwrite_existing);
     if (!fs::exists(folder + "/images/00000000.png"))
         write_png(folder + "/images/00000000.png", ImageU8(8, 6, 3));
     read_layout_of(SceneFormat::mvsnet, folder);
@@ -160,7 +158,7 @@ const std::vector<Target>& targets() {
         {"nerfstudio", "transforms.json",
          [](S folder, S) { read_layout_of(SceneFormat::nerfstudio, folder); }, nullptr},
         {"blender", "transforms_train.json", read_blender, nullptr},
-        {"mvsnet", "cam.txt", read_mvsnet_cameras, nullptr},
+        {"mvsnet", "cams/00000000_cam.txt", read_mvsnet_cameras, nullptr},
         {"view_list", "list.txt", read_view_list, nullptr},
         {"lists", "splits.json", [](S, S file) { read_json_lists(file); }, nullptr},
         {"json", "report.json", [](S, S file) { parse_json_value(read_bytes(file), file); },
@@ -195,7 +193,7 @@ void run(const Target& target, std::string_view bytes) {
         }
     } cleaner;
     const std::string folder = str(base, "/", target.name), file = str(folder, "/", target.file);
-    fs::create_directories(folder);
+    fs::create_directories(fs::path(file).parent_path());
     for (const bool mended : {false, true}) {
         if (mended && target.mend == nullptr) break;
         write(file, mended ? target.mend(std::string(bytes)) : std::string(bytes));

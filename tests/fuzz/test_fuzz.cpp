@@ -95,8 +95,8 @@ TEST_P(Readers, ReadTheirGoodSeeds) {
                                                     "tests/fuzz/corpus" / GetParam().name)) {
         if (!entry.path().filename().string().starts_with("good_")) continue;
         const fs::path folder = fs::path(testing::TempDir()) / "tvsgs_good_seed" / GetParam().name;
-        fs::create_directories(folder);
         const fs::path file = folder / GetParam().file;
+        fs::create_directories(file.parent_path());
         fs::copy_file(entry.path(), file, fs::copy_options::overwrite_existing);
         EXPECT_NO_THROW(GetParam().read(folder.string(), file.string())) << entry.path();
         fs::remove_all(folder);

@@ -145,6 +145,16 @@ TEST_F(OddImages, ExifOrientationIsLeftAlone) {
     }
 }
 
+/// A decoder would take a gigabyte for 80 bytes.
+TEST_F(OddImages, ChunksThatClaimMoreThanTheFile) {
+    const std::string rows(4, '\0');
+    EXPECT_EQ(pixels("whole.png", png(1, 1, 8, 2, rows, png_chunk("tEXt", "a"))), Bytes(3, 0));
+    for (const std::string kind : {"IDAT", "tEXt"})
+        expect_error(ExitCode::input, "claims 1073741823 bytes of", [&] {
+            pixels("claims.png", png(1, 1, 8, 2, rows, big_endian(0x3fffffff) + kind));
+        });
+}
+
 TEST_F(OddImages, CutOffAnywhereIsAnErrorOrAnImage) {
     ImageU8 image(24, 16, 3);
     for (std::size_t i = 0; i < image.pixels.size(); ++i)
