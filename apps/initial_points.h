@@ -31,6 +31,15 @@ inline void prepare_points(const DeviceChoice& device, const RunOptions& options
     }
 }
 
+/// The near plane's default suits scenes some units deep; in smaller ones it would hide them.
+inline void fit_near_plane(const Scene& scene, BackboneOptions& core) {
+    const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
+    if (core.near != usual || unit >= 1) return;
+    core.near = usual * unit;
+    spdlog::info("the scene is {:.3g} world units deep: core.near is {:.3g} instead of {:.3g}",
+                 unit, core.near, usual);
+}
+
 inline void read_fixed_voters(const RunOptions& options, Scene& scene) {
     if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
         scene.fixed_voters = read_ply(options.train.tv.fixed_voters, scene.origin).points;

@@ -4,6 +4,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <charconv>
 #include <cstring>
@@ -40,14 +41,24 @@ void require_free_run_folder(const std::string& path, bool overwrite, const std:
 
 namespace {
 
-/// What a process that was killed has left half written.
+constexpr std::string_view kEntries[] = {
+    "config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
+    "checkpoints", "mesh",      "eval",        "test",      "report.json",  "report.html"};
+
+/// What a process that was killed has left half written; what is not ours stays.
 void remove_leftovers(const fs::path& folder) {
     std::error_code code;
     std::vector<fs::path> found;
     for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
-         it.increment(code))
-        if (it->path().filename().string().find(".tmp-") != std::string::npos)
+         it.increment(code)) {
+        const std::string name = it->path().filename().string();
+        const std::size_t mark = name.find(".tmp-");
+        const std::string_view entry = std::string_view(name).substr(0, mark);
+        if (it.depth() == 0 && std::ranges::find(kEntries, entry) == std::end(kEntries))
+            it.disable_recursion_pending();
+        else if (mark != std::string::npos)
             found.push_back(it->path());
+    }
     for (const fs::path& file : found) fs::remove(file, code);
 }
 
@@ -83,14 +94,11 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
                                          "it, or name another folder with --out"));
     }
     const bool go_on = done >= 0;
+    if (!code) remove_leftovers(folder);
     if (!code && go_on) {
-        remove_leftovers(folder);
         write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
     } else if (!code && fs::exists(folder / "config.json", code)) {
-        for (const char* name :
-             {"config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
-              "checkpoints", "mesh", "eval", "test", "report.json", "report.html"})
-            fs::remove_all(folder / name, code);
+        for (const std::string_view name : kEntries) fs::remove_all(folder / name, code);
     }
     if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
     if (log_ == nullptr)

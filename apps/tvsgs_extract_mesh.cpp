@@ -47,15 +47,28 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",
-              "voxels along depth-max [1024, fewer for small images]", group);
+              "voxels along depth-max, or across the ball if unbounded [1024, fewer for small "
+              "images]",
+              group);
     flags.add("--truncation", "mesh.truncation", "world units [5 voxels]", group);
     flags.add("--depth-max", "mesh.depth_max",
-              "depths from there on are dropped [twice the distance of the cameras' focus]", group);
+              "depths from there on are dropped [twice the distance of the cameras' focus; none if "
+              "unbounded]",
+              group);
     flags.add("--bbox", "mesh.box", "x0,y0,z0,x1,y1,z1: surface outside is dropped", group);
     flags.add("--alpha-min", "mesh.alpha_min", "least coverage of a pixel [0.5]; 0: any", group);
     flags.add("--max-angle", "mesh.max_angle",
               "degrees between ray and normal; surface seen at a larger one is dropped [90: none]",
               group);
+    flags.add_switch("--unbounded", "mesh.unbounded",
+                     "mesh the background as well, in voxels that grow outside of a ball about "
+                     "the cameras' focus; --depth-max and --bbox still drop what is beyond them",
+                     group);
+    flags.add("--weight", "mesh.weight",
+              "unit, inv-depth2 or cos: of a pixel in the means of the voxels [unit]", group);
+    flags.add_switch("--carve", "mesh.carve",
+                     "views also clear the space before their surfaces where others have put some",
+                     group);
     flags.add("--min-weight", "mesh.min_weight", "views that must have seen a voxel [1]", group);
     flags.add("--clusters", "mesh.clusters", "largest components to keep [50]; 0: all", group);
     flags.add("--memory", "mesh.memory",
@@ -69,6 +82,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         ->group(group);
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
+    flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
 
     std::error_code failure;
     if (!fs::exists(arguments.model, failure))
@@ -128,8 +142,10 @@ int command(int argc, char** argv) {
                  mesh.faces.size());
     if (!arguments.no_preview && !mesh.faces.empty()) {
         const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
-        write_png(picture, preview_mesh(mesh, preview_camera(mesh, detail::cameras_of(scene.train),
-                                                             960, 720)));
+        const TriangleMesh none;  // with its background a scene is best seen from within
+        write_png(picture,
+                  preview_mesh(mesh, preview_camera(options.mesh.unbounded ? none : mesh,
+                                                    detail::cameras_of(scene.train), 960, 720)));
         spdlog::info("{}: picture of the mesh", picture);
     }
     return 0;

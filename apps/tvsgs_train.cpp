@@ -309,7 +309,7 @@ int command(int argc, char** argv) {
     if (point)
         adopt_scene(*point, scene);
     else
-        prepare_points(device, options, scene);
+        prepare_points(device, options, scene), fit_near_plane(scene, options.train.core);
     read_fixed_voters(options, scene);
     if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
         make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run

@@ -52,14 +52,21 @@ float median_depth(const Scene& scene) {
     return *middle;
 }
 
+float guard_unit(const Scene& scene) {
+    const float depth = median_depth(scene);
+    return depth > 0 ? std::min(depth, 1.0f) : 1;
+}
+
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree) {
     std::vector<Vec3f> positions, colors, normals;
     const bool use_normals = options.use_normals && !scene.points.normals.empty();
+    const float unit = guard_unit(scene), at_camera_distance = 1e-2f * unit;
     for (std::size_t i = 0; i < scene.points.positions.size(); ++i) {
         const Vec3f p = scene.points.positions[i];
-        const bool at_camera = std::any_of(
-            scene.train.begin(), scene.train.end(),
-            [&](const View& view) { return norm(p - camera_centre(view.camera)) < 1e-2f; });
+        const bool at_camera =
+            std::any_of(scene.train.begin(), scene.train.end(), [&](const View& view) {
+                return norm(p - camera_centre(view.camera)) < at_camera_distance;
+            });
         if (at_camera) continue;
         positions.push_back(p);
         colors.push_back(scene.points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f}
@@ -67,8 +74,8 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         if (use_normals) normals.push_back(scene.points.normals[i]);
     }
     if (const std::size_t dropped = scene.points.positions.size() - positions.size(); dropped > 0)
-        spdlog::warn("{} initial points lie within 0.01 world units of a camera and are left out",
-                     dropped);
+        spdlog::warn("{} initial points lie within {:g} world units of a camera and are left out",
+                     dropped, at_camera_distance);
     if (positions.empty())
         throw Error(ExitCode::input, str("E_NO_POINTS: ", scene.path,
                                          ": no initial points are left; expected at least one; "
@@ -81,7 +88,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     const float logit = std::log(options.opacity / (1 - options.opacity));
     for (std::size_t i = 0; i < positions.size(); ++i) {
         g.means[i] = positions[i];
-        const float log_scale = 0.5f * std::log(std::max(squared[i], 1e-7f));
+        const float log_scale = 0.5f * std::log(std::max(squared[i], 1e-7f * unit * unit));
         g.log_scales[i] = {log_scale, log_scale, log_scale};
         g.quats[i] = {1, 0, 0, 0};
         if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros

@@ -42,15 +42,19 @@ struct InitOptions {
 };
 
 /// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
-/// three nearest other points, at least 1e-3.5 world units; identity rotations; base colour from
+/// three nearest other points, at least 1e-3.5 guard units; identity rotations; base colour from
 /// the point. With normals (and use_normals) the third axis is the normal and `thickness` as long.
-/// Points within 1e-2 of a training camera, where directions and projections lose their
-/// meaning, are dropped. Throws Error(ExitCode::input) when none is left.
+/// Points within 1e-2 guard units of a training camera, where directions and projections lose
+/// their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
 /// Median distance along the optical axis from a training camera to the initial points in front of
 /// it; 0 without any.
 float median_depth(const Scene& scene);
+
+/// World units that limits meant for scenes some units deep are multiplied by: the median depth of
+/// a scene that is less than one unit deep, as one in kilometres may be, else 1.
+float guard_unit(const Scene& scene);
 
 /// Mean squared distance to the `k` (at most 30) nearest other points, exact; duplicates count as
 /// 0.

@@ -214,6 +214,13 @@ TEST_F(ResumeCommand, KilledTenTimes) {
     const Result r = train(arguments);
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(splats("killed") == splats("whole"));
+    // Also of a process that was killed before its first checkpoint; what is not ours stays.
+    fs::remove_all(folder_ / "killed/checkpoints");
+    for (const char* name : {"config.json.tmp-1-0", "point_cloud/a.tmp-1-1"})
+        std::ofstream(folder_ / "killed" / name) << "half";
+    std::ofstream(folder_ / "killed/notes.tmp-1") << "of the user";
+    ASSERT_EQ(train(arguments).code, 0);
+    EXPECT_TRUE(fs::remove(folder_ / "killed/notes.tmp-1"));
     for (const auto& file : fs::recursive_directory_iterator(folder_ / "killed"))
         EXPECT_EQ(file.path().string().find(".tmp-"), std::string::npos) << file.path();
 }

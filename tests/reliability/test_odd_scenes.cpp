@@ -17,9 +17,36 @@ protected:
             text += std::to_string(i + 1) + " " + positions[i] + " 90 80 70 0.5 1 0 2 0 3 0\n";
         write(scene + "/sparse/0/points3D.txt", text);
     }
+    /// The same scene in another unit of length.
+    static void scale_model(const std::string& scene, double factor) {
+        const auto rewrite = [&](const char* name, int first, int every) {
+            std::istringstream in(read(model_file(scene, name)));
+            std::string text;
+            int record = 0;
+            for (std::string line; std::getline(in, line);) {
+                if (line.starts_with('#') || record++ % every != 0) {
+                    text += line + "\n";
+                    continue;
+                }
+                std::istringstream words(line);
+                std::string word;
+                for (int i = 0; words >> word; ++i)
+                    text += (i >= first && i < first + 3
+                                 ? nlohmann::json(factor * std::stod(word)).dump()
+                                 : word) +
+                            " ";
+                text += "\n";
+            }
+            write(model_file(scene, name), text);
+        };
+        rewrite("images", 5, 2);
+        rewrite("points3D", 1, 1);
+    }
     static std::string model_file(const std::string& scene, const char* name) {
         return scene + "/sparse/0/" + name + ".txt";
     }
+    static constexpr const char* kSparseConfig =
+        " --config " TVSGS_SOURCE_DIR "/configs/pgsr_sparse.json ";
     static constexpr const char* kSparse =
         " --config " TVSGS_SOURCE_DIR "/configs/pgsr_sparse.json --views 0,1,2 ";
 };
@@ -32,6 +59,34 @@ TEST_F(OddScenes, FilesThatNoViewNamesAreLeftAlone) {
     write("extra/images/.hidden.png", "not an image either");
     expect_trained("--scene extra --views 0,1,2", "with_extra");
     EXPECT_TRUE(splats("with_extra") == splats("plain"));
+}
+
+TEST_F(OddScenes, AnyUnitOfLength) {
+    const auto trained = [](const std::string& scene, const std::string& run) {
+        const Result r = expect_trained("--eval --scene " + scene + kSparseConfig, run);
+        return std::pair{last_line(run).at("psnr").get<double>(), r};
+    };
+    const double usual = trained("scene", "metres").first;
+    const auto near = [](const std::string& run) {
+        return json::parse(read(run + "/config.json")).at("core").at("near").get<double>();
+    };
+    EXPECT_FLOAT_EQ(static_cast<float>(near("metres")), 0.2f);
+    for (const double factor : {1e-3, 1e3}) {
+        const std::string name = factor < 1 ? "kilometres" : "millimetres";
+        copy_scene(name);
+        scale_model(name, factor);
+        const auto [psnr, said] = trained(name, "of_" + name);
+        // The same numbers but for their roundings.
+        EXPECT_NEAR(psnr, usual, 0.1) << name;
+        EXPECT_EQ(said.says("core.near is"), factor < 1) << said;
+    }
+    EXPECT_LT(near("of_kilometres"), 0.002);
+    EXPECT_GT(near("of_kilometres"), 1e-5);
+    // A limit that is given is kept, and hides the scene.
+    const Result r = train("--eval --scene kilometres --out hidden --set core.near=0.1");
+    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_FALSE(r.says("core.near is")) << r;
+    EXPECT_LT(last_line("hidden").at("psnr").get<double>(), usual);
 }
 
 TEST_F(OddScenes, MarksAndCarriageReturnsOfEditors) {
