@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <limits>
 
 #include "common.h"
 #include "core/error.h"
@@ -47,7 +48,12 @@ int automatic_resolution(const std::vector<View>& views) {
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     DepthRules rules;
     rules.depth_max = options.depth_max, rules.alpha_min = options.alpha_min;
-    rules.depth_step = options.depth_step;
+    rules.depth_step = options.depth_step, rules.weighting = options.weight;
+    if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
+        throw Error(ExitCode::usage,
+                    str("mesh.min_weight=", options.min_weight,
+                        " counts views, which --weight does not: give --weight unit, or "
+                        "--min-weight 1"));
     if (options.max_angle < 90)
         rules.min_cosine = std::cos(options.max_angle * static_cast<float>(M_PI / 180));
     if (!options.box.empty()) parse_box(options.box, origin, rules);
@@ -70,26 +76,28 @@ std::vector<Camera> cameras_of(const std::vector<View>& views) {
     return cameras;
 }
 
-float depth_max_of(const Focus& focus, spdlog::level::level_enum level) {
-    if (!(focus.radius > 0))
-        throw Error(ExitCode::input,
-                    "no depth limit can be found: a camera lies in the point that all look at; "
-                    "give --depth-max");
-    spdlog::log(level, "cameras look at ({:.4g}, {:.4g}, {:.4g}), the nearest from {:.4g}",
-                focus.point.x, focus.point.y, focus.point.z, focus.radius);
-    return static_cast<float>(2 * focus.radius);
-}
-
 TsdfOptions volume_options(const MeshOptions& options,
                            const std::vector<View>& views,
-                           float depth_max,
+                           const Focus& focus,
                            std::int64_t free_bytes,
-                           spdlog::level::level_enum level) {
+                           spdlog::level::level_enum level,
+                           DepthRules& rules) {
+    const float radius =
+        options.unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
+    if ((options.unbounded || rules.depth_max == 0) && !(radius > 0))
+        throw Error(ExitCode::input,
+                    str("the size of the scene cannot be found: a camera lies in the point that "
+                        "all look at; give ",
+                        options.unbounded ? "--set mesh.radius=R" : "--depth-max"));
+    if (rules.depth_max == 0)
+        rules.depth_max = options.unbounded ? std::numeric_limits<float>::max() : 2 * radius;
     TsdfOptions volume;
+    volume.carve = options.carve;
+    const float extent = options.unbounded ? 2 * radius : rules.depth_max;
     const int resolution =
         options.resolution > 0 ? options.resolution : automatic_resolution(views);
     volume.voxel_size =
-        options.voxel_size > 0 ? options.voxel_size : depth_max / static_cast<float>(resolution);
+        options.voxel_size > 0 ? options.voxel_size : extent / static_cast<float>(resolution);
     volume.truncation =
         options.truncation > 0 ? options.truncation : kTruncationVoxels * volume.voxel_size;
     volume.max_bytes =
@@ -97,13 +105,28 @@ TsdfOptions volume_options(const MeshOptions& options,
             ? parse_bytes("--memory", options.memory)
             : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
     spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {:.4g}",
-                volume.voxel_size, volume.truncation, depth_max);
+                volume.voxel_size, volume.truncation, rules.depth_max);
+    if (options.unbounded) {
+        volume.contraction = {vec_cast<float>(focus.point), radius};
+        rules.centre = volume.contraction.centre;
+        rules.reach = volume.contraction.reach(volume.truncation);
+        spdlog::log(level,
+                    "unbounded: voxels grow from {:.4g} around what the cameras look at, and end "
+                    "{:.4g} away",
+                    radius, rules.reach);
+    }
     return volume;
 }
 
 /// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
 /// pixels do not touch, the surface falls apart into specks.
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
+    if (volume.contraction.is_on())  // which brings far pixels closer together
+        for (int i = 0; i < static_cast<int>(depths.size()); ++i) {
+            float& d = depths[static_cast<std::size_t>(i)];
+            d /= volume.contraction.growth(
+                unproject(camera, i % camera.width_px, i / camera.width_px, d));
+        }
     const double pixel =
         median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
     if (2 * static_cast<double>(volume.truncation) >= pixel) return;
@@ -129,6 +152,7 @@ void report_fusion(const DepthCounts& counts,
     line("outside of the mask", counts.masked);
     line("seen at too flat an angle", counts.grazing);
     line("outside of --bbox", counts.outside);
+    line(str("at or beyond ", rules.reach, " from the middle").c_str(), counts.out_of_reach);
     spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
                 static_cast<double>(fusion.bytes) / (1 << 20));
     if (fusion.parts > 1)
@@ -144,7 +168,7 @@ void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double me
         "the last view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks and "
         "--bbox",
         counts.not_finite + counts.too_far + counts.transparent + counts.masked + counts.grazing +
-            counts.outside,
+            counts.outside + counts.out_of_reach,
         rules.depth_max, median_depth);
 }
 

@@ -20,19 +20,26 @@ namespace tvsgs {
 /// In the configuration, so that overlays can hold what the published codes use per benchmark.
 struct MeshOptions {
     float voxel_size = 0, truncation = 0, depth_max = 0, alpha_min = 0.5f, max_angle = 90,
-          depth_step = 0;
+          depth_step = 0, radius = 0;
     int resolution = 0, min_weight = 1, clusters = 50;
-    bool masks = true;
+    bool masks = true, unbounded = false, carve = false;
+    DepthWeighting weight = DepthWeighting::unit;
     std::string box, memory;
 
     template <class Visitor>
     void fields(Visitor& field) {
         field("voxel_size", voxel_size, {0, 1e9}, "world units; 0: depth_max / resolution");
         field("resolution", resolution, {0, 65536},
-              "voxels along depth_max; 0: 1024, fewer for small images");
+              "voxels along depth_max, or across the ball if unbounded; 0: 1024, fewer for small "
+              "images");
         field("truncation", truncation, {0, 1e9}, "world units; 0: 5 voxels");
         field("depth_max", depth_max, {0, 1e9},
-              "depths from there on are dropped; 0: twice the distance of the cameras' focus");
+              "depths from there on are dropped; 0: twice the distance of the cameras' focus, or "
+              "none if unbounded");
+        field("unbounded", unbounded,
+              "mesh the background as well, in voxels that grow outside of a ball about the "
+              "cameras' focus");
+        field("radius", radius, {0, 1e9}, "of that ball; 0: the distance of the nearest camera");
         field("depth_step", depth_step, {0, 1e9},
               "depths are rounded down to multiples of it, as PGSR's 0.001; 0: not");
         field("box", box, "x0,y0,z0,x1,y1,z1: surface outside is dropped; empty: none");
@@ -40,7 +47,12 @@ struct MeshOptions {
         field("max_angle", max_angle, {1, 90},
               "degrees between ray and normal, surface seen at a larger one is dropped; 90: none");
         field("masks", masks, "drop what lies outside of the masks");
-        field("min_weight", min_weight, {1, 65535}, "views that must have seen a voxel");
+        field.choice("weight", weight, {"unit", "inv-depth2", "cos"},
+                     "of a pixel in the means: 1, 1 / depth^2, or cosine between ray and normal");
+        field("carve", carve,
+              "views also clear the space before their surfaces where others have put some");
+        field("min_weight", min_weight, {1, 65535},
+              "views that must have seen a voxel; needs weight unit if above 1");
         field("clusters", clusters, {0, 1e9}, "largest components to keep; 0: all");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
@@ -54,12 +66,13 @@ namespace detail {
 
 double median_depth(std::vector<float> depths);  // of those that are there; 0 without any
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-float depth_max_of(const Focus& focus, spdlog::level::level_enum level);
+/// Completes `rules`. `focus` counts if unbounded, or where there is no depth_max.
 TsdfOptions volume_options(const MeshOptions& options,
                            const std::vector<View>& views,
-                           float depth_max,
+                           const Focus& focus,
                            std::int64_t free_bytes,
-                           spdlog::level::level_enum level);
+                           spdlog::level::level_enum level,
+                           DepthRules& rules);
 void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume);
 void report_fusion(const DepthCounts& counts,
                    const DepthRules& rules,
@@ -68,12 +81,12 @@ void report_fusion(const DepthCounts& counts,
 void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double median_depth);
 void clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level);
 
-/// Depths beyond twice the distance from the nearest camera to what all look at are background.
+/// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
-float automatic_depth_max(const std::vector<View>& views,
-                          const Gaussians<Device>& gaussians,
-                          Backbone<Device>& backbone,
-                          spdlog::level::level_enum level) {
+Focus focus_of_scene(const std::vector<View>& views,
+                     const Gaussians<Device>& gaussians,
+                     Backbone<Device>& backbone,
+                     spdlog::level::level_enum level) {
     const std::vector<Camera> cameras = cameras_of(views);
     std::optional<Focus> focus = find_focus(cameras);
     if (!focus) {
@@ -81,11 +94,13 @@ float automatic_depth_max(const std::vector<View>& views,
                                                 Channels::color_plane);
         focus = focus_at_depth(cameras, median_depth(to_host(rendered.depth)));
         spdlog::warn(
-            "the optical axes are parallel: depths are limited by the median depth of {}; see "
-            "--depth-max",
+            "the optical axes are parallel: what they look at is taken to be at the median depth "
+            "of {}; see --depth-max",
             views.front().name);
     }
-    return depth_max_of(*focus, level);
+    spdlog::log(level, "cameras look at ({:.4g}, {:.4g}, {:.4g}), the nearest from {:.4g}",
+                focus->point.x, focus->point.y, focus->point.z, focus->radius);
+    return *focus;
 }
 
 }  // namespace detail
@@ -103,14 +118,15 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           Vec3d origin = {}) {
     const auto backbone = make_backbone<Device>(train.backbone, train.core);
     DepthRules rules = depth_rules(options, origin);
-    if (rules.depth_max == 0)
-        rules.depth_max = detail::automatic_depth_max(views, gaussians, *backbone, level);
+    Focus focus{};
+    if (options.depth_max == 0 || options.unbounded)
+        focus = detail::focus_of_scene(views, gaussians, *backbone, level);
     const TsdfOptions volume =
-        detail::volume_options(options, views, rules.depth_max, free_bytes(Device{}), level);
+        detail::volume_options(options, views, focus, free_bytes(Device{}), level, rules);
 
     std::vector<DepthCounts> counts(views.size());  // views may be asked for twice
-    Buffer<float, Device> depth;
-    Buffer<std::uint8_t, Device> mask, fates;
+    CleanDepth<Device> clean;
+    Buffer<std::uint8_t, Device> mask;
     double median = 0;
     bool checked = false;
     const auto source = [&](int i) -> DepthView<Device> {
@@ -120,18 +136,20 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
             backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
         const Camera& camera = rendered.camera;  // that of the depths
         copy(options.masks ? view.mask.pixels : std::vector<std::uint8_t>(), mask);
-        count = clean_depth(rendered, camera, std::as_const(mask).span(), rules, depth, fates);
+        count = clean_depth(rendered, camera, std::as_const(mask).span(), rules, clean);
         if (!checked && count.kept > 0) {
-            detail::check_truncation(camera, to_host(depth), volume);
+            detail::check_truncation(camera, to_host(clean.depth), volume);
             checked = true;
         }
         if (count.kept == 0) median = detail::median_depth(to_host(rendered.depth));
-        return {camera, std::as_const(depth).span(), rendered.color.span()};
+        return {camera, std::as_const(clean.depth).span(), rendered.color.span(),
+                std::as_const(clean.weight).span()};
     };
     FusionReport fusion;
-    TriangleMesh mesh =
-        fuse_views<Device>(static_cast<int>(views.size()), source, volume,
-                           static_cast<float>(options.min_weight), spill_folder, fusion);
+    const bool counted = options.weight == DepthWeighting::unit;
+    TriangleMesh mesh = fuse_views<Device>(static_cast<int>(views.size()), source, volume,
+                                           counted ? static_cast<float>(options.min_weight) : 0,
+                                           spill_folder, fusion);
     DepthCounts total;
     for (const DepthCounts& count : counts) total += count;
     detail::report_fusion(total, rules, fusion, level);

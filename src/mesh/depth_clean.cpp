@@ -6,9 +6,8 @@ DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
                         const Camera& camera,
                         Span<const std::uint8_t> mask,
                         const DepthRules& rules,
-                        Buffer<float, Cpu>& depth,
-                        Buffer<std::uint8_t, Cpu>& fates) {
-    return clean_depth_on(rendered, camera, mask, rules, depth, fates);
+                        CleanDepth<Cpu>& clean) {
+    return clean_depth_on(rendered, camera, mask, rules, clean);
 }
 
 DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
@@ -38,6 +37,9 @@ DepthCounts count_fates(const std::vector<std::uint8_t>& fates) {
             case DepthFate::outside:
                 ++counts.outside;
                 break;
+            case DepthFate::out_of_reach:
+                ++counts.out_of_reach;
+                break;
         }
     return counts;
 }
@@ -46,7 +48,7 @@ DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b) {
     a.kept += b.kept, a.not_finite += b.not_finite, a.no_surface += b.no_surface,
         a.too_far += b.too_far;
     a.transparent += b.transparent, a.masked += b.masked, a.grazing += b.grazing,
-        a.outside += b.outside;
+        a.outside += b.outside, a.out_of_reach += b.out_of_reach;
     return a;
 }
 

@@ -6,9 +6,8 @@ DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
                         const Camera& camera,
                         Span<const std::uint8_t> mask,
                         const DepthRules& rules,
-                        Buffer<float, Cuda>& depth,
-                        Buffer<std::uint8_t, Cuda>& fates) {
-    return clean_depth_on(rendered, camera, mask, rules, depth, fates);
+                        CleanDepth<Cuda>& clean) {
+    return clean_depth_on(rendered, camera, mask, rules, clean);
 }
 
 }  // namespace tvsgs

@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/buffer.h"
+#include "mesh/tsdf_math.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
@@ -15,29 +16,38 @@ struct DepthRules {
     float min_cosine = 0;  // least one between the ray and the blended normal; 0: any
     bool has_box = false;
     Vec3f box_min, box_max;  // surface points outside are dropped
+    float reach = 0;         // of a contracted volume, from its centre; 0: any
+    Vec3f centre;
+    DepthWeighting weighting = DepthWeighting::unit;
 };
 
 /// What became of the pixels; each is counted once, under the first rule that drops it.
 struct DepthCounts {
     std::int64_t kept = 0, not_finite = 0, no_surface = 0, too_far = 0, transparent = 0, masked = 0,
-                 grazing = 0, outside = 0;
+                 grazing = 0, outside = 0, out_of_reach = 0;
 };
 DepthCounts& operator+=(DepthCounts& a, const DepthCounts& b);
 
-/// Renders' depth with 0 for what the rules drop; [H W], resized and overwritten. `mask` ([H W],
-/// 255 = object) may be empty. `fates` is scratch.
+/// A view's depth as it is fused.
+template <class Device>
+struct CleanDepth {
+    Buffer<float, Device> depth;         // [H W] 0: dropped
+    Buffer<float, Device> weight;        // [H W]; empty: 1
+    Buffer<std::uint8_t, Device> fates;  // [H W]
+};
+
+/// Renders' depth without what the rules drop; `clean` is resized and overwritten. `mask` ([H W],
+/// 255 = object) may be empty.
 DepthCounts clean_depth(const RenderedImages<Cpu>& rendered,
                         const Camera& camera,
                         Span<const std::uint8_t> mask,
                         const DepthRules& rules,
-                        Buffer<float, Cpu>& depth,
-                        Buffer<std::uint8_t, Cpu>& fates);
+                        CleanDepth<Cpu>& clean);
 DepthCounts clean_depth(const RenderedImages<Cuda>& rendered,
                         const Camera& camera,
                         Span<const std::uint8_t> mask,
                         const DepthRules& rules,
-                        Buffer<float, Cuda>& depth,
-                        Buffer<std::uint8_t, Cuda>& fates);
+                        CleanDepth<Cuda>& clean);
 
 /// The counts of the fates that clean_depth wrote.
 DepthCounts count_fates(const std::vector<std::uint8_t>& fates);

@@ -3,7 +3,6 @@
 
 #include "core/parallel.h"
 #include "mesh/depth_clean.h"
-#include "mesh/tsdf_math.h"
 
 namespace tvsgs {
 
@@ -15,7 +14,8 @@ enum class DepthFate : std::uint8_t {
     transparent,
     masked,
     grazing,
-    outside
+    outside,
+    out_of_reach
 };
 
 struct CleanDepthBody {
@@ -24,7 +24,7 @@ struct CleanDepthBody {
     Span<const float> rendered_depth, transmittance;
     Span<const Vec3f> normals;
     Span<const std::uint8_t> mask;
-    Span<float> depth;
+    Span<float> depth, weight;  // weight may be empty
     Span<std::uint8_t> fates;
 
     TVSGS_HD DepthFate fate(int i) const {
@@ -41,12 +41,14 @@ struct CleanDepthBody {
             if (!(-dot(ray, n) >= rules.min_cosine * norm(ray) * norm(n)) || !(norm(n) > 0))
                 return DepthFate::grazing;
         }
+        const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
         if (rules.has_box) {
-            const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
             for (int axis = 0; axis < 3; ++axis)
                 if (!(p[axis] >= rules.box_min[axis] && p[axis] <= rules.box_max[axis]))
                     return DepthFate::outside;
         }
+        if (rules.reach > 0 && !(norm(p - rules.centre) < rules.reach))
+            return DepthFate::out_of_reach;
         return DepthFate::kept;
     }
     TVSGS_HD void operator()(int i) const {
@@ -55,6 +57,10 @@ struct CleanDepthBody {
         float kept = result == DepthFate::kept ? rendered_depth[i] : 0;
         if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
         depth[i] = kept;
+        if (!weight.empty())
+            weight[i] = depth_weight(rules.weighting, kept,
+                                     pixel_ray(camera, i % camera.width_px, i / camera.width_px),
+                                     normals[i]);
     }
 };
 
@@ -63,14 +69,15 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
                            const Camera& camera,
                            Span<const std::uint8_t> mask,
                            const DepthRules& rules,
-                           Buffer<float, Device>& depth,
-                           Buffer<std::uint8_t, Device>& fates) {
-    depth.resize(rendered.depth.size());
-    fates.resize(rendered.depth.size());
-    parallel_for(Device{}, static_cast<int>(depth.size()),
+                           CleanDepth<Device>& clean) {
+    const std::size_t pixels = rendered.depth.size();
+    clean.depth.resize(pixels), clean.fates.resize(pixels);
+    clean.weight.resize(rules.weighting == DepthWeighting::unit ? 0 : pixels);
+    parallel_for(Device{}, static_cast<int>(pixels),
                  CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
-                                rendered.normal.span(), mask, depth.span(), fates.span()});
-    return count_fates(to_host(fates));
+                                rendered.normal.span(), mask, clean.depth.span(),
+                                clean.weight.span(), clean.fates.span()});
+    return count_fates(to_host(clean.fates));
 }
 
 }  // namespace tvsgs

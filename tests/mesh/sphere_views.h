@@ -37,8 +37,8 @@ inline Camera look_at_origin(Vec3d centre, int size_px) {
 }
 
 /// Unit sphere at the origin, camera `i` of `count` on a Fibonacci sphere of radius 3; colours by
-/// position.
-inline DepthMap sphere_view(int i, int count, int size_px) {
+/// position. Behind it nothing, or a white dome about the origin.
+inline DepthMap sphere_view(int i, int count, int size_px, double dome_radius = 0) {
     const double theta = 3.14159265358979 * (1 + std::sqrt(5.0)) * (i + 0.5);
     const double cos_phi = 1 - 2 * (i + 0.5) / count, sin_phi = std::sqrt(1 - cos_phi * cos_phi);
     const Vec3d centre{3 * std::cos(theta) * sin_phi, 3 * std::sin(theta) * sin_phi, 3 * cos_phi};
@@ -51,12 +51,19 @@ inline DepthMap sphere_view(int i, int count, int size_px) {
         for (int x = 0; x < size_px; ++x) {
             // |centre + s * ray|^2 = 1, with s the z-depth.
             const Vec3d ray = world_from_camera.R * vec_cast<double>(pixel_ray(map.camera, x, y));
-            const double a = dot(ray, ray), b = dot(centre, ray), c = dot(centre, centre) - 1;
-            const double root = b * b - a * c;
-            const double s = root >= 0 ? (-b - std::sqrt(root)) / a : 0;
+            const double a = dot(ray, ray), b = dot(centre, ray);
+            const auto root = [&](double radius) {
+                return b * b - a * (dot(centre, centre) - radius * radius);
+            };
+            const bool hit = root(1) >= 0;
+            const double s = hit               ? (-b - std::sqrt(root(1))) / a
+                             : dome_radius > 0 ? (-b + std::sqrt(root(dome_radius))) / a
+                                               : 0;
             const Vec3d p = centre + s * ray;
             map.depth.push_back(static_cast<float>(s));
-            map.color.push_back(s > 0 ? vec_cast<float>(0.5 * (p + Vec3d{1, 1, 1})) : Vec3f{});
+            map.color.push_back(hit     ? vec_cast<float>(0.5 * (p + Vec3d{1, 1, 1}))
+                                : s > 0 ? Vec3f{1, 1, 1}
+                                        : Vec3f{});
         }
     return map;
 }

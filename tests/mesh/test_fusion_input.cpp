@@ -42,11 +42,10 @@ std::pair<std::vector<float>, DepthCounts> cleaned(const std::vector<std::uint8_
     Camera camera;
     camera.width_px = 10, camera.height_px = 1, camera.fx_px = camera.fy_px = 10;
     camera.cx_px = 5, camera.cy_px = 0.5f;
-    Buffer<float, Device> depth;
-    Buffer<std::uint8_t, Device> fates;
+    CleanDepth<Device> clean;
     const auto mask = to_device<Device>(mask_values);
-    const DepthCounts counts = clean_depth(rendered, camera, mask.span(), rules, depth, fates);
-    return {to_host(depth), counts};
+    const DepthCounts counts = clean_depth(rendered, camera, mask.span(), rules, clean);
+    return {to_host(clean.depth), counts};
 }
 
 /// A plane that falls away to the right: its normal, and no normal in the last pixel.
@@ -60,13 +59,13 @@ void check_angle_and_step() {
     DepthRules rules;
     rules.depth_max = 2, rules.depth_step = 0.001f;
     rules.min_cosine = 0.17f;  // 80 degrees
-    Buffer<float, Device> depth;
-    Buffer<std::uint8_t, Device> fates;
-    const DepthCounts counts = clean_depth(rendered, camera, {}, rules, depth, fates);
+    CleanDepth<Device> clean;
+    const DepthCounts counts = clean_depth(rendered, camera, {}, rules, clean);
     EXPECT_EQ(counts.grazing, 2);  // 84 degrees; unknown
     EXPECT_EQ(counts.kept, 1);
-    EXPECT_FLOAT_EQ(to_host(depth)[0], 1.234f);
-    EXPECT_EQ(to_host(depth)[1], 0);
+    EXPECT_FLOAT_EQ(to_host(clean.depth)[0], 1.234f);
+    EXPECT_EQ(to_host(clean.depth)[1], 0);
+    EXPECT_TRUE(clean.weight.empty());
 }
 
 template <class Device>

@@ -27,36 +27,70 @@ protected:
         fs::remove_all(folder_);
     }
 
-    /// The sphere from 6 sides, in voxels of 0.03: 9 blocks across.
+    /// How the sphere is fused: 9 blocks across, or 3 before a dome.
+    struct Case {
+        const char* name;
+        TsdfOptions options{0.03f, 0.09f, 0};
+        bool weighted = false;
+        double dome = 0;
+        std::vector<int> shares{2, 10};  // of the memory it needs
+    };
+    static std::vector<Case> cases() {
+        Case unbounded{"unbounded", {0.08f, 0.24f, 0}};
+        unbounded.options.contraction = {{0.1f, 0, -0.2f}, 1.5f};
+        unbounded.dome = 8;
+        unbounded.shares = {1, 3};
+        Case all = unbounded;
+        all.name = "unbounded, weighted, carved", all.weighted = true, all.options.carve = true;
+        return {{"as it is"}, unbounded, all};
+    }
+
+    /// The sphere from 6 sides.
     template <class Device>
-    TriangleMesh fuse(std::int64_t max_bytes, FusionReport& report, int fail_at = -1) const {
-        Buffer<float, Device> depth;
+    TriangleMesh fuse(const Case& how,
+                      std::int64_t max_bytes,
+                      FusionReport& report,
+                      int fail_at = -1) const {
+        Buffer<float, Device> depth, weight;
         Buffer<Vec3f, Device> color;
         const auto source = [&](int i) -> DepthView<Device> {
             if (i == fail_at) throw Error(ExitCode::input, "this view is bad");
-            const test::DepthMap map = test::sphere_view(i, 6, 96);
+            const test::DepthMap map = test::sphere_view(i, 6, 96, how.dome);
             copy(map.depth, depth), copy(map.color, color);
-            return {map.camera, std::as_const(depth).span(), std::as_const(color).span()};
+            std::vector<float> weights;
+            if (how.weighted)
+                for (const float d : map.depth)
+                    weights.push_back(depth_weight(DepthWeighting::inverse_depth2, d, {}, {}));
+            copy(weights, weight);
+            return {map.camera, std::as_const(depth).span(), std::as_const(color).span(),
+                    std::as_const(weight).span()};
         };
-        return fuse_views<Device>(6, source, {0.03f, 0.09f, max_bytes}, 1, folder_.string(),
+        TsdfOptions options = how.options;
+        options.max_bytes = max_bytes;
+        return fuse_views<Device>(6, source, options, how.weighted ? 0 : 1, folder_.string(),
                                   report);
     }
 
     template <class Device>
-    void expect_same_for_all_budgets() const {
+    void expect_same_for_all_budgets(const Case& how) const {
+        SCOPED_TRACE(how.name);
         FusionReport whole;
-        const TriangleMesh expected = fuse<Cpu>(0, whole);
+        const TriangleMesh expected = fuse<Cpu>(how, 0, whole);
         EXPECT_EQ(whole.parts, 1);
         EXPECT_EQ(whole.spilled_bytes, 0);
-        ASSERT_GT(expected.faces.size(), 10000u);
+        ASSERT_GT(expected.faces.size(), 4000u);
         const std::int64_t needed = whole.blocks * VoxelBlocks<Device>::kWorkingBytesPerBlock;
-        for (const std::int64_t budget : {needed / 2, needed / 10}) {
+        for (const int share : how.shares) {
+            // Chunks are allocated whole.
+            const std::int64_t budget = share == 1 ? 2 * needed : needed / share;
             FusionReport report;
-            const TriangleMesh mesh = fuse<Device>(budget, report);
-            EXPECT_GT(report.parts, needed / budget);
+            const TriangleMesh mesh = fuse<Device>(how, budget, report);
             EXPECT_EQ(report.blocks, whole.blocks);
-            // 16 bytes per pixel and the lists of blocks.
-            EXPECT_GT(report.spilled_bytes, 6 * 96 * 96 * 16);
+            if (budget < needed) {
+                EXPECT_GT(report.parts, needed / budget);
+                // 16 bytes per pixel and the lists of blocks.
+                EXPECT_GT(report.spilled_bytes, 6 * 96 * 96 * (how.weighted ? 20 : 16));
+            }
             expect_same(mesh.vertices, expected.vertices, budget);
             expect_same(mesh.colors, expected.colors, budget);
             expect_same(mesh.faces, expected.faces, budget);
@@ -71,13 +105,13 @@ protected:
 };
 
 TEST_F(FusionParts, SameMeshForAllBudgets) {
-    expect_same_for_all_budgets<Cpu>();
+    for (const Case& how : cases()) expect_same_for_all_budgets<Cpu>(how);
 }
 
 TEST_F(FusionParts, SameMeshForAllBudgetsOnTheGpu) {
     if constexpr (kHasCuda) {
         if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
-        expect_same_for_all_budgets<Cuda>();
+        for (const Case& how : cases()) expect_same_for_all_budgets<Cuda>(how);
     } else {
         GTEST_SKIP() << "build without CUDA";
     }
@@ -85,7 +119,7 @@ TEST_F(FusionParts, SameMeshForAllBudgetsOnTheGpu) {
 
 TEST_F(FusionParts, BuffersStayWithinTheBudget) {
     FusionReport whole, parts;
-    fuse<Cpu>(0, whole);
+    fuse<Cpu>({"as it is"}, 0, whole);
     const std::int64_t budget = whole.blocks * VoxelBlocks<Cpu>::kWorkingBytesPerBlock / 10;
     // A peak is for the whole process: what a tenth of the budget adds must fit below that of a
     // whole volume, so the buffers are counted while the parts are fused.
@@ -113,9 +147,10 @@ TEST_F(FusionParts, BuffersStayWithinTheBudget) {
 TEST_F(FusionParts, ErrorsLeaveNothing) {
     FusionReport report;
     const std::int64_t block = VoxelBlocks<Cpu>::kWorkingBytesPerBlock;
-    EXPECT_THROW(fuse<Cpu>(100 * block, report, 4), Error);
+    EXPECT_THROW(fuse<Cpu>({"as it is"}, 100 * block, report, 4), Error);
     try {
-        fuse<Cpu>(5 * block, report);  // a block of a surface has about twenty around it
+        fuse<Cpu>({"as it is"}, 5 * block,
+                  report);  // a block of a surface has about twenty around it
         ADD_FAILURE() << "no error";
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::memory);
