@@ -4,6 +4,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
@@ -41,7 +42,11 @@ protected:
                      "tv_position": {"weight": 0.05}},
             "tv": {"k": 20, "refresh_every": 25},
             "densify": {"from": 20, "every": 15, "trim_every": 50, "max_gaussians": 4500}})";
+        const auto start = std::chrono::steady_clock::now();
         const Result whole = train("--config config.json --out whole");
+        whole_us_ = std::chrono::duration_cast<std::chrono::microseconds>(
+                        std::chrono::steady_clock::now() - start)
+                        .count();
         ASSERT_EQ(whole.code, 0) << whole;
         ASSERT_GT(splats("whole").size(), 100000u);
     }
@@ -102,6 +107,7 @@ protected:
     }
 
     static inline fs::path folder_;
+    static inline std::int64_t whole_us_ = 0;  // what the uninterrupted run takes here
 };
 
 TEST_F(ResumeCommand, TwoHalvesAreTheWhole) {
@@ -202,7 +208,8 @@ TEST_F(ResumeCommand, KilledTenTimes) {
     int ended = 0;
     for (int i = 0; i < kills; ++i) {
         const pid_t child = start(arguments);
-        ::usleep(20000 + static_cast<unsigned>(random() % 400000));
+        // Anywhere from before its start to some checkpoints later.
+        ::usleep(static_cast<unsigned>(random() % static_cast<unsigned>(whole_us_ / 2)));
         ::kill(child, SIGKILL);
         ended += wait_for(child) == 0;
         if (ended > 0) {  // before it could be killed: from the start again
