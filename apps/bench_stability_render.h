@@ -198,8 +198,10 @@ struct EllipseBackward {
             pixel.dL_dpixel.color = {1, Real(0.25), Real(0.5)};
             SplatFeatures<Real> f{};
             f.color = {1, Real(0.5), Real(0.25)};
-            blend_vjp<Channels::color>(pixel, shape, f, d, splat_alpha(shape, d), g);
+            blend_vjp<Channels::color>(pixel, shape.root, f, whitened(shape.root, d),
+                                       splat_alpha(shape, d), g);
         }
+        complete(g, shape);
         const EllipseGradients<Real> to = image_ellipse_vjp(T, R, s, shape.root, g.spread);
         if constexpr (kPart == 0) {
             out[0] = to.dL_dlog_s.x, out[1] = to.dL_dlog_s.y, out[2] = to.dL_dlog_s.z;
@@ -313,7 +315,8 @@ struct PixelStack {
         SplatGradients<Real> g{};
         for (int i = end - 1; i >= 0; --i) {
             g = {};
-            blend_vjp<Channels::color_plane>(back, shape, feature<Real>(i), d, alpha, g);
+            blend_vjp<Channels::color_plane>(back, shape.root, feature<Real>(i),
+                                             whitened(shape.root, d), alpha, g);
         }
         out[5] = shape.opacity * g.opacity, out[6] = g.features.color.x;
     }

@@ -67,14 +67,19 @@ private:
 struct Measured {
     Timings timings;
     RenderCounts counts;
+    BlendWork work;
     std::int64_t bytes;
 };
 
 /// One view again and again: first as in training, with one wait at the end, then with a wait
 /// around every stage.
 template <class Device>
-Measured measure(
-    const StageCase& c, Channels channels, AdamForm form, int warm_up, int repetitions) {
+Measured measure(const StageCase& c,
+                 Channels channels,
+                 AdamForm form,
+                 bool atomic,
+                 int warm_up,
+                 int repetitions) {
     const Camera camera = stage_camera(c);
     const std::int64_t before = memory_use(Device{}).current_bytes;
     Gaussians<Device> splats, no_more;
@@ -94,6 +99,7 @@ Measured measure(
         copy(std::vector<float>(pixels, share), dL_dimages.distance);
     }
     const auto backbone = make_backbone<Device>("pgsr", {});
+    if (atomic) backbone->use_atomic_sums();
     // At rate 0 Adam works as ever, but the view stays the same.
     Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, form);
 
@@ -131,6 +137,7 @@ Measured measure(
                 out.timings.add(stage.name, 1e3 * stage.seconds);
     }
     out.counts = backbone->counts();
+    out.work = backbone->blend_work();
     out.bytes = memory_use(Device{}).current_bytes - before;
     return out;
 }
@@ -220,12 +227,22 @@ StagesBench::StagesBench(CLI::App& app)
                  "share of each case's splats and pixels; floors are given at 1 only")
         ->check(CLI::Range(1e-6, 4.0))
         ->capture_default_str();
+    c.add_option("--splats-scale", splats_scale_,
+                 "times as many splats, smaller ones: as many over each pixel")
+        ->check(CLI::Range(1e-6, 100.0))
+        ->capture_default_str();
+    c.add_option("--pixels-scale", pixels_scale_,
+                 "times as many pixels, splats larger with them: as many over each pixel")
+        ->check(CLI::Range(1e-6, 100.0))
+        ->capture_default_str();
     c.add_option("--channels", channels_, "what is rendered")
         ->check(CLI::IsMember({"color", "color_plane", "plane"}))
         ->capture_default_str();
     c.add_option("--adam", adam_, "as the key optim.adam")
         ->check(CLI::IsMember({"dense", "lazy", "visible"}))
         ->capture_default_str();
+    c.add_flag("--atomic-sums", atomic_,
+               "gradients summed by floating-point atomics: what the same bits every time cost");
     c.add_option("--repetitions", repetitions_, "timed repetitions")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
@@ -239,6 +256,8 @@ StagesBench::StagesBench(CLI::App& app)
 
 int StagesBench::run() const {
     const DeviceChoice device = choose_device(device_);
+    if (atomic_ && !device.cuda)
+        throw Error(ExitCode::usage, "--atomic-sums: only on a GPU; expected --device cuda");
     const Channels channels = channels_ == "color"         ? Channels::color
                               : channels_ == "color_plane" ? Channels::color_plane
                                                            : Channels::plane;
@@ -249,24 +268,35 @@ int StagesBench::run() const {
     for (StageCase c : stage_cases()) {
         if (!cases_.empty() && std::find(cases_.begin(), cases_.end(), c.name) == cases_.end())
             continue;
+        const double splats = scale_ * splats_scale_, pixels = scale_ * pixels_scale_;
         if (c.kind != StageCase::Kind::one)
-            c.splats = std::max(1, static_cast<int>(scale_ * c.splats));
-        // Pixels in proportion, so that they see as many splats.
-        c.width = std::max(16, static_cast<int>(std::sqrt(scale_) * c.width));
-        c.height = std::max(16, static_cast<int>(std::sqrt(scale_) * c.height));
+            c.splats = std::max(1, static_cast<int>(splats * c.splats));
+        c.width = std::max(16, static_cast<int>(std::sqrt(pixels) * c.width));
+        c.height = std::max(16, static_cast<int>(std::sqrt(pixels) * c.height));
+        c.size_px *= std::sqrt(pixels / splats);
+        const bool full_size = splats == 1 && pixels == 1;
         const Measured m = on_device(device, [&](auto tag) {
-            return measure<decltype(tag)>(c, channels, form, warm_up_, repetitions_);
+            return measure<decltype(tag)>(c, channels, form, atomic_, warm_up_, repetitions_);
         });
         const std::string stages =
             m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
                 const double floor =
-                    scale_ == 1 && device.cuda ? floor_ms(stage, c.name, channels) : 0;
+                    full_size && device.cuda ? floor_ms(stage, c.name, channels) : 0;
                 if (floor > 0) line.add("floor_ms", floor).add("ratio", median_ms / floor);
             });
+        const auto per_pixel = [&c](std::int64_t count) {
+            return static_cast<double>(count) / (static_cast<double>(c.width) * c.height);
+        };
         JsonLine counters, json;
         counters.add("splats", c.splats)
             .add("visible", m.counts.visible)
             .add("slots", m.counts.slots)
+            .add("warp_tests", m.work.tests)
+            .add("warp_hits", m.work.hits)
+            .add("warp_draws", m.work.draws)
+            .add("warp_sums", m.work.sums)
+            .add("evaluations_per_pixel", per_pixel(m.work.evaluations))
+            .add("contributions_per_pixel", per_pixel(m.work.contributions))
             .add("bytes_held", m.bytes);
         json.add("bench", "stages")
             .add("version", kVersion)
@@ -277,6 +307,7 @@ int StagesBench::run() const {
             .add("height", c.height)
             .add("channels", channels_)
             .add("adam", adam_)
+            .add("atomic_sums", atomic_)
             .add_json("counters", counters.text())
             .add_json("stages", stages);
         std::printf("%s\n", json.text().c_str());

@@ -44,8 +44,8 @@ private:
     std::vector<std::string> cases_;
     std::string device_ = "auto", channels_ = "color", adam_ = "lazy", out_;
     int repetitions_ = 50, warm_up_ = 20;
-    double scale_ = 1;
-    bool quiet_ = false;
+    double scale_ = 1, splats_scale_ = 1, pixels_scale_ = 1;
+    bool atomic_ = false, quiet_ = false;
 };
 
 }  // namespace tvsgs

@@ -82,6 +82,7 @@ struct BackboneOptions {
     float near = 0.2f;
     float low_pass_px2 = 0.3f;
     bool exact_clamp_grad = false;
+    float cull_alpha = 1.0f / 255;
     PixelCenter pixel_center = PixelCenter::exact;
 
     template <class Visitor>
@@ -92,6 +93,9 @@ struct BackboneOptions {
         field("exact_clamp_grad", exact_clamp_grad,
               "exact gradient where the projection's Jacobian is clamped; "
               "off: as the official code");
+        field("cull_alpha", cull_alpha, {0.0039, 0.5},
+              "splats are left out of the tiles and blocks of pixels where they are fainter "
+              "throughout; 1/255: exact, above: faster");
         field.choice("pixel_center", pixel_center, {"exact", "official"},
                      "rays of depth maps through the pixel centres, or half a pixel off as in "
                      "PGSR's code (for parity studies)");
@@ -102,6 +106,17 @@ struct BackboneOptions {
 struct RenderCounts {
     int visible = 0;  // splats in some tile's list
     int slots = 0;    // entries of all lists
+};
+
+/// What blending a render took. A warp here is 8x8 pixels, a quarter of a tile, as the CUDA twin
+/// has them: two to a lane.
+struct BlendWork {
+    std::int64_t tests = 0;          // of splats against the pixels of a warp
+    std::int64_t hits = 0;           // splats that may draw in a warp
+    std::int64_t evaluations = 0;    // alphas at pixels that are not full yet
+    std::int64_t contributions = 0;  // evaluations that draw
+    std::int64_t draws = 0;          // hits that draw; what else is met was in vain
+    std::int64_t sums = 0;           // draws by several lanes, whose gradients have to be added up
 };
 
 struct ViewGradients;  // view_splats.h
@@ -138,6 +153,12 @@ public:
 
     /// Of the last forward().
     virtual RenderCounts counts() const { return {}; }
+
+    /// Counts what blending the last forward() was; takes about as long as that.
+    virtual BlendWork blend_work() const { return {}; }
+
+    /// From now on sums over splats are those of SlotGradients::atomic: for measurements.
+    virtual void use_atomic_sums() {}
 
     /// Times of the parts of forward() and backward(); off unless switched on.
     StageClock<Device>& clock() { return clock_; }

@@ -4,7 +4,7 @@
 
 #include "core/parallel.h"
 #include "render/backbone.h"
-#include "render/blend.h"
+#include "render/blend_work.h"
 
 namespace tvsgs {
 
@@ -27,6 +27,7 @@ public:
                  sh_degree < gaussians.sh_degree ? sh_degree : gaussians.sh_degree,
                  options_.near,
                  options_.low_pass_px2,
+                 options_.cull_alpha,
                  options_.exact_clamp_grad};
         resize_images();
         splats_.resize(gaussians.means.size());
@@ -73,6 +74,9 @@ public:
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
     RenderCounts counts() const override { return {lists_.visible_count, lists_.slot_count}; }
+    BlendWork blend_work() const override { return count_blend_work(splats_, lists_, grid_); }
+
+    void use_atomic_sums() override { slots_.atomic = true; }
 
 private:
     void resize_images() {

@@ -229,7 +229,6 @@ struct BlendTileVjp {
                 if (!any(draws)) continue;
                 const std::uint32_t slot = *(first_slot - j);
                 sums.add_up(gradients[slot]);
-                complete(gradients[slot], shape);
                 drawn[slot] = 1;
             }
             end = begin;

@@ -129,33 +129,60 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(Span<const SplatShape<f
         }
 }
 
-/// One step of halving_sum. A template, so that the values stay in registers.
-template <int kHalf>
-__device__ void trade_halves(float (&values)[kValues], int lane) {
-    constexpr int kDistance = 2 * kHalf;
-    const bool upper = lane & kDistance;
+/// The values of SplatGradients that a channel set fills, without the gaps.
+template <Channels kChannels>
+struct FilledValues {
+    static constexpr int kCommon = 8;  // up to the opacity, before the features
+    static constexpr int kFeatures =
+        (has_color(kChannels) ? 3 : 0) + (has_plane(kChannels) ? 4 : 0);
+    static constexpr int kCount = kCommon + kFeatures + 1;
+
+    TVSGS_HD static constexpr int member(int v) {
+        if (v == kCount - 1) return kValues - 1;
+        return v < kCommon || has_color(kChannels) ? v : v + 3;
+    }
+};
+
+/// One step of halving_sum: of kSize values the upper lanes keep the second half. A template, so
+/// that the values stay in registers.
+template <int kSize, int kRoom>
+__device__ void trade_halves(float (&values)[kRoom], int lane, int distance) {
+    constexpr int kHalf = (kSize + 1) / 2;
+    const bool upper = lane & distance;
 #pragma unroll
     for (int v = 0; v < kHalf; ++v) {
-        const float sent = upper ? values[v] : values[v + kHalf];
-        const float kept = upper ? values[v + kHalf] : values[v];
-        values[v] = kept + __shfl_xor_sync(kAll, sent, kDistance);
+        const float second = v + kHalf < kSize ? values[v + kHalf] : 0;
+        const float sent = upper ? values[v] : second;
+        const float kept = upper ? second : values[v];
+        values[v] = kept + __shfl_xor_sync(kAll, sent, distance);
     }
 }
 
-/// Sums 16 values over the lanes of a warp with 16 shuffles: lanes trade halves of the values until
-/// each pair holds one. On return value v's sum is in `values[0]` of lanes 2v' and 2v'+1, where v'
-/// is given by value_of_lane().
-__device__ float halving_sum(float (&values)[kValues], int lane) {
-    trade_halves<kValues / 2>(values, lane);
-    trade_halves<kValues / 4>(values, lane);
-    trade_halves<kValues / 8>(values, lane);
-    trade_halves<kValues / 16>(values, lane);
+/// Sums 9 to 16 values over the lanes of a warp with little more than as many shuffles: lanes trade
+/// halves of the values until each pair holds one, see value_of_lane().
+template <int kCount>
+__device__ float halving_sum(float (&values)[kCount], int lane) {
+    constexpr int kHalf = (kCount + 1) / 2, kQuarterOf = (kHalf + 1) / 2;
+    static_assert(kQuarterOf > 2 && kQuarterOf <= 4);
+    trade_halves<kCount>(values, lane, 16);
+    trade_halves<kHalf>(values, lane, 8);
+    trade_halves<kQuarterOf>(values, lane, 4);
+    trade_halves<2>(values, lane, 2);
     return values[0] + __shfl_xor_sync(kAll, values[0], 1);
 }
 
-/// Which value halving_sum leaves in a lane: each trade's bit says which half was kept.
+/// Which value halving_sum leaves in a lane: each trade's bit says which half was kept; -1 where
+/// the halves were uneven and none is left.
+template <int kCount>
 __device__ int value_of_lane(int lane) {
-    return (lane & 16 ? 8 : 0) + (lane & 8 ? 4 : 0) + (lane & 4 ? 2 : 0) + (lane & 2 ? 1 : 0);
+    int value = 0, left = kCount;
+    for (int distance = 16, size = kCount; distance > 1; distance /= 2, size = (size + 1) / 2) {
+        const int half = (size + 1) / 2;
+        const bool upper = lane & distance;
+        value += upper ? half : 0;
+        left = upper ? left - half : min(left, half);
+    }
+    return left > 0 ? value : -1;
 }
 
 __device__ std::uint32_t warp_maximum(std::uint32_t value) {
@@ -167,6 +194,14 @@ __device__ std::uint32_t warp_maximum(std::uint32_t value) {
 struct SlotGradientSpans {
     Span<SplatGradients<float>> gradients;
     Span<std::uint8_t> drawn;
+    Span<const std::uint32_t> first_slot;  // of each splat
+
+    /// Adds to a splat's gradients in whatever order warps come; for comparison only.
+    __device__ void add_atomically(std::uint32_t splat, int member, float value) const {
+        const std::uint32_t slot = first_slot[splat];
+        atomicAdd(&gradients[slot].mean.x + member, value);
+        drawn[slot] = 1;
+    }
 };
 
 /// Sums of each warp over its pixels, for one batch.
@@ -197,7 +232,7 @@ __device__ void write_slots(const BatchSums& sums,
     if (part == 0) out.drawn[slot] = 1;
 }
 
-template <Channels kChannels>
+template <Channels kChannels, bool kAtomic>
 __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatShape<float>> shapes,
                                                              Span<const FeatureRecord> features,
                                                              Span<const std::uint32_t> slots,
@@ -211,7 +246,11 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
     __shared__ Batch batches[kWarps];
     __shared__ BatchSums sums_of_two[2];  // one is filled while the other is written out
     __shared__ std::uint32_t last_of_warp[kWarps];
+    using Filled = FilledValues<kChannels>;
     const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32;
+    // Of SplatGradients: what this lane writes of the warp's sums.
+    const int value = value_of_lane<Filled::kCount>(static_cast<int>(lane));
+    const int member = lane % 2 == 0 && value >= 0 ? Filled::member(value) : -1;
     Batch& batch = batches[warp];
     const LanePixels p = lane_pixels(grid);
     const TileSpan span = spans[blockIdx.x];
@@ -256,31 +295,43 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
             const unsigned lanes = __ballot_sync(kAll, draws);
             if (lanes == 0) continue;
             drawn |= bit;
+            // No branches: whatever does not draw adds zeros.
             union {
                 SplatGradients<float> g;
                 float values[kValues];
             } u{SplatGradients<float>{}};
-            if (draws) {
 #pragma unroll
-                for (int k = 0; k < kPixels; ++k)
-                    if (a[k].alpha > 0)
-                        blend_vjp<kChannels>(pixels[k], s, batch.features[j].f, offset(s, p, k),
-                                             a[k], u.g);
+            for (int k = 0; k < kPixels; ++k) {
+                const float T = pixels[k].T;
+                blend_vjp<kChannels>(pixels[k], s.root, batch.features[j].f,
+                                     whitened(s.root, offset(s, p, k)), a[k], u.g);
+                if (a[k].alpha == 0) pixels[k].T = T;  // the inverse of 1 is approximate, too
             }
             if ((lanes & (lanes - 1)) == 0) {  // one lane: nothing to add
-                if (draws) {
+                for (int v = 0; kAtomic && draws && v < kValues; ++v)
+                    out.add_atomically(splats[position + j], v, u.values[v]);
+                if (!kAtomic && draws) {
 #pragma unroll
                     for (int v = 0; v < kValues; ++v) sums.of[warp][j][v] = u.values[v];
                 }
                 continue;
             }
-            const float sum = halving_sum(u.values, static_cast<int>(lane));
-            if (lane % 2 == 0) sums.of[warp][j][value_of_lane(static_cast<int>(lane))] = sum;
+            float values[Filled::kCount];
+#pragma unroll
+            for (int v = 0; v < Filled::kCount; ++v) values[v] = u.values[Filled::member(v)];
+            const float sum = halving_sum(values, static_cast<int>(lane));
+            if (member < 0) continue;
+            if constexpr (kAtomic)
+                out.add_atomically(splats[position + j], member, sum);
+            else
+                sums.of[warp][j][member] = sum;
         }
-        if (lane == 0) sums.drawn[warp] = drawn;
-        // The only barrier: whoever passes the next one has left write_slots() of this turn.
-        __syncthreads();
-        write_slots(sums, count, slot, out);
+        if constexpr (!kAtomic) {
+            if (lane == 0) sums.drawn[warp] = drawn;
+            // The only barrier: whoever passes the next one has left write_slots() of this turn.
+            __syncthreads();
+            write_slots(sums, count, slot, out);
+        }
         end = begin;
     }
 }
@@ -359,15 +410,19 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      SlotGradients<Cuda>& slots) {
     slots.resize(static_cast<std::size_t>(lists.slot_count));
     slots.drawn.fill_zero();
-    const SlotGradientSpans out{slots.gradients.span(), slots.drawn.span()};
-    blend_vjp_kernel<kChannels><<<grid.count(), kThreads>>>(
+    const SlotGradientSpans out{slots.gradients.span(), slots.drawn.span(),
+                                lists.first_slot.span()};
+    if (slots.atomic) slots.gradients.fill_zero();
+    const auto kernel =
+        slots.atomic ? blend_vjp_kernel<kChannels, true> : blend_vjp_kernel<kChannels, false>;
+    kernel<<<grid.count(), kThreads>>>(
         splats.shapes.span(), splats.features.span(), lists.slots.span(), lists.splats.span(),
         lists.spans.span(), grid, images.transmittance.span(), state.stop.span(),
         PixelGradientReader<kChannels>{dL_dimages.color.span(), dL_dimages.normal.span(),
                                        dL_dimages.distance.span()},
         out);
     check_launch();
-    if (lists.visible_count == 0) return;
+    if (lists.visible_count == 0 || slots.atomic) return;
     sum_slots_kernel<<<(4 * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
         lists.first_slot_by_depth.span(), static_cast<std::uint32_t>(lists.slot_count), out);
     check_launch();

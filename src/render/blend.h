@@ -13,12 +13,16 @@ struct BlendState {
     Buffer<std::uint32_t, Device> stop;  // [H W]
 };
 
-/// Gradients of the view's splats, each in the place of the splat's first slot. The other places
-/// are scratch: what each slot adds.
+/// Gradients of the view's splats, each in the place of the splat's first slot, before complete().
+/// The other places are scratch: what each slot adds. Only members that the channels fill are
+/// defined.
 template <class Device>
 struct SlotGradients {
     Buffer<SplatGradients<float>, Device> gradients;
     Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
+    // On a GPU: sums by floating-point atomics, so in another order each time. To measure what
+    // reproducible bits cost; nothing else sets it.
+    bool atomic = false;
 
     void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
 };

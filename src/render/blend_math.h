@@ -34,12 +34,13 @@ struct alignas(16) SplatShape {
     Vec2<Real> mean;         // px, corner convention
     EllipseRoot<Real> root;  // 1/px
     Real opacity;            // activated
-    Real reach;  // of the Gaussian's exponent: alpha is kMinAlpha or more where it is at most this
+    Real reach;  // of the Gaussian's exponent: alpha is kMinAlpha (or the alpha that culls, where
+                 // that is more) or more where it is at most this
 };
 
 template <class Real>
-TVSGS_HD Real splat_reach(Real opacity) {
-    return std::log(opacity / Real(kMinAlpha));
+TVSGS_HD Real splat_reach(Real opacity, Real least_alpha = Real(kMinAlpha)) {
+    return std::log(opacity / least_alpha);
 }
 
 /// Half-widths of the box in which alpha can reach kMinAlpha, px.
@@ -143,39 +144,44 @@ static_assert(sizeof(SplatGradients<float>) == SplatGradients<float>::kCount * s
 
 /// Counts a pixel where the splat drew with T in front of it.
 template <class Real>
-TVSGS_HD void count_front(Real& pixels, Real T, Real /*alpha*/) {
-    if (T > Real(kFrontTransmittance)) pixels += 1;
+TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {
+    pixels += T > Real(kFrontTransmittance) && alpha > 0 ? Real(1) : Real(0);
 }
 
-/// One splat at one pixel, visited back to front; `a` is splat_alpha's result with a.alpha > 0.
-/// Adds to `g`. The upper clamp of alpha is passed straight through, as in the official code.
+/// One splat at one pixel, visited back to front; w = whitened(root, mean - pixel centre). Adds to
+/// `g` without the factors that are the splat's, see complete(). An `a` of zeros adds nothing. The
+/// upper clamp of alpha is passed straight through, as in the official code.
 template <Channels kChannels, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
-                        const SplatShape<Real>& s,
+                        const EllipseRoot<Real>& root,
                         const SplatFeatures<Real>& f,
-                        Vec2<Real> d,
+                        Vec2<Real> w,
                         SplatAlpha<Real> a,
                         SplatGradients<Real>& g) {
     using std::abs;
     const Real T = pixel.T * FastMath::inverse(1 - a.alpha);  // in front of this splat
     const Real step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
-    const Real dL_dalpha = T * step;
     add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
     pixel.behind += a.alpha * step;  // features behind <- alpha f + (1 - alpha) features behind
     pixel.T = T;
 
-    const Real gauss_dL_dalpha = a.gauss * dL_dalpha;
-    g.opacity += gauss_dL_dalpha;
-    const Real common = s.opacity * gauss_dL_dalpha;
-    const Vec2<Real> w = whitened(s.root, d);  // exponent |w|^2
-    const Vec2<Real> dL_dmean = {-2 * common * (s.root.xx * w.x),
-                                 -2 * common * (s.root.xy * w.x + s.root.yy * w.y)};
-    g.mean += dL_dmean;
-    g.abs_mean += Vec2<Real>{abs(dL_dmean.x), abs(dL_dmean.y)};
-    const Vec2<Real> common_w = {common * w.x, common * w.y};
-    g.spread.xx += common_w.x * w.x, g.spread.xy += common_w.x * w.y;
-    g.spread.yy += common_w.y * w.y;
+    const Real change = a.gauss * (T * step);  // dL/dopacity; the exponent is |w|^2
+    const Real x = change * w.x, y = change * w.y;
+    g.opacity += change;
+    g.mean.x += x, g.mean.y += y;
+    g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
+    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
     count_front(g.front_pixels, T, a.alpha);
+}
+
+/// Puts in the factors that blend_vjp() leaves out of its sums.
+template <class Real>
+TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
+    const EllipseRoot<Real>& R = s.root;
+    g.mean = {-2 * s.opacity * (R.xx * g.mean.x),
+              -2 * s.opacity * (R.xy * g.mean.x + R.yy * g.mean.y)};
+    g.abs_mean = {2 * s.opacity * (R.xx * g.abs_mean.x), 2 * s.opacity * g.abs_mean.y};
+    g.spread.xx *= s.opacity, g.spread.xy *= s.opacity, g.spread.yy *= s.opacity;
 }
 
 /// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as

@@ -168,37 +168,12 @@ struct SplatBatch {
     }
 };
 
-/// Sums of blend_vjp() of blend_math.h over pixels, without the factors that are the splat's.
-template <Channels kChannels, class Lane>
-void blend_vjp(PixelBackward<Lane>& pixel,
-               const EllipseRoot<Lane>& root,
-               const SplatFeatures<Lane>& f,
-               Vec2<Lane> w,
-               SplatAlpha<Lane> a,
-               SplatGradients<Lane>& g) {
-    const Lane T = pixel.T * FastMath::inverse(1 - a.alpha);
-    const Lane step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
-    add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
-    pixel.behind += a.alpha * step;
-    pixel.T = T;
-
-    const Lane change = a.gauss * (T * step);
-    const Lane x = change * w.x, y = change * w.y;
-    g.opacity += change;
-    g.mean.x += x, g.mean.y += y;
-    g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
-    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
-    const auto front = both(T > Lane(kFrontTransmittance), a.alpha > Lane(0));
-    g.front_pixels += select(front, Lane(1), Lane(0));
-}
-
-/// The factors that blend_vjp() of packs leaves out.
-inline void complete(SplatGradients<float>& g, const SplatShape<float>& s) {
-    const EllipseRoot<float>& R = s.root;
-    const float common = s.opacity;
-    g.mean = {-2 * common * (R.xx * g.mean.x), -2 * common * (R.xy * g.mean.x + R.yy * g.mean.y)};
-    g.abs_mean = {2 * common * (R.xx * g.abs_mean.x), 2 * common * g.abs_mean.y};
-    g.spread.xx *= common, g.spread.xy *= common, g.spread.yy *= common;
+/// As in blend_math.h.
+template <int kBytes>
+void count_front(Pack<float, kBytes>& pixels, Pack<float, kBytes> T, Pack<float, kBytes> alpha) {
+    using Lane = Pack<float, kBytes>;
+    const auto front = both(T > Lane(kFrontTransmittance), alpha > Lane(0));
+    pixels += select(front, Lane(1), Lane(0));
 }
 
 }  // namespace tvsgs

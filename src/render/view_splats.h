@@ -86,7 +86,7 @@ struct ViewParameters {
     Vec3f centre;  // of the camera, world
     TileGrid grid;
     int sh_degree;
-    float near, low_pass;
+    float near, low_pass, cull_alpha;
     bool exact_clamp;
 };
 
@@ -108,7 +108,7 @@ struct ProjectBody {
         const Vec3f p = view.camera.camera_from_world * means[i];
         if (!(p.z > view.near) || !is_finite(p)) return;
         const float opacity = sigmoid(opacity_logits[i]);
-        if (!(opacity > kMinAlpha)) return;  // nowhere visible
+        if (!(opacity > view.cull_alpha)) return;  // nowhere visible
 
         const Mat3f R = rotation(normalize(quats[i]));
         const Vec3f scales = exp(log_scales[i]);
@@ -120,7 +120,7 @@ struct ProjectBody {
         s.mean = project_point(view.camera, p);
         s.root = ellipse_root(e);
         s.opacity = opacity;
-        s.reach = splat_reach(opacity);
+        s.reach = splat_reach(opacity, view.cull_alpha);
         const TileGrid& grid = view.grid;
         const TileRect rect = tile_rect(s, grid);
         // Which of the tiles it meets is tested where their lists are built.
@@ -171,27 +171,31 @@ struct ViewGradients {
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
 
-    /// Writes the statistics; null for a Gaussian that drew nothing and so has no gradient.
-    TVSGS_HD const SplatGradients<float>* find(int i) const {
+    /// Gradients of Gaussian i; writes the statistics. False: it drew nothing and so has none.
+    TVSGS_HD bool read(int i, SplatGradients<float>& g) const {
         if (slot_counts[i] == 0 || !drawn[first_slot[i]]) {
             stat_grad[i] = stat_abs[i] = {};
             stat_front[i] = 0;
-            return nullptr;
+            return false;
         }
-        const SplatGradients<float>& g = slots[first_slot[i]];
+        g = slots[first_slot[i]];
+        complete(g, shapes[i]);
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);
         stat_grad[i] = {half_w * g.mean.x, half_h * g.mean.y};
         stat_abs[i] = {half_w * g.abs_mean.x, half_h * g.abs_mean.y};
         stat_front[i] = static_cast<int>(g.front_pixels);
-        return &g;
+        return true;
     }
 };
 
 /// The statistics alone.
 struct StatisticsBody {
     ViewGradients in;
-    TVSGS_HD void operator()(int i) const { in.find(i); }
+    TVSGS_HD void operator()(int i) const {
+        SplatGradients<float> g;
+        in.read(i, g);
+    }
 };
 template <class Device>
 void write_statistics(Device device, const ViewGradients& in) {
@@ -220,9 +224,8 @@ TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
 template <Channels kChannels, class Visit>
 TVSGS_HD bool splat_vjp(
     const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {
-    const SplatGradients<float>* const found = in.find(i);
-    if (found == nullptr) return false;
-    const SplatGradients<float>& g = *found;
+    SplatGradients<float> g;
+    if (!in.read(i, g)) return false;
     const ViewParameters& view = in.view;
     Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
     if constexpr (has_color(kChannels))

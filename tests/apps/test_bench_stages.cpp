@@ -26,6 +26,16 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
                 EXPECT_GT(stage.at("median_ms").get<double>(), 0);
                 EXPECT_FALSE(stage.contains("floor_ms")) << "floors are for full size";
             }
+            const std::int64_t tests = counters.at("warp_tests"), hits = counters.at("warp_hits"),
+                               draws = counters.at("warp_draws"), sums = counters.at("warp_sums");
+            EXPECT_LE(tests, 4 * std::int64_t{slots}) << "a tile is four warps";
+            EXPECT_LE(hits, tests);
+            EXPECT_LE(draws, hits);
+            EXPECT_LE(sums, draws);
+            const double evaluations = counters.at("evaluations_per_pixel"),
+                         contributions = counters.at("contributions_per_pixel");
+            EXPECT_LE(contributions, evaluations);
+            EXPECT_EQ(contributions > 0, slots > 0);
             // What each view is made to be.
             if (name.starts_with("w540")) {
                 EXPECT_NEAR(visible, splats / 2, splats / 20);
@@ -59,6 +69,25 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
     }
 }
 
+TEST_F(Bench, GrowsInSplatsOrPixelsWithAsManyOverEachPixel) {
+    const auto run = [&](const std::string& scales) {
+        const Result r = bench(
+            "stages --case w540 --scale 0.01 --repetitions 1 --warm-up 1 --device cpu " + scales);
+        EXPECT_EQ(r.code, 0) << r.err;
+        return r.lines.at(0);
+    };
+    const json base = run(""), splats = run("--splats-scale 4"), pixels = run("--pixels-scale 4");
+    EXPECT_EQ(splats.at("counters").at("splats"), 60000);
+    EXPECT_EQ(splats.at("width"), base.at("width"));
+    EXPECT_EQ(pixels.at("counters").at("splats"), 15000);
+    EXPECT_EQ(pixels.at("width"), 192);
+    for (const json& line : {splats, pixels})
+        EXPECT_NEAR(line.at("counters").at("contributions_per_pixel").get<double>() /
+                        base.at("counters").at("contributions_per_pixel").get<double>(),
+                    1, 0.3)
+            << "the low-pass filter makes small splats larger";
+}
+
 TEST_F(Bench, TimesTheStagesOfPlaneChannels) {
     for (const std::string channels : {"color_plane", "plane"}) {
         const Result r = bench(
@@ -67,6 +96,7 @@ TEST_F(Bench, TimesTheStagesOfPlaneChannels) {
         EXPECT_EQ(r.lines.at(0).at("channels"), channels);
     }
     EXPECT_EQ(bench("stages --case nothing").code, 2);
+    EXPECT_EQ(bench("stages --case one --atomic-sums --device cpu").code, 2);
     EXPECT_EQ(bench("").code, 2);
 }
 

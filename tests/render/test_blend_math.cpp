@@ -62,9 +62,10 @@ std::vector<SplatGradients<double>> backward(const std::vector<Splat>& splats,
     PixelBackward<double> pixel{forward(splats, stop).T, w};
     std::vector<SplatGradients<double>> g(splats.size());
     for (std::size_t i = stop; i-- > 0;) {
-        const auto a = splat_alpha(splats[i].shape(), splats[i].mean);
-        if (a.alpha > 0)
-            blend_vjp<kAll>(pixel, splats[i].shape(), splats[i].features, splats[i].mean, a, g[i]);
+        const SplatShape<double> shape = splats[i].shape();
+        blend_vjp<kAll>(pixel, shape.root, splats[i].features, whitened(shape.root, shape.mean),
+                        splat_alpha(shape, shape.mean), g[i]);
+        complete(g[i], shape);
     }
     // Walked back to the front, nothing is left to see through.
     EXPECT_TRUE(close(pixel.T, 1, 1e-12));

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <functional>
 
 #include "render/backbone.h"
 #include "render/blend_math.h"
@@ -34,8 +35,10 @@ struct Reference {
         for (std::size_t k = 0; k < g.sh.size(); ++k) sh.push_back(vec_cast<double>(g.sh[k]));
     }
 
-    /// Channel sums of every pixel; every splat is tried at every pixel.
-    std::vector<PixelForward<double>> render(const Camera& c) const {
+    /// Channel sums of every pixel; every splat is tried at every pixel. drew(): called for each
+    /// that is blended.
+    std::vector<PixelForward<double>> render(
+        const Camera& c, const std::function<void()>& drew = [] {}) const {
         const auto camera = pinhole<double>(c);
         const std::size_t n = means.size();
         std::vector<SplatShape<double>> shapes(n);
@@ -69,8 +72,9 @@ struct Reference {
                     const Vec2<double> d{shapes[i].mean.x - (x + 0.5),
                                          shapes[i].mean.y - (y + 0.5)};
                     const double alpha = splat_alpha(shapes[i], d).alpha;
-                    if (alpha > 0 && !blend<Channels::color_plane>(pixel, alpha, features[i]))
-                        break;
+                    if (alpha == 0) continue;
+                    if (!blend<Channels::color_plane>(pixel, alpha, features[i])) break;
+                    drew();
                 }
                 pixels.push_back(pixel);
             }
@@ -383,6 +387,51 @@ TEST(RenderTwin, CpuAgainstCuda) {
         twin<Cuda>(257, Channels::plane, 0.1, 203, 151);
         twin<Cuda>(300, Channels::color_plane, 3.0, 64, 64);   // every splat covers every tile
         twin<Cuda>(5000, Channels::color_plane, 0.2, 16, 16);  // one tile, long list
+    }
+}
+
+template <class Device>
+BlendWork work_of(const Gaussians<Cpu>& host, const Camera& camera) {
+    Gaussians<Device> g;
+    copy(host, g);
+    const auto backbone = make_backbone<Device>("3dgs", {});
+    backbone->forward(g, camera, 3, Channels::color);
+    return backbone->blend_work();
+}
+
+TEST(BlendWork, OfOneSplatOverAllPixels) {
+    Gaussians<Cpu> g = random_gaussians(1, 1);
+    g.means[0] = {0, 0, 0}, g.log_scales[0] = {3, 3, 3}, g.opacity_logits[0] = 0;
+    const BlendWork w = work_of<Cpu>(g, test_camera(20, 9));
+    EXPECT_EQ(w.tests, 3 * 2) << "warps in the image";
+    EXPECT_EQ(w.hits, 6);
+    EXPECT_EQ(w.evaluations, 20 * 9);
+    EXPECT_EQ(w.contributions, 20 * 9);
+    EXPECT_EQ(w.draws, 6);
+    EXPECT_EQ(w.sums, 6);
+}
+
+TEST(BlendWork, AgainstEverySplatAtEveryPixel) {
+    const Camera camera = test_camera(57, 43);
+    const Gaussians<Cpu> g = random_gaussians(800, 4, 0.1);
+    std::int64_t contributions = 0;
+    Reference(g).render(camera, [&] { ++contributions; });
+    const BlendWork w = work_of<Cpu>(g, camera);
+    // Some of 50,000 alphas next to 1/255 are on either side of it in float and in double.
+    EXPECT_GT(contributions, 10000);
+    EXPECT_NEAR(static_cast<double>(w.contributions), static_cast<double>(contributions), 5);
+    EXPECT_LE(w.contributions, w.evaluations);
+    EXPECT_LE(w.evaluations, 64 * w.hits);
+    EXPECT_LE(w.sums, w.draws);
+    EXPECT_LE(w.draws, w.hits);
+    EXPECT_LT(w.hits, w.tests);
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const BlendWork cuda = work_of<Cuda>(g, camera);
+        EXPECT_NEAR(static_cast<double>(cuda.contributions), static_cast<double>(w.contributions),
+                    5);
+        EXPECT_NEAR(static_cast<double>(cuda.hits), static_cast<double>(w.hits), 5);
+        EXPECT_NEAR(static_cast<double>(cuda.tests), static_cast<double>(w.tests), 5);
     }
 }
 

@@ -172,7 +172,7 @@ void fetch(const RenderedImages<Device>& images,
 }
 
 /// `width`: of the CPU's packs, no argument of CUDA's.
-template <class Device, class... Width>
+template <class Device, bool kAtomic = false, class... Width>
 Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid, Width... width) {
     ViewSplats<Device> v;
     copy(host.shapes, v.shapes), copy(host.features, v.features);
@@ -183,6 +183,7 @@ Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid, Width
     BlendState<Device> state;
     state.stop.resize(pixels);
     SlotGradients<Device> slots;
+    slots.atomic = kAtomic;
     Blended<Device> out;
     build_tile_lists(v, grid, out.lists);
     blend_tiles<kAll>(v, out.lists, grid, camera_of(grid), images, state, width...);
@@ -231,7 +232,9 @@ Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
                 const auto a = splat_alpha(v.shapes[splat], offset(splat));
                 if (a.alpha == 0) continue;
                 SplatGradients<float> g{};
-                blend_vjp<kAll>(back, v.shapes[splat], v.features[splat].f, offset(splat), a, g);
+                const EllipseRoot<float>& root = v.shapes[splat].root;
+                blend_vjp<kAll>(back, root, v.features[splat].f, whitened(root, offset(splat)), a,
+                                g);
                 const float* values = &g.mean.x;
                 for (std::size_t k = 0; k < kCount; ++k)
                     sums[splat][k] += static_cast<double>(values[k]);
@@ -312,6 +315,9 @@ void expect_twins(Kind kind, int count, int width, int height) {
     EXPECT_TRUE(same_bits(to_host(cuda.lists.slots), to_host(again.lists.slots)));
     EXPECT_TRUE(same_bits(cuda.color, again.color));
     EXPECT_TRUE(same_bits(cuda.splats, again.splats)) << "gradients are not reproducible";
+    const auto atomic = blended<Device, true>(v, grid);
+    for (std::size_t k = 0; k < kCount; ++k)  // the same terms in another order, which cancel
+        EXPECT_LE(relative_l2(cuda.splats, atomic.splats, k, kCount), 3e-4) << "value " << k;
 }
 
 TEST(Blend, PacksDoAsSinglePixelsDo) {
