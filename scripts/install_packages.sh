@@ -5,7 +5,7 @@ set -euo pipefail
 
 packages=(
     cmake ninja-build g++ pkg-config
-    libeigen3-dev nlohmann-json3-dev libcli11-dev libstb-dev libspdlog-dev libfmt-dev libnanoflann-dev libzip-dev zlib1g-dev
+    libeigen3-dev nlohmann-json3-dev libcli11-dev libstb-dev libspdlog-dev libfmt-dev libnanoflann-dev libzip-dev zlib1g-dev libmatio-dev
     libgtest-dev libgmock-dev libbenchmark-dev
     "$@"
 )

@@ -1,14 +1,11 @@
-// The elements of a file: tag (type, bytes), data, zeros up to a multiple of 8 bytes. A variable is
-// one of type 14 that holds others: flags with its class, shape, name, numbers; or one of type 15,
-// which is that compressed.  [MATLAB, MAT-File Format, Level 5]
 #include "io/mat_file.h"
 
-#include <zlib.h>
+#include <matio.h>
 
 #include <algorithm>
 #include <bit>
 #include <cstring>
-#include <optional>
+#include <memory>
 
 #include "io/read_file.h"
 
@@ -16,189 +13,114 @@ namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kMaxEntries = std::int64_t{1} << 28;
-constexpr std::size_t kHeader = 128, kTag = 8;
+constexpr std::int64_t kDeflateLimit = 1032;  // bytes that zlib makes of one, at most
 
-enum Type : std::uint32_t { kUint32 = 6, kInt32 = 5, kInt8 = 1, kMatrix = 14, kCompressed = 15 };
-enum Class : std::uint32_t { kText = 4, kSparse = 5, kLastNumeric = 15 };
+template <class... Parts>
+Error mat_error(const std::string& path, const Parts&... parts) {
+    return input_error("E_MAT: ", path, ": ", parts...);
+}
 
-template <class T>
-T load(const char* at, bool swap) {
-    char bytes[sizeof(T)];
-    std::copy(at, at + sizeof(T), bytes);
-    if (swap) std::reverse(bytes, bytes + sizeof(T));
-    T value;
-    std::memcpy(&value, bytes, sizeof value);
-    return value;
+/// libmatio takes a cut-off file for one that ends in zeros: every element must be there in full.
+/// Returns the size of the largest one.
+std::int64_t check_complete(const std::string& path) {
+    constexpr std::size_t kHeader = 128, kTag = 8;
+    const std::string bytes = read_bytes(path);
+    if (bytes.starts_with("\x89HDF") || bytes.find("MATLAB 7.3") < kHeader)
+        throw input_error("E_MAT_V73: ", path,
+                          ": a MATLAB 7.3 (HDF5) file; save it anew with save('-v7', ...)");
+    if (!bytes.starts_with("MATLAB 5.0"))
+        throw mat_error(path, "not a MATLAB 5 to 7 file; expected 'MATLAB 5.0' at its start");
+    if (bytes.size() < kHeader + kTag)
+        throw mat_error(path, "cut off: ", bytes.size(), " bytes; copy the file again");
+    const bool little = bytes[126] == 'I' && bytes[127] == 'M';
+    const bool swap = little != (std::endian::native == std::endian::little);
+    std::int64_t largest = 0;
+    for (std::size_t at = kHeader; at < bytes.size();) {
+        std::uint32_t size = 0;
+        if (bytes.size() - at >= kTag) std::memcpy(&size, bytes.data() + at + 4, 4);
+        if (swap) size = __builtin_bswap32(size);
+        if (bytes.size() - at < kTag || bytes.size() - at - kTag < size)
+            throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ",
+                            bytes.size() - at, " are left: the file is cut off; copy it again");
+        at += kTag + size;
+        largest = std::max(largest, static_cast<std::int64_t>(size));
+    }
+    return largest;
 }
 
 template <class T>
-void widen(const std::string& from, bool swap, std::vector<double>& numbers) {
-    for (std::size_t i = 0; i < numbers.size(); ++i)
-        numbers[i] = static_cast<double>(load<T>(&from[i * sizeof(T)], swap));
+void widen(const matvar_t& variable, std::vector<double>& numbers) {
+    const T* const from = static_cast<const T*>(variable.data);
+    for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<double>(from[i]);
 }
 
-struct Storage {
-    std::uint32_t type;
-    std::size_t bytes;
-    void (*widen)(const std::string&, bool swap, std::vector<double>&);
-};
-
-constexpr Storage kStorages[] = {
-    {1, 1, widen<std::int8_t>},    {2, 1, widen<std::uint8_t>}, {3, 2, widen<std::int16_t>},
-    {4, 2, widen<std::uint16_t>},  {5, 4, widen<std::int32_t>}, {6, 4, widen<std::uint32_t>},
-    {7, 4, widen<float>},          {9, 8, widen<double>},       {12, 8, widen<std::int64_t>},
-    {13, 8, widen<std::uint64_t>},
-};
-
-/// One file; every complaint names it.
-struct MatReader {
-    std::string path;
-    bool swap = false;
-
-    template <class... Parts>
-    Error wrong(const Parts&... parts) const {
-        return input_error("E_MAT: ", path, ": ", parts...);
+/// False when the class is not numeric.
+bool widen(const matvar_t& variable, std::vector<double>& numbers) {
+    switch (variable.class_type) {
+        case MAT_C_DOUBLE:
+            return widen<double>(variable, numbers), true;
+        case MAT_C_SINGLE:
+            return widen<float>(variable, numbers), true;
+        case MAT_C_INT8:
+            return widen<std::int8_t>(variable, numbers), true;
+        case MAT_C_UINT8:
+            return widen<std::uint8_t>(variable, numbers), true;
+        case MAT_C_INT16:
+            return widen<std::int16_t>(variable, numbers), true;
+        case MAT_C_UINT16:
+            return widen<std::uint16_t>(variable, numbers), true;
+        case MAT_C_INT32:
+            return widen<std::int32_t>(variable, numbers), true;
+        case MAT_C_UINT32:
+            return widen<std::uint32_t>(variable, numbers), true;
+        case MAT_C_INT64:
+            return widen<std::int64_t>(variable, numbers), true;
+        case MAT_C_UINT64:
+            return widen<std::uint64_t>(variable, numbers), true;
+        default:
+            return false;
     }
-    Error damaged(const char* what) const {
-        return wrong(what, " cannot be decoded: the file is damaged; copy it again");
-    }
-    std::uint32_t word(const char* at) const { return load<std::uint32_t>(at, swap); }
-};
-
-/// The bytes of one element, inflated as they are asked for: never more memory than they fill.
-class Bytes {
-public:
-    Bytes(const MatReader& reader, std::string_view data, bool compressed)
-        : reader_(reader), data_(data), compressed_(compressed) {
-        if (!compressed_) return;
-        stream_.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(data_.data()));
-        stream_.avail_in = static_cast<uInt>(data_.size());
-        if (inflateInit(&stream_) != Z_OK) throw reader_.damaged("a compressed element");
-    }
-    Bytes(const Bytes&) = delete;
-    Bytes& operator=(const Bytes&) = delete;
-    ~Bytes() {
-        if (compressed_) inflateEnd(&stream_);
-    }
-
-    std::string take(std::size_t count) {
-        if (!compressed_) {
-            if (count > data_.size()) throw reader_.damaged("an element");
-            const std::string taken(data_.substr(0, count));
-            data_.remove_prefix(count);
-            return taken;
-        }
-        std::string taken;
-        while (taken.size() < count) {
-            const std::size_t before = taken.size(),
-                              step = std::min<std::size_t>(count - before, 1 << 20);
-            taken.resize(before + step);
-            stream_.next_out = reinterpret_cast<Bytef*>(&taken[before]);
-            stream_.avail_out = static_cast<uInt>(step);
-            inflate(&stream_, Z_SYNC_FLUSH);
-            if (stream_.avail_out > 0) throw reader_.damaged("a compressed element");
-        }
-        return taken;
-    }
-
-    struct Part {
-        std::uint32_t type = 0;
-        std::size_t size = 0;
-        std::optional<std::string> within;  // up to 4 bytes stand in the tag
-    };
-    Part tag() {
-        const std::string bytes = take(kTag);
-        const std::uint32_t first = reader_.word(bytes.data());
-        if (first >> 16 == 0) return {first, reader_.word(&bytes[4]), std::nullopt};
-        const std::size_t size = first >> 16;
-        if (size > 4) throw reader_.damaged("an element");
-        return {first & 0xffff, size, bytes.substr(4, size)};
-    }
-    /// An element that has to be of that type and at most that long.
-    std::string part(std::uint32_t type, std::size_t most) {
-        const Part part = tag();
-        if (part.type != type || part.size > most) throw reader_.damaged("a variable");
-        if (part.within) return *part.within;
-        std::string data = take((part.size + 7) / 8 * 8);
-        data.resize(part.size);
-        return data;
-    }
-
-private:
-    const MatReader& reader_;
-    std::string_view data_;
-    bool compressed_;
-    z_stream stream_{};
-};
-
-/// The variable of that element, if it has that name.
-std::optional<MatArray> read_variable(const MatReader& in, Bytes& bytes, const std::string& name) {
-    const std::string flags = bytes.part(kUint32, 8);
-    if (flags.size() != 8) throw in.damaged("a variable");
-    const std::uint32_t array_class = in.word(flags.data()) & 0xff;
-    if (array_class > kLastNumeric) return std::nullopt;  // of another make
-    const std::string extents = bytes.part(kInt32, 4 * 32);
-    if (bytes.part(kInt8, 1 << 10) != name) return std::nullopt;
-
-    MatArray array;
-    std::int64_t count = 1;
-    for (std::size_t at = 0; at + 4 <= extents.size(); at += 4) {
-        const std::int64_t extent = load<std::int32_t>(&extents[at], in.swap);
-        if (extent < 0 || (extent > 0 && count > kMaxEntries / extent))
-            throw in.wrong("'", name, "' has more than 2^28 entries");
-        count *= extent;
-        array.shape.push_back(extent);
-    }
-    const bool complex = in.word(flags.data()) >> 11 & 1;
-    if (complex || array_class == kSparse)
-        throw in.wrong("'", name, "' is complex or sparse; expected a full real array");
-    if (array_class <= kText)
-        throw in.wrong("'", name,
-                       "' is no numeric array (a cell, a structure or text); expected numbers");
-    if (array.shape.size() < 2) throw in.damaged("a shape");
-    const Bytes::Part real = bytes.tag();
-    const auto storage = std::find_if(std::begin(kStorages), std::end(kStorages),
-                                      [&](const Storage& s) { return s.type == real.type; });
-    if (storage == std::end(kStorages) ||
-        real.size != storage->bytes * static_cast<std::size_t>(count))
-        throw in.wrong("'", name, "' cannot be decoded: ", count, " entries in ", real.size,
-                       " bytes; is the file damaged?");
-    const std::string raw = real.within ? *real.within : bytes.take(real.size);
-    array.numbers.resize(static_cast<std::size_t>(count));
-    storage->widen(raw, in.swap, array.numbers);
-    return array;
 }
 
 }  // namespace
 
 MatArray read_mat_array(const std::string& path, const std::string& name) {
-    const std::string file = read_bytes(path);
-    MatReader in{path};
-    if (file.starts_with("\x89HDF") || file.find("MATLAB 7.3") < kHeader)
-        throw input_error("E_MAT_V73: ", path,
-                          ": a MATLAB 7.3 (HDF5) file; save it anew with save('-v7', ...)");
-    if (!file.starts_with("MATLAB 5.0"))
-        throw in.wrong("not a MATLAB 5 to 7 file; expected 'MATLAB 5.0' at its start");
-    if (file.size() < kHeader + kTag)
-        throw in.wrong("cut off: ", file.size(), " bytes; copy the file again");
-    const std::string_view order = std::string_view(file).substr(126, 2);
-    if (order != "IM" && order != "MI") throw in.damaged("the byte order");
-    in.swap = (order == "IM") != (std::endian::native == std::endian::little);
-    for (std::size_t at = kHeader; at < file.size();) {
-        const std::size_t left = file.size() - at;
-        const std::uint32_t size = left < kTag ? 0 : in.word(&file[at + 4]);
-        if (left < kTag || left - kTag < size)
-            throw in.wrong("byte ", at, ": an element of ", size, " bytes, but only ", left,
-                           " are left: the file is cut off; copy it again");
-        const std::uint32_t type = in.word(&file[at]);
-        Bytes bytes(in, std::string_view(file).substr(at + kTag, size), type == kCompressed);
-        const bool is_variable =
-            size > 0 && (type == kMatrix || (type == kCompressed && bytes.tag().type == kMatrix));
-        if (is_variable)
-            if (auto array = read_variable(in, bytes, name)) return *std::move(array);
-        at += kTag + size;
+    const std::int64_t largest = check_complete(path);
+    // Its messages would go to standard error beside ours.
+    Mat_LogInitFunc("tvsgs", [](int, char*) {});
+    const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(Mat_Open(path.c_str(), MAT_ACC_RDONLY),
+                                                            Mat_Close);
+    if (!file) throw mat_error(path, "libmatio cannot open it as a MATLAB file");
+    const std::unique_ptr<matvar_t, decltype(&Mat_VarFree)> info(
+        Mat_VarReadInfo(file.get(), name.c_str()), Mat_VarFree);
+    if (!info) throw mat_error(path, "holds no variable '", name, "'");
+
+    MatArray array;
+    std::int64_t count = 1;
+    for (int i = 0; i < info->rank; ++i) {
+        const auto extent = static_cast<std::int64_t>(info->dims[i]);
+        if (extent < 0 || (extent > 0 && count > kMaxEntries / extent))
+            throw mat_error(path, "'", name, "' has more than 2^28 entries");
+        count *= extent;
+        array.shape.push_back(extent);
     }
-    throw in.wrong("holds no variable '", name, "'");
+    if (info->isComplex || info->class_type == MAT_C_SPARSE)
+        throw mat_error(path, "'", name, "' is complex or sparse; expected a full real array");
+    // libmatio takes memory for what a shape claims; numbers are stored in a byte or more each.
+    if (count > kDeflateLimit * largest)
+        throw mat_error(path, "'", name, "' claims ", count, " entries, more than the ", largest,
+                        " bytes of the largest element can hold: is the file damaged?");
+    const std::unique_ptr<matvar_t, decltype(&Mat_VarFree)> variable(
+        Mat_VarRead(file.get(), name.c_str()), Mat_VarFree);
+    if (!variable || (count > 0 && variable->data == nullptr) ||
+        variable->nbytes !=
+            static_cast<std::size_t>(count) * static_cast<std::size_t>(variable->data_size))
+        throw mat_error(path, "'", name, "' cannot be decoded: is the file damaged?");
+    array.numbers.resize(static_cast<std::size_t>(count));
+    if (!widen(*variable, array.numbers))
+        throw mat_error(path, "'", name,
+                        "' is no numeric array (a cell, a structure or text); expected numbers");
+    return array;
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Numeric arrays of MATLAB files (v5 to v7).
+// Numeric arrays of MATLAB files (v5 to v7), through libmatio.
 #pragma once
 
 #include <cstdint>
