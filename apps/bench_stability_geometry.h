@@ -281,8 +281,9 @@ struct Observed {
         const Vec3f p = in.vec3();
         camera.cx_px = in.number(), camera.cy_px = in.number();
         camera.width_px = camera.height_px = 1;
-        const float depth = in.number(), truncation = in.number();
-        const Observation o = observe(camera, {&depth, 1}, truncation, p);
+        const float depth = in.number();
+        const VoxelSpace space{1, in.number(), {}};
+        const Observation o = observe(camera, {&depth, 1}, space, p);
         out[0] = o.valid ? o.tsdf : -2.0f;
     }
     TVSGS_HD static void observe_twin(const double* numbers, double* out) {

@@ -7,6 +7,7 @@
 #include "core/log.h"
 #include "io/config.h"
 #include "mesh/device_algorithms.h"
+#include "optim/device_views.h"
 
 namespace tvsgs {
 namespace {
@@ -87,7 +88,11 @@ MemoryPlan estimate_memory(const Scene& scene,
     if (grows) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + (neighbour ? kPerNeighbourPixel : 0);
-    buffers.fixed = photo_bytes(scene.train) + per_pixel * largest_view(scene);
+    const std::int64_t photos = photo_bytes(scene.train);
+    const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
+    // Else colours and grey of a few.
+    buffers.fixed = (all ? photos : DeviceViews<Cpu>::kSlots * 4 * largest_view(scene)) +
+                    per_pixel * largest_view(scene);
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
@@ -113,6 +118,10 @@ MemoryPlan plan_memory(const Scene& scene,
     if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
     if constexpr (kHasCuda) {
         if (cuda) plan.device_limit = limit_of(Cuda{}, "memory.gpu", memory.gpu);
+    }
+    if (cuda && options.photo_bytes == 0 && photo_bytes(scene.train) > plan.device_limit / 2) {
+        options.photo_bytes = plan.device_limit / 4;
+        plan.buffers = estimate_memory(scene, options, splats, cuda).buffers;
     }
     if (cuda) require("GPU", plan.buffers, splats, plan.device_limit);
     require("host", plan.host, splats, plan.host_limit);

@@ -70,18 +70,24 @@ public:
         partial_.resize(kSumBlocks);
     }
 
-    /// Draws one of the neighbours of view `reference` for this step and renders it; returns
-    /// itself, or null when there is none.
+    /// One of the neighbours of view `reference`, drawn for this step; -1 when there is none.
+    int choose(int step, int reference) const {
+        const std::vector<int>& choice = choice_.of_view[static_cast<std::size_t>(reference)];
+        if (choice.empty()) return -1;
+        const float draw =
+            uniform(random4(seed_, RandomStream::neighbour, static_cast<std::uint64_t>(step)).v[0]);
+        const auto at = static_cast<std::size_t>(draw * static_cast<float>(choice.size()));
+        return choice[std::min(at, choice.size() - 1)];
+    }
+
+    /// Renders choose(step, reference); returns itself, or null when there is none.
     NeighbourView* render(int step,
                           int reference,
                           const std::vector<DeviceView<Device>>& views,
                           const Gaussians<Device>& gaussians) {
-        const std::vector<int>& choice = choice_.of_view[static_cast<std::size_t>(reference)];
-        if (choice.empty()) return nullptr;
-        const float draw =
-            uniform(random4(seed_, RandomStream::neighbour, static_cast<std::uint64_t>(step)).v[0]);
-        const auto at = static_cast<std::size_t>(draw * static_cast<float>(choice.size()));
-        view_ = &views[static_cast<std::size_t>(choice[std::min(at, choice.size() - 1)])];
+        const int neighbour = choose(step, reference);
+        if (neighbour < 0) return nullptr;
+        view_ = &views[static_cast<std::size_t>(neighbour)];
         images_ = &backbone_->forward(gaussians, view_->camera, 0, Channels::plane);
         dL_dimages_.normal.resize(0), dL_dimages_.distance.resize(0);
         return this;

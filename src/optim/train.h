@@ -50,7 +50,7 @@ struct OptimOptions {
 
 struct TrainOptions {
     int iterations = 30000;
-    std::int64_t seed = 0;
+    std::int64_t seed = 0, photo_bytes = 0;
     std::string backbone = "3dgs";
     ModelOptions model;
     BackboneOptions core;
@@ -65,6 +65,9 @@ struct TrainOptions {
     void fields(Visitor& field) {
         field("iterations", iterations, {0, 1e9}, "training iterations");
         field("seed", seed, {0, 9e15}, "of all random numbers");
+        field("photo_bytes", photo_bytes, {0, 9e15},
+              "photographs to hold on the device, bytes; where there are more, they come from the "
+              "host while it works, with the same results; 0: all");
         field("backbone", backbone, "3dgs or pgsr");
         field.group("model", model, "the Gaussians");
         field.group("core", core, "the rasteriser");

@@ -3,40 +3,12 @@
 
 #include "core/rng.h"
 #include "core/stage_clock.h"
+#include "optim/device_views.h"
 #include "optim/fixed_voters.h"
-#include "optim/loss_normal.h"
 #include "optim/train.h"
 #include "optim/train_state.h"
 
 namespace tvsgs {
-
-/// The training views on the device, with what the losses in use read.
-template <class Device>
-std::vector<DeviceView<Device>> upload(const std::vector<View>& views, const LossOptions& loss) {
-    std::vector<DeviceView<Device>> result(views.size());
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        const ImageU8& photo = views[i].photo;
-        DeviceView<Device>& view = result[i];
-        view.index = static_cast<int>(i);
-        view.camera = views[i].camera;
-        copy(photo.pixels, view.photo);
-        if (loss.normal.weight > 0) {
-            float low = 1, high = 0;
-            for (int y = 1; y + 1 < photo.height; ++y)
-                for (int x = 1; x + 1 < photo.width; ++x) {
-                    const float e = edge_strength(photo.pixels.data(), photo.width, x, y);
-                    low = std::min(low, e), high = std::max(high, e);
-                }
-            view.edge_min = low, view.edge_max = std::max(low, high);
-        }
-        if (loss.multi_view_ncc.weight > 0) {
-            const ImageU8 grey = views[i].grey.empty() ? grey_of(photo) : views[i].grey;
-            view.grey_width = grey.width, view.grey_height = grey.height;
-            copy(grey.pixels, view.grey);
-        }
-    }
-    return result;
-}
 
 /// What the terms that act at a step want rendered.
 struct Wanted {
@@ -107,7 +79,7 @@ Gaussians<Device> train(const Scene& scene,
     objective.values.resize(t->losses.size());
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
-    const auto views = upload<Device>(scene.train, options.loss);
+    DeviceViews<Device> views(scene.train, options.loss, options.photo_bytes);
     StageClock<Device> clock(callbacks.profile);
 
     const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& {
@@ -122,13 +94,24 @@ Gaussians<Device> train(const Scene& scene,
         }
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
         const int sh_degree = sh_degree_at(options.model, step);
-        const DeviceView<Device>& view = views[static_cast<std::size_t>(t->sampler.next())];
+        const DeviceView<Device>& view = views.get(t->sampler.next());
+        const Wanted want = wanted(t->losses, step);
+        if (!views.all_resident()) {  // before the device has work, beside which they then come
+            const auto fetch_neighbour = [&](int at_step, int reference, bool now) {
+                const int n = want.neighbour ? neighbours->choose(at_step, reference) : -1;
+                if (n >= 0) now ? void(views.get(n)) : views.prefetch(n);
+            };
+            fetch_neighbour(step, view.index, true);
+            ViewSampler ahead = t->sampler;
+            const int next = ahead.next();
+            views.prefetch(next);
+            fetch_neighbour(step + 1, next, false);
+        }
         if (t->voter.due(step)) clock("voting", [&] { t.vote(step); });
 
-        const Wanted want = wanted(t->losses, step);
         NeighbourView<Device>* const neighbour =
             !want.neighbour ? nullptr : clock("neighbour", [&] {
-                return neighbours->render(step, view.index, views, t->gaussians);
+                return neighbours->render(step, view.index, views.views(), t->gaussians);
             });
         const RenderedImages<Device>& images =
             clock("forward", [&]() -> const RenderedImages<Device>& {
@@ -174,7 +157,7 @@ Gaussians<Device> train(const Scene& scene,
             if (changes) t->adam.catch_up_all(t->gaussians);
             return t->densifier.step(
                 step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
-                    for (const auto& other : views) {
+                    for (const auto& other : views.views()) {
                         backbone->forward(t->gaussians, other.camera, 0, Channels::plane);
                         write_statistics(Device{}, backbone->blend_backward({}));
                         count_views(backbone->statistics());

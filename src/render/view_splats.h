@@ -25,7 +25,7 @@ inline TileGrid tile_grid(int width, int height) {
 }
 
 /// Tiles [x0, x1) x [y0, y1).
-struct TileRect {
+struct alignas(8) TileRect {
     std::uint16_t x0, y0, x1, y1;
 
     TVSGS_HD std::uint32_t count() const {
@@ -116,11 +116,8 @@ struct ProjectBody {
             image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
         if (!(e.det > 0) || !(e.det < 1e30f)) return;
 
-        SplatShape<float> s;
-        s.mean = project_point(view.camera, p);
-        s.root = ellipse_root(e);
-        s.opacity = opacity;
-        s.reach = splat_reach(opacity, view.cull_alpha);
+        const SplatShape<float> s{project_point(view.camera, p), ellipse_root(e), opacity,
+                                  splat_reach(opacity, view.cull_alpha)};
         const TileGrid& grid = view.grid;
         const TileRect rect = tile_rect(s, grid);
         // Which of the tiles it meets is tested where their lists are built.
@@ -130,7 +127,9 @@ struct ProjectBody {
         const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
         const float under_root = mid * mid - e.det;
         radii[i] = std::ceil(3 * std::sqrt(mid + std::sqrt(under_root > 0.1f ? under_root : 0.1f)));
-        shapes[i] = s;
+        SplatShape<float>& shape = shapes[i];  // as a whole nvcc copies it byte by byte
+        shape.mean = s.mean, shape.root = s.root;
+        shape.opacity = s.opacity, shape.reach = s.reach;
         depths[i] = p.z;
         rects[i] = rect;
 

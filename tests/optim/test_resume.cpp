@@ -3,6 +3,7 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "optim/device_views.h"
 #include "training_scene.h"
 
 namespace tvsgs {
@@ -110,6 +111,30 @@ void repeats_itself() {
 
 TEST(Repeat, ThreeHundredIterationsGiveTheSameBits) {
     repeats_itself<Cpu>();
+}
+
+/// With no photographs on the device but those of two iterations.
+template <class Device>
+void photographs_from_the_host_change_nothing() {
+    Scene scene = rendered_scene();
+    for (std::size_t i = 0; i < 4; ++i) {  // each of its own, as only seven do not fit
+        View view = scene.train[i % 3];
+        for (std::size_t p = 0; p < view.photo.pixels.size(); ++p)
+            view.photo.pixels[p] = static_cast<std::uint8_t>(view.photo.pixels[p] / 2 + 20 * i);
+        scene.train.push_back(std::move(view));
+    }
+    TrainOptions options = everything_on(60);
+    ASSERT_TRUE(DeviceViews<Device>(scene.train, options.loss, 0).all_resident());
+    const Outcome all = run<Device>(scene, options);
+    options.photo_bytes = 1;
+    ASSERT_FALSE(DeviceViews<Device>(scene.train, options.loss, 1).all_resident());
+    const Outcome some = run<Device>(scene, options);
+    EXPECT_EQ(some.end, 60);
+    EXPECT_TRUE(same_bits(all.gaussians, some.gaussians));
+}
+
+TEST(Repeat, PhotographsFromTheHostChangeNothing) {
+    photographs_from_the_host_change_nothing<Cpu>();
 }
 
 template <class Device>
@@ -297,6 +322,10 @@ TEST(ResumeTwins, Cuda) {
 TEST(RepeatTwins, CudaThreeHundredIterations) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) repeats_itself<Cuda>();
+}
+TEST(RepeatTwins, CudaPhotographsFromTheHostChangeNothing) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) photographs_from_the_host_change_nothing<Cuda>();
 }
 TEST(RepeatTwins, CudaLazyTrainingIsDenseTraining) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
