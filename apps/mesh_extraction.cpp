@@ -43,6 +43,13 @@ int automatic_resolution(const std::vector<View>& views) {
     return std::max(8, static_cast<int>(2 * focal_px));
 }
 
+/// "any" where an unbounded scene has no limit.
+std::string limit_text(const DepthRules& rules) {
+    return rules.depth_max < std::numeric_limits<float>::max()
+               ? fmt::format("{:.4g}", rules.depth_max)
+               : "any";
+}
+
 }  // namespace
 
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
@@ -104,8 +111,8 @@ TsdfOptions volume_options(const MeshOptions& options,
         !options.memory.empty()
             ? parse_bytes("--memory", options.memory)
             : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
-    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {:.4g}",
-                volume.voxel_size, volume.truncation, rules.depth_max);
+    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
+                volume.truncation, limit_text(rules));
     if (options.unbounded) {
         volume.contraction = {vec_cast<float>(focus.point), radius};
         rules.centre = volume.contraction.centre;
@@ -164,12 +171,12 @@ void report_fusion(const DepthCounts& counts,
 void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double median_depth) {
     if (counts.kept > 0) return;
     spdlog::warn(
-        "empty mesh: none of {} depth pixels passed (depths below {:.4g} pass; the median depth of "
+        "empty mesh: none of {} depth pixels passed (depths below {} pass; the median depth of "
         "the last view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks and "
         "--bbox",
         counts.not_finite + counts.too_far + counts.transparent + counts.masked + counts.grazing +
             counts.outside + counts.out_of_reach,
-        rules.depth_max, median_depth);
+        limit_text(rules), median_depth);
 }
 
 void clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level) {
