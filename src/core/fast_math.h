@@ -8,7 +8,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/pack.h"
+#include "core/abreast.h"
 
 namespace tvsgs {
 
@@ -54,6 +54,10 @@ struct ExactMath {
     static Pack<double, kBytes> decay(Pack<double, kBytes> x) {
         for (int i = 0; i < Pack<double, kBytes>::kSize; ++i) x.v[i] = std::exp(-x.v[i]);
         return x;
+    }
+    template <class Lane, int kCount>
+    static Abreast<Lane, kCount> decay(const Abreast<Lane, kCount>& x) {
+        return Abreast<Lane, kCount>::each([&](int i) { return decay(x.v[i]); });
     }
 #endif
 
@@ -106,8 +110,16 @@ struct FastMath : ExactMath {
     static Pack<float, kBytes> decay(Pack<float, kBytes> x) {
         return short_decay(x);
     }
+    template <class Lane, int kCount>
+    static Abreast<Lane, kCount> decay(const Abreast<Lane, kCount>& x) {
+        if constexpr (kIsDouble<Lane>)
+            return Abreast<Lane, kCount>::each([&](int i) { return decay(x.v[i]); });
+        else
+            return short_decay(x);
+    }
 #endif
 
+private:
     /// The multiple of ln 2 taken off in one part, and a polynomial whose products do not wait for
     /// one another; its relative error is 1e-7.
     template <class Real>

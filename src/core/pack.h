@@ -25,6 +25,9 @@ TVSGS_HD constexpr Real select(bool condition, Real a, Real b) {
 TVSGS_HD constexpr bool both(bool a, bool b) {
     return a && b;
 }
+TVSGS_HD constexpr bool all(bool a) {
+    return a;
+}
 /// a < b ? a : b.
 TVSGS_HD inline float minimum(float a, float b) {
     return a < b ? a : b;
@@ -50,7 +53,8 @@ struct Pack;  // CPU only
 #else
 namespace detail {
 // What GCC makes single instructions of in no other form: 32 bytes would go through memory in
-// pieces, at twenty cycles each time.
+// pieces, at twenty cycles each time. So packs of 32 bytes must not be used but where
+// has_wide_packs().
 #if defined(__x86_64__)
 [[gnu::target("avx2")]] inline __m256 broadcast8(float x) {
     return _mm256_set1_ps(x);
@@ -86,6 +90,7 @@ struct Pack {
         friend Mask either(Mask a, Mask b) { return {a.bits | b.bits}; }
         friend Mask operator!(Mask a) { return {~a.bits}; }
         friend bool any(Mask a) { return bits_of(a) != 0; }
+        friend bool all(Mask a) { return !any(!a); }
         /// Bit i says whether entry i is true.
         friend unsigned bits_of(Mask a) {
             if constexpr (detail::kIsM256<T, kBytes>)
@@ -115,6 +120,9 @@ struct Pack {
 
     T operator[](int i) const {
         return v[i];
+    }
+    void set(int i, T x) {
+        v[i] = x;
     }
     static Pack load(const T* from) {
         Pack p;

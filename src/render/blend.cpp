@@ -88,13 +88,14 @@ struct BlendTile {
                     &shapes[splats[std::min(span.begin + begin + count + j, span.end - 1)]]);
             }
             batch.compute(count, open);
-            for (std::uint32_t i = 0; i < batch.count;) {
-                const std::uint32_t j = batch.pairs[i].splat;
+            for (std::uint32_t i = 0, j = 0; j < count; ++j) {
                 const auto f = broadcast<Lane>(features[first[j]].f);
-                for (; batch.pairs[i].splat == j; ++i) {
+                const Lane opacity = batch.opacities[j];
+                for (; i < batch.ends[j]; ++i) {
                     const int k = batch.pairs[i].pack;
                     PixelForward<Lane>& pixel = pixels[k];
-                    const Lane alpha = batch.alpha[i], rest = 1 - alpha;
+                    const Lane alpha = minimum(opacity * batch.gauss[i], Lane(kMaxAlpha)),
+                               rest = 1 - alpha;
                     const unsigned full =
                         bits_of(pixel.T * rest < Lane(kMinTransmittance)) & open_in[k];
                     if (full != 0) close(k, full, begin + j);
@@ -204,25 +205,25 @@ struct BlendTileVjp {
             std::uint64_t open = 0;  // packs with pixels that these may draw in
             for (int k = 0; k < Pixels::kCount; ++k) open |= bit(k, last_of[k] > begin);
             batch.compute(count, open);
-            for (std::uint32_t i = 0; i < batch.count;) {
-                const std::uint32_t j = batch.pairs[i].splat, from = i;
-                const SplatShape<float>& shape = shapes[*(first - j)];
-                const auto root = broadcast<Lane>(shape).root;
+            for (std::uint32_t i = 0, j = 0; j < count; ++j) {
+                const std::uint32_t from = i;
+                if (from == batch.ends[j]) continue;
+                const auto shape = broadcast<Lane>(shapes[*(first - j)]);
                 const auto f = broadcast<Lane>(features[*(first - j)].f);
                 const Lane position = Lane::from_bits(static_cast<std::int32_t>(end - 1 - j));
                 typename Lane::Mask draws{};
                 LaneSums sums;
                 for (int pass = 0; pass < kPasses; ++pass) {
                     SplatGradients<Lane> g{};
-                    for (i = from; batch.pairs[i].splat == j; ++i) {
+                    for (i = from; i < batch.ends[j]; ++i) {
                         const int k = batch.pairs[i].pack;
                         if (k / kTileSize % kPasses != pass) continue;
-                        const auto reached = less_bits(position, stop[k]);
-                        const SplatAlpha<Lane> a{select(reached, batch.gauss[i], Lane(0)),
-                                                 select(reached, batch.alpha[i], Lane(0))};
-                        draws = either(draws, a.alpha > Lane(0));
-                        blend_vjp<kChannels>(pixels[k], root, f, batch.whitened(batch.pairs[i]), a,
-                                             g);
+                        const Lane gauss =
+                            select(less_bits(position, stop[k]), batch.gauss[i], Lane(0));
+                        draws = either(draws, gauss > Lane(0));
+                        blend_vjp<kChannels>(
+                            pixels[k], shape.root, f, batch.splats[j].whitened(k),
+                            {gauss, minimum(shape.opacity * gauss, Lane(kMaxAlpha))}, g);
                     }
                     sums.store(g, pass * Lane::kSize);
                 }

@@ -30,6 +30,11 @@ struct SplatInTile {
     Lane along[kParts];                                     // xx dx, so that w.x = xy dy + xx dx
     alignas(Lane) float lean[kTileSize];                    // xy dy
     alignas(Lane) float down[kTileSize], down2[kTileSize];  // w.y and its square
+
+    Vec2<Lane> whitened(int pack) const {
+        const int row = pack % kTileSize;
+        return {lean[row] + along[pack / kTileSize], down[row]};
+    }
 };
 
 /// The pixels of a tile as packs of neighbours in a row; pack part * kTileSize + row.
@@ -82,55 +87,23 @@ struct TilePixels {
     }
 };
 
-/// A few packs that are computed with side by side: each waits for its own last result only.
-template <class Lane>
-struct Abreast {
-    static constexpr int kCount = 4;
-    Lane v[kCount];
-
-    Abreast() = default;
-    Abreast(float x) {
-        for (Lane& lane : v) lane = x;
-    }
-    template <class Operation>
-    static Abreast each(const Operation& operation) {
-        Abreast out;
-        for (int i = 0; i < kCount; ++i) out.v[i] = operation(i);
-        return out;
-    }
-    friend Abreast operator+(const Abreast& a, const Abreast& b) {
-        return each([&](int i) { return a.v[i] + b.v[i]; });
-    }
-    friend Abreast operator-(const Abreast& a, const Abreast& b) {
-        return each([&](int i) { return a.v[i] - b.v[i]; });
-    }
-    friend Abreast operator*(const Abreast& a, const Abreast& b) {
-        return each([&](int i) { return a.v[i] * b.v[i]; });
-    }
-    friend Abreast minimum(const Abreast& a, const Abreast& b) {
-        return each([&](int i) { return minimum(a.v[i], b.v[i]); });
-    }
-    friend Abreast times_power_of_two(const Abreast& a, const Abreast& b) {
-        return each([&](int i) { return times_power_of_two(a.v[i], b.v[i]); });
-    }
-};
-
 /// A few splats of a tile, and the packs in which they may draw: their alphas are computed one
 /// after the other, without a branch between them.
 template <class Lane>
 struct SplatBatch {
     using Pixels = TilePixels<Lane>;
     static constexpr std::uint32_t kSplats = 16;
-    static constexpr int kMost = kSplats * Pixels::kCount + Abreast<Lane>::kCount;
+    static constexpr int kAbreast = 4;
+    static constexpr int kMost = kSplats * Pixels::kCount + kAbreast;
 
     struct Pair {
         std::uint16_t splat, pack;
     };
     SplatInTile<Lane> splats[kSplats + 1] = {};  // the last: of no splat
     float opacities[kSplats + 1] = {};
-    Pair pairs[kMost];  // by splat; behind them some of no splat
-    std::uint32_t count = 0;
-    Lane gauss[kMost], alpha[kMost];  // of the pairs; 0 where the splat does not draw
+    Pair pairs[kMost];            // by splat; behind them some of no splat
+    std::uint32_t ends[kSplats];  // of each splat's pairs
+    Lane gauss[kMost];            // of the pairs; 0 where the splat does not draw
 
     void place(std::uint32_t j, const SplatShape<float>& shape, const Pixels& pixels) {
         pixels.place(shape, splats[j]);
@@ -139,32 +112,27 @@ struct SplatBatch {
 
     /// For splats that are placed, in packs that are open. As splat_alpha() of blend_math.h.
     void compute(std::uint32_t splat_count, std::uint64_t open) {
-        count = 0;
-        for (std::uint32_t j = 0; j < splat_count; ++j)
+        std::uint32_t count = 0;
+        for (std::uint32_t j = 0; j < splat_count; ++j) {
             for_bits(splats[j].met & open, [&](int pack) {
                 pairs[count++] = {static_cast<std::uint16_t>(j), static_cast<std::uint16_t>(pack)};
             });
-        using Few = Abreast<Lane>;
-        for (std::uint32_t i = 0; i < Few::kCount; ++i) pairs[count + i] = {kSplats, 0};
-        for (std::uint32_t first = 0; first < count; first += Few::kCount) {
+            ends[j] = count;
+        }
+        using Few = Abreast<Lane, kAbreast>;
+        for (std::uint32_t i = 0; i < kAbreast; ++i) pairs[count + i] = {kSplats, 0};
+        for (std::uint32_t first = 0; first < count; first += kAbreast) {
             const Pair* const pair = pairs + first;
-            const Few x = Few::each([&](int i) { return whitened(pair[i]).x; });
+            const Few x =
+                Few::each([&](int i) { return splats[pair[i].splat].whitened(pair[i].pack).x; });
             const Few y2 = Few::each(
                 [&](int i) { return Lane(splats[pair[i].splat].down2[pair[i].pack % kTileSize]); });
-            const Few g = FastMath::short_decay(x * x + y2);
-            for (int i = 0; i < Few::kCount; ++i) {
-                const Lane raw = opacities[pair[i].splat] * g.v[i];
-                const auto draws = raw >= Lane(kMinAlpha);
+            const Few g = FastMath::decay(x * x + y2);
+            for (int i = 0; i < kAbreast; ++i) {
+                const auto draws = opacities[pair[i].splat] * g.v[i] >= Lane(kMinAlpha);
                 gauss[first + i] = select(draws, g.v[i], Lane(0));
-                alpha[first + i] = select(draws, minimum(raw, Lane(kMaxAlpha)), Lane(0));
             }
         }
-    }
-
-    Vec2<Lane> whitened(Pair p) const {
-        const SplatInTile<Lane>& splat = splats[p.splat];
-        const int row = p.pack % kTileSize;
-        return {splat.lean[row] + splat.along[p.pack / kTileSize], splat.down[row]};
     }
 };
 

@@ -47,6 +47,8 @@ struct CentreRoundBody {
 /// For reports: votes cast by plates at the centres, and those among them that are zero.
 template <class Real, class Lists>
 struct VoteCountBody {
+    static constexpr bool kPacks = true;
+
     Ballot<Real, Lists> ballot;
     Span<float> votes, culled;  // by slot
 

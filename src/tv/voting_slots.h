@@ -268,7 +268,7 @@ private:
         Real entries[kEntries];  // a record is a row of numbers
         std::memcpy(entries, &record, sizeof entries);
         auto* const lanes = reinterpret_cast<Lane*>(&pack);
-        for (int i = 0; i < kEntries; ++i) lanes[i].v[lane] = entries[i];
+        for (int i = 0; i < kEntries; ++i) lanes[i].set(lane, entries[i]);
     }
 };
 

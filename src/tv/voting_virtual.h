@@ -2,6 +2,7 @@
 // [tensor voting specification, section 4]
 #pragma once
 
+#include "core/abreast.h"
 #include "core/eigen.h"
 #include "tv/voting_bodies.h"
 
@@ -39,8 +40,17 @@ struct VirtualBody {
             using Lane = typename Warp::template Lane<Real>;
             Lane T[6][2 * kSide] = {};
             add_votes<1>(warp, slot, mean, step, T);
-            for (int t = 0; t < 2 * kSide; ++t)
-                keep_best(surface_saliency(warp, T, t), position<2 * kSide>(t), best);
+            using Few = Pairwise<Lane, 2>;  // of positions, now
+            for (int first = 0; first < 2 * kSide; first += Few::kSize) {
+                const int count = std::min<int>(Few::kSize, 2 * kSide - first);
+                Few entries[6];
+                for (int c = 0; c < 6; ++c)
+                    for (int at = 0; at < count; ++at)
+                        entries[c].set(at, warp.sum(T[c][first + at]));
+                const Few saliency = surface_saliency(entries);
+                for (int at = 0; at < count; ++at)
+                    keep_best(saliency[at], position<2 * kSide>(first + at), best);
+            }
         } else {  // half a warp for the negative positions, half for the positive ones
             constexpr int kHalf = 16;
             const int half = warp.lane() / kHalf, lane = warp.lane() % kHalf;
@@ -82,19 +92,40 @@ private:
         const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
         VoteRule rule = ballot.rule;
         rule.unit_length = kUnitVotes;  // a constant
+        using Few = Pairwise<Lane, kCount>;
+        constexpr int kFew = sizeof(Few) / sizeof(Lane);
         const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
         ballot.template for_each_voter<kStride>(warp, slot, [&](const VoterRecord<Lane>& voter) {
             const Vec3<Lane> d = from - voter.mean, dw = voter.W * d, by_w = voter.W * by;
-            for_constants<kCount>([&](int t) {
-                const auto m = static_cast<Lane>(position<kCount>(t));
-                const Vote<Lane> vote =
-                    plate_vote<FastMath>(voter, d + m * by, dw + m * by_w, rule);
-                const Vec3<Lane> v = vote.v,
-                                 wv = voter.strength * vote.decay * vote.inverse_length2 * v;
-                T[0][t] += wv.x * v.x, T[1][t] += wv.x * v.y, T[2][t] += wv.x * v.z;
-                T[3][t] += wv.y * v.y, T[4][t] += wv.y * v.z, T[5][t] += wv.z * v.z;
+            decltype(auto) caster = pairwise<Few>(voter);
+            const auto at = [](const Vec3<Lane>& v) { return vec_cast<Few>(v); };
+            for_constants<kCount / kFew>([&](int pair) {
+                Few m{};
+                for (int i = 0; i < kFew; ++i)
+                    part_of<Lane>(m, i) = static_cast<Lane>(position<kCount>(kFew * pair + i));
+                const Vote<Few> vote =
+                    plate_vote<FastMath>(caster, at(d) + m * at(by), at(dw) + m * at(by_w), rule);
+                const Vec3<Few> v = vote.v,
+                                wv = caster.strength * vote.decay * vote.inverse_length2 * v;
+                Few sums[6] = {wv.x * v.x, wv.x * v.y, wv.x * v.z,
+                               wv.y * v.y, wv.y * v.z, wv.z * v.z};
+                for (int i = 0; i < kFew; ++i)
+                    for (int c = 0; c < 6; ++c) T[c][kFew * pair + i] += part_of<Lane>(sums[c], i);
             });
         });
+    }
+
+    /// What a vote reads of a record whose place is known.
+    template <class Few, class Lane>
+    TVSGS_HD static decltype(auto) pairwise(const VoterRecord<Lane>& voter) {
+        if constexpr (std::is_same_v<Few, Lane>)
+            return (voter);
+        else
+            return VoterRecord<Few>{{},
+                                    Few(voter.inverse_tau2),
+                                    {},
+                                    vec_cast<Few>(voter.normal_world),
+                                    Few(voter.strength)};
     }
 
     template <class Warp>
@@ -110,9 +141,10 @@ private:
         for (int c = 0; c < 6; ++c) entries[c] = warp.sum(T[c][t]);
         return surface_saliency(entries);
     }
-    TVSGS_HD static Real surface_saliency(const Real (&T)[6]) {
-        const Vec3<Real> values =
-            sym_eigenvalues<FastMath>(Sym3<Real>{T[0], T[1], T[2], T[3], T[4], T[5]});
+    template <class Few>
+    TVSGS_HD static Few surface_saliency(const Few (&T)[6]) {
+        const Vec3<Few> values =
+            sym_eigenvalues<FastMath>(Sym3<Few>{T[0], T[1], T[2], T[3], T[4], T[5]});
         return values.y - values.z;
     }
     TVSGS_HD static void keep_best(Real saliency, int m, Best& best) {

@@ -11,17 +11,17 @@
 #include <utility>
 #include <vector>
 
+#include "core/abreast.h"
 #include "core/buffer.h"
 #include "core/device.h"
-#include "core/pack.h"
 
 namespace tvsgs {
 
 struct SerialWarp {
     static constexpr int kLanes = 1;
-    /// What one lane computes with. As wide without vectors of that size: the same sums, slower.
+    /// What one lane computes with. As wide as WideWarp's: the same sums, slower.
     template <class Real>
-    using Lane = Pack<Real, 32>;
+    using Lane = Abreast<Pack<Real>, 2>;
 
     int lane() const { return 0; }
     void sync() const {}  // also orders the lanes' accesses to memory
@@ -30,10 +30,12 @@ struct SerialWarp {
         return x;
     }
     template <class T, int kBytes>
-    T sum(Pack<T, kBytes> x) const {
-        T total = 0;
-        for (int i = 0; i < Pack<T, kBytes>::kSize; ++i) total += x[i];
-        return total;
+    T sum(const Pack<T, kBytes>& x) const {
+        return sum_of_entries<T>(x);
+    }
+    template <class T>
+    T sum(const Abreast<Pack<T>, 2>& x) const {
+        return sum_of_entries<T>(x);
     }
     template <class T>
     T from_lane(T x, int /*lane*/) const {
@@ -94,6 +96,20 @@ struct SerialWarp {
         std::nth_element(scratch, upper, scratch + count);
         return count % 2 == 1 ? *upper : (*std::max_element(scratch, upper) + *upper) / 2;
     }
+
+private:
+    template <class T, class Lane>
+    static T sum_of_entries(const Lane& x) {
+        T total = 0;
+        for (int i = 0; i < Lane::kSize; ++i) total += x[i];
+        return total;
+    }
+};
+
+/// Where has_wide_packs().
+struct WideWarp : SerialWarp {
+    template <class Real>
+    using Lane = Pack<Real, 32>;
 };
 
 /// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put
@@ -144,7 +160,7 @@ TVSGS_HD void for_constants(const Action& action) {
 namespace detail {
 template <class Body>
 TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
-    body(SerialWarp{}, i, scratch);
+    body(WideWarp{}, i, scratch);
 }
 }  // namespace detail
 
