@@ -39,6 +39,16 @@ __device__ LanePixels lane_pixels(const TileGrid& grid) {
     return p;
 }
 
+/// Where pixels go that take no part: all alphas are 0 there, and no flag has to be asked. Products
+/// with it stay finite.
+constexpr float kOutOfReach = 1e25f;
+
+/// A number that the compiler keeps in a register, and does not compute anew where it is used.
+__device__ int kept(int value) {
+    asm volatile("" : "+r"(value));
+    return value;
+}
+
 /// From a pixel centre to the mean.
 __device__ Vec2f offset(const SplatShape<float>& s, const LanePixels& p, int k) {
     return {s.mean.x - p.centre_x, s.mean.y - p.centre_y[k]};
@@ -87,17 +97,18 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(Span<const SplatShape<f
                                                          Span<std::uint32_t> stop_out) {
     __shared__ Batch batches[kWarps];
     Batch& batch = batches[threadIdx.x / 32];
-    const LanePixels p = lane_pixels(grid);
+    LanePixels p = lane_pixels(grid);
+    for (int k = 0; k < kPixels; ++k)
+        if (!p.inside[k]) p.centre_y[k] = kOutOfReach;
     const std::uint32_t lane = threadIdx.x % 32;
     const TileSpan span = spans[blockIdx.x];
     PixelForward<float> pixels[kPixels];
     std::uint32_t stop[kPixels] = {};
-    bool full[kPixels] = {!p.inside[0], !p.inside[1]};
 
     // No block barrier: each warp leaves by itself.
     std::uint32_t next = span.begin + lane < span.end ? splats[span.begin + lane] : 0;
     for (std::uint32_t begin = span.begin; begin < span.end; begin += kBatch) {
-        if (__all_sync(kAll, full[0] && full[1])) break;
+        if (__all_sync(kAll, p.centre_y[0] == kOutOfReach && p.centre_y[1] == kOutOfReach)) break;
         const std::uint32_t splat = next, ahead = begin + kBatch + lane;
         if (ahead < span.end) next = splats[ahead];
         unsigned mask =
@@ -107,17 +118,16 @@ __global__ void __launch_bounds__(kThreads) blend_kernel(Span<const SplatShape<f
             const SplatShape<float> s = batch.shapes[j];
             float alpha[kPixels];
 #pragma unroll
-            for (int k = 0; k < kPixels; ++k)
-                alpha[k] = full[k] ? 0 : splat_alpha(s, offset(s, p, k)).alpha;
-            if (alpha[0] == 0 && alpha[1] == 0) continue;
+            for (int k = 0; k < kPixels; ++k) alpha[k] = splat_alpha(s, offset(s, p, k)).alpha;
+            if (!__any_sync(kAll, alpha[0] > 0 || alpha[1] > 0)) continue;
+            // No branches but that of the whole warp: an alpha of 0 adds zeros.
             const SplatFeatures<float>& f = batch.features[j].f;
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) {
-                if (alpha[k] == 0) continue;
-                if (blend<kChannels>(pixels[k], alpha[k], f))
+                const bool fits = blend<kChannels>(pixels[k], alpha[k], f);
+                if (fits && alpha[k] > 0)
                     stop[k] = begin - span.begin + static_cast<std::uint32_t>(j) + 1;
-                else
-                    full[k] = true;
+                if (!fits) p.centre_y[k] = kOutOfReach;
             }
         }
         __syncwarp();  // before the next batch overwrites this one
@@ -248,9 +258,11 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
     __shared__ std::uint32_t last_of_warp[kWarps];
     using Filled = FilledValues<kChannels>;
     const std::uint32_t warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    // Of SplatGradients: what this lane writes of the warp's sums.
+    // Where this lane writes a value of the warp's first sum; below 0: nowhere.
     const int value = value_of_lane<Filled::kCount>(static_cast<int>(lane));
-    const int member = lane % 2 == 0 && value >= 0 ? Filled::member(value) : -1;
+    const int place = kept(lane % 2 == 0 && value >= 0
+                               ? static_cast<int>(warp) * kBatch * kValues + Filled::member(value)
+                               : -1);
     Batch& batch = batches[warp];
     const LanePixels p = lane_pixels(grid);
     const TileSpan span = spans[blockIdx.x];
@@ -286,33 +298,38 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
             mask ^= bit;
             const SplatShape<float> s = batch.shapes[j];
             SplatAlpha<float> a[kPixels];
+            Vec2f w[kPixels];
 #pragma unroll
-            for (int k = 0; k < kPixels; ++k)
-                a[k] = begin + static_cast<std::uint32_t>(j) < stop[k]
-                           ? splat_alpha(s, offset(s, p, k))
-                           : SplatAlpha<float>{0, 0};
+            for (int k = 0; k < kPixels; ++k) {
+                Vec2f d = offset(s, p, k);
+                d.y = begin + static_cast<std::uint32_t>(j) < stop[k] ? d.y : kOutOfReach;
+                a[k] = splat_alpha(s, d);
+                w[k] = whitened(s.root, d);
+            }
             const bool draws = a[0].alpha > 0 || a[1].alpha > 0;
             const unsigned lanes = __ballot_sync(kAll, draws);
             if (lanes == 0) continue;
             drawn |= bit;
-            // No branches: whatever does not draw adds zeros.
+            // No branches: whatever does not draw adds zeros. To -0 nothing has to be added.
+            constexpr float o = -0.0f;
             union {
                 SplatGradients<float> g;
                 float values[kValues];
-            } u{SplatGradients<float>{}};
+            } u{{{o, o}, {o, o}, {o, o, o}, o, {{o, o, o}, {o, o, o}, o}, o}};
 #pragma unroll
             for (int k = 0; k < kPixels; ++k) {
                 const float T = pixels[k].T;
-                blend_vjp<kChannels>(pixels[k], s.root, batch.features[j].f,
-                                     whitened(s.root, offset(s, p, k)), a[k], u.g);
+                blend_vjp<kChannels>(pixels[k], s.root, batch.features[j].f, w[k], a[k], u.g);
                 if (a[k].alpha == 0) pixels[k].T = T;  // the inverse of 1 is approximate, too
             }
             if ((lanes & (lanes - 1)) == 0) {  // one lane: nothing to add
-                for (int v = 0; kAtomic && draws && v < kValues; ++v)
-                    out.add_atomically(splats[position + j], v, u.values[v]);
-                if (!kAtomic && draws) {
+                if (draws) {
 #pragma unroll
-                    for (int v = 0; v < kValues; ++v) sums.of[warp][j][v] = u.values[v];
+                    for (int v = 0; v < kValues; ++v)
+                        if constexpr (kAtomic)
+                            out.add_atomically(splats[position + j], v, u.values[v]);
+                        else
+                            sums.of[warp][j][v] = u.values[v];
                 }
                 continue;
             }
@@ -320,17 +337,19 @@ __global__ void __launch_bounds__(kThreads) blend_vjp_kernel(Span<const SplatSha
 #pragma unroll
             for (int v = 0; v < Filled::kCount; ++v) values[v] = u.values[Filled::member(v)];
             const float sum = halving_sum(values, static_cast<int>(lane));
-            if (member < 0) continue;
+            if (place < 0) continue;
             if constexpr (kAtomic)
-                out.add_atomically(splats[position + j], member, sum);
+                out.add_atomically(splats[position + j], place % kValues, sum);
             else
-                sums.of[warp][j][member] = sum;
+                (&sums.of[0][0][0])[place + j * kValues] = sum;
         }
         if constexpr (!kAtomic) {
             if (lane == 0) sums.drawn[warp] = drawn;
             // The only barrier: whoever passes the next one has left write_slots() of this turn.
             __syncthreads();
             write_slots(sums, count, slot, out);
+        } else {
+            __syncwarp();  // before the next batch overwrites this one
         }
         end = begin;
     }

@@ -62,9 +62,9 @@ struct SplatFeatures {
 /// Sum over the channels that a set holds.
 template <Channels kChannels, class Real>
 TVSGS_HD Real feature_dot(const SplatFeatures<Real>& a, const SplatFeatures<Real>& b) {
-    Real sum = 0;
+    if constexpr (!has_plane(kChannels)) return dot(a.color, b.color);
+    Real sum = dot(a.normal, b.normal) + a.distance * b.distance;
     if constexpr (has_color(kChannels)) sum += dot(a.color, b.color);
-    if constexpr (has_plane(kChannels)) sum += dot(a.normal, b.normal) + a.distance * b.distance;
     return sum;
 }
 
@@ -106,10 +106,10 @@ struct PixelForward {
 template <Channels kChannels, class Real>
 TVSGS_HD bool blend(PixelForward<Real>& pixel, Real alpha, const SplatFeatures<Real>& f) {
     const Real next = pixel.T * (1 - alpha);
-    if (next < Real(kMinTransmittance)) return false;
-    add_features<kChannels>(pixel.sum, alpha * pixel.T, f);
-    pixel.T = next;
-    return true;
+    const bool fits = !(next < Real(kMinTransmittance));  // no branch: pixels side by side differ
+    add_features<kChannels>(pixel.sum, fits ? alpha * pixel.T : Real(0), f);
+    pixel.T = fits ? next : pixel.T;
+    return fits;
 }
 
 /// One pixel's running state on the way back to the front.
