@@ -68,9 +68,35 @@ void check_angle_and_step() {
     EXPECT_TRUE(clean.weight.empty());
 }
 
+/// The middle pixel looks straight ahead, the last one past 45 degrees; a wall at depth 2 that
+/// faces the camera.
+template <class Device>
+void check_reach_and_weight() {
+    RenderedImages<Device> rendered;
+    copy(std::vector<float>{0, 2, 2}, rendered.depth);
+    copy(std::vector<float>{0, 0, 0}, rendered.transmittance);
+    copy(std::vector<Vec3f>{{0, 0, -1}, {0, 0, -1}, {0, 0, -1}}, rendered.normal);
+    const Camera camera{3, 1, 1, 1, 1.5f, 0.5f, {}};
+    DepthRules rules;
+    rules.depth_max = 3, rules.weighting = DepthWeighting::cosine;
+    rules.centre = {0, 0, 1}, rules.reach = 2;
+    CleanDepth<Device> clean;
+    // (2, 0, 2) lies sqrt(5) from the centre.
+    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean).out_of_reach, 1);
+    EXPECT_EQ(to_host(clean.depth), (std::vector<float>{0, 2, 0}));
+    rules.reach = 2.5f;
+    EXPECT_EQ(clean_depth(rendered, camera, {}, rules, clean).kept, 2);
+    EXPECT_EQ(to_host(clean.weight)[1], 1);
+    EXPECT_FLOAT_EQ(to_host(clean.weight)[2], static_cast<float>(std::sqrt(0.5)));
+    rules.weighting = DepthWeighting::inverse_depth2;
+    clean_depth(rendered, camera, {}, rules, clean);
+    EXPECT_EQ(to_host(clean.weight)[1], 0.25f);
+}
+
 template <class Device>
 void check_rules() {
     check_angle_and_step<Device>();
+    check_reach_and_weight<Device>();
     DepthRules rules;
     rules.depth_max = 2;
     {

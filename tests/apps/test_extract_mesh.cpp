@@ -1,0 +1,168 @@
+// tvsgs-extract-mesh on splats whose surface is known, and the shipped overlays for it.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "io/config.h"
+#include "io/ply.h"
+#include "mesh_extraction.h"
+#include "support/command.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kBall = 0.7, kDome = 100;
+
+/// Flat, opaque splats on a sphere about the origin, evenly spread.
+void add_sphere(int count, double radius, Gaussians<Cpu>& splats, int first) {
+    for (int i = 0; i < count; ++i) {
+        const double z = 1 - 2 * (i + 0.5) / count, r = std::sqrt(1 - z * z);
+        const double angle = M_PI * (1 + std::sqrt(5.0)) * i;
+        const Vec3d n{r * std::cos(angle), r * std::sin(angle), z};
+        const float size = static_cast<float>(std::log(2 * radius / std::sqrt(count)));
+        const auto at = static_cast<std::size_t>(first + i);
+        splats.means.data()[at] = vec_cast<float>(radius * n);
+        splats.log_scales.data()[at] = {size, size, size - 5};
+        // From the z axis to n.
+        splats.quats.data()[at] = quat_cast<float>(Quat<double>{1 + n.z, -n.y, n.x, 0});
+        splats.opacity_logits.data()[at] = 6;
+        splats.sh.data()[at] = radius > 1 ? Vec3f{0.5f, 0.5f, 1} : Vec3f{1, 0, 0};
+    }
+}
+
+class ExtractMesh : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_extract_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        const Result synth =
+            run_tool(folder_, "synth", "--out scene --views 6 --width 64 --height 48");
+        ASSERT_EQ(synth.code, 0) << synth;
+        Gaussians<Cpu> splats;
+        resize(splats, 6000, 0);
+        add_sphere(2000, kBall, splats, 0);
+        add_sphere(4000, kDome, splats, 2000);
+        write_splat_ply((folder_ / "splats.ply").string(), splats);
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static Result extract(const std::string& flags, const std::string& out = "mesh.ply") {
+        fs::remove(folder_ / out);
+        return run_tool(
+            folder_, "extract-mesh",
+            "--model splats.ply --scene scene --device cpu --no-masks --out " + out + " " + flags);
+    }
+    static std::vector<double> radii(const std::string& out = "mesh.ply") {
+        std::vector<double> r;
+        for (const Vec3d v : read_ply_geometry((folder_ / out).string()).positions)
+            r.push_back(norm(v));
+        std::sort(r.begin(), r.end());
+        return r;
+    }
+
+    static inline fs::path folder_;
+};
+
+TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
+    const std::string fine = "--mesh-resolution 200 --truncation 0.15 ";
+    const Result bounded = extract(fine + "--no-preview");
+    ASSERT_EQ(bounded.code, 0) << bounded;
+    EXPECT_LT(radii().back(), 1);
+
+    const Result unbounded = extract(fine + "--unbounded");
+    ASSERT_EQ(unbounded.code, 0) << unbounded;
+    EXPECT_TRUE(unbounded.says("unbounded: voxels grow from 4.5 ")) << unbounded;
+    EXPECT_TRUE(fs::exists(folder_ / "mesh.png"));
+    // The cameras stand 4.5 from what they look at: voxels of 0.045 are (100 / 4.5)^2 times as long
+    // at the dome.
+    const double voxel = 9.0 / 200, far_voxel = voxel * std::pow(kDome / 4.5, 2);
+    std::size_t near = 0, far = 0;
+    const std::vector<double> all = radii();
+    for (const double r : all) {
+        near +=
+            std::abs(r - kBall) < voxel + 0.07;  // outlines of the ball are a pixel off, 4.5 / 64
+        far += std::abs(r - kDome) < far_voxel;
+    }
+    // Pixels on an outline blend the depths of both.
+    EXPECT_GE(static_cast<double>(near + far), 0.99 * static_cast<double>(all.size()));
+    EXPECT_GT(near, 500u);
+    EXPECT_GT(far, 3000u);
+
+    // Limits that are given hold, too.
+    for (const char* limit : {"--depth-max 50", "--bbox=-2,-2,-2,2,2,2"}) {
+        const Result limited = extract(fine + "--no-preview --unbounded " + limit, "limited.ply");
+        ASSERT_EQ(limited.code, 0) << limited;
+        EXPECT_LT(radii("limited.ply").back(), 1) << limit;
+        EXPECT_TRUE(limited.says("voxels of 0.045, ")) << limited;
+    }
+    // And what lies beyond the contracted space is said.
+    const Result coarse = extract("--mesh-resolution 100 --no-preview --unbounded");
+    ASSERT_EQ(coarse.code, 0) << coarse;
+    EXPECT_TRUE(coarse.says("pixels dropped: at or beyond 45 from the middle")) << coarse;
+    EXPECT_LT(radii().back(), 1);
+}
+
+TEST_F(ExtractMesh, UnboundedWithinABudget) {
+    const std::string flags =
+        "--mesh-resolution 200 --no-preview --unbounded --weight cos --carve ";
+    const Result whole = extract(flags, "whole.ply");
+    ASSERT_EQ(whole.code, 0) << whole;
+    const Result parts = extract(flags + "--memory 4M", "parts.ply");
+    ASSERT_EQ(parts.code, 0) << parts;
+    EXPECT_TRUE(parts.says("parts to keep within --memory")) << parts;
+    EXPECT_GT(contents(folder_ / "whole.ply").size(), 100000u);
+    EXPECT_TRUE(contents(folder_ / "whole.ply") == contents(folder_ / "parts.ply"));
+}
+
+TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
+    const auto expect_refused = [&](const std::string& flags, int code, const char* says) {
+        const Result r = extract(flags, "refused.ply");
+        EXPECT_EQ(r.code, code) << flags << ": " << r;
+        EXPECT_TRUE(r.says(says)) << flags << ": " << r;
+        EXPECT_FALSE(fs::exists(folder_ / "refused.ply")) << flags;
+    };
+    expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
+    expect_refused("--weight depth", 2, "inv-depth2");
+    expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
+    expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
+}
+
+TEST(MeshOverlays, SetWhatTheTableSays) {
+    // docs/evaluation.md
+    struct Row {
+        const char* file;
+        float voxel_size, truncation, depth_max, depth_step, max_angle, alpha_min;
+        int resolution, clusters;
+    };
+    for (const Row row : {Row{"dtu_2dgs", 0.004f, 0.016f, 3, 0, 90, 0, 0, 1},
+                          Row{"tnt_2dgs", 0.004f, 0.016f, 3, 0, 90, 0, 0, 1},
+                          Row{"tnt_2dgs_large", 0.006f, 0.024f, 4.5f, 0, 90, 0, 0, 1},
+                          Row{"dtu_pgsr", 0.002f, 0.008f, 5, 0.001f, 90, 0, 0, 1},
+                          Row{"tnt_pgsr", 0.002f, 0.008f, 20, 0.001f, 80, 0, 0, 1},
+                          Row{"dtu_fates", 0, 0, 0, 0, 90, 0.5f, 1024, 50}}) {
+        SCOPED_TRACE(row.file);
+        MeshOptions mesh;
+        OptionTable table;
+        table.add("mesh", mesh);
+        table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
+        EXPECT_EQ(mesh.voxel_size, row.voxel_size);
+        EXPECT_EQ(mesh.truncation, row.truncation);
+        EXPECT_EQ(mesh.depth_max, row.depth_max);
+        EXPECT_EQ(mesh.depth_step, row.depth_step);
+        EXPECT_EQ(mesh.max_angle, row.max_angle);
+        EXPECT_EQ(mesh.alpha_min, row.alpha_min);
+        EXPECT_EQ(mesh.resolution, row.resolution);
+        EXPECT_EQ(mesh.clusters, row.clusters);
+        EXPECT_TRUE(mesh.masks);
+        EXPECT_FALSE(mesh.unbounded || mesh.carve);
+        EXPECT_EQ(mesh.weight, DepthWeighting::unit);
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
