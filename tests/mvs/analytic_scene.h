@@ -43,7 +43,8 @@ inline Surface trace(const Camera& camera, double u, double v) {
 /// Smooth noise in [0, 1] with features of about 1 unit.
 inline double noise(Vec3d p) {
     const auto lattice = [](int x, int y, int z) {
-        auto h = static_cast<unsigned>(x * 73856093 ^ y * 19349663 ^ z * 83492791);
+        auto h = static_cast<unsigned>(x) * 73856093u ^ static_cast<unsigned>(y) * 19349663u ^
+                 static_cast<unsigned>(z) * 83492791u;
         h = (h ^ h >> 13) * 1274126177u;
         return static_cast<double>((h ^ h >> 16) & 0xffff) / 65535;
     };
