@@ -67,6 +67,11 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     return rules;
 }
 
+void check_mesh_options(const MeshOptions& options) {
+    depth_rules(options);
+    if (!options.memory.empty()) parse_bytes("--memory", options.memory);
+}
+
 namespace detail {
 
 double median_depth(std::vector<float> depths) {

@@ -62,6 +62,10 @@ struct MeshOptions {
 /// Throws Error(ExitCode::usage).
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin = {});
 
+/// Error(ExitCode::usage) for what is wrong whatever the scene, to be said before hours of
+/// training.
+void check_mesh_options(const MeshOptions& options);
+
 namespace detail {
 
 double median_depth(std::vector<float> depths);  // of those that are there; 0 without any

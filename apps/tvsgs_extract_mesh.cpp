@@ -100,8 +100,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
             ExitCode::usage,
             str(arguments.model,
                 ": is no run folder, so it does not say which scene it shows; give --scene DIR"));
-    depth_rules(options.mesh);  // what is wrong in them is better said now
-    if (!options.mesh.memory.empty()) parse_bytes("--memory", options.mesh.memory);
+    check_mesh_options(options.mesh);
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
     return arguments;

@@ -287,6 +287,7 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
     const EvaluationSchedule checked(options.eval);
+    if (options.eval.mesh) check_mesh_options(options.mesh);
     const std::optional<Truth> truth = read_truth(
         options.eval, options.eval.gt.empty() ? Vec3d{} : read_scene_origin(options.scene));
     const DeviceChoice device = choose_device(arguments.device);

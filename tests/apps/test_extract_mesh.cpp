@@ -6,6 +6,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "core/error.h"
 #include "io/config.h"
 #include "io/ply.h"
 #include "mesh_extraction.h"
@@ -130,6 +131,10 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--weight depth", 2, "inv-depth2");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
     expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
+    MeshOptions late;
+    EXPECT_NO_THROW(check_mesh_options(late));
+    late.box = "0,0,0,1,1";
+    EXPECT_THROW(check_mesh_options(late), Error) << "tvsgs-train --eval-mesh says it at once";
 }
 
 TEST(MeshOverlays, SetWhatTheTableSays) {
