@@ -19,6 +19,7 @@ EvalCommand add_eval_dtu(CLI::App& app);
 EvalCommand add_eval_tnt(CLI::App& app);
 EvalCommand add_eval_nvs(CLI::App& app);
 EvalCommand add_eval_report(CLI::App& app);
+EvalCommand add_eval_run(CLI::App& app);
 EvalCommand add_eval_table(CLI::App& app);
 
 /// A result that --require can ask for, by the name it has there.

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "eval.h"
+#include "eval_matrix.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 #include "report_table.h"
@@ -44,9 +45,13 @@ bool read_run(const std::string& text, TableRun& run) {
     return true;
 }
 
-int table(const std::vector<std::string>& folders,
+int table(std::vector<std::string> folders,
+          const std::string& matrix_file,
           const std::string& published_file,
           const std::string& out) {
+    if (folders.empty() == matrix_file.empty())
+        throw Error(ExitCode::usage, "expected either --runs or --matrix");
+    if (!matrix_file.empty()) folders = run_matrix(matrix_file);
     std::vector<PublishedFigure> published;
     JsonValue file;
     if (!published_file.empty()) {
@@ -57,7 +62,7 @@ int table(const std::vector<std::string>& folders,
     for (const std::string& folder : folders)
         if (TableRun run; read_run(folder, run)) runs.push_back(std::move(run));
     if (runs.empty())
-        throw Error(ExitCode::input, "--runs: none of them has finished; expected at least one");
+        throw Error(ExitCode::input, "none of the runs has finished; expected at least one");
     name_configurations(runs);
     std::string text = str("# Results of ", runs.size(),
                            " runs\n\nMeans over seeds \u00b1 their "
@@ -88,7 +93,7 @@ int table(const std::vector<std::string>& folders,
 EvalCommand add_eval_table(CLI::App& app) {
     struct Arguments {
         std::vector<std::string> runs;
-        std::string published, out;
+        std::string matrix, published, out;
     };
     const auto arguments = std::make_shared<Arguments>();
     CLI::App* command =
@@ -96,15 +101,18 @@ EvalCommand add_eval_table(CLI::App& app) {
     command
         ->add_option("--runs", arguments->runs,
                      "run folders DIR or LABEL=DIR; seeds of one configuration are averaged")
-        ->required()
         ->take_all();
+    command->add_option("--matrix", arguments->matrix,
+                        "JSON file of scenes, configurations and seeds to train and measure first");
     command->add_option("--published", arguments->published,
                         "JSON file of figures to show where the scenes are the same "
                         "(docs/published_figures.json)");
     command->add_option("-o,--out", arguments->out,
                         "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
-    return {command,
-            [arguments] { return table(arguments->runs, arguments->published, arguments->out); }};
+    return {command, [arguments] {
+                return table(arguments->runs, arguments->matrix, arguments->published,
+                             arguments->out);
+            }};
 }
 
 }  // namespace tvsgs

@@ -275,13 +275,27 @@ constexpr Quality kQualities[] = {
     {"psnr", "", "PSNR of the test views", "dB", false},
     {"ssim", "", "SSIM of the test views", "1 is equal", false}};
 
-Trace trace_of(const JsonValue& report, const Quality& quality) {
+const JsonValue& part_of(const JsonValue& evaluation, const Quality& quality) {
+    return *quality.source ? evaluation[quality.source] : evaluation;
+}
+
+/// The thresholds at which a run has that quality; one that means nothing where it needs none.
+std::set<double> thresholds_of(const JsonValue& report, const Quality& quality) {
+    if (std::string_view(quality.name) != "f1") return {0};
+    std::set<double> found;
+    for (const JsonValue& evaluation : report["evaluations"].items)
+        for (const JsonValue& at : part_of(evaluation, quality)["thresholds"].items)
+            found.insert(at["tau"].number);
+    return found;
+}
+
+Trace trace_of(const JsonValue& report, const Quality& quality, double threshold) {
     Trace trace;
     for (const JsonValue& evaluation : report["evaluations"].items) {
-        const JsonValue& part = *quality.source ? evaluation[quality.source] : evaluation;
-        const auto& thresholds = part["thresholds"].items;
-        const JsonValue& at_middle = thresholds.empty() ? part : thresholds[thresholds.size() / 2];
-        const JsonValue& value = (part[quality.name] ? part : at_middle)[quality.name];
+        const JsonValue* part = &part_of(evaluation, quality);
+        for (const JsonValue& at : (*part)["thresholds"].items)
+            if (threshold > 0 && at["tau"].number == threshold) part = &at;
+        const JsonValue& value = (*part)[quality.name];
         const double t = evaluation["seconds"].number_or(0);
         if (!value.is(JsonValue::Kind::number) || !(t > 0) ||
             (!trace.seconds.empty() && t <= trace.seconds.back()))
@@ -425,35 +439,54 @@ std::string tables_csv(const std::vector<TableRun>& runs) {
     return text;
 }
 
+namespace {
+
+/// False when no run was evaluated more than once.
+bool overlay_plot(const std::vector<TableRun>& runs,
+                  const std::string& scene,
+                  const Quality& quality,
+                  double threshold,
+                  OverlayPlot& out) {
+    const std::string at = threshold > 0 ? short_number(threshold) : "";
+    Plot plot{str(quality.title, at.empty() ? "" : " at " + at, ", ", scene),
+              "seconds",
+              quality.unit,
+              true,
+              quality.log_y,
+              false,
+              {},
+              ""};
+    bool over_time = false;
+    for (const std::string& configuration : configurations_of(runs)) {
+        std::vector<Trace> seeds;
+        for (const TableRun& run : runs)
+            if (run.scene == scene && run.configuration == configuration)
+                seeds.push_back(trace_of(run.report, quality, threshold));
+        std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
+        if (seeds.empty()) continue;
+        over_time |= seeds.front().seconds.size() > 1;
+        plot.series.push_back(overlay(configuration, seeds));
+        if (seeds.size() > 1)
+            plot.note = "Means over seeds; bands reach from the lowest to the highest.";
+    }
+    const std::string name = file_name(str(scene, "_", quality.name, *quality.source ? "_" : "",
+                                           quality.source, at.empty() ? "" : "_" + at));
+    if (over_time) out = {name, plot.title, standalone_svg(plot_svg(plot, name))};
+    return over_time;
+}
+
+}  // namespace
+
 std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs) {
     std::vector<OverlayPlot> plots;
     for (const std::string& scene : scenes_of(runs))
         for (const Quality& quality : kQualities) {
-            Plot plot{str(quality.title, ", ", scene),
-                      "seconds",
-                      quality.unit,
-                      true,
-                      quality.log_y,
-                      false,
-                      {},
-                      ""};
-            bool over_time = false;
-            for (const std::string& configuration : configurations_of(runs)) {
-                std::vector<Trace> seeds;
-                for (const TableRun& run : runs)
-                    if (run.scene == scene && run.configuration == configuration)
-                        seeds.push_back(trace_of(run.report, quality));
-                std::erase_if(seeds, [](const Trace& t) { return t.seconds.empty(); });
-                if (seeds.empty()) continue;
-                over_time |= seeds.front().seconds.size() > 1;
-                plot.series.push_back(overlay(configuration, seeds));
-                if (seeds.size() > 1)
-                    plot.note = "Means over seeds; bands reach from the lowest to the highest.";
-            }
-            if (!over_time) continue;
-            const std::string name = file_name(
-                str(scene, "_", quality.name, *quality.source ? "_" : "", quality.source));
-            plots.push_back({name, plot.title, standalone_svg(plot_svg(plot, name))});
+            std::set<double> thresholds;
+            for (const TableRun& run : runs)
+                if (run.scene == scene) thresholds.merge(thresholds_of(run.report, quality));
+            for (const double threshold : thresholds)
+                if (OverlayPlot plot; overlay_plot(runs, scene, quality, threshold, plot))
+                    plots.push_back(std::move(plot));
         }
     return plots;
 }

@@ -174,28 +174,34 @@ TEST_F(EvalRuns, NovelViewsMaskedAndByLpips) {
 }
 
 TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
-    // DTU's layout: the mesh and the centres.
-    const std::string dtu =
-        "dtu --scan 901 --quiet --dtu " + (kData / "ycb_table/dtu_eval").string();
-    expect_done("eval", dtu + " --pred table/mesh/mesh.ply --out table/eval/dtu.json");
-    expect_done("eval", dtu +
-                            " --out table/eval/dtu_centres.json --pred "
-                            "table/point_cloud/iteration_30/point_cloud.ply");
-    expect_done("eval", "report --run table --quiet");
+    const std::string data = kData.string(), dtu = data + "/ycb_table/dtu_eval";
+    const Result all =
+        call("eval", "run --model table --device cpu --quiet --scan 901 --dtu " + dtu);
+    ASSERT_EQ(all.code, 0) << all;
+    EXPECT_EQ(std::count(all.out.begin(), all.out.end(), '\n'), 5) << "nvs, geometry, dtu";
+    // What each of them says by itself.
+    expect_done("eval",
+                "dtu --quiet --scan 901 --out alone.json --pred table/mesh/mesh.ply --dtu " + dtu);
+    EXPECT_EQ(json("alone.json")["chamfer"].number, json("table/eval/dtu.json")["chamfer"].number);
+    EXPECT_EQ(json("table/eval/geometry_centres.json")["chamfer"].number,
+              json("table/eval/centres.json")["chamfer"].number)
+        << "with the truth, crop and samples of training";
+    EXPECT_EQ(call("eval", "run --model table --scan 901").code, 2) << "--dtu is missing";
 
-    // Tanks and Temples': the trained frame is that of sparse/0, not of the official log.
-    expect_done("train", "--out bust " + train_flags("stone_bust"));
-    const std::string bust = (kData / "stone_bust").string();
-    const std::string tnt =
-        "tnt --quiet --tau 10 --scene-dir " + bust + "/tnt_eval --traj " + bust + "/sparse/0";
-    expect_done("eval", tnt +
-                            " --pred bust/mesh/mesh.ply --results bust/eval/tnt --out "
-                            "bust/eval/tnt.json");
-    expect_done("eval", tnt +
-                            " --align-file bust/eval/tnt/alignment.txt --out "
-                            "bust/eval/tnt_centres.json --pred "
-                            "bust/point_cloud/iteration_30/point_cloud.ply");
-    expect_done("eval", "report --run bust --quiet");
+    // Tanks and Temples' layout by a matrix: the trained frame is that of sparse/0, not of the
+    // official log.
+    const auto list = [](std::string words) {
+        for (std::size_t at = 0; (at = words.find(' ', at)) != std::string::npos; at += 4)
+            words.replace(at, 1, "\", \"");
+        return "[\"" + words + "\"]";
+    };
+    std::string flags = train_flags("stone_bust");
+    flags.erase(flags.find_last_not_of(' ') + 1);
+    std::ofstream(folder_ / "matrix.json")
+        << R"({"out": "runs", "seeds": [0], "scenes": {"bust": {"train": )" << list(flags)
+        << R"(, "mesh": ["--quiet", "--device", "cpu"], "eval": )"
+        << list("--quiet --device cpu --tnt-tau 10 --scene-dir " + data + "/stone_bust/tnt_eval")
+        << R"(}}, "configurations": {"ours": [], "none": ["--set", "tv.vote_map=no_such_map"]}})";
 
     std::ofstream(folder_ / "published.json") << R"JS({"sources": {"Somebody": "a paper"},
         "sets": {"ours": ["ycb_table", "stone_bust"]}, "figures": [
@@ -205,15 +211,32 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
          "metric": "psnr", "value": 33.5},
         {"source": "Somebody", "method": "Other views", "scenes": ["ycb_table"],
          "with": ", train_9", "metric": "psnr", "value": 35.5}]})JS";
+    const Result first = call("eval", "table --matrix matrix.json --out bust.md");
+    ASSERT_EQ(first.code, 0) << first;
+    EXPECT_TRUE(first.says("none/seed_0: tvsgs-train ended with exit code 2")) << first;
+    EXPECT_NE(contents(folder_ / "bust.md").find("(tnt\\_centres)"), std::string::npos);
+    const fs::path splats =
+        folder_ / "runs/bust/ours/seed_0/point_cloud/iteration_30/point_cloud.ply";
+    const auto trained = fs::last_write_time(splats);
+    expect_done("eval", "table --matrix matrix.json --out bust.md");
+    EXPECT_EQ(fs::last_write_time(splats), trained) << "a finished run stays as it is";
+    std::string other = contents(folder_ / "matrix.json");
+    other.replace(other.find("tv.k=16"), 7, "tv.k=12");
+    std::ofstream(folder_ / "other.json") << other;
+    const Result refused = call("eval", "table --matrix other.json --out bust.md");
+    EXPECT_EQ(refused.code, 2) << refused;
+    EXPECT_TRUE(refused.says("was trained by")) << refused;
+    std::ofstream(folder_ / "no_matrix.json") << R"({"scenes": {"a": {"trian": []}}})";
+    EXPECT_EQ(call("eval", "table --matrix no_matrix.json").code, 3);
     expect_done("eval",
-                "table --runs ours=table ours=bust --published published.json --out "
-                "all.md --quiet");
+                "table --runs ours=table ours=runs/bust/ours/seed_0 --published published.json "
+                "--out all.md --quiet");
     const std::string table = contents(folder_ / "all.md");
     for (const char* text :
          {"## Chamfer distance (dtu)", "## Chamfer distance (dtu\\_centres)", "threshold (tnt)",
           "threshold (tnt\\_centres)", "## Novel views", "## Run time and memory",
           "ycb\\_table, train\\_3", "| *Theirs (Somebody)* | 1.25 |", " 33.5 |",
-          "Published, Somebody: a paper.", "all_stone_bust_train_3_f1_mesh.svg"})
+          "Published, Somebody: a paper.", "all_stone_bust_train_3_f1_mesh_10.svg"})
         EXPECT_NE(table.find(text), std::string::npos) << text << "\n" << table;
     EXPECT_EQ(table.find("Other views"), std::string::npos);
     EXPECT_TRUE(fs::exists(folder_ / "all_ycb_table_train_3_chamfer_mesh.svg"));

@@ -1,0 +1,15 @@
+// The runs of a table: scenes x configurations x seeds, trained, meshed and measured.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace tvsgs {
+
+/// Carries out what a matrix file asks for (docs/evaluation.md) and returns its runs as
+/// CONFIGURATION=DIR. Finished runs are left as they are, interrupted ones resumed; one that fails
+/// is reported and left out. Throws Error(ExitCode::input) for a file that is no matrix, and
+/// Error(ExitCode::usage) when a finished run was trained with other flags.
+std::vector<std::string> run_matrix(const std::string& file);
+
+}  // namespace tvsgs
