@@ -1,6 +1,6 @@
 // Saved states: a training that goes on from one ends with the same bits, and numbers that leave
 // the finite are found, named and rolled back.
-#include <cstring>
+#include <algorithm>
 
 #include "core/error.h"
 #include "optim/device_views.h"
@@ -208,7 +208,7 @@ TEST(Resume, StatesThatDoNotFitAreRefused) {
                 ASSERT_GT(from.count(), 0u) << from.name;
                 StateArray& to =
                     bad->add(from.name, from.element_bytes, from.count() - less, from.real);
-                std::memcpy(to.bytes.data(), from.bytes.data(), to.bytes.size());
+                std::copy_n(from.bytes.data(), to.bytes.size(), to.bytes.data());
             }
             if (good.arrays[spoilt].name == "exposure") continue;  // then it starts anew
             EXPECT_THROW(train<Cpu>(scene, options, {}, {}, bad), Error)
