@@ -1,6 +1,7 @@
 // Saved states: a training that goes on from one ends with the same bits, and numbers that leave
 // the finite are found, named and rolled back.
 #include <algorithm>
+#include <cstring>
 
 #include "core/error.h"
 #include "optim/device_views.h"
