@@ -193,12 +193,13 @@ JsonValue collect_report(const std::string& run,
     add_log(report, read_log(run + "/log.jsonl"));
     add_results(report, run);
     report.set("pictures", pictures(run, report["views"], test));
-    if (fs::exists(run + "/point_cloud", code)) {
-        const std::string cameras = run + "/cameras.json";
-        report.set("points",
-                   points_json(read_splat_ply(find_splats(run), origin), truth,
-                               viewpoint_of(exists(cameras) ? read_json(cameras) : JsonValue())));
-    }
+    const std::string cameras = run + "/cameras.json", mesh = run + "/mesh/mesh.ply";
+    const Viewpoint viewpoint = viewpoint_of(exists(cameras) ? read_json(cameras) : JsonValue());
+    if (fs::exists(run + "/point_cloud", code))
+        report.set("points", points_json(centres_of(read_splat_ply(find_splats(run), origin)),
+                                         truth, viewpoint));
+    if (exists(mesh))
+        report.set("mesh_points", points_json(read_ply(mesh, origin).points, truth, viewpoint));
     return report;
 }
 

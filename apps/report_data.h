@@ -20,7 +20,8 @@ void write_report(const std::string& run,
                   Vec3d origin);
 
 /// The tree of report.json. Keys: format, run, config, summary, reports (columns), stages,
-/// evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json), pictures, points.
+/// evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json), pictures, points,
+/// mesh_points.
 JsonValue collect_report(const std::string& run,
                          const std::vector<View>& test,
                          const std::optional<Truth>& truth,

@@ -77,7 +77,8 @@ public:
         stages();
         curves();
         views();
-        points();
+        viewer("points", "The splats' centres", "centres");
+        viewer("mesh_points", "The mesh", "vertices of the mesh");
         results();
         settings();
         const std::string name = escaped(report_["run"]["name"].text);
@@ -94,7 +95,8 @@ public:
         text += body_ + "</main>\n<footer>Written by " +
                 escaped(report_["run"]["version"].text_or("tvsgs")) +
                 " from report.json; nothing is loaded from elsewhere.</footer>\n";
-        if (report_["points"]) text += str("<script>", kViewerScript, "</script>\n");
+        if (report_["points"] || report_["mesh_points"])
+            text += str("<script>", kViewerScript, "</script>\n");
         return text + "</body>\n</html>\n";
     }
 
@@ -369,25 +371,26 @@ private:
                 " of view ", escaped(view), "\"><figcaption>", title, "</figcaption></figure>\n");
     }
 
-    void points() {
-        const JsonValue& p = report_["points"];
+    /// Points of the report that can be looked at from all sides.
+    void viewer(const char* key, const char* title, const char* points) {
+        const JsonValue& p = report_[key];
         if (!p) return;
-        heading("points", "The splats' centres");
+        heading(key, title);
         const bool errors = static_cast<bool>(p["errors"]);
         std::string count = str(short_number(p["shown"].number_or(0)), " of ",
-                                short_number(p["of"].number_or(0)), " centres");
+                                short_number(p["of"].number_or(0)), " ", points);
         if (p["in_crop"].number_or(0) < p["of"].number_or(0))
             count += str(" (", short_number(p["in_crop"].number), " lie in the crop)");
         const std::string what =
             count +
             (errors ? ", coloured by their distance to the true surface" : ", in their colours");
         JsonValue data = JsonValue::object();
-        for (const char* key : {"positions", "colors", "errors", "palette", "pitch"})
-            if (p[key]) data.set(key, p[key]);
+        for (const char* part : {"positions", "colors", "errors", "palette", "pitch"})
+            if (p[part]) data.set(part, p[part]);
         std::string safe = json_text(data);  // must not end the script element
         for (std::size_t at = 0; (at = safe.find('<', at)) != std::string::npos;)
             safe.replace(at, 1, "\\u003c");
-        body_ += "<figure id=\"viewer\" class=\"card\">\n";
+        body_ += "<figure class=\"viewer card\">\n";
         picture_only(p["picture"], what);
         body_ += str("<canvas hidden tabindex=\"0\" role=\"img\" aria-label=\"", escaped(what),
                      ". Arrow keys turn, plus and minus zoom, 0 resets.\"></canvas>\n"
@@ -421,7 +424,7 @@ private:
             str("<figcaption>", escaped(what),
                 ". Drag, or use the arrow keys, to turn; pinch, + and &minus;, or the wheel once "
                 "the view is chosen, to zoom.</figcaption>\n"
-                "<script type=\"application/json\" id=\"points-data\">",
+                "<script type=\"application/json\">",
                 safe, "</script>\n</figure>\n");
     }
 

@@ -32,9 +32,9 @@ caption{text-align:left;color:var(--quiet);padding-bottom:4px}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(46%,210px),1fr));gap:8px}
 .pictures img{width:100%;height:auto;display:block;background:#101010;border-radius:3px}
 figcaption{font-size:.86rem;color:var(--quiet);padding-top:3px}
-#viewer{max-width:900px}#viewer canvas{width:100%;aspect-ratio:4/3;display:block;background:#101010;border-radius:4px;touch-action:pan-y;cursor:grab}
-#viewer canvas[hidden]{display:none}#viewer img{width:100%;height:auto;display:block;border-radius:4px}
-#viewer canvas:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible{outline:3px solid #e69f00;outline-offset:2px}
+.viewer{max-width:900px}.viewer canvas{width:100%;aspect-ratio:4/3;display:block;background:#101010;border-radius:4px;touch-action:pan-y;cursor:grab}
+.viewer canvas[hidden]{display:none}.viewer img{width:100%;height:auto;display:block;border-radius:4px}
+.viewer canvas:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible{outline:3px solid #e69f00;outline-offset:2px}
 .controls{display:flex;flex-wrap:wrap;gap:6px;margin:8px 0}.controls[hidden]{display:none}
 button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:var(--card);color:var(--text);border:1px solid var(--quiet);border-radius:5px;cursor:pointer}
 .scale{display:grid;grid-template-columns:auto minmax(60px,240px) auto;gap:8px;align-items:center;justify-content:start;font-size:.86rem;margin-top:8px}
@@ -42,18 +42,16 @@ button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:v
 footer{max-width:1240px;margin:36px auto 0;padding:0 16px 28px;color:var(--quiet);font-size:.86rem}
 @media screen and (max-width:600px){svg.plot{font-size:15px}svg.plot .title{font-size:17px}main,header{padding:0 10px}.card{padding:4px}.card summary,figcaption{padding-left:6px}}
 @media print{:root{color-scheme:light;--page:#fff;--card:#fff;--text:#000;--quiet:#333;--line:#ccc;--link:#000}
-body{font-size:10.5pt}nav,.controls,#viewer canvas,details{display:none!important}#viewer img{display:block!important;max-width:12cm}
+body{font-size:10.5pt}nav,.controls,.viewer canvas,details{display:none!important}.viewer img{display:block!important;max-width:12cm}
 main,header,footer{max-width:none;padding:0}.plots{grid-template-columns:1fr 1fr}.pictures{grid-template-columns:repeat(5,1fr)}
 figure,.facts div,.view{break-inside:avoid}h2,h3,main>p{break-after:avoid}}
 )";
 
-/// Draws the points of #points-data on a canvas in the place of their picture; without script the
+/// Draws the points of each .viewer on a canvas in the place of their picture; without script the
 /// picture stays. The projection is that of report_pictures.cpp.
 inline constexpr const char* kViewerScript = R"JS(
-(() => {
-const data = document.getElementById('points-data'), box = document.getElementById('viewer');
-if (!data || !box) return;
-const d = JSON.parse(data.textContent);
+for (const box of document.querySelectorAll('.viewer')) {
+const d = JSON.parse(box.querySelector('script').textContent);
 const bytes = s => Uint8Array.from(atob(s), c => c.charCodeAt(0));
 const raw = new DataView(bytes(d.positions).buffer), n = raw.byteLength / 6 | 0;
 const P = new Float32Array(3 * n);
@@ -145,7 +143,7 @@ canvas.hidden = false;
 box.querySelector('.controls').hidden = false;
 new ResizeObserver(ask).observe(canvas);
 ask();
-})();
+}
 )JS";
 
 }  // namespace tvsgs

@@ -155,12 +155,20 @@ Viewpoint viewpoint_of(const JsonValue& cameras) {
     return view;
 }
 
-JsonValue points_json(const Gaussians<Cpu>& splats,
+PointCloud centres_of(const Gaussians<Cpu>& splats) {
+    PointCloud cloud;
+    cloud.positions.assign(splats.means.data(), splats.means.data() + splats.means.size());
+    for (std::size_t i = 0; i < splats.means.size(); ++i)
+        cloud.colors.push_back(Vec3f{0.5f, 0.5f, 0.5f} + static_cast<float>(kShC0) * splats.sh[i]);
+    return cloud;
+}
+
+JsonValue points_json(const PointCloud& points,
                       const std::optional<Truth>& truth,
                       const Viewpoint& viewpoint) {
     std::vector<std::size_t> chosen;
-    for (std::size_t i = 0; i < splats.means.size(); ++i) {
-        const Vec3f p = splats.means[i];
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        const Vec3f p = points.positions[i];
         if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p) + truth->origin)))
             chosen.push_back(i);
     }
@@ -172,7 +180,7 @@ JsonValue points_json(const Gaussians<Cpu>& splats,
         chosen.resize(kMaxPoints);
     }
     std::vector<Vec3f> centres;
-    for (const std::size_t i : chosen) centres.push_back(splats.means[i]);
+    for (const std::size_t i : chosen) centres.push_back(points.positions[i]);
     std::vector<double> errors;
     double full = 0;
     if (truth) {
@@ -191,10 +199,10 @@ JsonValue points_json(const Gaussians<Cpu>& splats,
             positions += static_cast<char>(q & 255);
             positions += static_cast<char>(q >> 8);
         }
-        const Vec3f sh = splats.sh[chosen[i]];
-        Rgb color{};
-        for (auto [to, from] : {std::pair(&color.r, sh.x), {&color.g, sh.y}, {&color.b, sh.z}})
-            *to = byte_of(0.5 + kShC0 * static_cast<double>(from));
+        const Vec3f own =
+            points.colors.empty() ? Vec3f{0.5f, 0.5f, 0.5f} : points.colors[chosen[i]];
+        Rgb color{byte_of(static_cast<double>(own.x)), byte_of(static_cast<double>(own.y)),
+                  byte_of(static_cast<double>(own.z))};
         for (const std::uint8_t channel : {color.r, color.g, color.b})
             colors += static_cast<char>(channel);
         if (truth) {
@@ -207,7 +215,7 @@ JsonValue points_json(const Gaussians<Cpu>& splats,
     }
     JsonValue json = JsonValue::object();
     json.set("shown", static_cast<double>(shown.positions.size()));
-    json.set("of", static_cast<double>(splats.means.size()));
+    json.set("of", static_cast<double>(points.positions.size()));
     json.set("in_crop", static_cast<double>(candidates));
     json.set("pitch", static_cast<double>(viewpoint.pitch));
     json.set("positions", base64(positions));

@@ -7,6 +7,7 @@
 
 #include "core/gaussians.h"
 #include "core/image.h"
+#include "core/scene.h"
 #include "io/json_value.h"
 #include "train_evaluation.h"
 
@@ -36,9 +37,12 @@ struct Viewpoint {
 /// Upright as the cameras of cameras.json are, from the side of the middle one.
 Viewpoint viewpoint_of(const JsonValue& cameras);
 
-/// At most 20,000 centres (those in the crop, where there is one) with their colours, their
-/// distances to the truth where it is known, and a picture of them. Null without centres.
-JsonValue points_json(const Gaussians<Cpu>& splats,
+/// The splats' centres with their base colours.
+PointCloud centres_of(const Gaussians<Cpu>& splats);
+
+/// At most 20,000 of the points (of those in the crop, where there is one) with their colours,
+/// their distances to the truth where it is known, and a picture of them. Null without points.
+JsonValue points_json(const PointCloud& points,
                       const std::optional<Truth>& truth,
                       const Viewpoint& viewpoint);
 

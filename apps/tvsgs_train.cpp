@@ -237,6 +237,12 @@ int train_and_save(const Scene& scene,
     const double seconds = progress.seconds();
     Gaussians<Cpu> host;
     copy(gaussians, host);
+    if (const std::size_t first = scene.points.positions.size();
+        static_cast<std::size_t>(host.size()) < first / 100)
+        spdlog::warn(
+            "of {} initial points {} splats are left: learning rates (lr.*) or pruning "
+            "(densify.*) do not suit this scene",
+            first, host.size());
     run.save_splats(host, step_now, scene.origin);
     const auto last = checkpoints.finish();
     if (step_now < iterations) {

@@ -93,9 +93,10 @@ struct BackboneOptions {
         field("exact_clamp_grad", exact_clamp_grad,
               "exact gradient where the projection's Jacobian is clamped; "
               "off: as the official code");
-        field("cull_alpha", cull_alpha, {0.0039, 0.5},
+        field("cull_alpha", cull_alpha, {0.0039, 0.0099},
               "splats are left out of the tiles and blocks of pixels where they are fainter "
-              "throughout; 1/255: exact, above: faster");
+              "throughout; 1/255: exact, above: faster; at 0.01, where opacity resets put them, "
+              "none would come back");
         field.choice("pixel_center", pixel_center, {"exact", "official"},
                      "rays of depth maps through the pixel centres, or half a pixel off as in "
                      "PGSR's code (for parity studies)");

@@ -352,7 +352,7 @@ TEST_F(Report, TheViewerTurnsZoomsAndChangesColours) {
     const std::string script = R"JS(<script>
 window.requestAnimationFrame = draw => setTimeout(draw, 0);
 addEventListener('load', async () => {
-  const canvas = document.querySelector('#viewer canvas'), seen = [];
+  const canvas = document.querySelector('.viewer canvas'), seen = [];
   const wait = () => new Promise(done => setTimeout(done, 100));
   const look = async name => {
     await wait();
