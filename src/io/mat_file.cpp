@@ -1,6 +1,7 @@
 #include "io/mat_file.h"
 
 #include <matio.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <bit>
@@ -14,38 +15,76 @@ namespace {
 
 constexpr std::int64_t kMaxEntries = std::int64_t{1} << 28;
 constexpr std::int64_t kDeflateLimit = 1032;  // bytes that zlib makes of one, at most
+// A variable begins with its flags (tag and 8 bytes), then its shape (tag, 4 bytes per dimension).
+constexpr std::size_t kTag = 8, kShape = 24, kHead = kShape + 4 * 32;
 
 template <class... Parts>
 Error mat_error(const std::string& path, const Parts&... parts) {
     return input_error("E_MAT: ", path, ": ", parts...);
 }
 
-/// libmatio takes a cut-off file for one that ends in zeros: every element must be there in full.
-/// Returns the size of the largest one.
-std::int64_t check_complete(const std::string& path) {
-    constexpr std::size_t kHeader = 128, kTag = 8;
+std::uint32_t word(std::string_view bytes, std::size_t at, bool swap) {
+    std::uint32_t value;
+    std::memcpy(&value, bytes.data() + at, sizeof value);
+    return swap ? __builtin_bswap32(value) : value;
+}
+
+/// The first bytes of a variable, after its tag; inflated where it is compressed.
+std::string head_of(std::string_view data, bool compressed) {
+    if (!compressed) return std::string(data.substr(0, kHead));
+    std::string head(kTag + kHead, '\0');
+    z_stream stream{};
+    if (inflateInit(&stream) != Z_OK) return "";
+    stream.next_in = reinterpret_cast<Bytef*>(const_cast<char*>(data.data()));
+    stream.avail_in = static_cast<uInt>(data.size());
+    stream.next_out = reinterpret_cast<Bytef*>(head.data());
+    stream.avail_out = static_cast<uInt>(head.size());
+    inflate(&stream, Z_SYNC_FLUSH);
+    head.resize(head.size() - stream.avail_out);
+    inflateEnd(&stream);
+    return head.size() > kTag ? head.substr(kTag) : "";
+}
+
+/// libmatio takes a cut-off file for one that ends in zeros, and memory for what a shape claims:
+/// every element must be there in full, and big enough for its entries, a byte or more each.
+void check_elements(const std::string& path) {
+    constexpr std::size_t kFileHeader = 128;
     const std::string bytes = read_bytes(path);
-    if (bytes.starts_with("\x89HDF") || bytes.find("MATLAB 7.3") < kHeader)
+    if (bytes.starts_with("\x89HDF") || bytes.find("MATLAB 7.3") < kFileHeader)
         throw input_error("E_MAT_V73: ", path,
                           ": a MATLAB 7.3 (HDF5) file; save it anew with save('-v7', ...)");
     if (!bytes.starts_with("MATLAB 5.0"))
         throw mat_error(path, "not a MATLAB 5 to 7 file; expected 'MATLAB 5.0' at its start");
-    if (bytes.size() < kHeader + kTag)
+    if (bytes.size() < kFileHeader + kTag)
         throw mat_error(path, "cut off: ", bytes.size(), " bytes; copy the file again");
     const bool little = bytes[126] == 'I' && bytes[127] == 'M';
     const bool swap = little != (std::endian::native == std::endian::little);
-    std::int64_t largest = 0;
-    for (std::size_t at = kHeader; at < bytes.size();) {
-        std::uint32_t size = 0;
-        if (bytes.size() - at >= kTag) std::memcpy(&size, bytes.data() + at + 4, 4);
-        if (swap) size = __builtin_bswap32(size);
-        if (bytes.size() - at < kTag || bytes.size() - at - kTag < size)
-            throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ",
-                            bytes.size() - at, " are left: the file is cut off; copy it again");
+    for (std::size_t at = kFileHeader; at < bytes.size();) {
+        const std::size_t left = bytes.size() - at;
+        const std::uint32_t size = left < kTag ? 0 : word(bytes, at + 4, swap);
+        if (left < kTag || left - kTag < size)
+            throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ", left,
+                            " are left: the file is cut off; copy it again");
+        const bool compressed = word(bytes, at, swap) == 15;
+        const std::string head =
+            head_of(std::string_view(bytes).substr(at + kTag, size), compressed);
+        std::int64_t entries = 1;
+        const std::size_t shape = head.size() < kShape ? 0 : word(head, kShape - 4, swap);
+        if (shape > kHead - kShape)
+            throw mat_error(path, "byte ", at, ": a variable of ", shape / 4,
+                            " dimensions: the file is damaged; copy it again");
+        for (std::size_t i = kShape; i + 4 <= std::min(kShape + shape, head.size()); i += 4) {
+            const auto extent = static_cast<std::int64_t>(word(head, i, swap));
+            if (extent > 0 && entries > kMaxEntries / extent)
+                throw mat_error(path, "byte ", at, ": a variable of more than 2^28 entries");
+            entries *= extent;
+        }
+        if (entries > (compressed ? kDeflateLimit : 1) * static_cast<std::int64_t>(size))
+            throw mat_error(path, "byte ", at, ": a variable claims ", entries,
+                            " entries, more than its ", size,
+                            " bytes can hold: the file is damaged; copy it again");
         at += kTag + size;
-        largest = std::max(largest, static_cast<std::int64_t>(size));
     }
-    return largest;
 }
 
 template <class T>
@@ -85,7 +124,7 @@ bool widen(const matvar_t& variable, std::vector<double>& numbers) {
 }  // namespace
 
 MatArray read_mat_array(const std::string& path, const std::string& name) {
-    const std::int64_t largest = check_complete(path);
+    check_elements(path);
     // Its messages would go to standard error beside ours.
     Mat_LogInitFunc("tvsgs", [](int, char*) {});
     const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(Mat_Open(path.c_str(), MAT_ACC_RDONLY),
@@ -106,10 +145,6 @@ MatArray read_mat_array(const std::string& path, const std::string& name) {
     }
     if (info->isComplex || info->class_type == MAT_C_SPARSE)
         throw mat_error(path, "'", name, "' is complex or sparse; expected a full real array");
-    // libmatio takes memory for what a shape claims; numbers are stored in a byte or more each.
-    if (count > kDeflateLimit * largest)
-        throw mat_error(path, "'", name, "' claims ", count, " entries, more than the ", largest,
-                        " bytes of the largest element can hold: is the file damaged?");
     const std::unique_ptr<matvar_t, decltype(&Mat_VarFree)> variable(
         Mat_VarRead(file.get(), name.c_str()), Mat_VarFree);
     if (!variable || (count > 0 && variable->data == nullptr) ||
