@@ -1,6 +1,8 @@
 #include "io/mat_file.h"
 
 #include <matio.h>
+#include <sys/mman.h>
+#include <unistd.h>
 #include <zlib.h>
 
 #include <algorithm>
@@ -15,8 +17,10 @@ namespace {
 
 constexpr std::int64_t kMaxEntries = std::int64_t{1} << 28;
 constexpr std::int64_t kDeflateLimit = 1032;  // bytes that zlib makes of one, at most
-// A variable begins with its flags (tag and 8 bytes), then its shape (tag, 4 bytes per dimension).
-constexpr std::size_t kTag = 8, kShape = 24, kHead = kShape + 4 * 32;
+// A variable begins with its flags (tag and 8 bytes), its shape (tag, 4 bytes per dimension, up to
+// 32 of them) and its name (tag and letters; up to 4 are part of the tag; MATLAB allows 63).
+constexpr std::size_t kTag = 8, kShape = 24, kMaxShape = 4 * 32, kMaxName = 64,
+                      kHead = kShape + kMaxShape + kTag + kMaxName;
 
 template <class... Parts>
 Error mat_error(const std::string& path, const Parts&... parts) {
@@ -45,9 +49,9 @@ std::string head_of(std::string_view data, bool compressed) {
     return head.size() > kTag ? head.substr(kTag) : "";
 }
 
-/// libmatio takes a cut-off file for one that ends in zeros, and memory for what a shape claims:
-/// every element must be there in full, and big enough for its entries, a byte or more each.
-void check_elements(const std::string& path) {
+/// What libmatio may see of a file: its header and the array of that name. It takes a cut-off file
+/// for one that ends in zeros, and memory for whatever names, shapes and nested variables claim.
+std::string only_variable(const std::string& path, const std::string& name) {
     constexpr std::size_t kFileHeader = 128;
     const std::string bytes = read_bytes(path);
     if (bytes.starts_with("\x89HDF") || bytes.find("MATLAB 7.3") < kFileHeader)
@@ -59,33 +63,71 @@ void check_elements(const std::string& path) {
         throw mat_error(path, "cut off: ", bytes.size(), " bytes; copy the file again");
     const bool little = bytes[126] == 'I' && bytes[127] == 'M';
     const bool swap = little != (std::endian::native == std::endian::little);
-    for (std::size_t at = kFileHeader; at < bytes.size();) {
+    std::string found;
+    for (std::size_t at = kFileHeader, size = 0; at < bytes.size(); at += kTag + size) {
         const std::size_t left = bytes.size() - at;
-        const std::uint32_t size = left < kTag ? 0 : word(bytes, at + 4, swap);
+        size = left < kTag ? 0 : word(bytes, at + 4, swap);
         if (left < kTag || left - kTag < size)
             throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ", left,
                             " are left: the file is cut off; copy it again");
-        const bool compressed = word(bytes, at, swap) == 15;
+        const std::uint32_t type = word(bytes, at, swap);
+        if (type != 14 && type != 15) continue;  // no variable
+        const bool compressed = type == 15;
         const std::string head =
             head_of(std::string_view(bytes).substr(at + kTag, size), compressed);
+        const auto require = [&](bool sound) {
+            if (!sound)
+                throw mat_error(path, "byte ", at, ": a variable that cannot be decoded: the file ",
+                                "is damaged; copy it again");
+        };
+        const auto number = [&](std::size_t i) {
+            require(i + 4 <= head.size());
+            return word(head, i, swap);
+        };
+        const std::size_t shape = number(kShape - 4), tag = kShape + (shape + 7) / 8 * 8;
+        require(shape >= 8 && shape <= kMaxShape && shape % 4 == 0);
+        const std::size_t in_tag = number(tag) >> 16,
+                          length = in_tag > 0 ? in_tag : number(tag + 4);
+        require(in_tag <= 4 && length <= kMaxName);
+        if (head.substr(tag + (in_tag > 0 ? 4 : kTag), length) != name) continue;
+
+        const std::uint32_t array_class = number(8) & 0xff;
+        if (array_class < MAT_C_SPARSE || array_class > MAT_C_UINT64)
+            throw mat_error(
+                path, "'", name,
+                "' is no numeric array (a cell, a structure or text); expected numbers");
         std::int64_t entries = 1;
-        const std::size_t shape = head.size() < kShape ? 0 : word(head, kShape - 4, swap);
-        if (shape > kHead - kShape)
-            throw mat_error(path, "byte ", at, ": a variable of ", shape / 4,
-                            " dimensions: the file is damaged; copy it again");
-        for (std::size_t i = kShape; i + 4 <= std::min(kShape + shape, head.size()); i += 4) {
-            const auto extent = static_cast<std::int64_t>(word(head, i, swap));
+        for (std::size_t i = kShape; i + 4 <= kShape + shape; i += 4) {
+            const auto extent = static_cast<std::int64_t>(number(i));
             if (extent > 0 && entries > kMaxEntries / extent)
-                throw mat_error(path, "byte ", at, ": a variable of more than 2^28 entries");
+                throw mat_error(path, "'", name, "' has more than 2^28 entries");
             entries *= extent;
         }
         if (entries > (compressed ? kDeflateLimit : 1) * static_cast<std::int64_t>(size))
-            throw mat_error(path, "byte ", at, ": a variable claims ", entries,
-                            " entries, more than its ", size,
+            throw mat_error(path, "'", name, "' claims ", entries, " entries, more than its ", size,
                             " bytes can hold: the file is damaged; copy it again");
-        at += kTag + size;
+        if (found.empty()) found = bytes.substr(0, kFileHeader) + bytes.substr(at, kTag + size);
     }
+    if (found.empty()) throw mat_error(path, "holds no variable '", name, "'");
+    return found;
 }
+
+/// A file in memory, as libmatio takes nothing but a path.
+class MemoryFile {
+public:
+    explicit MemoryFile(const std::string& bytes) : descriptor_(memfd_create("tvsgs", 0)) {
+        if (descriptor_ < 0 ||
+            write(descriptor_, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size()))
+            throw Error(ExitCode::io, "a file in memory cannot be made");
+    }
+    MemoryFile(const MemoryFile&) = delete;
+    MemoryFile& operator=(const MemoryFile&) = delete;
+    ~MemoryFile() { close(descriptor_); }
+    std::string path() const { return str("/proc/self/fd/", descriptor_); }
+
+private:
+    int descriptor_;
+};
 
 template <class T>
 void widen(const matvar_t& variable, std::vector<double>& numbers) {
@@ -124,11 +166,11 @@ bool widen(const matvar_t& variable, std::vector<double>& numbers) {
 }  // namespace
 
 MatArray read_mat_array(const std::string& path, const std::string& name) {
-    check_elements(path);
+    const MemoryFile alone(only_variable(path, name));
     // Its messages would go to standard error beside ours.
     Mat_LogInitFunc("tvsgs", [](int, char*) {});
-    const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(Mat_Open(path.c_str(), MAT_ACC_RDONLY),
-                                                            Mat_Close);
+    const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(
+        Mat_Open(alone.path().c_str(), MAT_ACC_RDONLY), Mat_Close);
     if (!file) throw mat_error(path, "libmatio cannot open it as a MATLAB file");
     const std::unique_ptr<matvar_t, decltype(&Mat_VarFree)> info(
         Mat_VarReadInfo(file.get(), name.c_str()), Mat_VarFree);
@@ -137,11 +179,8 @@ MatArray read_mat_array(const std::string& path, const std::string& name) {
     MatArray array;
     std::int64_t count = 1;
     for (int i = 0; i < info->rank; ++i) {
-        const auto extent = static_cast<std::int64_t>(info->dims[i]);
-        if (extent < 0 || (extent > 0 && count > kMaxEntries / extent))
-            throw mat_error(path, "'", name, "' has more than 2^28 entries");
-        count *= extent;
-        array.shape.push_back(extent);
+        count *= static_cast<std::int64_t>(info->dims[i]);
+        array.shape.push_back(static_cast<std::int64_t>(info->dims[i]));
     }
     if (info->isComplex || info->class_type == MAT_C_SPARSE)
         throw mat_error(path, "'", name, "' is complex or sparse; expected a full real array");
