@@ -100,7 +100,7 @@ TEST_F(EvalRuns, TheMeshIsMeasuredOverTime) {
     const std::string page = contents(folder_ / "table/report.html");
     for (const char* title :
          {"F1 of the mesh", "Distance of the mesh", "Precision and recall of the mesh",
-          "Chamfer, mesh", "vertices of the mesh, coloured"})
+          "Chamfer, mesh", "vertices of the mesh"})
         EXPECT_NE(page.find(title), std::string::npos) << title;
     // The mesh of the end is that of the command.
     expect_done("extract-mesh", "--model table --device cpu --out again.ply --no-preview --quiet");
