@@ -11,7 +11,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kMaxPoints = 20000;
+constexpr std::size_t kMaxPoints = 40000;
 constexpr double kFullDifference = 0.25;
 constexpr int kPictureWidth = 640, kPictureHeight = 480;
 constexpr float kEyeDistance = 2.6f, kFocal = 2.4f;  // in radii; report_page.h has the same
@@ -175,8 +175,12 @@ JsonValue points_json(const PointCloud& points,
     const std::size_t candidates = chosen.size();
     if (candidates == 0) return {};
     if (candidates > kMaxPoints) {
-        for (std::size_t i = 0; i < kMaxPoints; ++i)
-            chosen[i] = chosen[i * candidates / kMaxPoints];
+        // One of each run of neighbours, by chance: a fixed one shows as stripes on meshes.
+        for (std::size_t i = 0; i < kMaxPoints; ++i) {
+            const std::size_t first = i * candidates / kMaxPoints,
+                              next = (i + 1) * candidates / kMaxPoints;
+            chosen[i] = chosen[first + (i * 2654435761u >> 8) % (next - first)];
+        }
         chosen.resize(kMaxPoints);
     }
     std::vector<Vec3f> centres;
