@@ -4,6 +4,8 @@
 #include <sys/wait.h>
 
 #include <cerrno>
+#include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <filesystem>
 
@@ -59,6 +61,19 @@ Words words_of(const std::string& file, const std::string& where, const JsonValu
     return words;
 }
 
+std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& list) {
+    if (!list) return {0};
+    std::vector<std::uint64_t> seeds;
+    for (const JsonValue& seed : list.items) {
+        const double number = seed.is(JsonValue::Kind::number) ? seed.number : -1;
+        if (!(number >= 0) || number > 1e15 || number != std::floor(number))
+            refuse(file, "\"seeds\" holds what is no whole number");
+        seeds.push_back(static_cast<std::uint64_t>(number));
+    }
+    if (seeds.empty()) refuse(file, "\"seeds\" is no list of numbers");
+    return seeds;
+}
+
 void append(Words& words, const Words& more) {
     words.insert(words.end(), more.begin(), more.end());
 }
@@ -108,13 +123,12 @@ std::vector<std::string> run_matrix(const std::string& file) {
     const JsonValue &scenes = matrix["scenes"], &configurations = matrix["configurations"];
     if (scenes.members.empty()) refuse(file, "no \"scenes\"");
     if (configurations.members.empty()) refuse(file, "no \"configurations\"");
+    if (matrix["out"] && !matrix["out"].is(JsonValue::Kind::text)) refuse(file, "\"out\" is no text");
     const std::string out = matrix["out"].text_or("runs");
-    std::vector<double> seeds;
-    for (const JsonValue& seed : matrix["seeds"].items) seeds.push_back(seed.number_or(0));
-    if (seeds.empty()) seeds = {0};
+    const std::vector<std::uint64_t> seeds = seeds_of(file, matrix["seeds"]);
 
     std::vector<std::string> runs;
-    for (const double seed : seeds)
+    for (const std::uint64_t seed : seeds)
         for (const auto& [scene, parts] : scenes.members)
             for (const auto& [name, flags] : configurations.members) {
                 for (const auto& [key, value] : parts.members)

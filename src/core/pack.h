@@ -22,6 +22,11 @@ template <class Real>
 TVSGS_HD constexpr Real select(bool condition, Real a, Real b) {
     return condition ? a : b;
 }
+/// make() where the condition holds. One number branches, a Pack computes both.
+template <class Real, class Make>
+TVSGS_HD Real choose(bool condition, const Make& make, Real otherwise) {
+    return condition ? make() : otherwise;
+}
 TVSGS_HD constexpr bool both(bool a, bool b) {
     return a && b;
 }
@@ -188,6 +193,10 @@ struct Pack {
     }
     friend Pack select(Mask condition, Pack a, Pack b) {
         return condition.bits ? a.v : b.v;
+    }
+    template <class Make>
+    friend Pack choose(Mask condition, const Make& make, Pack otherwise) {
+        return select(condition, make(), otherwise);
     }
     friend Pack minimum(Pack a, Pack b) {
         if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::minimum8(a.v, b.v));

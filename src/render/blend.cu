@@ -76,10 +76,14 @@ __device__ unsigned load_batch(bool has_splat,
         draws = may_draw(shape, p.low, p.high);
         if (draws) {
             batch.shapes[lane] = shape;
-            if constexpr (has_plane(kChannels))
+            // What the set does not hold was never written.
+            if constexpr (has_color(kChannels) && has_plane(kChannels))
                 batch.features[lane] = features[splat];
-            else
+            else if constexpr (has_color(kChannels))
                 batch.features[lane].f.color = features[splat].f.color;
+            else
+                batch.features[lane].f.normal = features[splat].f.normal,
+                batch.features[lane].f.distance = features[splat].f.distance;
         }
     }
     const unsigned mask = __ballot_sync(kAll, draws);

@@ -186,41 +186,50 @@ TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
 
 /// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as
 /// rounding allows: splat_alpha's own exponent is nowhere in it less. Written without anything to
-/// fuse, so that all kernels get the same bits.
+/// fuse, so that all kernels get the same bits. A Real may be a Pack.
 template <class Real>
 TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+    using std::abs;
     const auto clamped = [](Real value, Real lo, Real hi) {
-        return value < lo ? lo : value > hi ? hi : value;
+        return select(value < lo, lo, select(value > hi, hi, value));
     };
     const EllipseRoot<Real>& R = s.root;
+    const Real zero(0);
     const Vec2<Real> from = low - s.mean, to = high - s.mean;
-    const Real dx = clamped(0, from.x, to.x), dy = clamped(0, from.y, to.y);
-    if (dx == 0 && dy == 0) return 0;
+    const Real dx = clamped(zero, from.x, to.x), dy = clamped(zero, from.y, to.y);
+    if (all(both(dx == zero, dy == zero))) return zero;
     const auto at = [&](Real x, Real y) {
         // Two evaluations of w.x, here and in splat_alpha, differ by less than kError size.
-        constexpr Real kError = 4 * std::numeric_limits<Real>::epsilon();
-        const Real size = multiply_add(std::abs(R.xy), std::abs(y), R.xx * std::abs(x));
+        constexpr double kError = 4 * (kIsDouble<Real> ? std::numeric_limits<double>::epsilon()
+                                                       : std::numeric_limits<float>::epsilon());
+        const Real size = multiply_add(abs(R.xy), abs(y), R.xx * abs(x));
         const Vec2<Real> w = whitened(R, {x, y});
-        const Real surely = multiply_add(-kError, size, std::abs(w.x)), u = surely > 0 ? surely : 0;
+        const Real surely = multiply_add(Real(-kError), size, abs(w.x));
+        const Real u = select(surely > zero, surely, zero);
         return multiply_add(u, u, w.y * w.y);
     };
     // The minimum lies on an edge that faces the mean.
-    Real least = Real(3e38);
-    if (dx != 0) {
-        const Real yy = multiply_add(R.xy, R.xy, R.yy * R.yy);
-        least = at(dx, clamped(-(R.xx * R.xy) * dx * FastMath::inverse(yy), from.y, to.y));
-    }
-    if (dy != 0) {
-        const Real other = at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy);
-        least = other < least ? other : least;
-    }
-    return least;
+    const Real beside = choose(
+        !(dx == zero),
+        [&] {
+            const Real yy = multiply_add(R.xy, R.xy, R.yy * R.yy);
+            return at(dx, clamped(-(R.xx * R.xy) * dx * FastMath::inverse(yy), from.y, to.y));
+        },
+        Real(3e38));
+    const Real above = choose(
+        !(dy == zero),
+        [&] {
+            return at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy);
+        },
+        Real(3e38));
+    const Real least = select(above < beside, above, beside);
+    return select(both(dx == zero, dy == zero), zero, least);
 }
 
 /// Whether alpha can reach kMinAlpha at a pixel centre in [low, high]; rounding may only say yes
 /// too often.
 template <class Real>
-TVSGS_HD bool may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+TVSGS_HD auto may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     return least_exponent(s, low, high) <= s.reach + Real(1e-4);
 }
 

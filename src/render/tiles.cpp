@@ -19,34 +19,6 @@ void check_slot_count(std::uint64_t count) {
 
 namespace {
 
-/// may_draw() of blend_math.h, for a rectangle each.
-template <int kBytes>
-auto may_draw(const SplatShape<Pack<float, kBytes>>& s,
-              Vec2<Pack<float, kBytes>> low,
-              Vec2<Pack<float, kBytes>> high) {
-    using Lane = Pack<float, kBytes>;
-    const auto clamped = [](Lane value, Lane lo, Lane hi) {
-        return select(value < lo, lo, select(value > hi, hi, value));
-    };
-    const EllipseRoot<Lane>& R = s.root;
-    const Lane zero(0);
-    const Vec2<Lane> from = low - s.mean, to = high - s.mean;
-    const Lane dx = clamped(zero, from.x, to.x), dy = clamped(zero, from.y, to.y);
-    const auto at = [&](Lane x, Lane y) {
-        constexpr float kError = 4 * std::numeric_limits<float>::epsilon();
-        const Lane size = abs(R.xy) * abs(y) + R.xx * abs(x);
-        const Vec2<Lane> w = whitened(R, {x, y});
-        const Lane surely = -kError * size + abs(w.x), u = select(surely > zero, surely, zero);
-        return u * u + w.y * w.y;
-    };
-    const Lane yy = R.xy * R.xy + R.yy * R.yy;
-    const Lane beside = at(dx, clamped(-(R.xx * R.xy) * dx * FastMath::inverse(yy), from.y, to.y));
-    const Lane above = at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy);
-    const Lane far(3e38f);
-    const Lane least = select(dx == zero, select(dy == zero, zero, far), beside);
-    return select(both(!(dy == zero), above < least), above, least) <= s.reach + 1e-4f;
-}
-
 /// The tiles that splats [begin, end) meet, splat by splat and row by row, and how many each.
 struct MeetTiles {
     Span<const SplatShape<float>> shapes;

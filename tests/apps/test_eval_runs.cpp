@@ -229,6 +229,14 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
     EXPECT_TRUE(refused.says("was trained by")) << refused;
     std::ofstream(folder_ / "no_matrix.json") << R"({"scenes": {"a": {"trian": []}}})";
     EXPECT_EQ(call("eval", "table --matrix no_matrix.json").code, 3);
+    for (const char* wrong : {R"("seeds": ["1"])", R"("seeds": 1)", R"("seeds": [-1])",
+                              R"("seeds": [0.5])", R"("out": 3)"}) {
+        std::ofstream(folder_ / "wrong.json")
+            << "{" << wrong << R"(, "scenes": {"a": {}}, "configurations": {"b": []}})";
+        const Result result = call("eval", "table --matrix wrong.json");
+        EXPECT_EQ(result.code, 3) << wrong;
+        EXPECT_TRUE(result.says("wrong.json: \"")) << wrong << result;
+    }
     expect_done("eval",
                 "table --runs ours=table ours=runs/bust/ours/seed_0 --published published.json "
                 "--out all.md --quiet");
