@@ -275,6 +275,8 @@ inline Vec3f textured(Vec3f base, Vec3f p, std::uint64_t seed) {
     return color;
 }
 
+constexpr Vec3f kLight{0.7f, -0.5f, 1.1f};  // where the light comes from, not of unit length
+
 /// Part of the light along `direction` that reaches p, soft at the edges of shadows.
 inline float light_reaching(const Shape& shape, Vec3f p, Vec3f direction) {
     float light = 1;
@@ -299,11 +301,9 @@ inline float openness(const Shape& shape, Vec3f p, Vec3f normal) {
 }
 
 /// The object on its ground disc, coloured: one mesh. Colours do not depend on where they are seen
-/// from.
-inline TriangleMesh make_scene_mesh(const Shape& shape,
-                                    float ground_radius,
-                                    float spacing,
-                                    std::uint64_t seed) {
+/// from. `texture` is the contrast of what the light falls on, from one grey (0) to all of it (1).
+inline TriangleMesh make_scene_mesh(
+    const Shape& shape, float ground_radius, float spacing, float texture, std::uint64_t seed) {
     TriangleMesh mesh = surface_nets(shape, spacing);
     const TriangleMesh ground = disc(ground_radius, spacing);
     const int object_vertices = static_cast<int>(mesh.vertices.size());
@@ -312,7 +312,7 @@ inline TriangleMesh make_scene_mesh(const Shape& shape,
         mesh.faces.push_back(
             {face.x + object_vertices, face.y + object_vertices, face.z + object_vertices});
 
-    const Vec3f to_light = normalize(Vec3f{0.7f, -0.5f, 1.1f});
+    const Vec3f to_light = normalize(kLight);
     mesh.colors.resize(mesh.vertices.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int i) {
         const Vec3f p = mesh.vertices[i];
@@ -326,7 +326,8 @@ inline TriangleMesh make_scene_mesh(const Shape& shape,
             0.75f * diffuse *
                 (diffuse > 0 ? light_reaching(shape, p + 0.01f * normal, to_light) : 0) +
             0.45f * (0.8f + 0.2f * normal.z) * openness(shape, p, normal);
-        const Vec3f color = light * textured(base, p, seed);
+        constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};
+        const Vec3f color = light * ((1 - texture) * kGrey + texture * textured(base, p, seed));
         for (int c = 0; c < 3; ++c) mesh.colors[i][c] = std::min(color[c], 1.0f);
     });
     return mesh;

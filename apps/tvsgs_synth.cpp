@@ -5,6 +5,7 @@
 #include <CLI/CLI.hpp>
 #include <filesystem>
 #include <iomanip>
+#include <memory>
 
 #include "common.h"
 #include "core/scene.h"
@@ -12,93 +13,22 @@
 #include "io/image_file.h"
 #include "io/ply.h"
 #include "mesh/mesh_render.h"
-#include "synth_object.h"
+#include "synth_photo.h"
+#include "synth_views.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
+using namespace synth;
 constexpr int kSupersampling = 3;
 constexpr float kGroundRadius = 1.2f;
 constexpr float kMeshSpacing = 0.01f;  // a fifth of the texture's finest detail
-constexpr Vec3d kLookAt{0, 0, 0.85};
 
-struct SynthOptions {
-    std::string out, shape = "bust";
-    int views = 24, width = 160, height = 120;
-    double arc_deg = 360, noise = 0;
-    std::uint64_t seed = 1;
-    bool overwrite = false;
-};
-
-struct SynthView {
-    std::string name;
-    double azimuth_rad;
-    Quat<double> quat;  // camera_from_world
-    Vec3d translation;
-    Camera camera;
-};
-
-/// A surface point, and in which views it is seen.
 struct Sample {
     Vec3f position, normal, color;
     std::vector<int> views;
 };
-
-/// Unit quaternion of a rotation matrix.
-Quat<double> quaternion(const Mat3<double>& R) {
-    // The largest entry is taken from the diagonal, the others from it: no cancellation.
-    const double squares[4] = {1 + R[0][0] + R[1][1] + R[2][2], 1 + R[0][0] - R[1][1] - R[2][2],
-                               1 - R[0][0] + R[1][1] - R[2][2], 1 - R[0][0] - R[1][1] + R[2][2]};
-    const auto largest = std::max_element(squares, squares + 4) - squares;
-    const double a = R[2][1] - R[1][2], b = R[0][2] - R[2][0], c = R[1][0] - R[0][1];
-    const double d = R[1][0] + R[0][1], e = R[0][2] + R[2][0], f = R[2][1] + R[1][2];
-    const double s = squares[largest];
-    const Quat<double> q = largest == 0   ? Quat<double>{s, a, b, c}
-                           : largest == 1 ? Quat<double>{a, s, d, e}
-                           : largest == 2 ? Quat<double>{b, d, s, f}
-                                          : Quat<double>{c, e, f, s};
-    return normalize(q);
-}
-
-/// Cameras around the object at three heights in turn, all looking at its middle; the front is at
-/// azimuth 0.
-std::vector<SynthView> make_views(const SynthOptions& options) {
-    constexpr double kDegree = 3.14159265358979323846 / 180, kDistance = 4.5;
-    constexpr double kElevationsDeg[3] = {14, 32, 50};
-    const bool ring = options.arc_deg >= 360;
-    std::vector<SynthView> views;
-    for (int i = 0; i < options.views; ++i) {
-        SynthView view;
-        std::ostringstream name;
-        name << std::setw(4) << std::setfill('0') << i << ".png";
-        view.name = name.str();
-        const double fraction =
-            static_cast<double>(i) / (ring ? options.views : std::max(1, options.views - 1));
-        view.azimuth_rad = (fraction - 0.5) * options.arc_deg * kDegree;
-        const double elevation = kElevationsDeg[i % 3] * kDegree;
-        const Vec3d backward{std::cos(view.azimuth_rad) * std::cos(elevation),
-                             std::sin(view.azimuth_rad) * std::cos(elevation), std::sin(elevation)};
-        const Vec3d right = normalize(cross(Vec3d{0, 0, 1}, backward)),
-                    down = cross(right, backward);
-        Mat3<double> R;
-        for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
-        view.quat = quaternion(R);
-        R = rotation(view.quat);
-        view.translation = -(R * (kLookAt + kDistance * backward));
-        Camera& camera = view.camera;
-        camera.width_px = options.width, camera.height_px = options.height;
-        // Focal lengths and principal point as of a real camera: not quite equal, not quite
-        // central.
-        const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
-        camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
-        camera.cx_px = 0.506f * static_cast<float>(options.width);
-        camera.cy_px = 0.493f * static_cast<float>(options.height);
-        camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
-        views.push_back(view);
-    }
-    return views;
-}
 
 /// Independent points, uniform over the surface.
 std::vector<Sample> sample_surface(const TriangleMesh& mesh, int count, std::uint64_t seed) {
@@ -164,19 +94,10 @@ void mark_visible(std::vector<Sample>& samples,
     });
 }
 
-void add_noise(ImageF& image, float sigma, std::uint64_t seed, int view) {
-    if (sigma <= 0) return;
-    parallel_for(Cpu{}, image.width * image.height, [&](int i) {
-        const auto index = static_cast<std::uint64_t>(view) << 32 | static_cast<std::uint64_t>(i);
-        const Vec3f n = normal3(random4(seed, RandomStream::test, index));
-        for (int c = 0; c < 3; ++c)
-            image.pixels[3 * static_cast<std::size_t>(i) + c] += sigma / 255 * n[c];
-    });
-}
-
 /// Renders and writes one photograph and its mask, and marks what the view sees.
 void write_view(const std::string& out,
                 const TriangleMesh& mesh,
+                const Highlights* highlights,
                 const SynthOptions& options,
                 const std::vector<SynthView>& views,
                 int i,
@@ -184,18 +105,25 @@ void write_view(const std::string& out,
                 std::vector<Sample>& truth) {
     const Camera fine = scaled_camera(views[i].camera, options.width * kSupersampling,
                                       options.height * kSupersampling);
-    const MeshRender render = render_mesh(mesh, fine, {.smooth_normals = false});
+    MeshRender render = render_mesh(highlights ? highlights->seen_from(camera_centre(fine)) : mesh,
+                                    fine, {.smooth_normals = false});
     mark_visible(points, i, fine, render.depth);
     mark_visible(truth, i, fine, render.depth);
 
-    ImageF hit(fine.width_px, fine.height_px, 1);
-    for (std::size_t k = 0; k < hit.pixels.size(); ++k) hit.pixels[k] = render.face.pixels[k] >= 0;
-    ImageU8 mask = to_8bit(box_filter(hit, kSupersampling));
-    for (std::uint8_t& value : mask.pixels) value = value > 127 ? 255 : 0;
+    if (options.masks) {
+        ImageF hit(fine.width_px, fine.height_px, 1);
+        for (std::size_t k = 0; k < hit.pixels.size(); ++k)
+            hit.pixels[k] = render.face.pixels[k] >= 0;
+        ImageU8 mask = to_8bit(box_filter(hit, kSupersampling));
+        for (std::uint8_t& value : mask.pixels) value = value > 127 ? 255 : 0;
+        write_png(str(out, "/masks/", views[i].name), mask);
+    }
+    if (options.background == "sky") add_sky(render, fine, options.seed);
     ImageF photo = box_filter(render.color, kSupersampling);
+    const auto gain = static_cast<float>(exposure_gain(options.exposure_drift, i));
+    for (float& value : photo.pixels) value *= gain;
     add_noise(photo, static_cast<float>(options.noise), options.seed, i);
     write_png(str(out, "/images/", views[i].name), to_8bit(photo));
-    write_png(str(out, "/masks/", views[i].name), mask);
 }
 
 /// COLMAP's text model. Points are seen slightly off, as triangulated ones are; their images are
@@ -245,50 +173,6 @@ void write_colmap(const std::string& folder,
     write_text_file(folder + "/points3D.txt", cloud.str());
 }
 
-struct Splits {
-    std::vector<int> train_3, train_9, train_all, test;
-};
-
-/// Every eighth view tests (the last of three or more where there are fewer than eight). train_3 is
-/// the three training views nearest the front, train_9 an even choice.
-Splits make_splits(const std::vector<SynthView>& views) {
-    const int count = static_cast<int>(views.size());
-    Splits splits;
-    for (int i = 0; i < count; ++i) {
-        const bool is_test = count < 8 ? count >= 3 && i == count - 1 : i % 8 == 7;
-        (is_test ? splits.test : splits.train_all).push_back(i);
-    }
-    splits.train_3 = splits.train_all;
-    const auto nearest_end =
-        splits.train_3.begin() + std::min<std::ptrdiff_t>(3, std::ssize(splits.train_3));
-    std::partial_sort(splits.train_3.begin(), nearest_end, splits.train_3.end(), [&](int a, int b) {
-        const double to_a = std::abs(views[a].azimuth_rad), to_b = std::abs(views[b].azimuth_rad);
-        return std::abs(to_a - to_b) > 1e-9 ? to_a < to_b : a < b;
-    });
-    splits.train_3.erase(nearest_end, splits.train_3.end());
-    std::sort(splits.train_3.begin(), splits.train_3.end());
-    const int all = static_cast<int>(splits.train_all.size());
-    for (int i = 0; all >= 9 && i < 9; ++i) splits.train_9.push_back(splits.train_all[i * all / 9]);
-    return splits;
-}
-
-std::string splits_json(const Splits& splits, const std::vector<SynthView>& views) {
-    std::ostringstream out;
-    const auto add = [&](const char* name, const std::vector<int>& list) {
-        if (list.empty() && std::string(name) != "test") return;
-        out << (out.tellp() == 0 ? "{\n" : ",\n") << "  \"" << name << "\": [";
-        for (std::size_t i = 0; i < list.size(); ++i)
-            out << (i ? ", " : "") << '"' << views[list[i]].name << '"';
-        out << ']';
-    };
-    add("train_3", splits.train_3);
-    add("train_9", splits.train_9);
-    add("train_all", splits.train_all);
-    add("test", splits.test);
-    out << "\n}\n";
-    return out.str();
-}
-
 /// The samples that at least two of `views` see.
 PointCloud seen_twice(const std::vector<Sample>& samples, const std::vector<int>& views) {
     PointCloud cloud;
@@ -317,18 +201,37 @@ std::string info_json(const SynthOptions& options, std::size_t points, std::size
         << "  \"thresholds\": [0.01, 0.02, 0.05],\n"
         << "  \"max_dist\": 0.2,\n"
         << "  \"points\": " << points << ",\n"
-        << "  \"points_train_3\": " << points_train_3 << "\n}\n";
+        << "  \"points_train_3\": " << points_train_3;
+    if (options.exposure_drift > 0) {
+        out << std::setprecision(9) << ",\n  \"exposure_gains\": [";  // in the order of the names
+        for (int i = 0; i < options.views; ++i)
+            out << (i ? ", " : "") << exposure_gain(options.exposure_drift, i);
+        out << ']';
+    }
+    out << "\n}\n";
     return out.str();
 }
 
 std::string readme(const SynthOptions& options) {
-    return str("# Synthetic scene '", options.shape, "', written by tvsgs-synth\n\n", options.views,
-               " views, ", options.width, "x", options.height, ", arc ", options.arc_deg,
-               " degrees, seed ", options.seed, ", sensor noise ", options.noise, R"( of 255.
+    return str(
+        "# Synthetic scene '", options.shape, "', written by tvsgs-synth\n\n", options.views,
+        " views, ", options.width, "x", options.height, ", arc ", options.arc_deg,
+        " degrees, seed ", options.seed, ", sensor noise ", options.noise, R"( of 255.
 Units: the object is about 2 units high; the ground is the plane z = 0, z up, the object's front looks along +x.
-The light is baked into the colours: they do not change with the view point.
-
-- `images/`, `masks/` (object and ground disc against the empty background)
+)",
+        options.shininess > 0
+            ? str("Highlights of strength ", options.shininess,
+                  " move with the view point; the colours of mesh and points are without.\n")
+            : "The light is baked into the colours: they do not change with the view point.\n",
+        options.exposure_drift > 0
+            ? "The photographs are brighter and darker by `exposure_gains` of `gt/info.json`.\n"
+            : "",
+        options.texture < 1
+            ? str("The contrast of the surface's own colours is ", options.texture, ".\n")
+            : "",
+        "\n- `images/`", options.masks ? ", `masks/`" : "", " (object and ground disc against ",
+        options.background == "sky" ? "a sky infinitely far away" : "the empty background",
+        R"()
 - `sparse/0/`: COLMAP text model; exact poses, pixel centres at .5; points3D.txt are surface samples with a
   little noise (standard deviation 0.003), their tracks the views that see them
 - `splits.json`: `train_3` (around the front), `train_9`, `train_all`, `test`; no test view is in a training list
@@ -339,20 +242,24 @@ The light is baked into the colours: they do not change with the view point.
 }
 
 void write_scene(const SynthOptions& options, const std::string& out) {
-    const synth::Shape shape = synth::make_shape(options.shape);
-    const TriangleMesh mesh =
-        synth::make_scene_mesh(shape, kGroundRadius, kMeshSpacing, options.seed);
+    const Shape shape = make_shape(options.shape);
+    const TriangleMesh mesh = make_scene_mesh(shape, kGroundRadius, kMeshSpacing,
+                                              static_cast<float>(options.texture), options.seed);
+    std::unique_ptr<Highlights> highlights;
+    if (options.shininess > 0)
+        highlights =
+            std::make_unique<Highlights>(shape, mesh, static_cast<float>(options.shininess));
     const std::vector<SynthView> views = make_views(options);
-    std::vector<Sample> points = sample_surface(mesh, 8000, options.seed);
+    std::vector<Sample> points = sample_surface(mesh, options.points, options.seed);
     std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
     for (int i = 0; i < options.views; ++i) {
         SignalGuard::check();
-        write_view(out, mesh, options, views, i, points, truth);
+        write_view(out, mesh, highlights.get(), options, views, i, points, truth);
     }
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
     write_colmap(out + "/sparse/0", views, points, options.seed);
-    const Splits splits = make_splits(views);
+    const Splits splits = make_splits(views, options.test_views);
     write_text_file(out + "/splits.json", splits_json(splits, views));
     std::vector<int> all(views.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
@@ -368,7 +275,11 @@ void write_scene(const SynthOptions& options, const std::string& out) {
 }
 
 int run(const SynthOptions& options) {
-    synth::make_shape(options.shape);  // a wrong name is said before anything is touched
+    if (options.test_views.value_or(0) > options.views - 2)
+        throw Error(ExitCode::usage, str("--test-views ", *options.test_views, ": ", options.views,
+                                         " views leave fewer than two to train; expected at most ",
+                                         options.views - 2, ", or more --views"));
+    make_shape(options.shape);  // a wrong name is said before anything is touched
     const fs::path out = fs::path(options.out).lexically_normal();
     std::error_code failure;
     if (fs::exists(out, failure) &&
@@ -421,8 +332,39 @@ int command(int argc, char** argv) {
     app.add_option("--height", options.height, "pixels")
         ->check(CLI::Range(16, 4096))
         ->capture_default_str();
+    app.add_option("--test-views", options.test_views,
+                   "number of --views that only test, evenly between the first and the last; "
+                   "default: every eighth view")
+        ->check(CLI::Range(0, 9997));
     app.add_option("--arc", options.arc_deg, "degrees of azimuth covered; 360: a ring")
         ->check(CLI::Range(1.0, 360.0))
+        ->capture_default_str();
+    app.add_option("--elevation-span", options.elevation_span_deg,
+                   "degrees between the lowest and the highest of the cameras' three elevations")
+        ->check(CLI::Range(0.0, 56.0))  // 4 to 60 degrees: above the ground disc's edge
+        ->capture_default_str();
+    app.add_option("--points", options.points,
+                   "surface samples for points3D.txt; it gets those that two views see")
+        ->check(CLI::Range(0, 2000000))
+        ->capture_default_str();
+    app.add_option("--texture", options.texture,
+                   "contrast of the surface's own colours; 0: one grey, shaded")
+        ->check(CLI::Range(0.0, 1.0))
+        ->capture_default_str();
+    app.add_option("--shininess", options.shininess,
+                   "strength of the highlights, which move with the view; 0: none, 1: up to white")
+        ->check(CLI::Range(0.0, 4.0))
+        ->capture_default_str();
+    app.add_option("--background", options.background,
+                   "empty (black), or sky: textured, infinitely far away, without points")
+        ->check(CLI::IsMember({"empty", "sky"}))
+        ->capture_default_str();
+    app.add_flag("--masks,!--no-masks", options.masks,
+                 "masks of object and ground disc; written unless --no-masks");
+    app.add_option("--exposure-drift", options.exposure_drift,
+                   "each view is brighter or darker by up to this share; gt/info.json says by how "
+                   "much")
+        ->check(CLI::Range(0.0, 0.9))
         ->capture_default_str();
     app.add_option("--noise", options.noise,
                    "standard deviation of the sensor noise, in 8-bit steps")

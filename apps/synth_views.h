@@ -1,0 +1,143 @@
+// The cameras of tvsgs-synth, and which of them train and test.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <iomanip>
+#include <optional>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "core/camera.h"
+
+namespace tvsgs::synth {
+
+constexpr Vec3d kLookAt{0, 0, 0.85};
+
+struct SynthOptions {
+    std::string out, shape = "bust";
+    int views = 24, width = 160, height = 120, points = 8000;
+    std::optional<int> test_views;  // absent: every eighth
+    double arc_deg = 360, elevation_span_deg = 36;
+    double noise = 0, exposure_drift = 0, shininess = 0, texture = 1;
+    std::string background = "empty";
+    std::uint64_t seed = 1;
+    bool masks = true, overwrite = false;
+};
+
+struct SynthView {
+    std::string name;
+    double azimuth_rad;
+    Quat<double> quat;  // camera_from_world
+    Vec3d translation;
+    Camera camera;
+};
+
+/// Unit quaternion of a rotation matrix.
+inline Quat<double> quaternion(const Mat3<double>& R) {
+    // The largest entry is taken from the diagonal, the others from it: no cancellation.
+    const double squares[4] = {1 + R[0][0] + R[1][1] + R[2][2], 1 + R[0][0] - R[1][1] - R[2][2],
+                               1 - R[0][0] + R[1][1] - R[2][2], 1 - R[0][0] - R[1][1] + R[2][2]};
+    const auto largest = std::max_element(squares, squares + 4) - squares;
+    const double a = R[2][1] - R[1][2], b = R[0][2] - R[2][0], c = R[1][0] - R[0][1];
+    const double d = R[1][0] + R[0][1], e = R[0][2] + R[2][0], f = R[2][1] + R[1][2];
+    const double s = squares[largest];
+    const Quat<double> q = largest == 0   ? Quat<double>{s, a, b, c}
+                           : largest == 1 ? Quat<double>{a, s, d, e}
+                           : largest == 2 ? Quat<double>{b, d, s, f}
+                                          : Quat<double>{c, e, f, s};
+    return normalize(q);
+}
+
+/// Cameras around the object at three heights in turn, all looking at its middle; the front is at
+/// azimuth 0.
+inline std::vector<SynthView> make_views(const SynthOptions& options) {
+    constexpr double kDegree = 3.14159265358979323846 / 180, kDistance = 4.5;
+    const bool ring = options.arc_deg >= 360;
+    std::vector<SynthView> views;
+    for (int i = 0; i < options.views; ++i) {
+        SynthView view;
+        std::ostringstream name;
+        name << std::setw(4) << std::setfill('0') << i << ".png";
+        view.name = name.str();
+        const double fraction =
+            static_cast<double>(i) / (ring ? options.views : std::max(1, options.views - 1));
+        view.azimuth_rad = (fraction - 0.5) * options.arc_deg * kDegree;
+        const double elevation = (32 + 0.5 * options.elevation_span_deg * (i % 3 - 1)) * kDegree;
+        const Vec3d backward{std::cos(view.azimuth_rad) * std::cos(elevation),
+                             std::sin(view.azimuth_rad) * std::cos(elevation), std::sin(elevation)};
+        const Vec3d right = normalize(cross(Vec3d{0, 0, 1}, backward)),
+                    down = cross(right, backward);
+        Mat3<double> R;
+        for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
+        view.quat = quaternion(R);
+        R = rotation(view.quat);
+        view.translation = -(R * (kLookAt + kDistance * backward));
+        Camera& camera = view.camera;
+        camera.width_px = options.width, camera.height_px = options.height;
+        // Focal lengths and principal point as of a real camera: not quite equal, not quite
+        // central.
+        const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
+        camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
+        camera.cx_px = 0.506f * static_cast<float>(options.width);
+        camera.cy_px = 0.493f * static_cast<float>(options.height);
+        camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
+        views.push_back(view);
+    }
+    return views;
+}
+
+struct Splits {
+    std::vector<int> train_3, train_9, train_all, test;
+};
+
+/// Test views among `count`: every eighth (the last of three or more where there are fewer than
+/// eight), or `wanted` evenly between the first and the last view, so that training spans the arc.
+inline std::vector<bool> choose_test_views(int count, std::optional<int> wanted) {
+    std::vector<bool> is_test(count);
+    for (int i = 0; i < count && !wanted; ++i)
+        is_test[i] = count < 8 ? count >= 3 && i == count - 1 : i % 8 == 7;
+    for (int k = 0; k < wanted.value_or(0); ++k)
+        is_test[1 + (2 * k + 1) * (count - 2) / (2 * *wanted)] = true;
+    return is_test;
+}
+
+/// train_3 is the three training views nearest the front, train_9 an even choice.
+inline Splits make_splits(const std::vector<SynthView>& views, std::optional<int> test_views) {
+    const int count = static_cast<int>(views.size());
+    const std::vector<bool> is_test = choose_test_views(count, test_views);
+    Splits splits;
+    for (int i = 0; i < count; ++i) (is_test[i] ? splits.test : splits.train_all).push_back(i);
+    splits.train_3 = splits.train_all;
+    const auto nearest_end =
+        splits.train_3.begin() + std::min<std::ptrdiff_t>(3, std::ssize(splits.train_3));
+    std::partial_sort(splits.train_3.begin(), nearest_end, splits.train_3.end(), [&](int a, int b) {
+        const double to_a = std::abs(views[a].azimuth_rad), to_b = std::abs(views[b].azimuth_rad);
+        return std::abs(to_a - to_b) > 1e-9 ? to_a < to_b : a < b;
+    });
+    splits.train_3.erase(nearest_end, splits.train_3.end());
+    std::sort(splits.train_3.begin(), splits.train_3.end());
+    const int all = static_cast<int>(splits.train_all.size());
+    for (int i = 0; all >= 9 && i < 9; ++i) splits.train_9.push_back(splits.train_all[i * all / 9]);
+    return splits;
+}
+
+inline std::string splits_json(const Splits& splits, const std::vector<SynthView>& views) {
+    std::ostringstream out;
+    const auto add = [&](const char* name, const std::vector<int>& list) {
+        if (list.empty() && std::string(name) != "test") return;
+        out << (out.tellp() == 0 ? "{\n" : ",\n") << "  \"" << name << "\": [";
+        for (std::size_t i = 0; i < list.size(); ++i)
+            out << (i ? ", " : "") << '"' << views[list[i]].name << '"';
+        out << ']';
+    };
+    add("train_3", splits.train_3);
+    add("train_9", splits.train_9);
+    add("train_all", splits.train_all);
+    add("test", splits.test);
+    out << "\n}\n";
+    return out.str();
+}
+
+}  // namespace tvsgs::synth
