@@ -4,12 +4,15 @@
 
 #include <cmath>
 
+#include "bench_iteration.h"
 #include "bench_stats.h"
 #include "core/rng.h"
 #include "io/atomic_file.h"
 #include "optim/adam.h"
 #include "optim/splat_order.h"
+#include "render/map_images.h"
 #include "render/photometric.h"
+#include "run_options.h"
 
 namespace tvsgs {
 namespace {
@@ -17,29 +20,55 @@ namespace {
 constexpr int kShDegree = 3;
 
 /// Shortest times that an H200's memory, arithmetic and shuffles allow for w540 and w1200 at full
-/// size, ms, with channels color; of color_plane where they differ.
+/// size, ms, with channels color; with color_plane; in PGSR's iteration with a neighbour. 0: not
+/// counted.
 struct Floor {
     const char* stage;
-    double w540, w1200, w540_plane, w1200_plane;
+    double color[2], plane[2], neighbour[2];
 };
 constexpr Floor kFloors[] = {
-    {"project", 0.130, 0.130, 0.130, 0.130},
-    {"tile lists", 0.040, 0.054, 0.040, 0.054},
-    {"blend", 0.045, 0.127, 0.049, 0.139},
-    {"photometric loss", 0.014, 0.051, 0.014, 0.051},
-    {"blend backward", 0.117, 0.388, 0.117, 0.388},  // with the sums over each splat's slots
-    {"project backward and Adam", 0.313, 0.313, 0.313, 0.313},
+    {"all, one wait", {0.66, 1.06}, {}, {0.94, 1.78}},
+    {"neighbour render", {}, {}, {0.115, 0.212}},  // as project without colours, tile lists, blend
+    {"project", {0.130, 0.130}, {0.130, 0.130}, {0.130, 0.130}},
+    {"tile lists", {0.040, 0.054}, {0.040, 0.054}, {0.040, 0.054}},
+    {"blend", {0.045, 0.127}, {0.049, 0.139}, {0.049, 0.139}},
+    {"photometric loss", {0.014, 0.051}, {0.014, 0.051}, {0.014, 0.051}},
+    // As blend backward, then 132 bytes of geometry and its gradients per splat in view.
+    {"neighbour backward", {}, {}, {0.140, 0.411}},
+    // With the sums over each splat's slots.
+    {"blend backward", {0.117, 0.388}, {0.117, 0.388}, {0.117, 0.388}},
+    // With a neighbour 44 bytes more per splat.
+    {"project backward and Adam", {0.313, 0.313}, {0.313, 0.313}, {0.328, 0.328}},
 };
 
 /// 0 where none is known.
-double floor_ms(const std::string& stage, const std::string& name, Channels channels) {
+double floor_ms(const std::string& stage,
+                const std::string& name,
+                Channels channels,
+                bool neighbour) {
+    if (channels == Channels::plane || (!name.starts_with("w540") && !name.starts_with("w1200")))
+        return 0;
     for (const Floor& f : kFloors)
-        if (stage == f.stage && channels != Channels::plane) {
-            const bool plane = has_plane(channels);
-            if (name.starts_with("w540")) return plane ? f.w540_plane : f.w540;
-            if (name.starts_with("w1200")) return plane ? f.w1200_plane : f.w1200;
-        }
+        if (stage == f.stage)
+            return (neighbour             ? f.neighbour
+                    : has_plane(channels) ? f.plane
+                                          : f.color)[name.starts_with("w540") ? 0 : 1];
     return 0;
+}
+
+/// The relief at a ray's place (u, v) in an image plane at depth 1: its depth, and its normal,
+/// which faces the camera.
+constexpr float kReliefDepth = 4;
+struct Relief {
+    double depth;
+    Vec3d normal;
+};
+Relief relief(double u, double v) {
+    const double z = static_cast<double>(kReliefDepth) + 0.3 * std::sin(6 * u) * std::cos(6 * v);
+    const double z_u = 1.8 * std::cos(6 * u) * std::cos(6 * v),
+                 z_v = -1.8 * std::sin(6 * u) * std::sin(6 * v);
+    const Vec3d along_u{z_u * u + z, z_u * v, z_u}, along_v{z_v * u, z_v * v + z, z_v};
+    return {z, normalize(cross(along_v, along_u))};
 }
 
 /// Uniform and normal numbers of one splat.
@@ -64,15 +93,110 @@ private:
     Random4 four_{};
 };
 
+/// Moves a splat along its ray onto the relief, but for a part of its size, and lays it flat there,
+/// but for a tilt of 0.1 rad. As large in the image: a splat turned at random shows half its area.
+void put_on_relief(const StageCase& c, std::size_t i, Gaussians<Cpu>& g, Draws& draw) {
+    const Vec3d mean = vec_cast<double>(g.means[i]);
+    const double side = mean.z < 0 ? -1 : 1;  // what is behind the camera stays there
+    const Relief at = relief(mean.x / mean.z, mean.y / mean.z);
+    const double z = at.depth * (1 + 0.25 * c.size_px / c.width * draw.normal());
+    g.means[i] = vec_cast<float>((side * z / mean.z) * mean);
+    const double change = std::log(z / std::abs(mean.z) * std::sqrt(0.5));
+    for (int k = 0; k < 3; ++k) g.log_scales[i][k] += static_cast<float>(change);
+    const Vec3d n = normalize(at.normal + 0.1 * Vec3d{draw.normal(), draw.normal(), 0});
+    // A turn about z, then the shortest rotation that takes -z to the normal.
+    const double turn = draw.uniform(0, 3.141592653589793), w = std::cos(turn), s = std::sin(turn);
+    const Quat<double> q = normalize(Quat<double>{1 - n.z, n.y, -n.x, 0});
+    g.quats[i] =
+        quat_cast<float>(Quat<double>{q.w * w, q.x * w + q.y * s, q.y * w - q.x * s, q.w * s});
+}
+
 struct Measured {
     Timings timings;
+    double unaccounted;  // median share of an iteration that is in no stage, with all waits
     RenderCounts counts;
     BlendWork work;
     std::int64_t bytes;
+    std::vector<std::pair<std::string, double>> losses{};  // of a configuration's
+    int compared_pixels = 0;                               // with the neighbour
+    Channels channels{};
 };
 
 /// One view again and again: first as in training, with one wait at the end, then with a wait
 /// around every stage.
+template <class Device, class Iteration>
+Measured time_stages(const Iteration& iteration,
+                     Backbone<Device>& backbone,
+                     int warm_up,
+                     int repetitions) {
+    Measured out{};
+    StageClock<Device> off;
+    for (int i = 0; i < warm_up; ++i) iteration(off);
+    for (int i = 0; i < repetitions; ++i) {
+        synchronize(Device{});
+        const Stopwatch watch;
+        iteration(off);
+        synchronize(Device{});
+        out.timings.add("all, one wait", watch.ms());
+    }
+    backbone.clock() = StageClock<Device>(true);
+    std::vector<double> unaccounted;
+    for (int i = 0; i < repetitions; ++i) {
+        StageClock<Device> own(true);
+        backbone.clock().clear();
+        synchronize(Device{});
+        const Stopwatch watch;
+        iteration(own);
+        synchronize(Device{});
+        const double all = watch.ms();
+        double left = all;
+        for (const auto* clock : {&own, &backbone.clock()})
+            for (const StageTime& stage : clock->stages()) {
+                out.timings.add(stage.name, 1e3 * stage.seconds);
+                left -= 1e3 * stage.seconds;
+            }
+        unaccounted.push_back(left / all);
+    }
+    out.unaccounted = percentile(unaccounted, 50);
+    out.counts = backbone.counts();
+    out.work = backbone.blend_work();
+    return out;
+}
+
+/// The iteration of the losses of a configuration, on photographs that show the splats.
+template <class Device>
+Measured measure_training(const StageCase& c,
+                          const TrainOptions& options,
+                          int warm_up,
+                          int repetitions) {
+    const std::int64_t before = memory_use(Device{}).current_bytes;
+    const Gaussians<Cpu> splats = make_stage_splats(c);
+    Scene scene;
+    scene.points.positions.assign(splats.means.data(), splats.means.data() + splats.size());
+    {
+        Gaussians<Device> shown;
+        copy(splats, shown);
+        const auto backbone = make_backbone<Device>(options.backbone, options.core);
+        for (const Camera& camera : {stage_camera(c), stage_neighbour(c)}) {
+            const auto& images = backbone->forward(shown, camera, kShDegree, Channels::color);
+            scene.train.push_back({std::to_string(scene.train.size()),
+                                   camera,
+                                   color_image(c.width, c.height, to_host(images.color)),
+                                   {},
+                                   {}});
+        }
+    }
+    BenchIteration<Device> iteration(scene, options, splats);
+    Measured out = time_stages<Device>([&](StageClock<Device>& clock) { iteration.run(clock); },
+                                       iteration.backbone(), warm_up, repetitions);
+    out.losses = iteration.losses();
+    out.compared_pixels = iteration.compared_pixels();
+    out.channels = iteration.channels();
+    out.bytes = memory_use(Device{}).current_bytes - before;
+    return out;
+}
+
+/// The iteration with the photometric loss, or with given derivatives of the plane channels.
 template <class Device>
 Measured measure(const StageCase& c,
                  Channels channels,
@@ -117,29 +241,32 @@ Measured measure(const StageCase& c,
         clock("project backward and Adam",
               [&] { adam.step(1, 1, gradients, no_more, splats, true); });
     };
-    Measured out{};
-    StageClock<Device> off;
-    for (int i = 0; i < warm_up; ++i) iteration(off);
-    for (int i = 0; i < repetitions; ++i) {
-        synchronize(Device{});
-        const Stopwatch watch;
-        iteration(off);
-        synchronize(Device{});
-        out.timings.add("all, one wait", watch.ms());
-    }
-    backbone->clock() = StageClock<Device>(true);
-    for (int i = 0; i < repetitions; ++i) {
-        StageClock<Device> own(true);
-        backbone->clock().clear();
-        iteration(own);
-        for (const auto* clock : {&own, &backbone->clock()})
-            for (const StageTime& stage : clock->stages())
-                out.timings.add(stage.name, 1e3 * stage.seconds);
-    }
-    out.counts = backbone->counts();
-    out.work = backbone->blend_work();
+    Measured out = time_stages<Device>(iteration, *backbone, warm_up, repetitions);
+    out.channels = channels;
     out.bytes = memory_use(Device{}).current_bytes - before;
     return out;
+}
+
+constexpr const char* kAdamNames[] = {"dense", "lazy", "visible"};
+constexpr const char* kChannelNames[] = {"color", "color_plane", "plane"};
+
+/// Of a training whose iteration can be timed alone.
+TrainOptions read_configuration(const std::vector<std::string>& files,
+                                const std::vector<std::string>& settings) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    for (const std::string& file : files) table.read_file(file);
+    table.set_all(settings);
+    const TrainOptions& o = options.train;
+    if (o.tv.enabled || o.loss.tv_normal.weight > 0 || o.loss.tv_position.weight > 0)
+        throw Error(ExitCode::usage,
+                    "--config: tensor voting is on, which tvsgs-bench vote times; expected "
+                    "tv.enabled = false and loss.tv_normal.weight = loss.tv_position.weight = 0");
+    if (o.iterations < 1)
+        throw Error(ExitCode::usage,
+                    str("--config: iterations is ", o.iterations, "; expected 1 or more"));
+    return o;
 }
 
 }  // namespace
@@ -168,6 +295,15 @@ Camera stage_camera(const StageCase& c) {
     camera.cx_px = 0.5f * static_cast<float>(c.width);
     camera.cy_px = 0.5f * static_cast<float>(c.height);
     return camera;  // at the origin, looking along z
+}
+
+Camera stage_neighbour(const StageCase& c) {
+    Camera camera = stage_camera(c);
+    const float cosine = std::cos(0.14f), sine = std::sin(0.14f);
+    camera.camera_from_world.R = {{{cosine, 0, sine}, {0, 1, 0}, {-sine, 0, cosine}}};
+    const Vec3f centre{0, 0, kReliefDepth};  // stays where it is
+    camera.camera_from_world.t = centre - camera.camera_from_world.R * centre;
+    return camera;
 }
 
 Gaussians<Cpu> make_stage_splats(const StageCase& c) {
@@ -209,6 +345,7 @@ Gaussians<Cpu> make_stage_splats(const StageCase& c) {
                 static_cast<float>(draw.uniform(-spread, spread)),
                 static_cast<float>(draw.uniform(-spread, spread))};
         }
+        if (c.surface) put_on_relief(c, i, g, draw);
     }
     if (c.sorted) sort_by_place(g);
     return g;
@@ -235,14 +372,29 @@ StagesBench::StagesBench(CLI::App& app)
                  "times as many pixels, splats larger with them: as many over each pixel")
         ->check(CLI::Range(1e-6, 100.0))
         ->capture_default_str();
-    c.add_option("--channels", channels_, "what is rendered")
-        ->check(CLI::IsMember({"color", "color_plane", "plane"}))
-        ->capture_default_str();
-    c.add_option("--adam", adam_, "as the key optim.adam")
-        ->check(CLI::IsMember({"dense", "lazy", "visible"}))
-        ->capture_default_str();
-    c.add_flag("--atomic-sums", atomic_,
-               "gradients summed by floating-point atomics: what the same bits every time cost");
+    CLI::Option* const channels = c.add_option("--channels", channels_, "what is rendered")
+                                      ->check(CLI::IsMember({"color", "color_plane", "plane"}))
+                                      ->capture_default_str();
+    CLI::Option* const adam = c.add_option("--adam", adam_, "as the key optim.adam")
+                                  ->check(CLI::IsMember({"dense", "lazy", "visible"}))
+                                  ->capture_default_str();
+    CLI::Option* const atomic = c.add_flag(
+        "--atomic-sums", atomic_,
+        "gradients summed by floating-point atomics: what the same bits every time cost");
+    CLI::Option* const config =
+        c.add_option(
+             "-c,--config", configs_,
+             "JSON file of a training, later ones win: the iteration with all of its losses "
+             "as the last one has it, on splats of a surface that two views see")
+            ->expected(1)
+            ->take_all()
+            ->excludes(channels)
+            ->excludes(adam)
+            ->excludes(atomic);
+    c.add_option("--set", settings_, "KEY=VALUE for any key of the configuration")
+        ->expected(1)
+        ->take_all()
+        ->needs(config);
     c.add_option("--repetitions", repetitions_, "timed repetitions")
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
@@ -264,6 +416,9 @@ int StagesBench::run() const {
     const AdamForm form = adam_ == "dense"  ? AdamForm::dense
                           : adam_ == "lazy" ? AdamForm::lazy
                                             : AdamForm::visible;
+    const bool training = !configs_.empty();
+    const TrainOptions options =
+        training ? read_configuration(configs_, settings_) : TrainOptions{};
     std::string lines;
     for (StageCase c : stage_cases()) {
         if (!cases_.empty() && std::find(cases_.begin(), cases_.end(), c.name) == cases_.end())
@@ -275,18 +430,26 @@ int StagesBench::run() const {
         c.height = std::max(16, static_cast<int>(std::sqrt(pixels) * c.height));
         c.size_px *= std::sqrt(pixels / splats);
         const bool full_size = splats == 1 && pixels == 1;
+        c.surface = training;
         const Measured m = on_device(device, [&](auto tag) {
-            return measure<decltype(tag)>(c, channels, form, atomic_, warm_up_, repetitions_);
+            using Device = decltype(tag);
+            return training ? measure_training<Device>(c, options, warm_up_, repetitions_)
+                            : measure<Device>(c, channels, form, atomic_, warm_up_, repetitions_);
         });
         const std::string stages =
             m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
-                const double floor =
-                    full_size && device.cuda ? floor_ms(stage, c.name, channels) : 0;
+                const double floor = full_size && device.cuda ? floor_ms(stage, c.name, m.channels,
+                                                                         m.compared_pixels > 0)
+                                                              : 0;
                 if (floor > 0) line.add("floor_ms", floor).add("ratio", median_ms / floor);
             });
         const auto per_pixel = [&c](std::int64_t count) {
             return static_cast<double>(count) / (static_cast<double>(c.width) * c.height);
         };
+        std::string losses;
+        for (const auto& [name, value] : m.losses)
+            losses += (losses.empty() ? "" : ", ") +
+                      JsonLine().add("loss", name).add("value", value).text();
         JsonLine counters, json;
         counters.add("splats", c.splats)
             .add("visible", m.counts.visible)
@@ -297,6 +460,7 @@ int StagesBench::run() const {
             .add("warp_sums", m.work.sums)
             .add("evaluations_per_pixel", per_pixel(m.work.evaluations))
             .add("contributions_per_pixel", per_pixel(m.work.contributions))
+            .add("compared_pixels", m.compared_pixels)
             .add("bytes_held", m.bytes);
         json.add("bench", "stages")
             .add("version", kVersion)
@@ -305,17 +469,21 @@ int StagesBench::run() const {
             .add("case", c.name)
             .add("width", c.width)
             .add("height", c.height)
-            .add("channels", channels_)
-            .add("adam", adam_)
+            .add("channels", kChannelNames[static_cast<int>(m.channels)])
+            .add("adam", kAdamNames[static_cast<int>(training ? options.optim.adam : form)])
             .add("atomic_sums", atomic_)
             .add_json("counters", counters.text())
-            .add_json("stages", stages);
+            .add_json("losses", "[" + losses + "]")
+            .add_json("stages", stages)
+            .add("unaccounted_share", m.unaccounted);
         std::printf("%s\n", json.text().c_str());
         lines += json.text() + "\n";
         if (quiet_) continue;
         std::fprintf(stderr, "%s, %d x %d, %s, %s\n", c.name.c_str(), c.width, c.height,
-                     channels_.c_str(), device.description.c_str());
+                     kChannelNames[static_cast<int>(m.channels)], device.description.c_str());
         m.timings.print();
+        std::fprintf(stderr, "  in no stage, with all waits: %.1f %%\n", 100 * m.unaccounted);
+        if (training) std::fprintf(stderr, "  losses %s\n", losses.c_str());
         std::fprintf(stderr, "  counters %s\n", counters.text().c_str());
     }
     if (!out_.empty()) write_text_file(out_, lines);

@@ -16,8 +16,9 @@ struct StageCase {
     std::string name;
     Kind kind;
     int splats, width, height;
-    double size_px;       // median deviation of a splat in the image
-    bool sorted = false;  // by place, as training keeps its splats; else in random order
+    double size_px;        // median deviation of a splat in the image
+    bool sorted = false;   // by place, as training keeps its splats; else in random order
+    bool surface = false;  // on a smooth relief, flat along it, as several views have to agree on
 };
 
 /// w540, w1200: half of the splats in view, of some pixels, as on a trained surface, in random
@@ -28,6 +29,8 @@ const std::vector<StageCase>& stage_cases();
 /// A pure function of its arguments; SH degree 3.
 Gaussians<Cpu> make_stage_splats(const StageCase& c);
 Camera stage_camera(const StageCase& c);
+/// Of a second view, 8 degrees around what the first one looks at.
+Camera stage_neighbour(const StageCase& c);
 
 class StagesBench {
 public:
@@ -41,7 +44,7 @@ public:
 
 private:
     CLI::App* command_;
-    std::vector<std::string> cases_;
+    std::vector<std::string> cases_, configs_, settings_;
     std::string device_ = "auto", channels_ = "color", adam_ = "lazy", out_;
     int repetitions_ = 50, warm_up_ = 20;
     double scale_ = 1, splats_scale_ = 1, pixels_scale_ = 1;

@@ -100,5 +100,62 @@ TEST_F(Bench, TimesTheStagesOfPlaneChannels) {
     EXPECT_EQ(bench("").code, 2);
 }
 
+const std::string kDense = " --config " TVSGS_SOURCE_DIR "/configs/pgsr_dense.json ";
+
+TEST_F(Bench, TimesAnIterationThatComparesViews) {
+    for (const std::string& device : devices()) {
+        SCOPED_TRACE(device);
+        const std::string small =
+            "stages --case w540_morton --scale 0.02 --repetitions 3 --warm-up 1 --device " + device;
+        const Result r = bench(small + kDense);
+        ASSERT_EQ(r.code, 0) << r.err;
+        const json& line = r.lines.at(0);
+        std::vector<std::string> stages, losses;
+        for (const json& stage : line.at("stages")) stages.push_back(stage.at("stage"));
+        EXPECT_EQ(stages, (std::vector<std::string>{
+                              "all, one wait", "neighbour render", "clear gradients",
+                              "compare views", "photometric loss", "flatten loss", "normal loss",
+                              "multi_view_geometry loss", "multi_view_ncc loss", "watch losses",
+                              "neighbour backward", "project backward and Adam", "project",
+                              "catch-up", "colours", "tile lists", "blend", "blend backward"}));
+        for (const json& loss : line.at("losses")) {
+            losses.push_back(loss.at("loss"));
+            EXPECT_TRUE(loss.at("value").is_number()) << "not finite: " << loss.dump();
+            EXPECT_GT(loss.at("value"), 0) << loss.dump();
+        }
+        EXPECT_EQ(losses, (std::vector<std::string>{"photometric", "flatten", "normal",
+                                                    "multi_view_geometry", "multi_view_ncc"}));
+        const int width = line.at("width"), height = line.at("height");
+        const json& counters = line.at("counters");
+        EXPECT_GT(counters.at("compared_pixels"), 0.6 * width * height) << "the views overlap";
+        EXPECT_EQ(line.at("channels"), "color_plane");
+        if (device == "cpu") {  // a GPU waits longer for so little than it works
+            EXPECT_LT(line.at("unaccounted_share"), 0.03);
+            EXPECT_GT(line.at("unaccounted_share"), -0.03);
+        }
+        // As much to blend as without a neighbour, though on a surface.
+        const Result plain = bench(small + " --channels color_plane");
+        ASSERT_EQ(plain.code, 0) << plain.err;
+        const json& others = plain.lines.at(0).at("counters");
+        for (const char* key : {"slots", "evaluations_per_pixel", "contributions_per_pixel"})
+            EXPECT_NEAR(counters.at(key).get<double>() / others.at(key).get<double>(), 1, 0.2)
+                << key;
+    }
+}
+
+TEST_F(Bench, TimesTheIterationOfAConfigurationOnly) {
+    const Result r = bench(
+        "stages --case one --repetitions 1 --warm-up 1 --device cpu --config " TVSGS_SOURCE_DIR
+        "/configs/3dgs.json --set optim.adam=dense");
+    ASSERT_EQ(r.code, 0) << r.err;
+    EXPECT_EQ(r.lines.at(0).at("losses").size(), 1u);
+    EXPECT_EQ(r.lines.at(0).at("channels"), "color");
+    EXPECT_EQ(r.lines.at(0).at("adam"), "dense");
+    for (const std::string& flags :
+         {kDense + "--set tv.enabled=true", kDense + "--channels color", kDense + "--adam dense",
+          kDense + "--set iterations=0", std::string(" --set optim.adam=dense")})
+        EXPECT_EQ(bench("stages --case one --device cpu" + flags).code, 2) << flags;
+}
+
 }  // namespace
 }  // namespace tvsgs

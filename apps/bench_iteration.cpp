@@ -1,0 +1,7 @@
+#include "bench_iteration_loop.h"
+
+namespace tvsgs {
+
+template class BenchIteration<Cpu>;
+
+}  // namespace tvsgs
