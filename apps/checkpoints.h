@@ -53,6 +53,9 @@ public:
 
     void save(int done, double seconds, const SharedState& state);
 
+    /// Of the checkpoints from here on.
+    void set_config(std::string config) { config_ = std::move(config); }
+
     /// Waits for the last one; its file, or nothing when it could not be written.
     std::optional<std::string> finish();
 

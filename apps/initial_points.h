@@ -7,6 +7,12 @@
 
 namespace tvsgs {
 
+/// Whether the cloud of the scene gives way to one by stereo.
+inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
+    return options.scene.init_ply.empty() &&
+           scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
+}
+
 /// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
 /// stereo, if that finds more.
 inline void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
@@ -15,7 +21,7 @@ inline void prepare_points(const DeviceChoice& device, const RunOptions& options
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
-    } else if (given < static_cast<std::size_t>(init.min_points)) {
+    } else if (needs_stereo(options, scene)) {
         spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
                      given, init.min_points);
         try {

@@ -14,6 +14,8 @@ public:
     /// A run that goes on has `seconds` behind it.
     Progress(int iterations, const std::string& style, double seconds = 0);
 
+    void set_iterations(int iterations) { iterations_ = iterations; }
+
     /// Seconds of training: since the start, without pauses.
     double seconds() const;
 

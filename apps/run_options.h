@@ -7,6 +7,7 @@
 #include "mesh_extraction.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"
+#include "run_plan.h"
 #include "train_evaluation.h"
 
 namespace tvsgs {
@@ -18,6 +19,7 @@ struct RunOptions {
     MeshOptions mesh;
     EvaluationOptions eval;
     MemoryOptions memory;
+    PlanOptions plan;
 
     /// The table refers to this object.
     void add_to(OptionTable& table) {
@@ -27,6 +29,7 @@ struct RunOptions {
         table.add("mesh", mesh);
         table.add("eval", eval);
         table.add("memory", memory);
+        table.add("plan", plan);
     }
 };
 

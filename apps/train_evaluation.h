@@ -94,15 +94,20 @@ struct MeshSource {
     Vec3d origin{};  // see depth_rules
 };
 
-/// The line of log.jsonl for an evaluation during training.
+/// An evaluation during training.
+struct Evaluation {
+    std::string line;  // of log.jsonl
+    double psnr = 0;   // mean over the test views
+};
 template <class Device>
-std::string evaluation_line(int step,
-                            double seconds,
-                            const Gaussians<Device>& gaussians,
-                            const std::vector<View>& views,
-                            const TrainOptions& options,
-                            const std::optional<Truth>& truth,
-                            const MeshSource* mesh = nullptr) {
+Evaluation evaluate(int step,
+                    double seconds,
+                    const Gaussians<Device>& gaussians,
+                    const std::vector<View>& views,
+                    const TrainOptions& options,
+                    const std::optional<Truth>& truth,
+                    const MeshSource* mesh = nullptr) {
+    Evaluation result;
     JsonLine line;
     line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
     line.add("gaussians", gaussians.size());
@@ -110,6 +115,7 @@ std::string evaluation_line(int step,
         const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
         const ViewScores scores = score_views(gaussians, views, options, no_pictures);
         line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+        result.psnr = scores.mean_psnr;
         spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
                      scores.mean_ssim);
     }
@@ -126,7 +132,26 @@ std::string evaluation_line(int step,
                                         mesh->spill_folder, spdlog::level::debug, mesh->origin),
                            *truth, false));
     }
-    return line.text();
+    result.line = line.text();
+    return result;
 }
+
+/// Says when more training no longer pays: when the best is half its own time ago.
+class Convergence {
+public:
+    /// The score on views that do not train, after `seconds`.
+    void add(double seconds, double psnr) {
+        if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
+        over_ = seconds > 1.5 * best_at_;
+    }
+    bool over() const { return over_; }
+    double best() const { return best_; }
+    double best_at() const { return best_at_; }
+
+private:
+    static constexpr double kStep = 0.02;  // dB; less is the noise from one view to the next
+    double best_ = -1e300, best_at_ = 0;
+    bool over_ = false;
+};
 
 }  // namespace tvsgs

@@ -1,6 +1,7 @@
 // tvsgs-train: scene in, splats out. Parses, calls the train loop, writes the run folder.
 #include <filesystem>
 
+#include "built_in_configs.h"
 #include "checkpoints.h"
 #include "common.h"
 #include "initial_points.h"
@@ -9,10 +10,12 @@
 #include "key_flags.h"
 #include "memory_plan.h"
 #include "optim/fixed_voters.h"
+#include "optim/time_budget.h"
 #include "progress.h"
 #include "report_data.h"
 #include "run_folder.h"
 #include "run_options.h"
+#include "run_plan.h"
 #include "train_evaluation.h"
 #include "view_evaluation.h"
 
@@ -22,7 +25,7 @@ namespace {
 struct Arguments {
     std::string out, device = "auto", progress = "auto";
     bool overwrite = false, quiet = false, verbose = false, profile = false, list_keys = false,
-         deterministic = true;
+         deterministic = true, plan = false;
     int report_every = 50, checkpoint_every = 5000;
 
     // With --resume:
@@ -72,6 +75,10 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
               group);
     flags.add("--host-memory", "memory.host", "the same of the host", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
+    flags.add("--time-budget", "plan.time_budget",
+              "seconds of training to fit the schedule into, at most as long as it is", group);
+    flags.add("--until", "plan.until",
+              "iterations, or converged: stop when views that do not train gain no more", group);
     app.add_flag("--deterministic", arguments.deterministic,
                  "accepted for scripts: every run is reproducible bit for bit")
         ->group(group);
@@ -87,7 +94,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flags.add("--crop", "eval.crop", "selection volume, box or gt/info.json", group);
     flags.add("--tau", "eval.taus", "thresholds T,T,... of F1 [0.5, 1, 2 % of the truth]", group);
     group = "Configuration";
-    app.add_option("-c,--config", configs, "JSON file; later ones win")
+    app.add_option("-c,--config", configs, "JSON file; later ones win [configs/auto.json]")
         ->group(group)
         ->expected(1)
         ->take_all();
@@ -95,6 +102,10 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->group(group)
         ->expected(1)
         ->take_all();
+    app.add_flag("--plan", arguments.plan,
+                 "look at the scene, print what it needs and why, and stop; without a "
+                 "configuration that is what a run goes by")
+        ->group(group);
     app.add_flag("--list-keys", arguments.list_keys,
                  "print every key with its range, default and meaning")
         ->group(group);
@@ -136,6 +147,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
                                  : Verbosity::normal);
 
     if (resume_flag->count() > 0) open_resume(resume, arguments, table);
+    if (configs.empty() && resume_flag->count() == 0)
+        table.read_text("configs/auto.json", kAutoConfig);
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
     flags.set_keys(table);
@@ -170,20 +183,26 @@ void check_consistency(const TrainOptions& options) {
     make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
 }
 
+/// `training` is what trains; `options` and `config` are what the run's files say of it.
 template <class Device>
 int train_and_save(const Scene& scene,
-                   const RunOptions& options,
+                   TrainOptions training,
+                   RunOptions& options,
                    const Arguments& arguments,
                    const std::optional<Truth>& truth,
-                   const std::string& config,
+                   const std::function<std::string()>& config,
                    RunFolder& run) {
     const SignalGuard signals;
-    const int iterations = options.train.iterations;
+    const int& iterations = training.iterations;
     const ResumePoint* const point = arguments.point ? &*arguments.point : nullptr;
     Progress progress(iterations, arguments.quiet ? "quiet" : arguments.progress,
                       point ? point->seconds : 0);
-    CheckpointWriter checkpoints(run.path(), config, scene);
-    int step_now = 0;
+    CheckpointWriter checkpoints(run.path(), config(), scene);
+    TimeBudget budget(options.plan.time_budget, training);
+    Convergence convergence;
+    int step_now = 0, done_now = point ? point->done : 0;
+    bool fit_now = false;  // the training pauses for a new schedule
+    SharedState state = point ? point->state : nullptr;
     TrainCallbacks callbacks;
     callbacks.profile = arguments.profile;
     callbacks.report_due = [&](int step) {
@@ -193,36 +212,64 @@ int train_and_save(const Scene& scene,
         run.log(progress.json(report));
         progress.show(report);
     };
-    callbacks.stop_requested = [&] { return signals.received() != 0; };
+    callbacks.stop_requested = [&] {
+        fit_now = budget.due(done_now, progress.seconds());
+        return signals.received() != 0 || fit_now || convergence.over();
+    };
     callbacks.on_end = [&](int done) { step_now = done; };
     callbacks.save_due = [&](int done) {
         const int every = arguments.checkpoint_every;
         return every > 0 && done > (point ? point->done : 0) &&
                (done % every == 0 || done == iterations - 1);
     };
-    callbacks.on_save = [&](int done, const SharedState& state) {
-        checkpoints.save(done, progress.seconds(), state);
+    callbacks.on_save = [&](int done, const SharedState& saved) {
+        state = saved;
+        if (!fit_now) checkpoints.save(done, progress.seconds(), saved);
     };
     callbacks.on_rollback = [&](int done, const std::string& what) {
         spdlog::warn(what);
         run.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", what).text());
     };
 
-    EvaluationSchedule schedule(options.eval, progress.seconds());
+    EvaluationOptions times = options.eval;
+    if (options.plan.until == Until::converged && times.at.empty() && times.every == 0)
+        times.at = "1,1.2,...";
+    EvaluationSchedule schedule(times, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
     const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh", scene.origin};
-    const auto evaluate_now = [&](int step, const SplatsNow<Device>& splats) {
+    const auto after_step = [&](int step, const SplatsNow<Device>& splats) {
+        done_now = step;
         if (!schedule.due(step, progress.seconds()) || step == iterations) return;
         synchronize(Device{});
         progress.pause();
-        run.log(evaluation_line(step, progress.seconds(), splats(), scene.test, options.train,
-                                truth, options.eval.mesh ? &mesh_source : nullptr));
+        const Evaluation evaluation =
+            evaluate(step, progress.seconds(), splats(), scene.test, training, truth,
+                     options.eval.mesh ? &mesh_source : nullptr);
+        run.log(evaluation.line);
+        if (options.plan.until == Until::converged)
+            convergence.add(progress.seconds(), evaluation.psnr);
         progress.resume();
     };
     const auto train_or_explain = [&] {
         try {
-            return train<Device>(scene, options.train, callbacks, evaluate_now,
-                                 point ? point->state : nullptr);
+            for (;;) {
+                Gaussians<Device> trained =
+                    train<Device>(scene, training, callbacks, after_step, state);
+                if (!fit_now || signals.received() != 0 || step_now >= iterations) return trained;
+                budget.fit(step_now, progress.seconds(), training);
+                copy_schedule(training, options.train);
+                progress.set_iterations(iterations);
+                run.save_config(config());
+                checkpoints.set_config(config());
+                run.log(JsonLine()
+                            .add("event", "plan")
+                            .add("iteration", step_now)
+                            .add("seconds", progress.seconds())
+                            .add("iterations", iterations)
+                            .text());
+                spdlog::info("after {:.1f} s: {} iterations fit into {:g} s", progress.seconds(),
+                             iterations, static_cast<double>(options.plan.time_budget));
+            }
         } catch (const Error& error) {
             progress.finish();
             const auto last = checkpoints.finish();
@@ -245,7 +292,10 @@ int train_and_save(const Scene& scene,
             first, host.size());
     run.save_splats(host, step_now, scene.origin);
     const auto last = checkpoints.finish();
-    if (step_now < iterations) {
+    if (convergence.over())
+        spdlog::info("converged: PSNR {:.2f} dB after {:.1f} s has not been exceeded by {:.1f} s",
+                     convergence.best(), convergence.best_at(), seconds);
+    else if (step_now < iterations) {
         spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", step_now,
                      iterations, run.path());
         if (!last) throw Error(ExitCode::io, checkpoints.failure());
@@ -260,7 +310,7 @@ int train_and_save(const Scene& scene,
         .add("gaussians", host.size());
     summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
     if (!scene.test.empty()) {
-        const ViewScores scores = evaluate_views(gaussians, scene.test, options.train, run.path());
+        const ViewScores scores = evaluate_views(gaussians, scene.test, training, run.path());
         summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
         spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
                      scores.mean_psnr, scores.mean_ssim, scene.test.size(), run.path());
@@ -268,8 +318,8 @@ int train_and_save(const Scene& scene,
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     if (options.eval.mesh) {
         const TriangleMesh mesh =
-            extract_mesh(scene.train, gaussians, options.train, options.mesh,
-                         mesh_source.spill_folder, spdlog::level::info, scene.origin);
+            extract_mesh(scene.train, gaussians, training, options.mesh, mesh_source.spill_folder,
+                         spdlog::level::info, scene.origin);
         write_mesh_ply(run.path() + "/mesh/mesh.ply", mesh, scene.origin);
         add_mesh(summary, mesh, *truth, run.path());
     }
@@ -278,6 +328,85 @@ int train_and_save(const Scene& scene,
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
     return 0;
+}
+
+Scene read_scene_of_point(const ResumePoint& point, RunOptions& options) {
+    options.scene.need_points = false;
+    Scene scene = read_scene(options.scene);
+    adopt_scene(point, scene);
+    return scene;
+}
+
+int iterations_of(const char* config) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_text("the program", config);
+    return options.train.iterations;
+}
+
+/// The scene with its initial cloud; where a plan is asked for, what it needs is decided on the
+/// way: on the views, on the cloud that comes with them, on the cloud that training starts from.
+Scene read_and_plan(const DeviceChoice& device,
+                    const Arguments& arguments,
+                    RunOptions& options,
+                    RunPlan& plan) {
+    const bool planned = options.plan.enabled || arguments.plan;
+    options.scene.points_required = !planned && options.train.init.min_points == 0;
+    int configured = options.train.iterations;
+    if (planned)
+        options.scene.on_split = [&](int views) {
+            const Decision settings = plan_settings(views);
+            const char* const config = settings.choice == "dense" ? kDenseConfig : kSparseConfig;
+            plan.apply(settings, config);
+            configured = iterations_of(config);
+        };
+    Scene scene = read_scene(options.scene);
+    const auto look = [&] {
+        plan.note(look_at(scene, options.train.loss.multi_view));
+        return plan.looked();
+    };
+    if (planned) plan.apply(plan_cloud(look(), !options.scene.init_ply.empty()));
+    const bool stereo = needs_stereo(options, scene);
+    if (!(arguments.plan && stereo)) {
+        const std::size_t before = scene.points.positions.size();
+        prepare_points(device, options, scene);
+        fit_near_plane(scene, options.train.core);
+        if (planned && scene.points.positions.size() != before) look();
+        if (planned)
+            plan.apply(plan_training(plan.looked(), options.train, configured,
+                                     plan.pinned("iterations") ? options.train.iterations : 0));
+    }
+    if (!planned) return scene;
+    if (scene.points.positions.empty() && !(arguments.plan && stereo))
+        throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
+                                         ": no initial points; pass --init-ply, or let stereo make "
+                                         "a cloud (init.min_points)"));
+    if (!arguments.plan) {
+        check_consistency(options.train);
+        spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
+    } else if (stereo) {
+        spdlog::info("more is decided on the cloud that stereo makes");
+    }
+    plan.finish();
+    return scene;
+}
+
+/// --until converged asks views that do not train: the test views, or one that is held out.
+void require_validation_views(Scene& scene) {
+    if (!scene.test.empty()) return;
+    constexpr std::size_t kFew = 6;
+    if (scene.train.size() < kFew)
+        throw Error(
+            ExitCode::usage,
+            str("--until converged: ", scene.train.size(),
+                " training views and no test views; expected test views (--eval, --split or "
+                "--test-list), or ",
+                kFew, " training views, of which one is held out"));
+    const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
+    spdlog::info("--until converged: {} is held out", middle->name);
+    scene.test.push_back(std::move(*middle));
+    scene.train.erase(middle);
 }
 
 int command(int argc, char** argv) {
@@ -303,33 +432,38 @@ int command(int argc, char** argv) {
     }
     // Before the scene is read:
     const bool go_on = arguments.resume && arguments.same_run;
-    require_free_run_folder(arguments.out, arguments.overwrite || go_on, options.scene.path);
+    if (!arguments.plan)
+        require_free_run_folder(arguments.out, arguments.overwrite || go_on, options.scene.path);
     const ResumePoint* const point = arguments.point ? &*arguments.point : nullptr;
     if (point && options.train.iterations <= point->done)
         throw Error(ExitCode::usage, str(point->file, ": ", point->done,
                                          " iterations are done; expected "
                                          "more than that in all, such as --iterations ",
                                          2 * point->done));
-    options.scene.points_required = options.train.init.min_points == 0;
-    options.scene.need_points = !point;
-    Scene scene = read_scene(options.scene);
-    if (point)
-        adopt_scene(*point, scene);
-    else
-        prepare_points(device, options, scene), fit_near_plane(scene, options.train.core);
+    RunPlan plan(table);
+    Scene scene = point ? read_scene_of_point(*point, options)
+                        : read_and_plan(device, arguments, options, plan);
+    if (arguments.plan) {
+        std::fputs(plan.text().c_str(), stdout);
+        return 0;
+    }
+    if (options.plan.until == Until::converged) require_validation_views(scene);
     read_fixed_voters(options, scene);
     if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
         make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run
     const std::string changed = point ? changed_values(arguments.configured, table) : "";
-    const std::string config = table.json(run_info(device, arguments, changed, argc, argv));
-    // After the configuration, which keeps the cap that was asked for.
+    const auto config = [&] {
+        return table.json(run_info(device, arguments, changed, argc, argv));
+    };
     const std::size_t first_splats =
         point ? point->state->get("opacity_logits", 4).count() : scene.points.positions.size();
+    TrainOptions training = options.train;  // the configuration keeps the cap that was asked for
     const MemoryPlan memory = plan_memory(
-        scene, options.memory, static_cast<std::int64_t>(first_splats), device.cuda, options.train);
+        scene, options.memory, static_cast<std::int64_t>(first_splats), device.cuda, training);
     RunFolder run(arguments.out, point && go_on ? point->done : -1);
-    run.save_config(config);
+    run.save_config(config());
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
+    if (!plan.empty()) write_text_file(run.path() + "/plan.json", plan.json());
     if (point) {
         if (go_on) remove_checkpoints_after(run.path(), point->done);
         run.log(JsonLine()
@@ -353,7 +487,8 @@ int command(int argc, char** argv) {
         device.description);
     spdlog::info(memory.text());
     return on_device(device, [&](auto tag) {
-        return train_and_save<decltype(tag)>(scene, options, arguments, truth, config, run);
+        return train_and_save<decltype(tag)>(scene, training, options, arguments, truth, config,
+                                             run);
     });
 }
 

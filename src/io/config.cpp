@@ -153,10 +153,11 @@ Number parsed(const std::string& text) {
     return number;
 }
 
-const Option* find_option(const std::vector<Option>& options, const std::string& key) {
-    for (const Option& option : options)
-        if (option.key == key) return &option;
-    return nullptr;
+template <class Options>
+auto find_option(Options& options, const std::string& key) {
+    const auto found = std::find_if(options.begin(), options.end(),
+                                    [&](const Option& option) { return option.key == key; });
+    return found == options.end() ? nullptr : &*found;
 }
 
 [[noreturn]] void throw_unknown(const std::vector<Option>& options,
@@ -188,13 +189,21 @@ void flatten(const Json& json,
 
 void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
     const std::string name = normalized(key);
-    const Option* option = find_option(options_, name);
+    Option* option = find_option(options_, name);
     if (!option) throw_unknown(options_, name, source);
     std::string text;
     if (!accepted(*option, value, text))
         throw Error(ExitCode::usage,
                     str(source, ": ", name, " = '", value, "': expected ", expectation(*option)));
     option->set(text);
+    option->source = source;
+}
+
+const Option& OptionTable::option(std::string_view key) const {
+    const std::string name = normalized(key);
+    const Option* found = find_option(options_, name);
+    if (!found) throw_unknown(options_, name, "the program");
+    return *found;
 }
 
 void OptionTable::set_all(const std::vector<std::string>& settings) {
@@ -216,7 +225,14 @@ void OptionTable::read_file(const std::string& path) {
     read_text(path, text);
 }
 
-void OptionTable::read_text(const std::string& path, const std::string& text) {
+void OptionTable::read_text(const std::string& source, const std::string& text) {
+    read(source, text, false);
+}
+void OptionTable::read_text_below(const std::string& source, const std::string& text) {
+    read(source, text, true);
+}
+
+void OptionTable::read(const std::string& path, const std::string& text, bool below) {
     std::vector<std::pair<std::string, Json>> leaves;
     flatten(parse_json(path, text, ExitCode::usage), "", leaves);
     std::set<std::string> seen;
@@ -238,6 +254,7 @@ void OptionTable::read_text(const std::string& path, const std::string& text) {
                         str(path, ": ", key, " = ",
                             value.dump(-1, ' ', false, Json::error_handler_t::replace),
                             ": expected ", expectation(*option)));
+        if (below && !option->source.empty()) continue;
         set(key, value.is_string() ? value.get<std::string>() : value.dump(), path);
     }
 }

@@ -25,6 +25,7 @@ struct Option {
     std::vector<std::string> choices;  // choice
     std::function<std::string()> get;
     std::function<void(const std::string&)> set;  // already checked against kind, range and choices
+    std::string source{};  // where the value was set; empty: it is the default
 };
 
 class OptionTable {
@@ -53,6 +54,12 @@ public:
     /// The same for the text of such a file; `source` is what messages call it.
     void read_text(const std::string& source, const std::string& text);
 
+    /// The same, but only for keys that nothing has set.
+    void read_text_below(const std::string& source, const std::string& text);
+
+    /// The option of that key. Throws as set() does.
+    const Option& option(std::string_view key) const;
+
     /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
     void read_environment();
 
@@ -66,6 +73,8 @@ public:
     const std::vector<Option>& options() const { return options_; }
 
 private:
+    void read(const std::string& source, const std::string& text, bool below);
+
     struct Collector {
         OptionTable& table;
         std::string prefix;

@@ -434,6 +434,7 @@ Scene read_scene(const SceneOptions& options) {
             spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
                          image_folder.string(), missing, names.size());
         const ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
+        if (options.on_split) options.on_split(static_cast<int>(split.train.size()));
 
         // 2. Their pixels.
         const MaskFinder mask_finder(options);

@@ -2,6 +2,7 @@
 // docs/input.md]
 #pragma once
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -37,6 +38,8 @@ struct SceneOptions {
     bool need_points = true;      // false: no initial cloud is read (meshing, evaluation)
     bool points_required = true;  // false: an empty initial cloud is no error
     int min_train_views = 2;
+    /// Told the number of training views before a photograph is read; may still change grey_scale.
+    std::function<void(int train_views)> on_split;
 
     /// What belongs to a run's configuration.
     template <class Visitor>

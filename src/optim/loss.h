@@ -56,6 +56,9 @@ public:
     /// Whether it adds to objective.dL_dgaussians, where only the geometry has room.
     virtual bool adds_to_splats() const { return false; }
 
+    /// Whether it reads the targets of the tensor field.
+    virtual bool needs_targets() const { return false; }
+
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
     virtual void add_to(Objective<Device>& objective,
                         double* value,

@@ -89,6 +89,7 @@ public:
     const char* name() const override { return kPosition ? "tv_position" : "tv_normal"; }
     bool active(int step) const override { return step >= options_.start; }
     bool adds_to_splats() const override { return true; }
+    bool needs_targets() const override { return kPosition; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

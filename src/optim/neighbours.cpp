@@ -61,26 +61,29 @@ std::vector<Candidate> sorted_others(const Scene& scene, int i, double unit) {
     return others;
 }
 
-}  // namespace
+/// The neighbours, and what to say of the views that have none.
+struct Found {
+    Neighbourhood result;
+    int lonely = 0, without_depth = 0;
+    double least_distance = 1e300, most_distance = 0, least_angle = 180, most_angle = 0;
+};
 
-Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options) {
+Found find_neighbours(const Scene& scene, const NeighbourOptions& options) {
     const bool relative = options.limits == NeighbourLimits::relative;
     const double low = static_cast<double>(relative ? options.min_baseline : options.min_distance),
                  high = static_cast<double>(relative ? options.max_baseline : options.max_distance);
-    const int views = static_cast<int>(scene.train.size());
-    Neighbourhood result;
+    Found found;
+    Neighbourhood& result = found.result;
     result.of_view.resize(scene.train.size());
     std::vector<double> depths;
     for (const View& view : scene.train)
         depths.push_back(relative ? median_depth_of(view, scene.points.positions) : 1);
 
-    int lonely = 0, without_depth = 0;
-    double least_distance = 1e300, most_distance = 0, least_angle = 180, most_angle = 0;
-    for (int i = 0; i < views; ++i) {
+    for (int i = 0; i < static_cast<int>(scene.train.size()); ++i) {
         const double unit = depths[static_cast<std::size_t>(i)];
         std::vector<int>& chosen = result.of_view[static_cast<std::size_t>(i)];
         if (!(unit > 0)) {
-            ++lonely, ++without_depth;
+            ++found.lonely, ++found.without_depth;
             continue;
         }
         const std::vector<Candidate> others = sorted_others(scene, i, unit);
@@ -90,12 +93,12 @@ Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& opti
                 c.distance < high)
                 chosen.push_back(c.view);
         if (!chosen.empty()) continue;
-        ++lonely;
+        ++found.lonely;
         if (others.empty()) continue;
-        least_distance = std::min(least_distance, others[0].distance);
-        most_distance = std::max(most_distance, others[0].distance);
-        least_angle = std::min(least_angle, others[0].angle_deg);
-        most_angle = std::max(most_angle, others[0].angle_deg);
+        found.least_distance = std::min(found.least_distance, others[0].distance);
+        found.most_distance = std::max(found.most_distance, others[0].distance);
+        found.least_angle = std::min(found.least_angle, others[0].angle_deg);
+        found.most_angle = std::max(found.most_angle, others[0].angle_deg);
     }
     if (relative) {
         // Officially 0.1, of depths of about 3.
@@ -104,29 +107,45 @@ Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& opti
         std::sort(known.begin(), known.end());
         result.min_depth = known.empty() ? 0 : static_cast<float>(known[known.size() / 2] / 30);
     }
+    return found;
+}
 
+}  // namespace
+
+double share_with_neighbour(const Scene& scene, const NeighbourOptions& options) {
+    return 1 - find_neighbours(scene, options).lonely / static_cast<double>(scene.train.size());
+}
+
+Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options) {
+    const bool relative = options.limits == NeighbourLimits::relative;
+    const int views = static_cast<int>(scene.train.size());
+    const Found found = find_neighbours(scene, options);
     const char* unit = relative ? "depths" : "world units";
-    if (lonely == 0) {
+    if (found.lonely == 0) {
         std::size_t pairs = 0;
-        for (const auto& chosen : result.of_view) pairs += chosen.size();
+        for (const auto& chosen : found.result.of_view) pairs += chosen.size();
         spdlog::info("multi-view losses: {:.1f} neighbours per training view",
                      static_cast<double>(pairs) / views);
     } else {
         spdlog::warn(
             "multi-view losses: off for {} of {} training views: none of the other views is within "
             "{:.4g} degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
-            lonely, views, static_cast<double>(options.max_angle_deg), low, high, unit,
+            found.lonely, views, static_cast<double>(options.max_angle_deg),
+            static_cast<double>(relative ? options.min_baseline : options.min_distance),
+            static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
             relative ? "relative" : "official",
-            without_depth > 0 ? "; some see no initial point, which leaves their depth unknown"
-                              : "",
+            found.without_depth > 0
+                ? "; some see no initial point, which leaves their depth unknown"
+                : "",
             relative ? "" : "; limits in depths: loss.multi_view.limits = relative");
-        if (most_distance > 0)
+        if (found.most_distance > 0)
             spdlog::warn(
                 "multi-view losses: the nearest other views of these are {:.4g} to {:.4g} "
                 "{} and {:.1f} to {:.1f} degrees away",
-                least_distance, most_distance, unit, least_angle, most_angle);
+                found.least_distance, found.most_distance, unit, found.least_angle,
+                found.most_angle);
     }
-    return result;
+    return found.result;
 }
 
 }  // namespace tvsgs

@@ -45,4 +45,7 @@ struct Neighbourhood {
 /// angle. Logs once which views have none, and why.
 Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options);
 
+/// Share of the training views that have one; says nothing.
+double share_with_neighbour(const Scene& scene, const NeighbourOptions& options);
+
 }  // namespace tvsgs

@@ -1,6 +1,8 @@
 // What changes from step to step: how it starts, is saved, restored, and rolled back.
 #pragma once
 
+#include <algorithm>
+
 #include "core/error.h"
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
@@ -187,7 +189,11 @@ public:
 
     void vote(int step) {
         TrainState<Device>& s = *state_;
-        s.voter.vote(step, s.gaussians, s.field);
+        const auto targets_read = [&](const auto& term) {  // before the next event
+            return term->needs_targets() && term->active(step + options_.tv.vote_every);
+        };
+        s.voter.vote(step, s.gaussians, s.field,
+                     std::any_of(s.losses.begin(), s.losses.end(), targets_read));
         if (!callbacks_.on_save || s.voter.progress().searched_at != step) return;
         copy(s.gaussians.means, s.searched.means);
         copy(s.gaussians.log_scales, s.searched.log_scales);

@@ -153,8 +153,11 @@ public:
 
     /// One voting event on the current splats; searches neighbours when a refresh is due.
     /// [specification, section 4] With fewer than two splats nothing is valid and the field is
-    /// cleared.
-    void vote(int step, const Gaussians<Device>& gaussians, TensorField<Device>& field);
+    /// cleared. Without `targets` there are no virtual receivers, and the targets are the centres.
+    void vote(int step,
+              const Gaussians<Device>& gaussians,
+              TensorField<Device>& field,
+              bool targets = true);
 
     /// After splats were added, removed or re-ordered: `parents[i]` is the old index of new splat
     /// i. Tensors are inherited, and the next vote() searches neighbours anew.
@@ -189,7 +192,10 @@ private:
     void measure_noise(const SplatSpans& splats);
     void refresh(int step, const SplatSpans& splats);
     template <class Real, class Lists>
-    void event(const Lists& lists, const SplatSpans& splats, TensorField<Device>& field);
+    void event(const Lists& lists,
+               const SplatSpans& splats,
+               bool targets,
+               TensorField<Device>& field);
     template <class Ballot>
     void count_votes(const Ballot& ballot);
 

@@ -199,7 +199,8 @@ struct InheritBody {
     TVSGS_HD void operator()(int i) const { to[i] = parents[i] < 0 ? T{} : from[parents[i]]; }
 };
 
-/// Targets count again after the next event, which due() orders at once: children may have moved.
+/// No splat has a target, as after an event without any, or when children may have moved: those
+/// count again after the next event, which due() orders at once.
 struct ClearPositionBody {
     Span<std::uint8_t> flags;
     TVSGS_HD void operator()(int i) const { flags[i] &= kHasTensor | kNormalValid; }

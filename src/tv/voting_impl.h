@@ -221,7 +221,8 @@ void TensorVoter<Device>::restore(const Progress& progress, const Gaussians<Devi
 template <class Device>
 void TensorVoter<Device>::vote(int step,
                                const Gaussians<Device>& gaussians,
-                               TensorField<Device>& field) {
+                               TensorField<Device>& field,
+                               bool targets) {
     using namespace detail;
     State& s = *state_;
     const int count = gaussians.size();
@@ -246,9 +247,9 @@ void TensorVoter<Device>::vote(int step,
     }
     const auto run = [&](const auto& lists) {
         if (options_.precision == VotePrecision::single_precision)
-            event<float>(lists, splats, field);
+            event<float>(lists, splats, targets, field);
         else
-            event<double>(lists, splats, field);
+            event<double>(lists, splats, targets, field);
     };
     if (s.neighbours.storage == ListStorage::full)
         run(s.neighbours.full_lists());
@@ -261,6 +262,7 @@ template <class Device>
 template <class Real, class Lists>
 void TensorVoter<Device>::event(const Lists& lists,
                                 const SplatSpans& splats,
+                                bool targets,
                                 TensorField<Device>& field) {
     using namespace detail;
     State& s = *state_;
@@ -328,8 +330,12 @@ void TensorVoter<Device>::event(const Lists& lists,
         s.times.done("eigen");
     }
     if (s.times.on) count_votes(ballot);
+    if (!targets) {
+        parallel_for(Device{}, splats.size(), ClearPositionBody{field.flags.span()});
+        return;
+    }
 
-    // 3. Masks.
+    // 3. Masks of the position loss.
     for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
                   VariabilityBody<Lists>{near.k, lists, slots, s.normals.span(), field.flags.span(),
                                          s.variability.span(), s.strengths.span()});

@@ -72,7 +72,8 @@ protected:
         return most;
     }
     static constexpr const char* kGrowth =
-        "--scene scene --views 0,1,2 --set densify.from=2 --set densify.every=4 --set "
+        "--set plan.enabled=false --scene scene --views 0,1,2 --set densify.from=2 --set "
+        "densify.every=4 --set "
         "densify.gradient_threshold=0 --report-every 1 ";
 };
 

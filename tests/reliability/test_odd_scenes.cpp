@@ -104,7 +104,8 @@ TEST_F(OddScenes, MarksAndCarriageReturnsOfEditors) {
     write("list.txt",
           "\xEF\xBB\xBF"
           "0000.png\r\n0001.png\r\n0002.png\r\n");
-    write("config.json", "\xEF\xBB\xBF{\"scene\": {\"path\": \"scene\"}}\r\n");
+    write("config.json",
+          "\xEF\xBB\xBF{\"plan\": {\"enabled\": true}, \"scene\": {\"path\": \"scene\"}}\r\n");
     expect_trained("--config config.json --train-list list.txt", "of_list");
     EXPECT_TRUE(splats("of_list") == splats("unedited"));
 }

@@ -283,6 +283,28 @@ TYPED_TEST(Voting, AllSizesAndOptions) {
     }
 }
 
+TYPED_TEST(Voting, WithoutTargetsNoVirtualReceivers) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    const auto g = to_gaussians<TypeParam>(sphere(300, 12));
+    TensorVoter<TypeParam> with(options_with(40)), without(options_with(40));
+    TensorField<TypeParam> a, b;
+    without.set_profiling(true);
+    for (const int step : {1, 11}) with.vote(step, g, a), without.vote(step, g, b, false);
+    for (const VotingStage& stage : without.profile().stages)
+        EXPECT_TRUE(stage.name != "virtual" && stage.name != "masks") << stage.name;
+    const auto normals = to_host(a.normals), same_normals = to_host(b.normals);
+    const auto targets = to_host(b.targets), means = to_host(g.means);
+    const auto flags = to_host(a.flags), flags_without = to_host(b.flags);
+    int valid = 0;
+    for (std::size_t i = 0; i < means.size(); ++i) {
+        EXPECT_EQ(norm(normals[i] - same_normals[i]), 0);
+        EXPECT_EQ(norm(targets[i] - means[i]), 0);
+        EXPECT_EQ(flags_without[i], flags[i] & (kHasTensor | kNormalValid));
+        valid += (flags[i] & kPositionValid) != 0;
+    }
+    EXPECT_GT(valid, 0) << "nothing would have been left out";
+}
+
 TYPED_TEST(Voting, BothNewKeysHelpOnFlatSplats) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     // The specification's table: unit votes and a flatness limit of 1 bring the targets nearer to

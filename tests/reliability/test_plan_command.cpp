@@ -1,0 +1,103 @@
+// The plan as a user meets it: printed, pinned, kept, and the two ways to end a run by time.
+#include <regex>
+
+#include "command_test.h"
+
+namespace tvsgs {
+namespace {
+
+class PlanCommand : public CommandTest {
+protected:
+    static json resolved(const std::string& run) { return json::parse(read(run + "/config.json")); }
+    static std::vector<json> events(const std::string& run, const std::string& event) {
+        std::vector<json> found;
+        std::istringstream log(read(run + "/log.jsonl"));
+        for (std::string line; std::getline(log, line);)
+            if (json entry = json::parse(line); entry.value("event", "") == event)
+                found.push_back(entry);
+        return found;
+    }
+};
+
+TEST_F(PlanCommand, PrintsAndStops) {
+    const Result plan = call("train", "--scene scene --device cpu --plan --quiet");
+    ASSERT_EQ(plan.code, 0) << plan;
+    for (const char* part : {"views ", "settings       sparse", "training views: 8 < 25", "densify",
+                             "off", "(densify.enabled)", "exposure"})
+        EXPECT_NE(plan.out.find(part), std::string::npos) << part << "\n" << plan.out;
+    EXPECT_FALSE(fs::exists(folder_ / "runs")) << "nothing is written";
+}
+
+TEST_F(PlanCommand, WhatTheUserSetsStays) {
+    const Result plan = call("train",
+                             "--scene scene --device cpu --plan --quiet --iterations 700 --set "
+                             "densify.enabled=true");
+    ASSERT_EQ(plan.code, 0) << plan;
+    EXPECT_NE(plan.out.find("[not taken: densify.enabled = true by --set]"), std::string::npos)
+        << plan.out;
+    EXPECT_NE(plan.out.find("700"), std::string::npos) << plan.out;
+}
+
+TEST_F(PlanCommand, IsKeptWithTheRunWhichItsConfigurationRepeats) {
+    const Result planned = call("train", "--scene scene --device cpu --iterations 6 --out planned");
+    ASSERT_EQ(planned.code, 0) << planned;
+    const json plan = json::parse(read("planned/plan.json"));
+    ASSERT_GE(plan["decisions"].size(), 4u);
+    for (const json& decision : plan["decisions"])
+        for (const auto& [key, value] : decision["settings"].items())
+            if (decision["pinned"] == "") {
+                const json found = resolved("planned").at(
+                    json::json_pointer("/" + std::regex_replace(key, std::regex("\\."), "/")));
+                EXPECT_EQ(found.is_string() ? found.get<std::string>() : found.dump(), value)
+                    << key;
+            }
+    EXPECT_EQ(resolved("planned")["plan"]["enabled"], false);
+    EXPECT_EQ(resolved("planned")["backbone"], "pgsr");
+    ASSERT_EQ(call("train", "--config planned/config.json --device cpu --out again").code, 0);
+    EXPECT_FALSE(fs::exists(folder_ / "again/plan.json"));
+    EXPECT_EQ(splats("planned"), splats("again"));
+    const Result pinned = call(
+        "train", "--scene scene --device cpu --iterations 6 --out pinned --config " TVSGS_SOURCE_DIR
+                 "/configs/pgsr_sparse.json");
+    ASSERT_EQ(pinned.code, 0) << pinned;
+    EXPECT_FALSE(fs::exists(folder_ / "pinned/plan.json")) << "published settings stay as they are";
+    EXPECT_EQ(resolved("pinned")["densify"]["enabled"], true);
+}
+
+TEST_F(PlanCommand, ATimeBudgetFitsTheSchedule) {
+    const Result run = call("train",
+                            "--scene scene --device cpu --iterations 1000000 --time-budget 1.5 "
+                            "--checkpoint-every 0 --out timed");
+    ASSERT_EQ(run.code, 0) << run;
+    const auto fits = events("timed", "plan");
+    ASSERT_GE(fits.size(), 3u) << run;
+    EXPECT_LT(fits[0]["iterations"], 1000000);
+    const json done = last_line("timed");
+    EXPECT_EQ(done["event"], "done");
+    EXPECT_EQ(done["iteration"], fits.back()["iterations"]);
+    EXPECT_EQ(resolved("timed")["iterations"], done["iteration"]) << "what was run";
+    EXPECT_LT(resolved("timed")["lr"]["position_max_steps"], 1000000);
+}
+
+TEST_F(PlanCommand, UntilConvergedAsksViewsThatDoNotTrain) {
+    const Result few =
+        call("train", "--scene scene --views 0,1,2 --device cpu --until converged --out few");
+    EXPECT_EQ(few.code, 2) << few;
+    EXPECT_TRUE(few.says("expected test views")) << few;
+    // At once after its first second nothing improves any more: the rates are 0.
+    const Result still =
+        call("train",
+             "--scene scene --device cpu --until converged --iterations 100000 --checkpoint-every "
+             "0 --out still --set lr.position_start=0 --set lr.position_end=0 --set lr.sh_dc=0 "
+             "--set lr.sh_rest=0 --set lr.opacity=0 --set lr.scale=0 --set lr.rotation=0");
+    ASSERT_EQ(still.code, 0) << still;
+    EXPECT_TRUE(still.says("is held out")) << still;
+    EXPECT_TRUE(still.says("converged: PSNR")) << still;
+    const json done = last_line("still");
+    EXPECT_EQ(done["event"], "done");
+    EXPECT_LT(done["iteration"], 100000);
+    EXPECT_TRUE(done.contains("psnr"));
+}
+
+}  // namespace
+}  // namespace tvsgs
