@@ -64,6 +64,30 @@ TEST_F(PlanCommand, IsKeptWithTheRunWhichItsConfigurationRepeats) {
     EXPECT_EQ(resolved("pinned")["densify"]["enabled"], true);
 }
 
+TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
+    const auto decided = [&](const std::string& flags, const std::string& line) {
+        const Result made = call("synth", "--overwrite --out made --width 96 --height 72 " + flags);
+        EXPECT_EQ(made.code, 0) << made;
+        const std::string plan = call("train",
+                                      "--scene made --eval --device cpu --plan --quiet --set "
+                                      "init.min_points=0")
+                                     .out;
+        const std::size_t at = plan.find("\n" + line);
+        EXPECT_NE(at, std::string::npos) << line << " is not in\n" << plan;
+        std::string name, choice;
+        std::istringstream(plan.substr(at + 1)) >> name >> choice;
+        return choice;
+    };
+    EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.1", "exposure"), "off");
+    EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.4", "exposure"), "fitted");
+    EXPECT_EQ(decided("--views 6 --arc 60 --points 400", "densify"), "on");
+    EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "off");
+    EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "on");
+    EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "off");
+    EXPECT_EQ(decided("--views 28 --arc 200 --width 48", "settings"), "sparse") << "24 train";
+    EXPECT_EQ(decided("--views 29 --arc 200 --width 48", "settings"), "dense") << "25 train";
+}
+
 TEST_F(PlanCommand, ATimeBudgetFitsTheSchedule) {
     const Result run = call("train",
                             "--scene scene --device cpu --iterations 1000000 --time-budget 1.5 "
