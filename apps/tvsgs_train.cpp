@@ -213,8 +213,9 @@ int train_and_save(const Scene& scene,
         progress.show(report);
     };
     callbacks.stop_requested = [&] {
-        fit_now = budget.due(done_now, progress.seconds());
-        return signals.received() != 0 || fit_now || convergence.over();
+        const bool stop = signals.received() != 0 || convergence.over();
+        fit_now = !stop && budget.due(done_now, progress.seconds());
+        return stop || fit_now;
     };
     callbacks.on_end = [&](int done) { step_now = done; };
     callbacks.save_due = [&](int done) {
@@ -255,7 +256,7 @@ int train_and_save(const Scene& scene,
             for (;;) {
                 Gaussians<Device> trained =
                     train<Device>(scene, training, callbacks, after_step, state);
-                if (!fit_now || signals.received() != 0 || step_now >= iterations) return trained;
+                if (!fit_now) return trained;
                 budget.fit(step_now, progress.seconds(), training);
                 copy_schedule(training, options.train);
                 progress.set_iterations(iterations);
@@ -330,9 +331,29 @@ int train_and_save(const Scene& scene,
     return 0;
 }
 
+/// The scene; --until converged asks views that do not train: the test views, or one that is held
+/// out.
+Scene read_views(const RunOptions& options) {
+    Scene scene = read_scene(options.scene);
+    if (options.plan.until != Until::converged || !scene.test.empty()) return scene;
+    constexpr std::size_t kFew = 6;
+    if (scene.train.size() < kFew)
+        throw Error(
+            ExitCode::usage,
+            str("--until converged: ", scene.train.size(),
+                " training views and no test views; expected test views (--eval, --split or "
+                "--test-list), or ",
+                kFew, " training views, of which one is held out"));
+    const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
+    spdlog::info("--until converged: {} is held out", middle->name);
+    scene.test.push_back(std::move(*middle));
+    scene.train.erase(middle);
+    return scene;
+}
+
 Scene read_scene_of_point(const ResumePoint& point, RunOptions& options) {
     options.scene.need_points = false;
-    Scene scene = read_scene(options.scene);
+    Scene scene = read_views(options);
     adopt_scene(point, scene);
     return scene;
 }
@@ -361,7 +382,7 @@ Scene read_and_plan(const DeviceChoice& device,
             plan.apply(settings, config);
             configured = iterations_of(config);
         };
-    Scene scene = read_scene(options.scene);
+    Scene scene = read_views(options);
     const auto look = [&] {
         plan.note(look_at(scene, options.train.loss.multi_view));
         return plan.looked();
@@ -390,23 +411,6 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     plan.finish();
     return scene;
-}
-
-/// --until converged asks views that do not train: the test views, or one that is held out.
-void require_validation_views(Scene& scene) {
-    if (!scene.test.empty()) return;
-    constexpr std::size_t kFew = 6;
-    if (scene.train.size() < kFew)
-        throw Error(
-            ExitCode::usage,
-            str("--until converged: ", scene.train.size(),
-                " training views and no test views; expected test views (--eval, --split or "
-                "--test-list), or ",
-                kFew, " training views, of which one is held out"));
-    const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
-    spdlog::info("--until converged: {} is held out", middle->name);
-    scene.test.push_back(std::move(*middle));
-    scene.train.erase(middle);
 }
 
 int command(int argc, char** argv) {
@@ -447,7 +451,6 @@ int command(int argc, char** argv) {
         std::fputs(plan.text().c_str(), stdout);
         return 0;
     }
-    if (options.plan.until == Until::converged) require_validation_views(scene);
     read_fixed_voters(options, scene);
     if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
         make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run

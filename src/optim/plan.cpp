@@ -261,8 +261,10 @@ std::vector<Decision> plan_training(const SceneLook& look,
                                      {"loss.multi_view_ncc.weight", "0"}});
     const bool drifts = look.exposure_drift >= kDrift;
     decide("exposure", drifts, drifts ? "fitted" : "off",
-           str("brightness of a view at shared points, off by ",
-               compared(100 * look.exposure_drift, 100 * kDrift, " %")),
+           std::isnan(look.exposure_drift)
+               ? "no two views near each other share enough points"
+               : str("brightness of a view at shared points, off by ",
+                     compared(100 * look.exposure_drift, 100 * kDrift, " %")),
            look.exposure_drift, kDrift, {{"loss.photometric.exposure", "true"}});
     // A later decision has the last word on a key.
     for (std::size_t i = 0; i < plan.size(); ++i)

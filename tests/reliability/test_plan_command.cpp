@@ -121,6 +121,10 @@ TEST_F(PlanCommand, UntilConvergedAsksViewsThatDoNotTrain) {
     EXPECT_EQ(done["event"], "done");
     EXPECT_LT(done["iteration"], 100000);
     EXPECT_TRUE(done.contains("psnr"));
+    // The view that is held out is none of a run that goes on, either.
+    ASSERT_EQ(train("--scene scene --until converged --out held").code, 0);
+    const Result on = call("train", "--device cpu --resume held --iterations 9");
+    EXPECT_EQ(on.code, 0) << on;
 }
 
 }  // namespace
