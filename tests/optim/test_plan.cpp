@@ -1,7 +1,10 @@
 // The plan: what it measures, and what it decides on either side of each threshold.
 #include <gtest/gtest.h>
 
+#include <set>
+
 #include "core/error.h"
+#include "io/config.h"
 #include "optim/plan.h"
 #include "optim/schedule.h"
 #include "optim/time_budget.h"
@@ -139,6 +142,21 @@ TEST(Schedule, FitsInProportion) {
     EXPECT_EQ(o.iterations, 3000);
     EXPECT_EQ(o.loss.normal.start, 1667);
     EXPECT_EQ(o.densify.from, 167) << "before 1,000";
+}
+
+TEST(Schedule, NamesEveryOptionThatCountsIterations) {
+    TrainOptions o;
+    OptionTable table;
+    table.add("", o);
+    // Votes follow the splats; samples are counted per iteration.
+    std::set<std::string> named{"tv.vote_every", "tv.refresh_every", "loss.multi_view.samples"};
+    visit_schedule(o, [&](const std::string& key, int, Counts) { named.insert(key); });
+    for (const Option& option : table.options())
+        if (option.kind == Option::Kind::integer &&
+            option.help.find("iteration") != option.help.npos) {
+            EXPECT_TRUE(named.contains(option.key)) << option.key << ": " << option.help;
+        }
+    for (const std::string& key : named) EXPECT_NO_THROW(table.option(key)) << key;
 }
 
 TEST(Schedule, NeverStaysNever) {
