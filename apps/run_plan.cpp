@@ -9,28 +9,38 @@ namespace {
 
 constexpr const char* kSource = "the plan";
 
-}  // namespace
-
-void RunPlan::apply(const Decision& decision, const char* config) {
-    Line line{decision, {}};
-    if (config != nullptr) table_.read_text_below(kSource, config);
-    for (const auto& [key, value] : decision.settings) {
-        if (!pinned(key))
-            table_.set(key, value, kSource);
-        else
-            line.pinned =
-                str(key, " = ", table_.option(key).get(), " by ", table_.option(key).source);
-    }
-    lines_.push_back(std::move(line));
+/// "key, key, ..." of at most three.
+std::string keys_of(const Settings& settings) {
+    std::string keys;
+    for (std::size_t i = 0; i < std::min<std::size_t>(settings.size(), 3); ++i)
+        keys += str(keys.empty() ? "" : ", ", settings[i].first);
+    return settings.size() > 3 ? keys + ", ..." : keys;
 }
+
+}  // namespace
 
 bool RunPlan::pinned(const std::string& key) const {
     const std::string& source = table_.option(key).source;
     return !source.empty() && source != kSource;
 }
 
-void RunPlan::apply(const std::vector<Decision>& decisions) {
-    for (const Decision& decision : decisions) apply(decision);
+void RunPlan::apply(const Decision& decision, const char* config) {
+    if (config != nullptr) table_.read_text_below(kSource, config);
+    Line line{decision, {}};
+    line.decision.settings.clear();
+    for (const auto& [key, value] : decision.settings) {
+        if (pinned(key)) {
+            const Option& option = table_.option(key);
+            line.kept.emplace_back(key, str(option.get(), " by ", option.source));
+            continue;
+        }
+        table_.set(key, value, kSource);
+        for (Line& earlier : lines_)
+            std::erase_if(earlier.decision.settings,
+                          [&, &k = key](const auto& setting) { return setting.first == k; });
+        line.decision.settings.emplace_back(key, value);
+    }
+    lines_.push_back(std::move(line));
 }
 
 std::string RunPlan::text() const {
@@ -44,33 +54,31 @@ std::string RunPlan::text() const {
         return word + "  ";
     };
     std::string out;
-    if (!looks_.empty())
-        out = padded("views", name) + padded("", choice) + summary(looks_.back()) + "\n";
+    if (look_) out = padded("views", name) + padded("", choice) + summary(*look_) + "\n";
     for (const Line& line : lines_) {
         const Decision& d = line.decision;
-        std::string keys;
-        for (const auto& [key, value] : d.settings) keys += (keys.empty() ? "" : ", ") + key;
-        // A long list is the schedule's.
-        if (d.settings.size() > 3) keys = str(d.settings[0].first, ", ...");
         out += padded(d.name, name) + padded(d.choice, choice) + d.reason;
-        if (!line.pinned.empty())
-            out += str("  [not taken: ", line.pinned, "]");
-        else if (!keys.empty())
-            out += str("  (", keys, ")");
+        if (!d.settings.empty()) out += str("  (", keys_of(d.settings), ")");
+        for (const auto& [key, kept] : line.kept) out += str("  [", key, " stays ", kept, "]");
         out += "\n";
     }
-    return out;
+    return remark_.empty() ? out : out + remark_ + "\n";
 }
 
 std::string RunPlan::json() const {
+    const auto object = [](const Settings& settings) {
+        JsonLine json;
+        for (const auto& [key, value] : settings) json.add(key, value);
+        return json.text();
+    };
     std::string list;
     for (const Line& line : lines_) {
         const Decision& d = line.decision;
-        JsonLine settings, entry;
-        for (const auto& [key, value] : d.settings) settings.add(key, value);
+        JsonLine entry;
         entry.add("name", d.name).add("choice", d.choice).add("reason", d.reason);
-        entry.add("measured", d.measured).add("threshold", d.threshold).add("source", d.source);
-        entry.add_json("settings", settings.text()).add("pinned", line.pinned);
+        entry.add("measured", d.measured).add("threshold", d.threshold);
+        entry.add("source", str("docs/plan.md, ", d.name));
+        entry.add_json("settings", object(d.settings)).add_json("kept", object(line.kept));
         list += str(list.empty() ? "" : ",\n  ", entry.text());
     }
     return str("{\"decisions\": [\n  ", list, "\n]}\n");

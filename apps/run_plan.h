@@ -1,6 +1,7 @@
 // The plan of a run: decisions become settings where nothing else has set them.  docs/plan.md
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,14 +31,14 @@ class RunPlan {
 public:
     explicit RunPlan(OptionTable& table) : table_(table) {}
 
-    /// What the decisions to come go by.
-    void note(const SceneLook& look) { looks_.push_back(look); }
-    const SceneLook& looked() const { return looks_.back(); }
-
-    /// Takes a decision's settings over, but for keys that the user set. With `config` these are
-    /// the keys of a configuration, its JSON.
+    /// Takes a decision's settings over, but for keys that the user set; a later decision has the
+    /// last word on a key. With `config` its settings are the keys of that configuration, JSON.
     void apply(const Decision& decision, const char* config = nullptr);
-    void apply(const std::vector<Decision>& decisions);
+
+    /// What the decisions go by; the last look is shown.
+    void note(const SceneLook& look) { look_ = look; }
+    /// A last line.
+    void remark(const std::string& text) { remark_ = text; }
 
     /// What was decided is in the configuration now, which is not to be planned again.
     void finish() { table_.set("plan.enabled", "false", "the plan"); }
@@ -53,13 +54,14 @@ public:
 
 private:
     struct Line {
-        Decision decision;
-        std::string pinned;  // who set the keys instead; empty: the plan
+        Decision decision;  // its settings: those that were taken
+        Settings kept;      // what the user set instead: key, "value by source"
     };
 
     OptionTable& table_;
-    std::vector<SceneLook> looks_;
+    std::optional<SceneLook> look_;
     std::vector<Line> lines_;
+    std::string remark_;
 };
 
 }  // namespace tvsgs

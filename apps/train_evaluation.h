@@ -142,7 +142,7 @@ public:
     /// The score on views that do not train, after `seconds`.
     void add(double seconds, double psnr) {
         if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
-        over_ = seconds > 1.5 * best_at_;
+        over_ = best_at_ > 0 && seconds > 1.5 * best_at_;
     }
     bool over() const { return over_; }
     double best() const { return best_; }

@@ -146,9 +146,16 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
 
+    if (arguments.plan && resume_flag->count() > 0)
+        throw Error(ExitCode::usage,
+                    "--plan with --resume: a run that goes on keeps its settings; plan.json in its "
+                    "folder is the plan");
     if (resume_flag->count() > 0) open_resume(resume, arguments, table);
-    if (configs.empty() && resume_flag->count() == 0)
-        table.read_text("configs/auto.json", kAutoConfig);
+    std::error_code code;
+    const bool goes_on =
+        arguments.resume &&
+        (arguments.point || std::filesystem::exists(arguments.out + "/config.json", code));
+    if (configs.empty() && !goes_on) table.read_text("configs/auto.json", kAutoConfig);
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
     flags.set_keys(table);
@@ -198,7 +205,9 @@ int train_and_save(const Scene& scene,
     Progress progress(iterations, arguments.quiet ? "quiet" : arguments.progress,
                       point ? point->seconds : 0);
     CheckpointWriter checkpoints(run.path(), config(), scene);
-    TimeBudget budget(options.plan.time_budget, training);
+    // Of this call: what the run took before is past.
+    const double before = point ? point->seconds : 0;
+    TimeBudget budget(options.plan.time_budget, training, point ? point->done : 0);
     Convergence convergence;
     int step_now = 0, done_now = point ? point->done : 0;
     bool fit_now = false;  // the training pauses for a new schedule
@@ -214,7 +223,7 @@ int train_and_save(const Scene& scene,
     };
     callbacks.stop_requested = [&] {
         const bool stop = signals.received() != 0 || convergence.over();
-        fit_now = !stop && budget.due(done_now, progress.seconds());
+        fit_now = !stop && budget.due(done_now, progress.seconds() - before);
         return stop || fit_now;
     };
     callbacks.on_end = [&](int done) { step_now = done; };
@@ -228,27 +237,29 @@ int train_and_save(const Scene& scene,
         if (!fit_now) checkpoints.save(done, progress.seconds(), saved);
     };
     callbacks.on_rollback = [&](int done, const std::string& what) {
+        done_now = done;
         spdlog::warn(what);
         run.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", what).text());
     };
 
-    EvaluationOptions times = options.eval;
-    if (options.plan.until == Until::converged && times.at.empty() && times.every == 0)
-        times.at = "1,1.2,...";
-    EvaluationSchedule schedule(times, progress.seconds());
+    EvaluationSchedule schedule(options.eval, progress.seconds());
+    EvaluationOptions validation;
+    if (options.plan.until == Until::converged) validation.at = "1,1.2,...";
+    EvaluationSchedule validations(validation, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
     const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh", scene.origin};
     const auto after_step = [&](int step, const SplatsNow<Device>& splats) {
         done_now = step;
-        if (!schedule.due(step, progress.seconds()) || step == iterations) return;
+        const double now = progress.seconds();
+        const bool validate = validations.due(step, now);
+        if ((!schedule.due(step, now) && !validate) || step == iterations) return;
         synchronize(Device{});
         progress.pause();
         const Evaluation evaluation =
             evaluate(step, progress.seconds(), splats(), scene.test, training, truth,
                      options.eval.mesh ? &mesh_source : nullptr);
         run.log(evaluation.line);
-        if (options.plan.until == Until::converged)
-            convergence.add(progress.seconds(), evaluation.psnr);
+        if (validate) convergence.add(now, evaluation.psnr);
         progress.resume();
     };
     const auto train_or_explain = [&] {
@@ -257,7 +268,7 @@ int train_and_save(const Scene& scene,
                 Gaussians<Device> trained =
                     train<Device>(scene, training, callbacks, after_step, state);
                 if (!fit_now) return trained;
-                budget.fit(step_now, progress.seconds(), training);
+                budget.fit(step_now, progress.seconds() - before, training);
                 copy_schedule(training, options.train);
                 progress.set_iterations(iterations);
                 run.save_config(config());
@@ -268,7 +279,7 @@ int train_and_save(const Scene& scene,
                             .add("seconds", progress.seconds())
                             .add("iterations", iterations)
                             .text());
-                spdlog::info("after {:.1f} s: {} iterations fit into {:g} s", progress.seconds(),
+                spdlog::info("after {:.1f} s: {} iterations in all for {:g} s", progress.seconds(),
                              iterations, static_cast<double>(options.plan.time_budget));
             }
         } catch (const Error& error) {
@@ -283,6 +294,17 @@ int train_and_save(const Scene& scene,
     synchronize(Device{});
     progress.finish();
     const double seconds = progress.seconds();
+    if (const double asked = options.plan.time_budget; asked > 0 && step_now == iterations) {
+        if (seconds - before > 1.1 * asked)
+            spdlog::warn(
+                "the training took {:.1f} s instead of {:g}: {} iterations are the fewest "
+                "that its first seconds let foresee; give it more time, or smaller images "
+                "(-r)",
+                seconds - before, asked, step_now);
+        // What was run, for whoever runs it again.
+        options.plan.time_budget = 0;
+        run.save_config(config());
+    }
     Gaussians<Cpu> host;
     copy(gaussians, host);
     if (const std::size_t first = scene.points.positions.size();
@@ -333,82 +355,107 @@ int train_and_save(const Scene& scene,
 
 /// The scene; --until converged asks views that do not train: the test views, or one that is held
 /// out.
-Scene read_views(const RunOptions& options) {
+Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
     Scene scene = read_scene(options.scene);
     if (options.plan.until != Until::converged || !scene.test.empty()) return scene;
     constexpr std::size_t kFew = 6;
-    if (scene.train.size() < kFew)
-        throw Error(
-            ExitCode::usage,
-            str("--until converged: ", scene.train.size(),
-                " training views and no test views; expected test views (--eval, --split or "
-                "--test-list), or ",
-                kFew, " training views, of which one is held out"));
+    if (resumed || scene.train.size() < kFew)
+        throw Error(ExitCode::usage,
+                    str("--until converged: ", scene.train.size(), " training views",
+                        resumed ? ", of which the run has seen all," : "",
+                        " and no test views; expected test views (--eval, --split or --test-list), "
+                        "or in a new run ",
+                        kFew, " training views, of which one is held out"));
     const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
     spdlog::info("--until converged: {} is held out", middle->name);
+    table.set("scene.held_out", middle->name, "--until converged");
     scene.test.push_back(std::move(*middle));
     scene.train.erase(middle);
     return scene;
 }
 
-Scene read_scene_of_point(const ResumePoint& point, RunOptions& options) {
+Scene read_scene_of_point(const ResumePoint& point, RunOptions& options, OptionTable& table) {
     options.scene.need_points = false;
-    Scene scene = read_views(options);
+    Scene scene = read_views(options, true, table);
     adopt_scene(point, scene);
     return scene;
 }
 
-int iterations_of(const char* config) {
+/// A built-in configuration alone.
+TrainOptions options_of(const char* config) {
     RunOptions options;
     OptionTable table;
     options.add_to(table);
     table.read_text("the program", config);
-    return options.train.iterations;
+    return options.train;
+}
+
+/// Chooses the settings to start from; returns whether they are the dense ones.
+bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
+    const Decision settings = plan_settings(train_views);
+    const bool dense = settings.choice == "dense";
+    plan.apply(settings, dense ? kDenseConfig : kSparseConfig);
+    if (plan.pinned("tv.enabled") && !options.train.tv.enabled && !dense)
+        plan.apply({"voting losses",
+                    "off",
+                    "as voting is",
+                    0,
+                    0,
+                    {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
+    check_consistency(options.train);
+    return dense;
 }
 
 /// The scene with its initial cloud; where a plan is asked for, what it needs is decided on the
 /// way: on the views, on the cloud that comes with them, on the cloud that training starts from.
 Scene read_and_plan(const DeviceChoice& device,
-                    const Arguments& arguments,
+                    bool plan_only,
                     RunOptions& options,
+                    OptionTable& table,
                     RunPlan& plan) {
-    const bool planned = options.plan.enabled || arguments.plan;
-    options.scene.points_required = !planned && options.train.init.min_points == 0;
-    int configured = options.train.iterations;
-    if (planned)
-        options.scene.on_split = [&](int views) {
-            const Decision settings = plan_settings(views);
-            const char* const config = settings.choice == "dense" ? kDenseConfig : kSparseConfig;
-            plan.apply(settings, config);
-            configured = iterations_of(config);
-        };
-    Scene scene = read_views(options);
-    const auto look = [&] {
-        plan.note(look_at(scene, options.train.loss.multi_view));
-        return plan.looked();
-    };
-    if (planned) plan.apply(plan_cloud(look(), !options.scene.init_ply.empty()));
-    const bool stereo = needs_stereo(options, scene);
-    if (!(arguments.plan && stereo)) {
-        const std::size_t before = scene.points.positions.size();
+    if (!options.plan.enabled && !plan_only) {
+        options.scene.points_required = options.train.init.min_points == 0;
+        Scene scene = read_views(options, false, table);
         prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.core);
-        if (planned && scene.points.positions.size() != before) look();
-        if (planned)
-            plan.apply(plan_training(plan.looked(), options.train, configured,
-                                     plan.pinned("iterations") ? options.train.iterations : 0));
+        return scene;
     }
-    if (!planned) return scene;
-    if (scene.points.positions.empty() && !(arguments.plan && stereo))
+    bool dense = false;
+    options.scene.points_required = false;
+    options.scene.on_split = [&](int views) { dense = plan_start(views, options, plan); };
+    Scene scene = read_views(options, false, table);
+    options.scene.on_split = nullptr;
+
+    const auto look = [&] {
+        const SceneLook seen = look_at(scene, options.train.loss.multi_view);
+        plan.note(seen);
+        return seen;
+    };
+    SceneLook seen = look();
+    if (options.scene.init_ply.empty()) plan.apply(plan_cloud(seen, dense));
+    const bool stereo = needs_stereo(options, scene);
+    if (!options.plan.enabled)
+        plan.remark(
+            "This is what a run without --config would do; the configuration given is not "
+            "planned (plan.enabled).");
+    if (plan_only && stereo) {
+        plan.remark("More is decided on the cloud that stereo makes.");
+        return scene;
+    }
+    prepare_points(device, options, scene);
+    if (scene.points.positions.empty())
         throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
                                          ": no initial points; pass --init-ply, or let stereo make "
                                          "a cloud (init.min_points)"));
-    if (!arguments.plan) {
-        check_consistency(options.train);
-        spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
-    } else if (stereo) {
-        spdlog::info("more is decided on the cloud that stereo makes");
-    }
+    fit_near_plane(scene, options.train.core);
+    if (scene.points.positions.size() != seen.points) seen = look();
+    const TrainOptions multi_view = options_of(kDenseConfig);
+    const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
+              wanted = plan.pinned("iterations") ? options.train.iterations : 0;
+    for (const Decision& decision :
+         plan_training(seen, {dense, options.train, configured, wanted, multi_view.loss}))
+        plan.apply(decision);
+    if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     plan.finish();
     return scene;
 }
@@ -445,8 +492,8 @@ int command(int argc, char** argv) {
                                          "more than that in all, such as --iterations ",
                                          2 * point->done));
     RunPlan plan(table);
-    Scene scene = point ? read_scene_of_point(*point, options)
-                        : read_and_plan(device, arguments, options, plan);
+    Scene scene = point ? read_scene_of_point(*point, options, table)
+                        : read_and_plan(device, arguments.plan, options, table, plan);
     if (arguments.plan) {
         std::fputs(plan.text().c_str(), stdout);
         return 0;

@@ -26,9 +26,10 @@ struct SceneOptions {
     float grey_scale = 1;  // training size over that of the grey images; 1: photos are used
     std::string split;     // --split NAME of splits.json
     std::string train_list, test_list;  // --train-list, --test-list: one image name per line
-    std::string views;  // --views I,J,K: indices into the sorted views, training only
-    int num_views = 0;  // --num-views: that many training views, evenly chosen; 0: all
-    bool eval = false;  // --eval: every test_every-th view is a test view
+    std::string views;     // --views I,J,K: indices into the sorted views, training only
+    std::string held_out;  // a training view that tests instead
+    int num_views = 0;     // --num-views: that many training views, evenly chosen; 0: all
+    bool eval = false;     // --eval: every test_every-th view is a test view
     int test_every = 8;
     std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
     std::string init_ply;  // --init-ply: initial cloud instead of the model's points
@@ -62,6 +63,9 @@ struct SceneOptions {
         field("train_list", train_list, "file with one training image per line");
         field("test_list", test_list, "file with one test image per line");
         field("views", views, "training views by index into the sorted images: 23,24,33");
+        field("held_out", held_out,
+              "image that would train and is tested instead; --until converged chooses one where "
+              "there are no test views");
         field("num_views", num_views, {0, 1e6}, "that many training views, evenly chosen; 0: all");
         field("eval", eval, "every test_every-th view is a test view");
         field("test_every", test_every, {2, 1e6}, "distance of the test views");

@@ -1,9 +1,12 @@
 #include "optim/plan.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <numeric>
+#include <optional>
 
 #include "core/error.h"
 #include "optim/schedule.h"
@@ -15,27 +18,54 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 double median(std::vector<double>& values) {
     if (values.empty()) return kNone;
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    // Of an even number the lower one, so that half of them at least are as large.
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
     std::nth_element(values.begin(), middle, values.end());
     return *middle;
 }
 
-/// Grey level around the place where a point projects, 0 to 255; NaN outside the view.
-double grey_at(const View& view, Vec3f point) {
+constexpr int kReach = 2, kSide = 2 * kReach + 1;
+using Patch = std::array<double, kSide * kSide>;
+
+/// Grey levels around the place where a point projects, 0 to 255; nothing where they leave the
+/// image.
+std::optional<Patch> patch_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
+    if (!is_in_view(c, point)) return std::nullopt;
     const Vec3f p = c.camera_from_world * point;
-    constexpr int kReach = 2;
-    const int x = static_cast<int>(std::floor(c.fx_px * p.x / p.z + c.cx_px)),
-              y = static_cast<int>(std::floor(c.fy_px * p.y / p.z + c.cy_px));
+    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
+              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
     if (x < kReach || y < kReach || x + kReach >= view.photo.width ||
         y + kReach >= view.photo.height)
-        return kNone;
-    int sum = 0;
-    for (int dy = -kReach; dy <= kReach; ++dy)
-        for (int dx = -kReach; dx <= kReach; ++dx)
-            for (int k = 0; k < 3; ++k) sum += view.photo.at(x + dx, y + dy, k);
-    constexpr int kCount = 3 * (2 * kReach + 1) * (2 * kReach + 1);
-    return static_cast<double>(sum) / kCount;
+        return std::nullopt;
+    Patch patch;
+    for (int i = 0; i < kSide * kSide; ++i) {
+        const int at_x = x + i % kSide - kReach, at_y = y + i / kSide - kReach;
+        patch[static_cast<std::size_t>(i)] =
+            (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
+             view.photo.at(at_x, at_y, 2)) /
+            3.0;
+    }
+    return patch;
+}
+
+/// Logarithm of the ratio of two patches' brightness; nothing where they do not look alike, as
+/// where something else hides the point from a view, or where they are flat, dark or saturated.
+std::optional<double> log_gain(const Patch& a, const Patch& b) {
+    const auto mean = [](const Patch& p) {
+        return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
+    };
+    const double mean_a = mean(a), mean_b = mean(b);
+    double aa = 0, bb = 0, ab = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        const double da = a[i] - mean_a, db = b[i] - mean_b;
+        aa += da * da, bb += db * db, ab += da * db;
+    }
+    constexpr double kFlat = 4 * kSide * kSide;  // two grey levels of deviation: noise
+    const bool alike = std::min(aa, bb) > kFlat && ab > 0.8 * std::sqrt(aa * bb);
+    if (!alike || std::min(mean_a, mean_b) < 10 || std::max(mean_a, mean_b) > 245)
+        return std::nullopt;
+    return std::log(mean_a / mean_b);
 }
 
 /// For every view the one whose optical axis is nearest to its own, within 30 degrees; -1: none.
@@ -56,99 +86,57 @@ std::vector<int> nearest_views(const Scene& scene) {
     return nearest;
 }
 
-/// What one point tells.
-struct PointLook {
-    std::vector<int> views;  // that it lies in
-    double spread_deg = 0;   // the widest angle between two of them
-};
-
-PointLook look_at_point(const Scene& scene, Vec3f point) {
-    PointLook look;
-    std::vector<Vec3f> directions;
-    for (int v = 0; v < static_cast<int>(scene.train.size()); ++v) {
-        const Camera& camera = scene.train[static_cast<std::size_t>(v)].camera;
-        if (!is_in_view(camera, point)) continue;
-        look.views.push_back(v);
-        directions.push_back(normalize(camera_centre(camera) - point));
-    }
-    float least = 1;
-    for (std::size_t i = 0; i < directions.size(); ++i)
-        for (std::size_t j = 0; j < i; ++j)
-            least = std::min(least, dot(directions[i], directions[j]));
-    look.spread_deg =
-        std::acos(std::max(static_cast<double>(least), -1.0)) * 180 / 3.14159265358979;
-    return look;
-}
-
 }  // namespace
 
 SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
     const std::vector<Vec3f>& points = scene.points.positions;
     constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
     const std::size_t stride = 1 + points.size() / kSample;
-    const std::size_t views = scene.train.size();
-    std::vector<std::size_t> in_view(views, 0);
-    std::vector<double> spreads;
     const std::vector<int> nearest = nearest_views(scene);
-    std::vector<std::vector<double>> gains(views);  // logarithms, against the nearest view
-    std::size_t pairs = 0, sampled = 0;
-    for (std::size_t i = 0; i < points.size(); i += stride) {
-        const PointLook point = look_at_point(scene, points[i]);
-        ++sampled;
-        for (const int v : point.views) ++in_view[static_cast<std::size_t>(v)];
-        pairs += point.views.size();
-        if (point.views.size() < 2) continue;
-        spreads.push_back(point.spread_deg);
-        for (const int v : point.views) {
-            const std::size_t at = static_cast<std::size_t>(v);
-            if (nearest[at] < 0) continue;
-            const std::size_t other = static_cast<std::size_t>(nearest[at]);
-            if (!is_in_view(scene.train[other].camera, points[i])) continue;
-            const double grey = grey_at(scene.train[at], points[i]),
-                         seen = grey_at(scene.train[other], points[i]);
-            // Neither noise nor saturation tells an exposure.
-            if (std::min(grey, seen) > 10 && std::max(grey, seen) < 245)
-                gains[at].push_back(std::log(grey / seen));
-        }
-    }
-
     SceneLook look;
-    look.views = static_cast<int>(views);
+    look.train_views = static_cast<int>(scene.train.size());
+    look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
-    std::vector<double> per_pixel;
-    for (std::size_t v = 0; v < views; ++v) {
-        const Camera& c = scene.train[v].camera;
-        per_pixel.push_back(static_cast<double>(in_view[v] * stride) /
-                            (static_cast<double>(c.width_px) * c.height_px));
-    }
-    look.points_per_pixel = median(per_pixel);
-    look.views_per_point =
-        sampled > 0 ? static_cast<double>(pairs) / static_cast<double>(sampled) : kNone;
-    look.direction_spread_deg = median(spreads);
-    NeighbourOptions relative = limits;
-    relative.limits = NeighbourLimits::relative;  // these hold in any unit
-    look.views_with_neighbour = share_with_neighbour(scene, relative);
     look.exposure_drift = kNone;
-    for (auto& of_view : gains) {
-        if (of_view.size() < 30) continue;  // a median of fewer says little
-        const double drift = std::abs(std::expm1(median(of_view)));
+    std::vector<double> pixels, per_pixel;
+    for (std::size_t v = 0; v < scene.train.size(); ++v) {
+        const View& view = scene.train[v];
+        const View* const other =
+            nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
+        std::size_t inside = 0;
+        std::vector<double> gains;  // logarithms
+        for (std::size_t i = 0; i < points.size(); i += stride) {
+            if (!is_in_view(view.camera, points[i])) continue;
+            ++inside;
+            if (other == nullptr) continue;
+            const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
+            if (!here || !there) continue;
+            if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
+        }
+        pixels.push_back(static_cast<double>(view.camera.width_px) * view.camera.height_px);
+        per_pixel.push_back(static_cast<double>(inside * stride) / pixels.back());
+        if (gains.size() < 30) continue;  // a median of fewer says little
+        const double drift = std::abs(std::expm1(median(gains)));
         look.exposure_drift =
             std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
     }
+    look.pixels = median(pixels);
+    look.points_per_pixel = median(per_pixel);
+    NeighbourOptions relative = limits;
+    relative.limits = NeighbourLimits::relative;  // these hold in any unit
+    look.views_with_neighbour = share_with_neighbour(scene, relative);
     return look;
 }
 
 namespace {
 
+// Thresholds; docs/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 25;
-bool is_dense(int views) {
-    return views >= kDenseViews;
-}
-// Thresholds; docs/plan.md has the runs behind each.
-constexpr double kCoveringCloud = 0.1;  // points per pixel
+constexpr double kCoveringCloud = 0.25;  // points per pixel
 constexpr double kPaired = 0.5;         // share of the views
 constexpr double kDrift = 0.15;
-constexpr int kShort = 5000;  // iterations that a covering cloud needs
+// What a covering cloud needs.
+constexpr int kIterations = 5000, kVoteEvery = 50;
 
 std::string number(double value, int digits = 3) {
     char text[32];
@@ -164,20 +152,18 @@ std::string compared(double measured, double threshold, const char* unit = "") {
                      measured < threshold ? " < " : " >= ", number(threshold), unit);
 }
 
-/// The options' schedule, made for `configured` iterations, fitted to others, as settings.
+/// The options' schedule, made for `configured` iterations, fitted to others: what changes by it.
 Settings schedule_settings(const TrainOptions& options, int configured, int iterations) {
     TrainOptions fitted = options;
     fitted.iterations = configured;
     fit_schedule(fitted, iterations);
-    Settings settings;
-    visit_schedule(fitted, [&](const char* key, int value, Counts) {
-        settings.emplace_back(key, std::to_string(value));
-    });
     std::vector<int> before;
-    visit_schedule(options, [&](const char*, int value, Counts) { before.push_back(value); });
+    visit_schedule(options, [&](const char*, int number, Counts) { before.push_back(number); });
+    Settings settings;
     std::size_t next = 0;
-    std::erase_if(settings, [&](const auto& setting) {
-        return setting.second == std::to_string(before[next++]);
+    visit_schedule(fitted, [&](const std::string& key, int number, Counts) {
+        if (const int was = before[next++]; number != was || key == "iterations")
+            settings.emplace_back(key, std::to_string(number));
     });
     return settings;
 }
@@ -185,98 +171,100 @@ Settings schedule_settings(const TrainOptions& options, int configured, int iter
 }  // namespace
 
 std::string summary(const SceneLook& look) {
-    return str(look.views, " training views; ", look.points, " points, ",
-               number(look.points_per_pixel), " per pixel, each in ", number(look.views_per_point),
-               " views, their directions ", number(look.direction_spread_deg), " deg apart");
+    return str(look.train_views, " train, ", look.test_views, " test; ", look.points,
+               " initial points, ", number(look.points_per_pixel), " per pixel");
 }
 
 Decision plan_settings(int train_views) {
-    const bool dense = is_dense(train_views);
     return {"settings",
-            dense ? "dense" : "sparse",
+            train_views >= kDenseViews ? "dense" : "sparse",
             str("training views: ", compared(train_views, kDenseViews)),
             static_cast<double>(train_views),
             kDenseViews,
-            "docs/plan.md, settings",
             {}};
 }
 
-std::vector<Decision> plan_cloud(const SceneLook& look, bool given) {
-    if (given) return {{"initial cloud", "given", "scene.init_ply", kNone, kNone, "", {}}};
-    if (is_dense(look.views)) return {};
-    const bool enough = look.points_per_pixel >= kCoveringCloud;
-    return {{"initial cloud",
-             enough ? "the model's" : "stereo",
-             str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud)),
-             look.points_per_pixel,
-             kCoveringCloud,
-             "docs/plan.md, initial cloud",
-             {{"init.min_points", enough ? "0" : "1000000000"}}}};
+Decision plan_cloud(const SceneLook& look, bool dense) {
+    if (dense) {
+        const int least = InitOptions{}.min_points;
+        const auto points = static_cast<double>(look.points);
+        return {"initial cloud",
+                points < least ? "stereo" : "the model's",
+                str("points: ", compared(points, least)),
+                points,
+                1.0 * least,
+                {{"init.min_points", std::to_string(least)}}};
+    }
+    const bool covers = look.points_per_pixel >= kCoveringCloud;
+    // As many as would cover; in proportion where some lie in no view.
+    const double wanted = look.points_per_pixel > 0 ? kCoveringCloud / look.points_per_pixel *
+                                                          static_cast<double>(look.points)
+                                                    : kCoveringCloud * look.pixels;
+    return {"initial cloud",
+            covers ? "the model's" : "stereo",
+            str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud)),
+            look.points_per_pixel,
+            kCoveringCloud,
+            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)), 10)}}};
 }
 
-std::vector<Decision> plan_training(const SceneLook& look,
-                                    const TrainOptions& options,
-                                    int configured,
-                                    int wanted) {
+std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in) {
     std::vector<Decision> plan;
-    const auto decide = [&](const char* name, bool yes, const std::string& choice,
-                            const std::string& reason, double measured, double threshold,
-                            const Settings& settings) {
-        plan.push_back({name, choice, reason, measured, threshold, str("docs/plan.md, ", name),
-                        yes ? settings : Settings{}});
-    };
-    const bool dense = is_dense(look.views);
-    const bool covered = !dense && look.points_per_pixel >= kCoveringCloud;
+    const bool covered = !in.dense && look.points_per_pixel >= kCoveringCloud;
     const std::string cloud =
         str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud));
-    const int iterations = wanted > 0 ? wanted
-                           : covered  ? std::min(kShort, configured)
-                                      : configured;
-    decide("iterations", true, std::to_string(iterations),
-           wanted > 0 ? "as asked; the schedule fits them"
-           : dense    ? "the dense settings'"
-                      : cloud,
-           look.points_per_pixel, kCoveringCloud,
-           schedule_settings(options, configured, iterations));
-    if (!dense) {
-        decide("densify", covered, covered ? "off" : "on", cloud, look.points_per_pixel,
-               kCoveringCloud, {{"densify.enabled", "false"}});
-        decide("normal loss", covered, covered ? "from the start" : "as configured", cloud,
-               look.points_per_pixel, kCoveringCloud, {{"loss.normal.start", "1"}});
-        decide("votes", covered, covered ? "every 50 iterations" : "every 10 iterations", cloud,
-               look.points_per_pixel, kCoveringCloud, {{"tv.vote_every", "50"}});
+    const auto by_cloud = [&](const char* name, const std::string& choice, Settings settings) {
+        plan.push_back(
+            {name, choice, cloud, look.points_per_pixel, kCoveringCloud, std::move(settings)});
+    };
+    const auto iterations_are = [&](int iterations) {
+        return schedule_settings(in.options, in.configured, iterations);
+    };
+    if (in.wanted > 0)
+        plan.push_back({"iterations", std::to_string(in.wanted), "as asked; the schedule fits them",
+                        kNone, kNone, iterations_are(in.wanted)});
+    else if (in.dense)
+        plan.push_back({"iterations", std::to_string(in.configured), "of the dense settings", kNone,
+                        kNone, iterations_are(in.configured)});
+    else {
+        const int iterations = covered ? std::min(kIterations, in.configured) : in.configured;
+        by_cloud("iterations", std::to_string(iterations), iterations_are(iterations));
     }
-    const bool neighbours = look.views_with_neighbour >= kPaired;
-    const std::string share =
-        str("views with a neighbour: ", compared(look.views_with_neighbour, kPaired));
-    if (dense || covered)
-        decide("multi-view", dense ? !neighbours : neighbours, neighbours ? "on" : "off", share,
-               look.views_with_neighbour, kPaired,
-               neighbours ? Settings{{"loss.multi_view_geometry.weight", "0.03"},
-                                     {"loss.multi_view_ncc.weight", "0.15"},
-                                     {"loss.multi_view_geometry.start", "1"},
-                                     {"loss.multi_view_ncc.start", "1"},
-                                     {"loss.multi_view.limits", "relative"}}
-                          : Settings{{"loss.multi_view_geometry.weight", "0"},
-                                     {"loss.multi_view_ncc.weight", "0"}});
+    if (!in.dense)
+        by_cloud("densify", covered ? "off" : "on",
+                 {{"densify.enabled", covered ? "false" : "true"}});
+    if (covered) {
+        by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
+        by_cloud("votes", str("every ", kVoteEvery),
+                 {{"tv.vote_every", std::to_string(kVoteEvery)}});
+    }
+    if (in.dense || covered) {
+        const bool on = look.views_with_neighbour >= kPaired;
+        const auto weight = [&](const ScheduledOptions& term) {
+            return on ? number(static_cast<double>(term.weight)) : "0";
+        };
+        Settings settings{
+            {"loss.multi_view_geometry.weight", weight(in.multi_view.multi_view_geometry)},
+            {"loss.multi_view_ncc.weight", weight(in.multi_view.multi_view_ncc)},
+            {"loss.multi_view.limits", "relative"}};
+        if (on && covered)
+            settings.insert(settings.end(), {{"loss.multi_view_geometry.start", "1"},
+                                             {"loss.multi_view_ncc.start", "1"}});
+        plan.push_back(
+            {"multi-view", on ? "on" : "off",
+             str("views with a neighbour: ", compared(look.views_with_neighbour, kPaired)),
+             look.views_with_neighbour, kPaired, settings});
+    }
     const bool drifts = look.exposure_drift >= kDrift;
-    decide("exposure", drifts, drifts ? "fitted" : "off",
-           std::isnan(look.exposure_drift)
-               ? "no two views near each other share enough points"
-               : str("brightness of a view at shared points, off by ",
-                     compared(100 * look.exposure_drift, 100 * kDrift, " %")),
-           look.exposure_drift, kDrift, {{"loss.photometric.exposure", "true"}});
-    // A later decision has the last word on a key.
-    for (std::size_t i = 0; i < plan.size(); ++i)
-        std::erase_if(plan[i].settings, [&](const auto& setting) {
-            return std::any_of(plan.begin() + static_cast<std::ptrdiff_t>(i) + 1, plan.end(),
-                               [&](const Decision& later) {
-                                   return std::any_of(later.settings.begin(), later.settings.end(),
-                                                      [&](const auto& other) {
-                                                          return other.first == setting.first;
-                                                      });
-                               });
-        });
+    plan.push_back({"exposure",
+                    drifts ? "fitted" : "off",
+                    std::isnan(look.exposure_drift)
+                        ? "no two views near each other share enough points"
+                        : str("brightness of a view where another sees the same, off by ",
+                              compared(100 * look.exposure_drift, 100 * kDrift, " %")),
+                    look.exposure_drift,
+                    kDrift,
+                    {{"loss.photometric.exposure", drifts ? "true" : "false"}}});
     return plan;
 }
 

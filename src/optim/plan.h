@@ -10,46 +10,48 @@
 
 namespace tvsgs {
 
-/// What the decisions go by. Points stand for a few thousand of the initial cloud; where none lies
-/// in two views, what would need them is NaN.
+/// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
-    int views = 0;
+    int train_views = 0, test_views = 0;
     std::size_t points = 0;           // of the initial cloud
-    double points_per_pixel = 0;      // that over the view's pixels
-    double views_per_point = 0;       // mean over the points
-    double direction_spread_deg = 0;  // median over points of the widest angle between two views
+    double pixels = 0;                // of a view, median
+    double points_per_pixel = 0;      // initial points in a view over its pixels, median
     double views_with_neighbour = 0;  // share within loss.multi_view's relative limits
-    double exposure_drift = 0;  // largest median ratio - 1 of a view's brightness to that of its
-                                // nearest view, at points in both
+    double exposure_drift =
+        0;  // ratio of a view's brightness to that of its nearest view - 1, where
+            // both see the same, median; the largest of the views; NaN: unknown
 };
 SceneLook look_at(const Scene& scene, const NeighbourOptions& limits);
+
+/// What was measured, for people.
+std::string summary(const SceneLook& look);
 
 /// Keys and what they are to be.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
 struct Decision {
     std::string name, choice;
-    std::string reason;  // what was measured, and against what
-    double measured = 0, threshold = 0;
-    std::string source;  // of the threshold
-    Settings settings;   // empty: nothing to change
+    std::string reason;                  // what was measured, and against what
+    double measured = 0, threshold = 0;  // NaN: nothing was
+    Settings settings;                   // what the choice means
 };
-
-/// What was measured, for people.
-std::string summary(const SceneLook& look);
 
 /// Which settings to start from: "sparse" or "dense".
 Decision plan_settings(int train_views);
 
-/// On the cloud that comes with the scene: whether stereo makes another. `given`: the user named
-/// it.
-std::vector<Decision> plan_cloud(const SceneLook& look, bool given);
+/// On the cloud that comes with the scene: whether stereo makes another one.
+Decision plan_cloud(const SceneLook& look, bool dense);
 
-/// On the cloud that training starts from. `options`: as resolved so far; `configured`: iterations
-/// that their schedule was made for; `wanted`: iterations that the user asks for, 0: none.
-std::vector<Decision> plan_training(const SceneLook& look,
-                                    const TrainOptions& options,
-                                    int configured,
-                                    int wanted = 0);
+/// What the plan of the training goes by, beside the look.
+struct PlanInputs {
+    bool dense = false;      // the settings that were chosen
+    TrainOptions options;    // as resolved so far
+    int configured = 0;      // iterations that their schedule was made for
+    int wanted = 0;          // iterations that the user asks for; 0: none
+    LossOptions multi_view;  // the dense settings' losses, whose multi-view terms are taken
+};
+
+/// On the cloud that training starts from.
+std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& inputs);
 
 }  // namespace tvsgs

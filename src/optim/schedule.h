@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "optim/train.h"
 
@@ -46,18 +47,30 @@ inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
     visit_schedule(to, [&](const char*, int& number, Counts) { number = numbers[next++]; });
 }
 
-/// The training from iteration `done` on stretched or squeezed so that it ends at `iterations`;
-/// what lies before `done` stays.
-inline void fit_schedule(TrainOptions& options, int iterations, int done = 0) {
-    const int last = options.iterations;
-    if (iterations == last || last <= done) return;
-    const double ratio = static_cast<double>(iterations - done) / (last - done);
+/// Gives `options` the schedule of `original` from its iteration `from` on, which now is iteration
+/// `done`, stretched or squeezed to end at `iterations`. What `original` has behind it stays as it
+/// is in `options`, and so does what starts at once.
+inline void fit_schedule(
+    const TrainOptions& original, double from, TrainOptions& options, int done, int iterations) {
+    const double ratio = (iterations - done) / (original.iterations - from);
+    std::vector<int> numbers;
+    visit_schedule(original, [&](const char*, int number, Counts) { numbers.push_back(number); });
+    std::size_t next = 0;
     visit_schedule(options, [&](const char*, int& number, Counts counts) {
-        const int from = counts == Counts::at ? done : 0;
-        if (number <= from || number >= kNever) return;
-        const double fitted = from + std::round((number - from) * ratio);
-        number = static_cast<int>(std::clamp(fitted, from + 1.0, static_cast<double>(kNever)));
+        const int was = numbers[next++];
+        const double begin = counts == Counts::at ? std::max(from, 1.0) : 0;
+        if (was <= begin || was >= kNever) return;
+        const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
+        number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
     });
+    options.iterations = iterations;
+}
+
+/// The whole of it.
+inline void fit_schedule(TrainOptions& options, int iterations) {
+    const TrainOptions original = options;
+    if (original.iterations > 0 && iterations != original.iterations)
+        fit_schedule(original, 0, options, 0, iterations);
 }
 
 }  // namespace tvsgs

@@ -7,27 +7,38 @@ namespace tvsgs {
 
 class TimeBudget {
 public:
-    /// 0 seconds: no budget.
-    TimeBudget(double seconds, const TrainOptions& options)
-        : seconds_(seconds), iterations_(options.iterations) {}
+    /// For a training that has `done` iterations behind it and as much time as it takes to
+    /// `seconds`; 0: no budget.
+    TimeBudget(double seconds, const TrainOptions& options, int done)
+        : seconds_(seconds), original_(options), from_(done), fitted_at_(done) {}
 
     /// Whether the schedule is to be fitted anew; after `done` iterations and that many seconds.
     bool due(int done, double seconds) {
-        // Getting under way is not counted, nor what too few iterations say of the speed.
+        // Getting under way is not counted.
         if (at_ < 0) at_ = seconds, done_ = done;
-        return seconds_ > 0 && next_ < kLooks && seconds >= kShares[next_] * seconds_ &&
-               done - done_ >= kFewest;
+        if (!(seconds_ > 0) || done == done_) return false;
+        // The first iterations can be far slower than the rest.
+        const int last = fitted_at_ + planned_;
+        if (planned_ > 0 && last - done <= 1 + planned_ / 10 && seconds < 0.8 * seconds_)
+            return true;
+        if (next_ >= kLooks || seconds < kShares[next_] * seconds_) return false;
+        // A few iterations say little of the speed, unless they are slow.
+        return done - done_ >= kFewest || seconds - at_ > 0.05 * seconds_;
     }
 
     /// Fits what remains into the time that remains, at the speed since the last look; never longer
     /// than the schedule was at first.
     void fit(int done, double seconds, TrainOptions& options) {
         const double speed = (done - done_) / std::max(seconds - at_, 1e-6);
-        const double left = std::max(seconds_ - seconds, 0.0) * speed;
+        from_ += (done - fitted_at_) * rate_;
+        const double last = original_.iterations,
+                     left = std::max(std::floor((seconds_ - seconds) * speed), 1.0);
+        const int iterations = done + static_cast<int>(std::min(left, std::ceil(last - from_)));
+        fit_schedule(original_, from_, options, done, iterations);
+        planned_ = iterations - done;
+        rate_ = (last - from_) / planned_;
+        fitted_at_ = done, at_ = -1;
         while (next_ < kLooks && seconds >= kShares[next_] * seconds_) ++next_;
-        at_ = -1;
-        const int fitted = done + static_cast<int>(std::min(left, 1e9));
-        fit_schedule(options, std::clamp(fitted, done + 1, std::max(iterations_, done + 1)), done);
     }
 
 private:
@@ -36,9 +47,13 @@ private:
     static constexpr int kLooks = 5, kFewest = 20;
 
     double seconds_;
-    int iterations_;
+    TrainOptions original_;
+    double from_;      // iteration of the original schedule that the last fit was made at,
+    int fitted_at_;    // that of the training,
+    double rate_ = 1;  // and how many of the former each of the latter stands for since
+    int planned_ = 0;  // of the training, from there on; 0: no fit yet
     int next_ = 0, done_ = 0;
-    double at_ = -1;  // of the first iteration since the last look
+    double at_ = -1;  // seconds at `done_`, the first iteration since the last look; -1: none yet
 };
 
 }  // namespace tvsgs
