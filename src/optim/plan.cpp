@@ -133,14 +133,16 @@ namespace {
 // Thresholds; docs/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 25;
 constexpr double kCoveringCloud = 0.25;  // points per pixel
-constexpr double kPaired = 0.5;         // share of the views
+constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
 constexpr int kIterations = 5000, kVoteEvery = 50;
 
-std::string number(double value, int digits = 3) {
+/// Three digits, but whole numbers whole.
+std::string number(double value) {
     char text[32];
-    std::snprintf(text, sizeof text, "%.*g", digits, value);
+    const bool whole = value == std::floor(value) && std::abs(value) < 1e10;
+    std::snprintf(text, sizeof text, "%.*g", whole ? 10 : 3, value);
     return text;
 }
 
@@ -205,7 +207,7 @@ Decision plan_cloud(const SceneLook& look, bool dense) {
             str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud)),
             look.points_per_pixel,
             kCoveringCloud,
-            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)), 10)}}};
+            {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
 }
 
 std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in) {
