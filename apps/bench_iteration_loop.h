@@ -28,7 +28,7 @@ struct BenchIteration<Device>::Parts {
           views(scene.train, options.loss, options.photo_bytes),
           backbone(make_backbone<Device>(options.backbone, options.core)),
           neighbours(make_neighbour_view<Device>(scene, options)),
-          losses(terms(scene, options)),
+          losses(make_terms<Device>(scene, options)),
           want(wanted(losses, options.iterations)),
           splats(copy_of(from)),
           adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, options.optim.adam) {
@@ -36,13 +36,6 @@ struct BenchIteration<Device>::Parts {
         objective.values.resize(losses.size());
         objective.partial.resize(kSumBlocks);
         objective.count.resize(1);
-    }
-
-    static auto terms(const Scene& scene, const TrainOptions& o) {
-        const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
-        return make_losses<Device>(o.loss,
-                                   {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
-                                    static_cast<std::uint64_t>(o.seed), o.core.pixel_center});
     }
 
     static Gaussians<Device> copy_of(const Gaussians<Cpu>& from) {

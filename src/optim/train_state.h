@@ -49,6 +49,17 @@ private:
     std::size_t drawn_ = 0;
 };
 
+/// The objective's terms for a scene.
+template <class Device>
+auto make_terms(const Scene& scene, const TrainOptions& o) {
+    // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the published
+    // weights come from.
+    const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
+    return make_losses<Device>(o.loss,
+                               {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
+                                static_cast<std::uint64_t>(o.seed), o.core.pixel_center});
+}
+
 /// All of it; built from the scene or from a saved state.
 template <class Device>
 struct TrainState {
@@ -64,7 +75,7 @@ struct TrainState {
 
     TrainState(const Scene& scene, const TrainOptions& o, const State* from)
         : gaussians(first_gaussians(scene, o, from)),
-          losses(terms(scene, o)),
+          losses(make_terms<Device>(scene, o)),
           voter(o.tv),
           adam(o.lr, gaussians, o.optim.adam),
           densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed)),
@@ -106,15 +117,6 @@ private:
         sort_by_place(first);
         copy(first, g);
         return g;
-    }
-
-    static auto terms(const Scene& scene, const TrainOptions& o) {
-        // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the
-        // published weights come from.
-        const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
-        return make_losses<Device>(o.loss,
-                                   {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
-                                    static_cast<std::uint64_t>(o.seed), o.core.pixel_center});
     }
 
     void load(const State& from, const TrainOptions& o) {
