@@ -257,6 +257,7 @@ int train_and_save(const Scene& scene,
                 Gaussians<Device> trained =
                     train<Device>(scene, training, callbacks, after_step, state);
                 if (!fit_now) return trained;
+                callbacks.goes_on = true;
                 budget.fit(step_now, progress.seconds() - before, training);
                 copy_schedule(training, options.train);
                 progress.set_iterations(iterations);

@@ -116,10 +116,11 @@ double share_with_neighbour(const Scene& scene, const NeighbourOptions& options)
     return 1 - find_neighbours(scene, options).lonely / static_cast<double>(scene.train.size());
 }
 
-Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options) {
+Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options, bool quiet) {
     const bool relative = options.limits == NeighbourLimits::relative;
     const int views = static_cast<int>(scene.train.size());
     const Found found = find_neighbours(scene, options);
+    if (quiet) return found.result;
     const char* unit = relative ? "depths" : "world units";
     if (found.lonely == 0) {
         std::size_t pairs = 0;

@@ -42,8 +42,10 @@ struct Neighbourhood {
 };
 
 /// Neighbours of every training view: within the limits, the nearest `count`; equal distances by
-/// angle. Logs once which views have none, and why.
-Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options);
+/// angle. Logs which views have none, and why, unless `quiet`.
+Neighbourhood select_neighbours(const Scene& scene,
+                                const NeighbourOptions& options,
+                                bool quiet = false);
 
 /// Share of the training views that have one; says nothing.
 double share_with_neighbour(const Scene& scene, const NeighbourOptions& options);

@@ -105,6 +105,7 @@ struct TrainCallbacks {
     std::function<bool()> stop_requested;  // polled every step; true ends the training early
     std::function<void(int done)> on_end;  // after how many iterations
     bool profile = false;
+    bool goes_on = false;  // this call has trained already: what was said then is not said again
 
     /// Whether the state after `done` iterations is to be saved, and where it goes. It also goes
     /// there when the training is stopped or gives up. The last iteration of a run differs from the

@@ -28,11 +28,12 @@ Wanted wanted(const std::vector<std::unique_ptr<Loss<Device>>>& losses, int step
 /// Null when no term compares views: then nothing is chosen, allocated or said.
 template <class Device>
 std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
-                                                           const TrainOptions& options) {
+                                                           const TrainOptions& options,
+                                                           bool quiet = false) {
     if (!(options.loss.multi_view_geometry.weight > 0) && !(options.loss.multi_view_ncc.weight > 0))
         return nullptr;
     return std::make_unique<NeighbourView<Device>>(
-        select_neighbours(scene, options.loss.multi_view),
+        select_neighbours(scene, options.loss.multi_view, quiet),
         make_backbone<Device>(options.backbone, options.core),
         static_cast<std::uint64_t>(options.seed));
 }
@@ -73,7 +74,7 @@ Gaussians<Device> train(const Scene& scene,
                         const AfterStep<Device>& after_step,
                         const SharedState& start) {
     auto backbone = make_backbone<Device>(options.backbone, options.core);
-    auto neighbours = make_neighbour_view<Device>(scene, options);
+    auto neighbours = make_neighbour_view<Device>(scene, options, callbacks.goes_on);
     Training<Device> t(scene, options, callbacks, start);
     Objective<Device> objective;
     objective.values.resize(t->losses.size());
