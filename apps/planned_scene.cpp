@@ -1,5 +1,7 @@
 #include "planned_scene.h"
 
+#include <cmath>
+
 #include "built_in_configs.h"
 #include "initial_points.h"
 
@@ -24,8 +26,8 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
         plan.apply({"voting losses",
                     "off",
                     "as voting is",
-                    0,
-                    0,
+                    NAN,
+                    NAN,
                     {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
     check_consistency(options.train);
     return dense;

@@ -39,8 +39,7 @@ double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
 /// Angle and distance of the other views, the nearest first.
 std::vector<Candidate> sorted_others(const Scene& scene, int i, double unit) {
     const auto axis = [&](int j) {
-        const Mat3f& R = scene.train[static_cast<std::size_t>(j)].camera.camera_from_world.R;
-        return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
+        return optical_axis(scene.train[static_cast<std::size_t>(j)].camera);
     };
     const auto centre = [&](int j) {
         return vec_cast<double>(camera_centre(scene.train[static_cast<std::size_t>(j)].camera));
@@ -111,6 +110,11 @@ Found find_neighbours(const Scene& scene, const NeighbourOptions& options) {
 }
 
 }  // namespace
+
+Vec3d optical_axis(const Camera& camera) {
+    const Mat3f& R = camera.camera_from_world.R;
+    return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
+}
 
 double share_with_neighbour(const Scene& scene, const NeighbourOptions& options) {
     return 1 - find_neighbours(scene, options).lonely / static_cast<double>(scene.train.size());

@@ -47,6 +47,9 @@ Neighbourhood select_neighbours(const Scene& scene,
                                 const NeighbourOptions& options,
                                 bool quiet = false);
 
+/// Where a camera looks, unit, in the world.
+Vec3d optical_axis(const Camera& camera);
+
 /// Share of the training views that have one; says nothing.
 double share_with_neighbour(const Scene& scene, const NeighbourOptions& options);
 

@@ -9,6 +9,7 @@
 #include <optional>
 
 #include "core/error.h"
+#include "optim/neighbours.h"
 #include "optim/schedule.h"
 
 namespace tvsgs {
@@ -73,14 +74,13 @@ std::optional<double> log_gain(const Patch& a, const Patch& b) {
 std::vector<int> nearest_views(const Scene& scene) {
     const int views = static_cast<int>(scene.train.size());
     const auto axis = [&](int v) {
-        const Mat3f& R = scene.train[static_cast<std::size_t>(v)].camera.camera_from_world.R;
-        return Vec3f{R[2][0], R[2][1], R[2][2]};
+        return optical_axis(scene.train[static_cast<std::size_t>(v)].camera);
     };
     std::vector<int> nearest(scene.train.size(), -1);
     for (int v = 0; v < views; ++v) {
-        float best = 0.866f;  // 30 degrees
+        double best = 0.866;  // 30 degrees
         for (int other = 0; other < views; ++other)
-            if (const float cosine = dot(axis(v), axis(other)); other != v && cosine > best)
+            if (const double cosine = dot(axis(v), axis(other)); other != v && cosine > best)
                 best = cosine, nearest[static_cast<std::size_t>(v)] = other;
     }
     return nearest;
