@@ -65,5 +65,9 @@ function(tvsgs_test name)
         TVSGS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
         TVSGS_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
     add_test(NAME ${name} COMMAND ${name})
-    set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT 300)
+    set(seconds 300)
+    if(TVSGS_SANITIZE)
+        set(seconds 3600)  # they slow a program down by ten
+    endif()
+    set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${seconds})
 endfunction()

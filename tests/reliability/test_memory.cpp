@@ -9,6 +9,11 @@
 namespace tvsgs {
 namespace {
 
+#if defined(__has_feature)
+#if __has_feature(address_sanitizer)
+#define __SANITIZE_ADDRESS__  // as GCC does
+#endif
+#endif
 #ifdef __SANITIZE_ADDRESS__
 constexpr bool kOwnAllocator = true;  // takes terabytes of addresses, and more memory for each byte
 #else
