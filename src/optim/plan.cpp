@@ -125,18 +125,20 @@ SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
     NeighbourOptions relative = limits;
     relative.limits = NeighbourLimits::relative;  // these hold in any unit
     look.views_with_neighbour = share_with_neighbour(scene, relative);
+    relative.max_angle_deg = std::max(relative.max_angle_deg, kWideAngleDeg);
+    look.views_with_wide_neighbour = share_with_neighbour(scene, relative);
     return look;
 }
 
 namespace {
 
 // Thresholds; docs/plan.md has the runs behind them, and says which have none.
-constexpr int kDenseViews = 25;
+constexpr int kDenseViews = 40;
 constexpr double kCoveringCloud = 0.25;  // points per pixel
 constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
-constexpr int kIterations = 5000, kVoteEvery = 50;
+constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500;
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
@@ -229,7 +231,8 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         plan.push_back({"iterations", std::to_string(in.configured), "of the dense settings", kNone,
                         kNone, iterations_are(in.configured)});
     else {
-        const int iterations = covered ? std::min(kIterations, in.configured) : in.configured;
+        const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
+                  iterations = covered ? std::min(enough, in.configured) : in.configured;
         by_cloud("iterations", std::to_string(iterations), iterations_are(iterations));
     }
     if (!in.dense)
@@ -237,11 +240,14 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                  {{"densify.enabled", covered ? "false" : "true"}});
     if (covered) {
         by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
-        by_cloud("votes", str("every ", kVoteEvery),
-                 {{"tv.vote_every", std::to_string(kVoteEvery)}});
+        by_cloud("votes", str("every ", kVoteEvery, ", neighbours every ", kRefreshEvery),
+                 {{"tv.vote_every", std::to_string(kVoteEvery)},
+                  {"tv.refresh_every", std::to_string(kRefreshEvery)}});
     }
     if (in.dense || covered) {
-        const bool on = look.views_with_neighbour >= kPaired;
+        const bool near = look.views_with_neighbour >= kPaired,
+                   on = near || look.views_with_wide_neighbour >= kPaired;
+        const double share = near ? look.views_with_neighbour : look.views_with_wide_neighbour;
         const auto weight = [&](const ScheduledOptions& term) {
             return on ? number(static_cast<double>(term.weight)) : "0";
         };
@@ -249,13 +255,20 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
             {"loss.multi_view_geometry.weight", weight(in.multi_view.multi_view_geometry)},
             {"loss.multi_view_ncc.weight", weight(in.multi_view.multi_view_ncc)},
             {"loss.multi_view.limits", "relative"}};
+        if (on && !near)
+            settings.emplace_back("loss.multi_view.max_angle_deg",
+                                  number(static_cast<double>(kWideAngleDeg)));
         if (on && covered)
             settings.insert(settings.end(), {{"loss.multi_view_geometry.start", "1"},
                                              {"loss.multi_view_ncc.start", "1"}});
         plan.push_back(
-            {"multi-view", on ? "on" : "off",
-             str("views with a neighbour: ", compared(look.views_with_neighbour, kPaired)),
-             look.views_with_neighbour, kPaired, settings});
+            {"multi-view",
+             !on    ? "off"
+             : near ? "on"
+                    : "on, wide",
+             str(near ? "views with a neighbour: " : "views with one up to ",
+                 near ? "" : str(kWideAngleDeg, " degrees away: "), compared(share, kPaired)),
+             share, kPaired, settings});
     }
     const bool drifts = look.exposure_drift >= kDrift;
     plan.push_back({"exposure",

@@ -10,13 +10,17 @@
 
 namespace tvsgs {
 
+/// Between the optical axes of two views; the widest that is known to do good.
+inline constexpr float kWideAngleDeg = 37;
+
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
     int train_views = 0, test_views = 0;
-    std::size_t points = 0;           // of the initial cloud
-    double pixels = 0;                // of a view, median
-    double points_per_pixel = 0;      // initial points in a view over its pixels, median
-    double views_with_neighbour = 0;  // share within loss.multi_view's relative limits
+    std::size_t points = 0;                // of the initial cloud
+    double pixels = 0;                     // of a view, median
+    double points_per_pixel = 0;           // initial points in a view over its pixels, median
+    double views_with_neighbour = 0;       // share within loss.multi_view's relative limits
+    double views_with_wide_neighbour = 0;  // the same up to kWideAngleDeg
     double exposure_drift =
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown

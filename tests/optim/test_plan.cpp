@@ -108,8 +108,8 @@ TEST(PlanLook, WithoutPointsNothingIsMadeUp) {
 }
 
 TEST(Plan, SettingsByTheNumberOfViews) {
-    EXPECT_EQ(plan_settings(24).choice, "sparse");
-    EXPECT_EQ(plan_settings(25).choice, "dense");
+    EXPECT_EQ(plan_settings(39).choice, "sparse");
+    EXPECT_EQ(plan_settings(40).choice, "dense");
 }
 
 TEST(Plan, CloudAndDensificationByItsDensity) {
@@ -127,13 +127,14 @@ TEST(Plan, CloudAndDensificationByItsDensity) {
             sets(settings(plan, "densify"), "densify.enabled", covering ? "false" : "true"));
         EXPECT_EQ(choice(plan, "iterations"), covering ? "5000" : "15000");
         EXPECT_EQ(choice(plan, "multi-view"), covering ? "on" : "no such decision");
-        EXPECT_EQ(choice(plan, "votes"), covering ? "every 50" : "no such decision");
+        EXPECT_EQ(choice(plan, "votes"),
+                  covering ? "every 50, neighbours every 500" : "no such decision");
     }
 }
 
 TEST(Plan, DenseSettingsKeepTheirGrowth) {
     const SceneLook near = look_of(patch_scene(25, 2, 1600)),
-                    far = look_of(patch_scene(3, 31, 1600));
+                    far = look_of(patch_scene(3, 38, 1600));
     const auto plan = plan_of(near, true);
     EXPECT_EQ(choice(plan, "iterations"), "15000");
     EXPECT_EQ(choice(plan, "densify"), "no such decision");
@@ -150,11 +151,22 @@ TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
     EXPECT_TRUE(sets(settings(plan, "iterations"), "loss.tv_normal.start", "60"));
 }
 
+TEST(Plan, IterationsByTheNumberOfViews) {
+    for (const auto& [views, iterations] : {std::pair(20, "5000"), std::pair(21, "5250")})
+        EXPECT_EQ(choice(plan_of(look_of(patch_scene(views, 2, 2400))), "iterations"), iterations);
+    SceneLook many = look_of(patch_scene(3, 2, 2400));
+    many.train_views = 61;
+    EXPECT_EQ(choice(plan_of(many), "iterations"), "15000") << "no more than the settings have";
+}
+
 TEST(Plan, MultiViewByNeighbours) {
-    // The limit is 30 degrees between optical axes.
-    for (const double step_deg : {29.0, 31.0}) {
+    // Between optical axes: 30 degrees, or 37 where that leaves too few.
+    for (const auto& [step_deg, choice_there] :
+         {std::pair(29.0, "on"), {31.0, "on, wide"}, {36.0, "on, wide"}, {38.0, "off"}}) {
         const auto plan = plan_of(look_of(patch_scene(3, step_deg, 2400)));
-        EXPECT_EQ(choice(plan, "multi-view"), step_deg < 30 ? "on" : "off");
+        EXPECT_EQ(choice(plan, "multi-view"), choice_there);
+        EXPECT_EQ(sets(settings(plan, "multi-view"), "loss.multi_view.max_angle_deg", "37"),
+                  choice_there == std::string("on, wide"));
     }
 }
 

@@ -22,7 +22,7 @@ protected:
 TEST_F(PlanCommand, PrintsAndStops) {
     const Result plan = call("train", "--scene scene --device cpu --plan --quiet");
     ASSERT_EQ(plan.code, 0) << plan;
-    for (const char* part : {"views", "settings       sparse", "training views: 8 < 25",
+    for (const char* part : {"views", "settings       sparse", "training views: 8 < 40",
                              "densify        off", "(densify.enabled)", "exposure"})
         EXPECT_NE(plan.out.find(part), std::string::npos) << part << "\n" << plan.out;
     EXPECT_FALSE(fs::exists(folder_ / "runs")) << "nothing is written";
@@ -109,8 +109,8 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "off");
     EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "on");
     EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "off");
-    EXPECT_EQ(decided("--views 28 --arc 200 --width 48", "settings"), "sparse") << "24 train";
-    EXPECT_EQ(decided("--views 29 --arc 200 --width 48", "settings"), "dense") << "25 train";
+    EXPECT_EQ(decided("--views 45 --arc 200 --width 48", "settings"), "sparse") << "39 train";
+    EXPECT_EQ(decided("--views 46 --arc 200 --width 48", "settings"), "dense") << "40 train";
 }
 
 TEST_F(PlanCommand, ATimeBudgetFitsTheSchedule) {
