@@ -234,15 +234,19 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
                   iterations = covered ? std::min(enough, in.configured) : in.configured;
         by_cloud("iterations", std::to_string(iterations), iterations_are(iterations));
+        if (covered)
+            plan.back().reason +=
+                str("; ", kIterationsPerView, " per view, ", kIterations, " at least");
     }
     if (!in.dense)
         by_cloud("densify", covered ? "off" : "on",
                  {{"densify.enabled", covered ? "false" : "true"}});
     if (covered) {
         by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
-        by_cloud("votes", str("every ", kVoteEvery, ", neighbours every ", kRefreshEvery),
-                 {{"tv.vote_every", std::to_string(kVoteEvery)},
-                  {"tv.refresh_every", std::to_string(kRefreshEvery)}});
+        by_cloud("votes", str("every ", kVoteEvery),
+                 {{"tv.vote_every", std::to_string(kVoteEvery)}});
+        by_cloud("neighbours", str("every ", kRefreshEvery),
+                 {{"tv.refresh_every", std::to_string(kRefreshEvery)}});
     }
     if (in.dense || covered) {
         const bool near = look.views_with_neighbour >= kPaired,
