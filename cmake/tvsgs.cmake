@@ -67,7 +67,7 @@ function(tvsgs_test name)
     add_test(NAME ${name} COMMAND ${name})
     set(seconds 300)
     if(TVSGS_SANITIZE)
-        set(seconds 3600)  # they slow a program down by ten
+        set(seconds 3600)  # tests that make scenes take most of it
     endif()
     set_tests_properties(${name} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${seconds})
 endfunction()

@@ -259,20 +259,18 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
             {"loss.multi_view_geometry.weight", weight(in.multi_view.multi_view_geometry)},
             {"loss.multi_view_ncc.weight", weight(in.multi_view.multi_view_ncc)},
             {"loss.multi_view.limits", "relative"}};
-        if (on && !near)
-            settings.emplace_back("loss.multi_view.max_angle_deg",
-                                  number(static_cast<double>(kWideAngleDeg)));
+        if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
         if (on && covered)
             settings.insert(settings.end(), {{"loss.multi_view_geometry.start", "1"},
                                              {"loss.multi_view_ncc.start", "1"}});
-        plan.push_back(
-            {"multi-view",
-             !on    ? "off"
-             : near ? "on"
-                    : "on, wide",
-             str(near ? "views with a neighbour: " : "views with one up to ",
-                 near ? "" : str(kWideAngleDeg, " degrees away: "), compared(share, kPaired)),
-             share, kPaired, settings});
+        const float widest = std::max(in.options.loss.multi_view.max_angle_deg, kWideAngleDeg);
+        const std::string of = near ? str("views with a neighbour: ")
+                                    : str("views with one up to ", widest, " degrees away: ");
+        plan.push_back({"multi-view",
+                        !on    ? "off"
+                        : near ? "on"
+                               : "wide",
+                        of + compared(share, kPaired), share, kPaired, settings});
     }
     const bool drifts = look.exposure_drift >= kDrift;
     plan.push_back({"exposure",

@@ -23,7 +23,6 @@ enum class Counts {
 template <class Options, class Visit>
 void visit_schedule(Options& o, const Visit& visit) {
     visit("iterations", o.iterations, Counts::at);
-    visit("coarse_until", o.coarse_until, Counts::at);
     visit("model.sh_every", o.model.sh_every, Counts::between);
     visit("lr.position_max_steps", o.lr.position_max_steps, Counts::at);
     visit("loss.photometric.exposure_start", o.loss.photometric.exposure_start, Counts::at);

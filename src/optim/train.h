@@ -49,7 +49,7 @@ struct OptimOptions {
 };
 
 struct TrainOptions {
-    int iterations = 30000, coarse_until = 0;
+    int iterations = 30000;
     std::int64_t seed = 0, photo_bytes = 0;
     std::string backbone = "3dgs";
     ModelOptions model;
@@ -64,8 +64,6 @@ struct TrainOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("iterations", iterations, {0, 1e9}, "training iterations");
-        field("coarse_until", coarse_until, {0, 1e9},
-              "iterations at the start with photographs of half the width and height; 0: none");
         field("seed", seed, {0, 9e15}, "of all random numbers");
         field("photo_bytes", photo_bytes, {0, 9e15},
               "photographs to hold on the device, bytes; where there are more, they come from the "

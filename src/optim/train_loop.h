@@ -3,7 +3,7 @@
 
 #include "core/rng.h"
 #include "core/stage_clock.h"
-#include "optim/coarse_views.h"
+#include "optim/device_views.h"
 #include "optim/fixed_voters.h"
 #include "optim/train.h"
 #include "optim/train_state.h"
@@ -80,7 +80,7 @@ Gaussians<Device> train(const Scene& scene,
     objective.values.resize(t->losses.size());
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
-    TrainingViews<Device> training_views(scene, options);
+    DeviceViews<Device> views(scene.train, options.loss, options.photo_bytes);
     StageClock<Device> clock(callbacks.profile);
 
     const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& {
@@ -95,7 +95,6 @@ Gaussians<Device> train(const Scene& scene,
         }
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
         const int sh_degree = sh_degree_at(options.model, step);
-        DeviceViews<Device>& views = training_views.at(step);
         const DeviceView<Device>& view = views.get(t->sampler.next());
         const Wanted want = wanted(t->losses, step);
         if (!views.all_resident()) {  // before the device has work, beside which they then come

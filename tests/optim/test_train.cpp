@@ -3,7 +3,6 @@
 
 #include <cstring>
 
-#include "optim/coarse_views.h"
 #include "training_scene.h"
 
 namespace tvsgs {
@@ -102,36 +101,6 @@ TEST(Train, TheSameBitsWithAnyNumberOfThreads) {
     EXPECT_EQ(a.reports.back().loss, b.reports.back().loss);
     options.seed = 1;
     EXPECT_FALSE(same_bits(a.gaussians, run<Cpu>(scene, options).gaussians));
-}
-
-TEST(Train, BeginsWithHalvedPhotographs) {
-    const Scene scene = rendered_scene();
-    Scene half = scene;
-    for (View& view : half.train) view = halved(view);
-    TrainOptions all = everything_on(40), none = all;
-    all.coarse_until = 40, none.coarse_until = 0;
-    EXPECT_TRUE(same_bits(run<Cpu>(scene, all).gaussians, run<Cpu>(half, none).gaussians));
-    TrainOptions begin = all;
-    begin.coarse_until = 20;
-    const Training coarse = run<Cpu>(half, none), changing = run<Cpu>(scene, begin);
-    EXPECT_EQ(changing.reports[19].loss, coarse.reports[19].loss);
-    EXPECT_NE(changing.reports[20].loss, coarse.reports[20].loss);
-}
-
-TEST(Train, HalvedViewsLookTheSameWay) {
-    View view;
-    view.camera = test::test_camera(7, 5, 0.3f);
-    view.photo = ImageU8(7, 5, 3, 10);
-    view.photo.at(5, 3, 1) = 13;
-    const View half = halved(view);
-    ASSERT_EQ(half.photo.width, 3);
-    ASSERT_EQ(half.photo.height, 2);
-    EXPECT_EQ(half.photo.at(2, 1, 1), 11) << "(10 + 10 + 10 + 13) / 4, rounded";
-    EXPECT_EQ(half.photo.at(2, 1, 0), 10);
-    const Vec3f ray = pixel_ray(half.camera, 2, 1),
-                right = pixel_ray(view.camera, 4, 2) + pixel_ray(view.camera, 5, 3);
-    EXPECT_NEAR(ray.x, right.x / 2, 1e-6) << "the corner of its four pixels; float has 7 digits";
-    EXPECT_NEAR(ray.y, right.y / 2, 1e-6);
 }
 
 TEST(Train, NoIterationsGiveTheInitialGaussians) {

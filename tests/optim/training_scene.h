@@ -33,7 +33,6 @@ inline Scene rendered_scene() {
 inline TrainOptions everything_on(int iterations) {
     TrainOptions o;
     o.iterations = iterations;
-    o.coarse_until = 6;
     o.backbone = "pgsr";
     o.loss.flatten.weight = 1;
     o.loss.normal = {0.015f, 5};

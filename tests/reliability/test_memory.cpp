@@ -9,12 +9,10 @@
 namespace tvsgs {
 namespace {
 
-#if defined(__has_feature)
-#if __has_feature(address_sanitizer)
-#define __SANITIZE_ADDRESS__  // as GCC does
+#ifndef __has_feature  // clang's way to say it
+#define __has_feature(x) 0
 #endif
-#endif
-#ifdef __SANITIZE_ADDRESS__
+#if defined(__SANITIZE_ADDRESS__) || __has_feature(address_sanitizer)
 constexpr bool kOwnAllocator = true;  // takes terabytes of addresses, and more memory for each byte
 #else
 constexpr bool kOwnAllocator = false;
