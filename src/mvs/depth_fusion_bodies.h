@@ -8,8 +8,31 @@ namespace tvsgs {
 /// When another view's surface is the same one.
 struct Agreement {
     float reprojection_px, relative_depth, normal_cosine;
-    int sources;  // that must agree
+    int sources;  // that must agree; 0: one where few can see the point, else two
 };
+
+/// How many sources must agree. Those can see a point that have it in their photograph, look at its
+/// front and see nothing nearer in its direction. More than a few of them could contradict a match
+/// by chance; where views stand far apart there may be only one to confirm it.
+TVSGS_HD inline int agreement_needed(const Agreement& limits,
+                                     const StereoPass& pass,
+                                     Vec3f point,
+                                     Vec3f normal,
+                                     Span<const float> depths) {
+    constexpr int kFew = 4;
+    constexpr float kNearer = 0.95f;
+    if (limits.sources > 0) return limits.sources;
+    int can_see = 0;
+    for (const SourceView& source : pass.sources) {
+        const Vec3f there = source.source_from_reference * point;
+        const Vec2<int> q = source_pixel(source, there);
+        if (q.x < 0 || !(dot(source.source_from_reference.R * normal, there) < 0)) continue;
+        const float depth = depths[static_cast<std::size_t>(source.first_pixel +
+                                                            q.y * source.camera.width_px + q.x)];
+        can_see += !(depth > 0 && depth < kNearer * there.z);
+    }
+    return can_see > kFew ? 2 : 1;
+}
 
 /// The source's pixel that shows the same surface, or -1. `normals` as `depths` are of all views.
 TVSGS_HD inline Crosscheck agreeing_pixel(const SourceView& source,
@@ -75,7 +98,7 @@ struct FilterBody {
             cost_sum += cost;
             wide |= triangulation_cosine(source, point) < max_angle_cosine;
         }
-        if (agreeing < limits.sources || !wide) return;
+        if (!wide || agreeing < agreement_needed(limits, pass, point, plane.normal, depths)) return;
         const float cost = cost_sum / static_cast<float>(agreeing);
         const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(likeness > 0)) return;
@@ -184,12 +207,13 @@ struct ConfirmBody {
         if (!(depth > 0)) return;
         const Vec3f point =
             depth * pixel_ray(pass.camera, i % pass.camera.width_px, i / pass.camera.width_px);
+        const Vec3f normal = pass.planes[at].normal;
         int agreeing = 0;
-        for (int j = 0; j < pass.source_count(); ++j)
-            agreeing += agreeing_pixel(pass.sources[static_cast<std::size_t>(j)], pass.camera,
-                                       point, pass.planes[at].normal, depths, planes, limits)
-                            .pixel >= 0;
-        confirmed[at] = agreeing >= limits.sources;
+        for (const SourceView& source : pass.sources)
+            agreeing +=
+                agreeing_pixel(source, pass.camera, point, normal, depths, planes, limits).pixel >=
+                0;
+        confirmed[at] = agreeing >= agreement_needed(limits, pass, point, normal, depths);
     }
 };
 

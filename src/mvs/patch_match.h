@@ -31,7 +31,7 @@ struct StereoOptions {
         field("planar_prior", planar_prior,
               "planes between sure pixels guide the others, where there is little texture");
         field("min_consistent", min_consistent, {0, 8},
-              "other views that must confirm a depth; 0: 1 up to 5 views, else 2");
+              "other views that must confirm a depth; 0: 1 where up to 4 can see it, else 2");
         field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");
         field("min_variance", min_variance, {0, 1},
               "of grey values in [0, 1]: less is no texture and gives no depth");

@@ -235,13 +235,10 @@ private:
         take_depths();
         const std::size_t pixels = planes_.size();
         const float degree = 3.14159265f / 180;
-        const int wanted = options_.min_consistent > 0 ? options_.min_consistent
-                           : few_views()               ? 1
-                                                       : 2;
         // Few views stand far apart: their depths of slanted surfaces differ by more pixels.
         const Agreement filter{few_views() ? 2.0f : 1.5f, 0.01f,
-                               std::cos((few_views() ? 30 : 15) * degree), wanted};
-        const Agreement fusion{2.0f, 0.01f, std::cos((few_views() ? 30 : 15) * degree), wanted};
+                               std::cos((few_views() ? 30 : 15) * degree), options_.min_consistent};
+        const Agreement fusion{2.0f, 0.01f, filter.normal_cosine, options_.min_consistent};
 
         // 1. Believed depths; small pieces go.
         Buffer<float, Device> kept(pixels), confidences(pixels);

@@ -129,6 +129,40 @@ TEST(Crosscheck, AgreesWithTheSurface) {
     EXPECT_GT(checked, 20);
 }
 
+TEST(AgreementNeeded, TwoWhereMoreThanFourCanSee) {
+    const Camera reference = test::arc_camera(120, 90, 0);
+    const test::Surface seen = test::trace(reference, 60.5, 45.5);
+    const Vec3f point = float(seen.depth) * pixel_ray(reference, 60, 45);
+    const Vec3f normal = reference.camera_from_world.R * vec_cast<float>(seen.normal);
+    std::vector<SourceView> sources;
+    std::vector<float> depths(120 * 90, float(seen.depth));
+    const auto add = [&](const Camera& camera, float depth) {
+        sources.push_back(make_source(reference, camera, 1, int(depths.size())));
+        depths.insert(depths.end(), 120 * 90, depth);
+    };
+    const auto needed = [&](int fixed) {
+        StereoPass pass;
+        pass.sources = {sources.data(), sources.size()};
+        return agreement_needed({2, 0.01f, 0.9f, fixed}, pass, point, normal,
+                                {depths.data(), depths.size()});
+    };
+    for (const float angle : {-0.2f, -0.1f, 0.1f, 0.2f})
+        add(test::arc_camera(120, 90, angle), angle < 0 ? 0 : float(seen.depth));
+    EXPECT_EQ(needed(0), 1);
+    EXPECT_EQ(needed(3), 3);
+    add(test::arc_camera(120, 90, 3), 0);
+    EXPECT_EQ(needed(0), 1) << "from behind, nothing is seen of it";
+    Camera away = test::arc_camera(120, 90, 0.1);
+    away.cx_px += 500;
+    add(away, 0);
+    EXPECT_EQ(needed(0), 1) << "outside of the photograph";
+    add(test::arc_camera(120, 90, 0.15), 0.8f * float(seen.depth));
+    EXPECT_EQ(needed(0), 1) << "hidden behind something nearer";
+    add(test::arc_camera(120, 90, 0.15), 1.2f * float(seen.depth));
+    EXPECT_EQ(needed(0), 2) << "it sees through the point";
+    EXPECT_EQ(needed(1), 1);
+}
+
 TEST(Checkerboard, VisitsEveryPixelOnce) {
     for (const auto& [width, height] : {std::pair{1, 1}, {33, 17}, {64, 32}, {31, 50}}) {
         std::vector<int> visits(std::size_t(width * height), 0);

@@ -100,6 +100,18 @@ TEST(Stereo, ManyViewsConfirmTwice) {
     EXPECT_GT(q.near, 0.95 * q.found);
 }
 
+TEST(Stereo, OneConfirmsWhereFewLook) {
+    const std::vector<View> views = test::arc_views(6, textured, 96, 72, 0.15);
+    StereoOptions twice = options();
+    twice.min_consistent = 2;
+    const auto outer = [&](const StereoOptions& o) {
+        return judge(views[0], run<Cpu>(views, o).maps[0]);
+    };
+    const Quality one = outer(options()), two = outer(twice);
+    EXPECT_GT(one.found, 1.1 * two.found);
+    EXPECT_GT(double(one.near) / one.found, double(two.near) / two.found - 0.03);
+}
+
 TEST(Stereo, PlainSurfacesGetNoPoints) {
     const std::vector<View> views = test::arc_views(
         3, [](const test::Surface& s) { return s.is_ball ? 0.6 : test::texture(s.point); });
