@@ -24,6 +24,11 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
                                  const std::vector<Vec3f>& points,
                                  const StereoOptions& options,
                                  std::size_t max_points) {
+    if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
+        throw Error(ExitCode::usage,
+                    str("stereo.min_consistent = ", options.min_consistent, ": of ", views.size(),
+                        " views a depth has ", views.size() - 1,
+                        " others to confirm it; give that at most, or 0"));
     const auto start = std::chrono::steady_clock::now();
     const auto seconds = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();

@@ -93,6 +93,8 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--scene scene --out scene", 2, "is a folder");
     expect_refused("init", "--scene scene --out x.ply --spilt train_3", 2, "did you mean --split");
     expect_refused("init", "--scene scene --out x.ply --set stereo.iteratons=2", 2, "iterations");
+    expect_refused("init", "--scene scene --views 0,1,2 --out x.ply --set stereo.min_consistent=3",
+                   2, "of 3 views a depth has 2 others");
     expect_refused("init", "--scene scene --out x.ply --device gpu", 2, "expected auto, cpu");
     expect_refused("init", "--scene nowhere --out x.ply", 3, "nowhere");
     expect_refused("init", "--scene scene --views 0 --out x.ply --device cpu", 3,
