@@ -100,7 +100,7 @@ TEST(Stereo, ManyViewsConfirmTwice) {
     EXPECT_GT(q.near, 0.95 * q.found);
 }
 
-TEST(Stereo, OneConfirmsWhereFewLook) {
+TEST(Stereo, OneConfirmsWhereFewCanSee) {
     const std::vector<View> views = test::arc_views(6, textured, 96, 72, 0.15);
     StereoOptions twice = options();
     twice.min_consistent = 2;
@@ -109,7 +109,8 @@ TEST(Stereo, OneConfirmsWhereFewLook) {
     };
     const Quality one = outer(options()), two = outer(twice);
     EXPECT_GT(one.found, 1.1 * two.found);
-    EXPECT_GT(double(one.near) / one.found, double(two.near) / two.found - 0.03);
+    // One witness less is not free, but costs less than a hundredth: 0.963 against 0.967.
+    EXPECT_GT(double(one.near) / one.found, double(two.near) / two.found - 0.01);
 }
 
 TEST(Stereo, PlainSurfacesGetNoPoints) {

@@ -108,8 +108,10 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     EXPECT_EQ(decided("--views 6 --arc 60 --points 400", "densify"), "on");
     EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "off");
     EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "on");
-    EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "wide") << "33";
-    EXPECT_EQ(decided("--views 6 --arc 240 --elevation-span 0", "multi-view"), "off") << "40";
+    EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "wide")
+        << "33 degrees";
+    EXPECT_EQ(decided("--views 6 --arc 240 --elevation-span 0", "multi-view"), "off")
+        << "40 degrees";
     EXPECT_EQ(decided("--views 45 --arc 200 --width 48", "settings"), "sparse") << "39 train";
     EXPECT_EQ(decided("--views 46 --arc 200 --width 48", "settings"), "dense") << "40 train";
 }
