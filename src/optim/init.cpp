@@ -1,5 +1,7 @@
 #include "optim/init.h"
 
+#include <limits>
+
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parallel.h"
@@ -13,6 +15,23 @@ namespace {
 Quatf rotation_to(Vec3f n) {
     if (!(n.z > -0.9999f)) return {0, 1, 0, 0};  // half a turn about x
     return normalize(Quatf{1 + n.z, -n.y, n.x, 0});
+}
+
+/// The largest standard deviation, world units, that is at most `share` of the larger side of every
+/// photograph in which the point lies or could be seen to: up to half a photograph beside it.
+float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
+    float largest = std::numeric_limits<float>::infinity();
+    for (const View& view : views) {
+        const Camera& c = view.camera;
+        const Vec3f p = c.camera_from_world * point;
+        const float width = static_cast<float>(c.width_px),
+                    height = static_cast<float>(c.height_px);
+        const float x = c.fx_px * p.x + p.z * (c.cx_px - 0.5f * width),
+                    y = c.fy_px * p.y + p.z * (c.cy_px - 0.5f * height);
+        if (std::abs(x) < p.z * width && std::abs(y) < p.z * height)
+            largest = std::min(largest, share * std::max(width, height) * p.z / c.fx_px);
+    }
+    return largest;
 }
 
 }  // namespace
@@ -88,7 +107,10 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     const float logit = std::log(options.opacity / (1 - options.opacity));
     for (std::size_t i = 0; i < positions.size(); ++i) {
         g.means[i] = positions[i];
-        const float log_scale = 0.5f * std::log(std::max(squared[i], 1e-7f * unit * unit));
+        float scale = std::sqrt(squared[i]);
+        if (options.max_extent > 0)
+            scale = std::min(scale, largest_scale(scene.train, positions[i], options.max_extent));
+        const float log_scale = std::log(std::max(scale, std::sqrt(1e-7f) * unit));
         g.log_scales[i] = {log_scale, log_scale, log_scale};
         g.quats[i] = {1, 0, 0, 0};
         if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros

@@ -11,7 +11,7 @@ struct InitOptions {
     float opacity = 0.1f;
     int min_points = 2000;
     bool use_normals = true;
-    float thickness = 0.1f;
+    float thickness = 0.1f, max_extent = 0.05f;
     // A cloud from outside:
     float thin = 0;
     int max_points = 1500000, outlier_neighbours = 20;
@@ -26,6 +26,10 @@ struct InitOptions {
               "Gaussians lie flat on the normals of the cloud, where it has any");
         field("thickness", thickness, {1e-3, 1},
               "standard deviation along the normal over that across");
+        field(
+            "max_extent", max_extent, {0, 1e9},
+            "largest standard deviation, as a share of the larger side of a photograph that shows "
+            "it; 0: any");
         field("thin", thin, {0, 1e9},
               "scene.init_ply: one point per cube of that edge, world units; 0: all");
         field("max_points", max_points, {0, 1e9},
@@ -44,6 +48,7 @@ struct InitOptions {
 /// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
 /// three nearest other points, at least 1e-3.5 guard units; identity rotations; base colour from
 /// the point. With normals (and use_normals) the third axis is the normal and `thickness` as long.
+/// No deviation exceeds `max_extent` of a photograph: a lonely point near a camera would veil it.
 /// Points within 1e-2 guard units of a training camera, where directions and projections lose
 /// their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);

@@ -138,7 +138,8 @@ constexpr double kCoveringCloud = 0.25;  // points per pixel
 constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
-constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500;
+constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
+              kPositionWeight = 10, kTransparentShare = 20;
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
@@ -221,19 +222,19 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         plan.push_back(
             {name, choice, cloud, look.points_per_pixel, kCoveringCloud, std::move(settings)});
     };
-    const auto iterations_are = [&](int iterations) {
-        return schedule_settings(in.options, in.configured, iterations);
-    };
+    const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
+              iterations = in.wanted > 0 ? in.wanted
+                           : covered     ? std::min(enough, in.configured)
+                                         : in.configured;
+    const Settings schedule = schedule_settings(in.options, in.configured, iterations);
+    const std::string number_of = std::to_string(iterations);
     if (in.wanted > 0)
-        plan.push_back({"iterations", std::to_string(in.wanted), "as asked; the schedule fits them",
-                        kNone, kNone, iterations_are(in.wanted)});
+        plan.push_back(
+            {"iterations", number_of, "as asked; the schedule fits them", kNone, kNone, schedule});
     else if (in.dense)
-        plan.push_back({"iterations", std::to_string(in.configured), "of the dense settings", kNone,
-                        kNone, iterations_are(in.configured)});
+        plan.push_back({"iterations", number_of, "of the dense settings", kNone, kNone, schedule});
     else {
-        const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
-                  iterations = covered ? std::min(enough, in.configured) : in.configured;
-        by_cloud("iterations", std::to_string(iterations), iterations_are(iterations));
+        by_cloud("iterations", number_of, schedule);
         if (covered)
             plan.back().reason +=
                 str("; ", kIterationsPerView, " per view, ", kIterations, " at least");
@@ -241,10 +242,12 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
     if (!in.dense)
         by_cloud("densify", covered ? "off" : "on",
                  {{"densify.enabled", covered ? "false" : "true"}});
-    if (covered) {
-        by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
+    if (covered) by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
+    if (covered && in.options.tv.enabled) {
         by_cloud("votes", str("every ", kVoteEvery),
                  {{"tv.vote_every", std::to_string(kVoteEvery)}});
+        by_cloud("position loss", str("weight ", kPositionWeight),
+                 {{"loss.tv_position.weight", std::to_string(kPositionWeight)}});
         by_cloud("neighbours", str("every ", kRefreshEvery),
                  {{"tv.refresh_every", std::to_string(kRefreshEvery)}});
     }
@@ -260,9 +263,12 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
             {"loss.multi_view_ncc.weight", weight(in.multi_view.multi_view_ncc)},
             {"loss.multi_view.limits", "relative"}};
         if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
-        if (on && covered)
-            settings.insert(settings.end(), {{"loss.multi_view_geometry.start", "1"},
-                                             {"loss.multi_view_ncc.start", "1"}});
+        if (on && covered) {
+            // Until the splats are opaque, the depths compared are means of near and far ones.
+            const std::string start = std::to_string(std::max(1, iterations / kTransparentShare));
+            settings.insert(settings.end(), {{"loss.multi_view_geometry.start", start},
+                                             {"loss.multi_view_ncc.start", start}});
+        }
         const float widest = std::max(in.options.loss.multi_view.max_angle_deg, kWideAngleDeg);
         const std::string of = near ? str("views with a neighbour: ")
                                     : str("views with one up to ", widest, " degrees away: ");

@@ -273,8 +273,7 @@ void TensorVoter<Device>::event(const Lists& lists,
     records.resize(voters), s.tau.resize(voters);
     s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
     s.means.resize(usable), s.normals.resize(usable), s.sums.resize(usable);
-    s.strengths.resize(usable), s.variability.resize(usable), s.strong_votes.resize(usable);
-    s.left_out.resize(usable);
+    s.strengths.resize(usable), s.strong_votes.resize(usable);
 
     const float per_median =
         options_.scale_rule == ScaleRule::median ? 1.0f : static_cast<float>(1 / std::sqrt(kLn10));
@@ -336,6 +335,7 @@ void TensorVoter<Device>::event(const Lists& lists,
     }
 
     // 3. Masks of the position loss.
+    s.variability.resize(usable), s.left_out.resize(usable);
     for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
                   VariabilityBody<Lists>{near.k, lists, slots, s.normals.span(), field.flags.span(),
                                          s.variability.span(), s.strengths.span()});

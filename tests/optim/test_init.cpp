@@ -57,7 +57,7 @@ TEST(InitGaussians, Values) {
     for (int i = 0; i < 3; ++i) scene.points.positions.push_back({0.25f, 0.5f, 0.75f});
     for (std::size_t i = 0; i < 54; ++i)
         scene.points.colors.push_back({float(i) / 54, 0.5f, 1 - float(i) / 54});
-    const Gaussians<Cpu> g = init_gaussians(scene, {.opacity = 0.1f}, 2);
+    const Gaussians<Cpu> g = init_gaussians(scene, {.opacity = 0.1f, .max_extent = 0}, 2);
     ASSERT_EQ(g.size(), 54);
     EXPECT_EQ(g.sh_degree, 2);
     const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
@@ -73,6 +73,31 @@ TEST(InitGaussians, Values) {
         for (std::size_t k = 1; k < 9; ++k) EXPECT_EQ(g.sh[k * 54 + i].y, 0);
     }
     EXPECT_NEAR(std::exp(2 * g.log_scales[50].x), 1e-7, 1e-11) << "duplicates get the least size";
+}
+
+TEST(InitGaussians, NoneVeilsAPhotograph) {
+    // Lonely points at depths 1 (in the middle, beside the photograph, far beside it) and behind.
+    Scene scene = scene_of({{0, 0, 1}, {0.9f, 0, 1}, {5, 0, 1}, {0, 0, -5}});
+    scene.train.resize(1);
+    Camera& c = scene.train[0].camera;
+    c.camera_from_world = {};
+    c.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
+    c.width_px = 40, c.height_px = 30, c.fx_px = c.fy_px = 40, c.cx_px = 20, c.cy_px = 15;
+    const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
+    const auto scale = [&](const InitOptions& options, int i) {
+        return std::exp(
+            init_gaussians(scene, options, 0).log_scales[static_cast<std::size_t>(i)].x);
+    };
+    for (const float share : {0.05f, 0.5f}) {
+        // A photograph is as wide as the depth here.
+        EXPECT_NEAR(scale({.max_extent = share}, 0), share, 1e-5);
+        EXPECT_NEAR(scale({.max_extent = share}, 1), share, 1e-5) << "reaches into it";
+        for (const int unseen : {2, 3})
+            EXPECT_NEAR(scale({.max_extent = share}, unseen),
+                        std::sqrt(squared[static_cast<std::size_t>(unseen)]), 1e-4);
+    }
+    EXPECT_NEAR(scale({.max_extent = 0}, 0), std::sqrt(squared[0]), 1e-4) << "0: any";
+    EXPECT_NEAR(scale({.max_extent = 100}, 0), std::sqrt(squared[0]), 1e-4);
 }
 
 TEST(InitGaussians, PointsAtACameraAreDropped) {

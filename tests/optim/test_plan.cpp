@@ -129,6 +129,7 @@ TEST(Plan, CloudAndDensificationByItsDensity) {
         EXPECT_EQ(choice(plan, "multi-view"), covering ? "on" : "no such decision");
         EXPECT_EQ(choice(plan, "votes"), covering ? "every 50" : "no such decision");
         EXPECT_EQ(choice(plan, "neighbours"), covering ? "every 500" : "no such decision");
+        EXPECT_EQ(choice(plan, "position loss"), covering ? "weight 10" : "no such decision");
     }
 }
 
@@ -149,6 +150,24 @@ TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
     const auto plan = plan_of(look_of(patch_scene(3, 10, 1)), false, 300);
     EXPECT_EQ(choice(plan, "iterations"), "300");
     EXPECT_TRUE(sets(settings(plan, "iterations"), "loss.tv_normal.start", "60"));
+}
+
+TEST(Plan, NothingIsDecidedForVotingThatIsOff) {
+    PlanInputs in;
+    in.configured = 15000, in.options.tv.enabled = false;
+    const auto plan = plan_training(look_of(patch_scene(3, 10, 2400)), in);
+    for (const char* name : {"votes", "position loss", "neighbours"})
+        EXPECT_EQ(choice(plan, name), "no such decision");
+    EXPECT_EQ(choice(plan, "multi-view"), "on");
+}
+
+TEST(Plan, MultiViewLossesWaitForOpaqueSplats) {
+    for (const auto& [wanted, start] : {std::pair(0, "250"), {300, "15"}, {10, "1"}})
+        for (const char* term : {"geometry", "ncc"})
+            EXPECT_TRUE(sets(
+                settings(plan_of(look_of(patch_scene(3, 10, 2400)), false, wanted), "multi-view"),
+                std::string("loss.multi_view_") + term + ".start", start))
+                << wanted;
 }
 
 TEST(Plan, IterationsByTheNumberOfViews) {

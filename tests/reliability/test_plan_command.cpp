@@ -58,7 +58,12 @@ TEST_F(PlanCommand, VotingThatIsTurnedOffTakesItsLossesAlong) {
     const Result off = call(
         "train", "--scene scene --device cpu --iterations 6 --set tv.enabled=false --out no_votes");
     EXPECT_EQ(off.code, 0) << off;
-    EXPECT_EQ(resolved("no_votes")["loss"]["tv_normal"]["weight"], 0);
+    for (const char* loss : {"tv_normal", "tv_position"})
+        EXPECT_EQ(resolved("no_votes")["loss"][loss]["weight"], 0) << loss;
+    EXPECT_EQ(call("train",
+                   "--scene scene --device cpu --config no_votes/config.json --out no_votes_again")
+                  .code,
+              0);
     const Result torn = call(
         "train",
         "--scene scene --device cpu --plan --set tv.enabled=false --set loss.tv_normal.weight=1");
