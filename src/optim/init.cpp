@@ -18,7 +18,7 @@ Quatf rotation_to(Vec3f n) {
 }
 
 /// The largest standard deviation, world units, that is at most `share` of the larger side of every
-/// photograph in which the point lies or could be seen to: up to half a photograph beside it.
+/// photograph that the point lies in, or less than half a photograph beside.
 float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     float largest = std::numeric_limits<float>::infinity();
     for (const View& view : views) {
@@ -105,7 +105,8 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     resize(g, static_cast<int>(positions.size()), sh_degree);
     fill_zero(g);
     const float logit = std::log(options.opacity / (1 - options.opacity));
-    for (std::size_t i = 0; i < positions.size(); ++i) {
+    parallel_for(Cpu{}, g.size(), [&](int splat) {
+        const std::size_t i = static_cast<std::size_t>(splat);
         g.means[i] = positions[i];
         float scale = std::sqrt(squared[i]);
         if (options.max_extent > 0)
@@ -119,7 +120,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         }
         g.opacity_logits[i] = logit;
         g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / static_cast<float>(kShC0);
-    }
+    });
     return g;
 }
 
