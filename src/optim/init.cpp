@@ -29,7 +29,7 @@ float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
         const float x = c.fx_px * p.x + p.z * (c.cx_px - 0.5f * width),
                     y = c.fy_px * p.y + p.z * (c.cy_px - 0.5f * height);
         if (std::abs(x) < p.z * width && std::abs(y) < p.z * height)
-            largest = std::min(largest, share * std::max(width, height) * p.z / c.fx_px);
+            largest = std::min(largest, share * p.z * std::max(width / c.fx_px, height / c.fy_px));
     }
     return largest;
 }

@@ -76,28 +76,38 @@ TEST(InitGaussians, Values) {
 }
 
 TEST(InitGaussians, NoneVeilsAPhotograph) {
-    // Lonely points at depths 1 (in the middle, beside the photograph, far beside it) and behind.
-    Scene scene = scene_of({{0, 0, 1}, {0.9f, 0, 1}, {5, 0, 1}, {0, 0, -5}});
-    scene.train.resize(1);
-    Camera& c = scene.train[0].camera;
-    c.camera_from_world = {};
-    c.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
-    c.width_px = 40, c.height_px = 30, c.fx_px = c.fy_px = 40, c.cx_px = 20, c.cy_px = 15;
+    // Two cameras at the origin that look the same way, the second with four times the field of
+    // view; an upright photograph (1 wide, 1.5 high at depth 1), its middle at x = 0.25, y = -0.25.
+    Scene scene = scene_of({{0.25f, -0.25f, 1},   // in the middle of both
+                            {1.1f, -0.25f, 1},    // beside the first on the right
+                            {-0.65f, -0.25f, 1},  // on the left
+                            {0.25f, 1.1f, 1},     // below
+                            {1.4f, -0.25f, 1},    // too far beside the first, in the second
+                            {0.25f, 1.4f, 1},
+                            {100, 0, 1},  // in neither
+                            {0, 0, -5}});
+    Camera narrow;
+    narrow.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
+    narrow.width_px = 40, narrow.height_px = 30, narrow.fx_px = 40, narrow.fy_px = 20;
+    narrow.cx_px = 10, narrow.cy_px = 20;
+    Camera wide = narrow;
+    wide.fx_px /= 4, wide.fy_px /= 4;
     const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
-    const auto scale = [&](const InitOptions& options, int i) {
-        return std::exp(
-            init_gaussians(scene, options, 0).log_scales[static_cast<std::size_t>(i)].x);
-    };
-    for (const float share : {0.05f, 0.5f}) {
-        // A photograph is as wide as the depth here.
-        EXPECT_NEAR(scale({.max_extent = share}, 0), share, 1e-5);
-        EXPECT_NEAR(scale({.max_extent = share}, 1), share, 1e-5) << "reaches into it";
-        for (const int unseen : {2, 3})
-            EXPECT_NEAR(scale({.max_extent = share}, unseen),
-                        std::sqrt(squared[static_cast<std::size_t>(unseen)]), 1e-4);
+    for (const bool wide_last : {false, true}) {
+        scene.train[0].camera = wide_last ? narrow : wide;
+        scene.train[1].camera = wide_last ? wide : narrow;
+        for (const float share : {0.f, 0.02f, 0.05f}) {
+            const Gaussians<Cpu> g = init_gaussians(scene, {.max_extent = share}, 0);
+            for (std::size_t i = 0; i < 8; ++i) {
+                const double any = std::sqrt(double(squared[i]));
+                ASSERT_GT(any, 4 * 1.5 * 0.05) << "else the bound is not felt";
+                const double bound = i < 4 ? 1.5 * double(share) : i < 6 ? 6 * double(share) : any;
+                EXPECT_NEAR(std::exp(double(g.log_scales[i].x)), share > 0 ? bound : any,
+                            1e-5 * any)
+                    << i << " " << share;
+            }
+        }
     }
-    EXPECT_NEAR(scale({.max_extent = 0}, 0), std::sqrt(squared[0]), 1e-4) << "0: any";
-    EXPECT_NEAR(scale({.max_extent = 100}, 0), std::sqrt(squared[0]), 1e-4);
 }
 
 TEST(InitGaussians, PointsAtACameraAreDropped) {

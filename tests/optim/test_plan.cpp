@@ -162,7 +162,8 @@ TEST(Plan, NothingIsDecidedForVotingThatIsOff) {
 }
 
 TEST(Plan, MultiViewLossesWaitForOpaqueSplats) {
-    for (const auto& [wanted, start] : {std::pair(0, "250"), {300, "15"}, {10, "1"}})
+    for (const auto& [wanted, start] :
+         {std::pair(0, "250"), {300, "15"}, {10, "1"}, {15000, "250"}})
         for (const char* term : {"geometry", "ncc"})
             EXPECT_TRUE(sets(
                 settings(plan_of(look_of(patch_scene(3, 10, 2400)), false, wanted), "multi-view"),
