@@ -318,7 +318,7 @@ struct FusionDepth : Observed {
     static constexpr RowText text{
         "fusion: signed distance, truncations", "depth / truncation",
         "4 roundings of the largest coordinate / truncation",
-        "the truncation is at least 4 voxels, and a check warns below the depth's pixel size"};
+        "a truncation below half the size of a pixel there is refused"};
     static constexpr double kFrom = 10, kTo = 1e5;
     static void fill(double stress, Case& make) { Observed::make(make, 1000, 4, 4 / stress); }
 };

@@ -11,8 +11,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTruncationVoxels = 5;        // as 2DGS and FatesGS
-constexpr int kMeshResolution = 1024;       // as 2DGS and FatesGS
+constexpr int kMeshResolution = 2048;       // twice that of 2DGS and FatesGS: docs/results.md
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
 
 void parse_box(const std::string& text, Vec3d origin, DepthRules& rules) {
@@ -35,8 +34,8 @@ void parse_box(const std::string& text, Vec3d origin, DepthRules& rules) {
     rules.box_max = vec_cast<float>(Vec3d{numbers[3], numbers[4], numbers[5]} - origin);
 }
 
-/// Voxels along the depth limit: as many as the official codes take, but none smaller than a pixel
-/// at half that depth, where the object is: such voxels average nothing and hold only noise.
+/// Voxels along the depth limit, but none smaller than a pixel at half that depth, where the object
+/// is: such voxels average nothing and hold only noise.
 int automatic_resolution(const std::vector<View>& views) {
     float focal_px = kMeshResolution / 2.0f;
     for (const View& view : views) focal_px = std::min(focal_px, view.camera.fx_px);
@@ -111,7 +110,7 @@ TsdfOptions volume_options(const MeshOptions& options,
     volume.voxel_size =
         options.voxel_size > 0 ? options.voxel_size : extent / static_cast<float>(resolution);
     volume.truncation =
-        options.truncation > 0 ? options.truncation : kTruncationVoxels * volume.voxel_size;
+        options.truncation > 0 ? options.truncation : options.truncation_voxels * volume.voxel_size;
     volume.max_bytes =
         !options.memory.empty()
             ? parse_bytes("--memory", options.memory)

@@ -19,8 +19,8 @@ namespace tvsgs {
 
 /// In the configuration, so that overlays can hold what the published codes use per benchmark.
 struct MeshOptions {
-    float voxel_size = 0, truncation = 0, depth_max = 0, alpha_min = 0.5f, max_angle = 90,
-          depth_step = 0, radius = 0;
+    float voxel_size = 0, truncation = 0, truncation_voxels = 3, depth_max = 0, alpha_min = 0.5f,
+          max_angle = 90, depth_step = 0, radius = 0;
     int resolution = 0, min_weight = 1, clusters = 50;
     bool masks = true, unbounded = false, carve = false;
     DepthWeighting weight = DepthWeighting::unit;
@@ -30,9 +30,10 @@ struct MeshOptions {
     void fields(Visitor& field) {
         field("voxel_size", voxel_size, {0, 1e9}, "world units; 0: depth_max / resolution");
         field("resolution", resolution, {0, 65536},
-              "voxels along depth_max, or across the ball if unbounded; 0: 1024, fewer for small "
+              "voxels along depth_max, or across the ball if unbounded; 0: 2048, fewer for small "
               "images");
-        field("truncation", truncation, {0, 1e9}, "world units; 0: 5 voxels");
+        field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
+        field("truncation_voxels", truncation_voxels, {1, 1000}, "truncation in voxels");
         field("depth_max", depth_max, {0, 1e9},
               "depths from there on are dropped; 0: twice the distance of the cameras' focus, or "
               "none if unbounded");

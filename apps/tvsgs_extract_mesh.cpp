@@ -47,10 +47,10 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",
-              "voxels along depth-max, or across the ball if unbounded [1024, fewer for small "
+              "voxels along depth-max, or across the ball if unbounded [2048, fewer for small "
               "images]",
               group);
-    flags.add("--truncation", "mesh.truncation", "world units [5 voxels]", group);
+    flags.add("--truncation", "mesh.truncation", "world units [mesh.truncation_voxels]", group);
     flags.add("--depth-max", "mesh.depth_max",
               "depths from there on are dropped [twice the distance of the cameras' focus; none if "
               "unbounded]",

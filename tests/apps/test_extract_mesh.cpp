@@ -102,7 +102,8 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
         EXPECT_TRUE(limited.says("voxels of 0.045, ")) << limited;
     }
     // And what lies beyond the contracted space is said.
-    const Result coarse = extract("--mesh-resolution 100 --no-preview --unbounded");
+    const Result coarse =
+        extract("--mesh-resolution 100 --set mesh.truncation_voxels=5 --no-preview --unbounded");
     ASSERT_EQ(coarse.code, 0) << coarse;
     EXPECT_TRUE(coarse.says("pixels dropped: at or beyond 45 from the middle")) << coarse;
     EXPECT_LT(radii().back(), 1);
@@ -157,6 +158,9 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
         EXPECT_EQ(mesh.voxel_size, row.voxel_size);
         EXPECT_EQ(mesh.truncation, row.truncation);
+        if (row.truncation == 0) {
+            EXPECT_EQ(mesh.truncation_voxels, 5);
+        }
         EXPECT_EQ(mesh.depth_max, row.depth_max);
         EXPECT_EQ(mesh.depth_step, row.depth_step);
         EXPECT_EQ(mesh.max_angle, row.max_angle);
