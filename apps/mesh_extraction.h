@@ -19,7 +19,7 @@ namespace tvsgs {
 
 /// In the configuration, so that overlays can hold what the published codes use per benchmark.
 struct MeshOptions {
-    float voxel_size = 0, truncation = 0, truncation_voxels = 3, depth_max = 0, alpha_min = 0.5f,
+    float voxel_size = 0, truncation = 0, truncation_voxels = 4, depth_max = 0, alpha_min = 0.5f,
           max_angle = 90, depth_step = 0, radius = 0;
     int resolution = 0, min_weight = 1, clusters = 50;
     bool masks = true, unbounded = false, carve = false;
