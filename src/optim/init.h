@@ -26,10 +26,9 @@ struct InitOptions {
               "Gaussians lie flat on the normals of the cloud, where it has any");
         field("thickness", thickness, {1e-3, 1},
               "standard deviation along the normal over that across");
-        field(
-            "max_extent", max_extent, {0, 1e9},
-            "largest standard deviation, as a share of the larger side of a photograph that shows "
-            "it; 0: any");
+        field("max_extent", max_extent, {0, 1e9},
+              "largest standard deviation, as a share of the larger side of a photograph that "
+              "shows it, at the start; 0: any");
         field("thin", thin, {0, 1e9},
               "scene.init_ply: one point per cube of that edge, world units; 0: all");
         field("max_points", max_points, {0, 1e9},

@@ -139,7 +139,7 @@ constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
-              kPositionWeight = 10, kTransparent = 250, kTransparentShare = 20;
+              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20;
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
@@ -265,9 +265,9 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
         if (on && covered) {
             // Until the splats are opaque, the depths compared are means of near and far ones. That
-            // takes its time however long the training is.
+            // takes as many iterations however long the training is; a short one cannot wait.
             const std::string start =
-                std::to_string(std::clamp(iterations / kTransparentShare, 1, kTransparent));
+                std::to_string(std::clamp(iterations / kOpaqueShare, 1, kOpaqueAfter));
             settings.insert(settings.end(), {{"loss.multi_view_geometry.start", start},
                                              {"loss.multi_view_ncc.start", start}});
         }
