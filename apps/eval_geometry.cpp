@@ -1,5 +1,6 @@
 // tvsgs-eval geometry: distances between a prediction and the truth in one frame.
 #include <memory>
+#include <optional>
 
 #include "core/local_origin.h"
 #include "eval.h"
@@ -14,7 +15,7 @@ namespace {
 struct GeometryArguments {
     std::string pred, gt, visible_gt, taus, crop, out;
     double max_distance = 0;
-    std::int64_t samples = 1000000;
+    std::int64_t point_samples = 0;
     std::uint64_t seed = 0;
     std::vector<std::string> require;
 };
@@ -32,13 +33,15 @@ int geometry(const GeometryArguments& arguments) {
     if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
     options.max_distance = arguments.max_distance;
     const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
-    const PointsOptions sampling{arguments.samples, arguments.seed, arguments.crop,
+    const MeasureOptions measure{arguments.point_samples, arguments.seed, arguments.crop,
                                  origin_of(arguments.gt)};
-    const std::vector<Vec3f> prediction = read_points(arguments.pred, sampling, crop);
-    const std::vector<Vec3f> truth = read_points(arguments.gt, sampling, crop);
-    std::vector<Vec3f> visible;
-    if (!arguments.visible_gt.empty()) visible = read_points(arguments.visible_gt, sampling, crop);
-    const GeometryMetrics result = evaluate_geometry(prediction, truth, visible, options);
+    const MeasuredSurface prediction = read_measured(arguments.pred, measure, crop),
+                          truth = read_measured(arguments.gt, measure, crop);
+    std::optional<SamplePoints> visible;
+    if (!arguments.visible_gt.empty())
+        visible = read_measured(arguments.visible_gt, measure, crop).from;
+    const SamplePoints* const wanted = visible ? &*visible : nullptr;
+    const GeometryMetrics result = evaluate_geometry(prediction, truth, wanted, options);
 
     std::vector<Metric> metrics = {{"accuracy", result.accuracy},
                                    {"completeness", result.completeness},
@@ -51,17 +54,14 @@ int geometry(const GeometryArguments& arguments) {
         metrics.push_back({str("f1@", t.tau), t.f1});
     }
     JsonLine json = geometry_json(result);
-    JsonLine counts;
-    counts.add("pred", static_cast<std::int64_t>(prediction.size()))
-        .add("gt", static_cast<std::int64_t>(truth.size()));
-    if (!visible.empty()) counts.add("visible_gt", static_cast<std::int64_t>(visible.size()));
-    json.add_json("points", counts.text());
+    json.add_json("points", counts_json(prediction, truth, wanted).text());
     JsonLine inputs;
     inputs.add("pred", arguments.pred).add("gt", arguments.gt);
     if (!arguments.visible_gt.empty()) inputs.add("visible_gt", arguments.visible_gt);
     if (!arguments.crop.empty()) inputs.add("crop", arguments.crop);
     if (arguments.max_distance > 0) inputs.add("max_distance", arguments.max_distance);
-    inputs.add("samples", arguments.samples).add("seed", static_cast<std::int64_t>(arguments.seed));
+    if (arguments.point_samples > 0) inputs.add("point_samples", arguments.point_samples);
+    inputs.add("seed", static_cast<std::int64_t>(arguments.seed));
     json.add_json("inputs", inputs.text());
 
     std::printf("%s\n", json.text().c_str());
@@ -85,7 +85,10 @@ EvalCommand add_eval_geometry(CLI::App& app) {
         ->check(kPositive);
     command->add_option("--crop", a.crop,
                         "selection volume, {\"box\": ...} or a scene's gt/info.json");
-    command->add_option("--samples", a.samples, "points on a mesh [1000000]")
+    command
+        ->add_option("--point-samples", a.point_samples,
+                     "compare so many points on each mesh instead of its surface: biased, for "
+                     "figures measured that way")
         ->check(CLI::Range(1, 100000000));
     command->add_option("--seed", a.seed, "of the samples [0]");
     command->add_option("--out", a.out, "JSON file to write as well");

@@ -169,7 +169,7 @@ JsonValue points_json(const PointCloud& points,
     std::vector<std::size_t> chosen;
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         const Vec3f p = points.positions[i];
-        if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p) + truth->origin)))
+        if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p) + truth->measure.origin)))
             chosen.push_back(i);
     }
     const std::size_t candidates = chosen.size();
@@ -188,7 +188,7 @@ JsonValue points_json(const PointCloud& points,
     std::vector<double> errors;
     double full = 0;
     if (truth) {
-        errors = nearest_distances(centres, truth->points);
+        errors = truth->surface.to.distances(all_points(centres).points);
         for (const double tau : truth->taus) full = std::max(full, 2 * tau);
     }
     const Ball ball = ball_around(centres);

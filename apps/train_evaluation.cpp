@@ -5,7 +5,6 @@
 #include <cstdlib>
 
 #include "common.h"
-#include "geometry_scores.h"
 #include "io/atomic_file.h"
 #include "io/crop_file.h"
 
@@ -21,12 +20,12 @@ double rounded(double value) {
     return std::atof(text);
 }
 
-double diagonal(const std::vector<Vec3f>& points) {
-    Vec3f lower = points.front(), upper = lower;
-    for (const Vec3f p : points)
+double diagonal(const std::vector<Vec3d>& points) {
+    Vec3d lower = points.front(), upper = lower;
+    for (const Vec3d p : points)
         for (int a = 0; a < 3; ++a)
             lower[a] = std::min(lower[a], p[a]), upper[a] = std::max(upper[a], p[a]);
-    return norm(vec_cast<double>(upper - lower));
+    return norm(upper - lower);
 }
 
 }  // namespace
@@ -70,16 +69,14 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
         return std::nullopt;
     }
     Truth truth;
-    truth.origin = origin;
     if (!options.crop.empty()) truth.crop = read_crop(options.crop);
-    const PointsOptions sampling{options.samples, 0, options.crop, origin};
-    truth.points = read_points(options.gt, sampling, truth.crop);
+    truth.measure = {options.point_samples, 0, options.crop, origin};
+    truth.surface = read_measured(options.gt, truth.measure, truth.crop);
     if (!options.visible_gt.empty())
-        truth.visible = read_points(options.visible_gt, sampling, truth.crop);
+        truth.visible = read_measured(options.visible_gt, truth.measure, truth.crop).from;
     truth.max_distance = static_cast<double>(options.max_distance);
-    truth.samples = static_cast<std::size_t>(options.samples);
     if (options.taus.empty()) {
-        const double size = diagonal(truth.points);
+        const double size = diagonal(truth.surface.from.points);
         for (const double share : {0.005, 0.01, 0.02})
             if (const double tau = rounded(share * size); tau > 0) truth.taus.push_back(tau);
     } else {
@@ -88,15 +85,19 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
     return truth;
 }
 
-PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve) {
-    std::vector<Vec3f> inside;
-    for (const Vec3f p : points)
-        if (is_finite(p) && contains(truth.crop, vec_cast<double>(p) + truth.origin))
-            inside.push_back(p);
+namespace {
+
+/// `make`: what is measured; it may throw what the scores then say.
+template <class Make>
+PointScores score(const Make& make, const Truth& truth, bool curve) {
     PointScores scores;
     scores.chamfer = scores.f1 = std::nan("");
-    if (inside.empty()) {
-        scores.json.add("error", str("none of ", points.size(), " points is in the crop"));
+    MeasuredSurface prediction;
+    try {
+        prediction = make();
+    } catch (const Error& error) {
+        if (error.code() != ExitCode::input) throw;
+        scores.json.add("error", error.what());
         return scores;
     }
     GeometryOptions options{truth.taus, truth.max_distance};
@@ -104,7 +105,8 @@ PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, b
         truth.taus.empty() ? 0 : 2 * *std::max_element(truth.taus.begin(), truth.taus.end());
     if (curve)
         for (int i = 0; i <= kCurvePoints; ++i) options.taus.push_back(end * i / kCurvePoints);
-    GeometryMetrics metrics = evaluate_geometry(inside, truth.points, truth.visible, options);
+    const SamplePoints* const visible = truth.visible ? &*truth.visible : nullptr;
+    GeometryMetrics metrics = evaluate_geometry(prediction, truth.surface, visible, options);
     std::vector<GeometryMetrics::Threshold> on_curve;
     if (curve) {
         const auto split =
@@ -118,12 +120,7 @@ PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, b
         scores.f1 = middle.f1, scores.tau = middle.tau;
     }
     scores.json = geometry_json(metrics);
-    JsonLine counts;
-    counts.add("pred", static_cast<std::int64_t>(inside.size()))
-        .add("gt", static_cast<std::int64_t>(truth.points.size()));
-    if (!truth.visible.empty())
-        counts.add("visible_gt", static_cast<std::int64_t>(truth.visible.size()));
-    scores.json.add_json("points", counts.text());
+    scores.json.add_json("points", counts_json(prediction, truth.surface, visible).text());
     if (curve) {
         std::string columns[3];
         for (const auto& t : on_curve) {
@@ -144,9 +141,14 @@ PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, b
     return scores;
 }
 
+}  // namespace
+
+PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve) {
+    return score([&] { return measured_points(points, truth.measure, truth.crop); }, truth, curve);
+}
+
 PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve) {
-    if (mesh.faces.empty()) return score_points({}, truth, curve);
-    return score_points(sample_surface(mesh, truth.samples), truth, curve);
+    return score([&] { return measured_mesh(mesh, truth.measure, truth.crop); }, truth, curve);
 }
 
 namespace {

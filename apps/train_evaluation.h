@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "core/crop.h"
+#include "geometry_scores.h"
 #include "io/config.h"
 #include "mesh_extraction.h"
 #include "view_evaluation.h"
@@ -17,7 +18,7 @@ struct EvaluationOptions {
     std::string at, gt, visible_gt, crop, taus;
     int every = 0;
     float max_distance = 0;
-    std::int64_t samples = 1000000;
+    std::int64_t point_samples = 0;
     bool mesh = false;
 
     template <class Visitor>
@@ -33,7 +34,9 @@ struct EvaluationOptions {
               "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
               "truth's size");
         field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
-        field("samples", samples, {1, 1e8}, "points on the mesh, and on a truth that is one");
+        field("point_samples", point_samples, {0, 1e8},
+              "0: distances to the triangles of meshes; else to so many points on each, which is "
+              "biased");
         field("mesh", mesh, "measure the mesh as well as the centres; takes as long as making it");
     }
 };
@@ -53,29 +56,27 @@ private:
     int every_;
 };
 
-/// The true surface, cropped, ready to measure against.
+/// The true surface, ready to measure against.
 struct Truth {
-    Vec3d origin;  // of the frame of the points in that of the crop: the scene's
-    std::vector<Vec3f> points, visible;
+    MeasureOptions measure;
+    MeasuredSurface surface;
+    std::optional<SamplePoints> visible;
     Crop crop;
     std::vector<double> taus;
     double max_distance = 0;
-    std::size_t samples = 0;
 };
 
 /// Nothing without eval.gt. Throws Error.
 std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
 
-/// Distances of the splats' centres, or of points on the mesh, as `tvsgs-eval geometry` writes
-/// them, or {"error": ...} when none is in the crop. With `curve`, precision and recall at 41
+/// Distances of the splats' centres, or of the mesh, as `tvsgs-eval geometry` writes them, or
+/// {"error": ...} when nothing of it is in the crop. With `curve`, precision and recall at 41
 /// thresholds up to twice the largest tau, under "curve".
 struct PointScores {
     JsonLine json;
     double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
 };
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
-
-/// Of truth.samples points spread over it; {"error": ...} for an empty mesh.
 PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
 
 /// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the

@@ -19,7 +19,8 @@ enum class RandomStream : std::uint32_t {
     patches = 7,
     stereo = 8,
     thinning = 9,
-    ransac = 10
+    ransac = 10,
+    lines = 11
 };
 
 struct Random4 {

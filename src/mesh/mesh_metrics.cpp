@@ -1,77 +1,34 @@
 #include "mesh/mesh_metrics.h"
 
 #include <algorithm>
-#include <limits>
-#include <numeric>
+#include <cmath>
 
 #include "core/error.h"
 #include "core/parallel.h"
-#include "core/point_tree.h"
 #include "core/rng.h"
 
 namespace tvsgs {
 namespace {
 
-double mean(const std::vector<double>& values) {
-    return std::accumulate(values.begin(), values.end(), 0.0) / static_cast<double>(values.size());
-}
-
-/// Indices by place, along a Morton curve of 2^10 cells a side: neighbours in space become
-/// neighbours in memory, which is most of the time of a search.
-template <class Real>
-std::vector<std::uint32_t> order_in_space(const std::vector<Vec3<Real>>& points) {
-    Vec3<Real> lower = points[0], upper = points[0];
-    for (const auto& p : points)
-        for (int a = 0; a < 3; ++a)
-            lower[a] = std::min(lower[a], p[a]), upper[a] = std::max(upper[a], p[a]);
-    const auto spread = [](std::uint64_t x) {  // two zeros before each of ten bits
-        x = (x | x << 16) & 0x30000FF;
-        x = (x | x << 8) & 0x300F00F;
-        x = (x | x << 4) & 0x30C30C3;
-        return (x | x << 2) & 0x9249249;
-    };
-    std::vector<std::uint64_t> keys(points.size());
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const auto at = static_cast<std::size_t>(i);
-        std::uint64_t key = 0;
-        for (int a = 0; a < 3; ++a) {
-            const double size = static_cast<double>(upper[a]) - lower[a];
-            const double place = size > 0 ? 1023 * ((points[at][a] - lower[a]) / size) : 0;
-            key |= spread(place > 0 ? static_cast<std::uint64_t>(place) : 0) << a;  // NaN is 0
-        }
-        keys[at] = key << 32 | static_cast<std::uint32_t>(i);
-    });
-    std::sort(keys.begin(), keys.end());
-    std::vector<std::uint32_t> order(points.size());
-    for (std::size_t i = 0; i < order.size(); ++i) order[i] = static_cast<std::uint32_t>(keys[i]);
-    return order;
-}
-
-template <class Real>
-std::vector<double> nearest(const std::vector<Vec3<Real>>& points,
-                            const std::vector<Vec3<Real>>& targets) {
-    std::vector<double> distances(points.size());
-    if (points.empty()) return distances;
-    std::vector<Vec3<Real>> sorted;
-    sorted.reserve(targets.size());
-    for (const std::uint32_t i : order_in_space(targets)) sorted.push_back(targets[i]);
-    const PointTree<double, Real> tree(sorted);
-    const std::vector<std::uint32_t> order = order_in_space(points);
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        const std::size_t at = order[static_cast<std::size_t>(i)];
-        std::size_t index = 0;
-        double squared = std::numeric_limits<double>::infinity();
-        tree.nearest(points[at], 1, &index, &squared);
-        distances[at] = std::sqrt(squared);
-    });
-    return distances;
-}
-
-/// Fraction of the distances strictly below tau.
-double fraction_below(const std::vector<double>& distances, double tau) {
-    const auto n =
-        std::count_if(distances.begin(), distances.end(), [&](double d) { return d < tau; });
-    return static_cast<double>(n) / static_cast<double>(distances.size());
+/// Of what was measured from each point of a sample: the mean, and its standard error by the
+/// variance between draws.
+struct Mean {
+    double value, standard_error;
+};
+template <class Measure>
+Mean mean_of(const SamplePoints& sample, const Measure& measure) {
+    const std::size_t count = sample.points.size();
+    double sum = 0;
+    for (std::size_t i = 0; i < count; ++i) sum += measure(i);
+    const double mean = sum / static_cast<double>(count);
+    double squares = 0;
+    for (std::size_t d = 0; d < sample.draws.size(); ++d) {
+        const std::size_t end = d + 1 < sample.draws.size() ? sample.draws[d + 1] : count;
+        double off = 0;
+        for (std::size_t i = sample.draws[d]; i < end; ++i) off += measure(i) - mean;
+        squares += off * off;
+    }
+    return {mean, std::sqrt(squares) / static_cast<double>(count)};
 }
 
 }  // namespace
@@ -114,16 +71,6 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
     return samples;
 }
 
-std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
-                                      const std::vector<Vec3f>& targets) {
-    return nearest(points, targets);
-}
-
-std::vector<double> nearest_distances(const std::vector<Vec3d>& points,
-                                      const std::vector<Vec3d>& targets) {
-    return nearest(points, targets);
-}
-
 double median_of(std::vector<double> values) {
     const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
     std::nth_element(values.begin(), middle, values.end());
@@ -131,32 +78,46 @@ double median_of(std::vector<double> values) {
     return 0.5 * (*middle + *std::max_element(values.begin(), middle));
 }
 
-GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
-                                  const std::vector<Vec3f>& truth,
-                                  const std::vector<Vec3f>& visible_truth,
+GeometryMetrics evaluate_geometry(const MeasuredSurface& prediction,
+                                  const MeasuredSurface& truth,
+                                  const SamplePoints* wanted_truth,
                                   const GeometryOptions& options) {
-    if (prediction.empty() || truth.empty())
-        throw Error(
-            ExitCode::input,
-            str("nothing to compare: ", prediction.size(), " points of the prediction and ",
-                truth.size(), " of the truth are inside of the crop; both need at least one"));
-    std::vector<double> to_truth = nearest_distances(prediction, truth);
-    std::vector<double> to_prediction =
-        nearest_distances(visible_truth.empty() ? truth : visible_truth, prediction);
+    if (prediction.from.points.empty() || truth.from.points.empty())
+        throw Error(ExitCode::input,
+                    str("nothing to compare: ", prediction.from.points.size(),
+                        " points of the prediction and ", truth.from.points.size(),
+                        " of the truth are inside of the crop; both need at least one"));
+    const SamplePoints& wanted =
+        wanted_truth && !wanted_truth->points.empty() ? *wanted_truth : truth.from;
+    double limit = std::numeric_limits<double>::infinity();
+    if (options.max_distance > 0) {
+        limit = options.max_distance;
+        for (const double tau : options.taus) limit = std::max(limit, tau);
+    }
+    std::vector<double> to_truth = truth.to.distances(prediction.from.points, limit),
+                        to_prediction = prediction.to.distances(wanted.points, limit);
 
     GeometryMetrics metrics{};
     for (const double tau : options.taus) {
-        const double precision = fraction_below(to_truth, tau),
-                     recall = fraction_below(to_prediction, tau);
-        const double sum = precision + recall;
+        const auto share_below = [tau](const SamplePoints& from, const std::vector<double>& d) {
+            return mean_of(from, [&](std::size_t i) { return d[i] < tau ? 1.0 : 0.0; });
+        };
+        const Mean precision = share_below(prediction.from, to_truth),
+                   recall = share_below(wanted, to_prediction);
+        const double p = precision.value, r = recall.value, sum = p + r;
+        const double dp = precision.standard_error, dr = recall.standard_error;
         metrics.thresholds.push_back(
-            {tau, precision, recall, sum > 0 ? 2 * precision * recall / sum : 0});
+            {tau, p, r, sum > 0 ? 2 * p * r / sum : 0, dp, dr,
+             sum > 0 ? 2 * std::hypot(r * r * dp, p * p * dr) / (sum * sum) : 0});
     }
     if (options.max_distance > 0)
         for (std::vector<double>* distances : {&to_truth, &to_prediction})
             for (double& d : *distances) d = std::min(d, options.max_distance);
-    metrics.accuracy = mean(to_truth);
-    metrics.completeness = mean(to_prediction);
+    const Mean accuracy = mean_of(prediction.from, [&](std::size_t i) { return to_truth[i]; }),
+               completeness = mean_of(wanted, [&](std::size_t i) { return to_prediction[i]; });
+    metrics.accuracy = accuracy.value, metrics.accuracy_se = accuracy.standard_error;
+    metrics.completeness = completeness.value;
+    metrics.completeness_se = completeness.standard_error;
     metrics.chamfer = 0.5 * (metrics.accuracy + metrics.completeness);
     metrics.median_accuracy = median_of(std::move(to_truth));
     metrics.median_completeness = median_of(std::move(to_prediction));

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/mesh.h"
+#include "mesh/surface.h"
 
 namespace tvsgs {
 
@@ -16,12 +17,6 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh,
                                   std::size_t count,
                                   std::uint64_t seed = 0);
 
-/// Distance of each point to the nearest of `targets` (not empty).
-std::vector<double> nearest_distances(const std::vector<Vec3f>& points,
-                                      const std::vector<Vec3f>& targets);
-std::vector<double> nearest_distances(const std::vector<Vec3d>& points,
-                                      const std::vector<Vec3d>& targets);
-
 /// Of an even number of values (at least one) the mean of the middle two.
 double median_of(std::vector<double> values);
 
@@ -30,20 +25,31 @@ struct GeometryOptions {
     double max_distance = 0;   // distances are capped there; 0: not
 };
 
+/// Standard errors are those of drawing the points that distances are measured from; 0 where these
+/// were not drawn.
 struct GeometryMetrics {
     struct Threshold {
         double tau, precision, recall, f1;  // fractions of points strictly closer than tau
+        double precision_se = 0, recall_se = 0, f1_se = 0;
     };
     double accuracy, completeness, chamfer;  // prediction to truth, truth to prediction, their mean
     double median_accuracy, median_completeness;
+    double accuracy_se = 0, completeness_se = 0;
     std::vector<Threshold> thresholds;
 };
 
-/// `visible_truth`: the truth that completeness and recall ask for, where it is not all of `truth`;
-/// may be empty. Throws Error(ExitCode::input) when prediction or truth have no points.
-GeometryMetrics evaluate_geometry(const std::vector<Vec3f>& prediction,
-                                  const std::vector<Vec3f>& truth,
-                                  const std::vector<Vec3f>& visible_truth,
+/// A prediction or a truth: where it is measured from, in the crop, and to.
+struct MeasuredSurface {
+    SamplePoints from;
+    Surface to;
+};
+
+/// `wanted_truth`: what completeness and recall are measured from where that is not all of the
+/// truth, as the part that cameras see; null: all. Throws Error(ExitCode::input) when prediction or
+/// truth have no points.
+GeometryMetrics evaluate_geometry(const MeasuredSurface& prediction,
+                                  const MeasuredSurface& truth,
+                                  const SamplePoints* wanted_truth,
                                   const GeometryOptions& options);
 
 }  // namespace tvsgs

@@ -115,7 +115,7 @@ TEST_F(Cli, MeshAndScores) {
     ASSERT_EQ(mesh.code, 0) << mesh;
     EXPECT_TRUE(fs::exists(folder_ / "run/mesh/mesh.png"));
     const std::string geometry =
-        "geometry --pred run/mesh/mesh.ply --gt scene/gt/mesh.ply --samples 5000 --tau 0.05 ";
+        "geometry --pred run/mesh/mesh.ply --gt scene/gt/mesh.ply --point-samples 5000 --tau 0.05 ";
     const Result eval = call("eval", geometry + "--out geometry.json --require 'chamfer<=1'");
     ASSERT_EQ(eval.code, 0) << eval;
     EXPECT_GT(json::parse(contents(folder_ / "geometry.json")).at("chamfer").get<double>(), 0);
@@ -241,7 +241,7 @@ TEST_F(Cli, CloudsAndSplatsThatLie) {
     EXPECT_EQ(r.code, 3) << r;
     EXPECT_TRUE(r.says("none of its 2 points is finite")) << r;
     save("long.ply", header + "1 2 3\n3 2 1\n4 5 6\n");
-    r = call("eval", "geometry --gt scene/gt/mesh.ply --pred long.ply --samples 1000");
+    r = call("eval", "geometry --gt scene/gt/mesh.ply --pred long.ply --point-samples 1000");
     EXPECT_EQ(r.code, 0) << r;
     EXPECT_TRUE(r.says("are the counts in its header right?")) << r;
 
@@ -328,7 +328,7 @@ TEST_F(Cli, SignalsEndOtherCommandsAtOnce) {
     ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
     for (const char* command :
          {"extract-mesh -m run --mesh-resolution 48 --device cpu --out pipe",
-          "eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --samples 99 --out pipe",
+          "eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --point-samples 99 --out pipe",
           "synth --out endless --views 9999"}) {
         const Result r = shell(std::string("exec >out.txt 2>err.txt; " TVSGS_BIN_DIR "/tvsgs-") +
                                command + " & p=$!; sleep 0.5; kill -INT $p; wait $p");

@@ -69,7 +69,9 @@ TEST(EvaluationSchedules, SecondsAndIterations) {
 
 TEST(CentreScores, CountTheCropAndTheCurve) {
     Truth truth;
-    for (int i = 0; i < 10; ++i) truth.points.push_back({static_cast<float>(i), 0, 0});
+    std::vector<Vec3f> line;
+    for (int i = 0; i < 10; ++i) line.push_back({static_cast<float>(i), 0, 0});
+    truth.surface = measured_points(line, {}, {});
     truth.taus = {0.5, 2};
     truth.crop.kind = Crop::Kind::box;
     truth.crop.min = {-1, -1, -1}, truth.crop.max = {10, 10, 10};
@@ -222,7 +224,7 @@ protected:
         fs::create_directories(folder_);
         ASSERT_EQ(call("tvsgs-synth --out scene --views 10 --width 64 --height 48 --quiet"), 0);
         ASSERT_EQ(call(std::string("tvsgs-train --out run --eval-every 10 --gt scene/gt/mesh.ply "
-                                   "--crop scene/gt/info.json --set eval.samples=3000 ") +
+                                   "--crop scene/gt/info.json ") +
                        kFlags),
                   0)
             << contents(folder_ / "err.txt");

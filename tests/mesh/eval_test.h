@@ -18,7 +18,7 @@ namespace tvsgs {
 namespace fs = std::filesystem;
 
 inline const fs::path kShared = TVSGS_SHARED_DIR;
-inline const fs::path kOracle = kShared / "spec/reference/example";
+inline const fs::path kOracle = TVSGS_TEST_DATA "/geometry";
 
 class EvalTest : public testing::Test {
 protected:

@@ -77,15 +77,11 @@ TEST(Crop, BadFiles) {
     EXPECT_THROW(read_crop("/nonexistent/crop.json"), Error);
 }
 
-TEST(Crop, FilesOfTheDevelopmentScenes) {
-    const std::string shared = TVSGS_SHARED_DIR;
-    if (!std::ifstream(shared + "/spec/reference/example/tnt_crop.json"))
-        GTEST_SKIP() << "no shared folder";
-    const Crop prism = read_crop(shared + "/spec/reference/example/tnt_crop.json");
+TEST(Crop, AStoredFile) {
+    const Crop prism = read_crop(TVSGS_TEST_DATA "/geometry/tnt_crop.json");
     EXPECT_EQ(prism.polygon.size(), 5u);
     EXPECT_TRUE(contains(prism, {0.1, 0.5, 0}));
     EXPECT_FALSE(contains(prism, {0.5, 0.9, 0}));  // notch at (0.503, 0.704)
-    EXPECT_EQ(read_crop(shared + "/data/stone_bust/gt/info.json").radius, 232);
 }
 
 }  // namespace

@@ -65,6 +65,23 @@ TEST_F(EvalGeometry, PrintsAndWritesJson) {
     EXPECT_EQ(read("result.json"), output_);
 }
 
+TEST_F(EvalGeometry, MeshesAreMeasuredAsSurfaces) {
+    // A square of 1 below one of 10: all of it is found, and 1.56 % of the large one is near it.
+    write("small.ply", "0 0 0\n1 0 0\n1 1 0\n0 1 0\n", "3 0 1 2\n3 0 2 3\n");
+    write("large.ply", "-4 -4 0.1\n6 -4 0.1\n6 6 0.1\n-4 6 0.1\n", "3 0 1 2\n3 0 2 3\n");
+    const std::string meshes = "--pred " + path("large.ply") + " --gt " + path("small.ply");
+    ASSERT_EQ(eval(meshes + " --tau 0.12,0.1 --require 'recall@0.12>=1' --require 'recall@0.1<=0'"),
+              0)
+        << messages_;
+    EXPECT_NE(output_.find("\"median_completeness\": 0.1"), std::string::npos) << output_;
+    EXPECT_NE(output_.find("\"precision_se\": 0.000"), std::string::npos) << output_;
+    EXPECT_NE(messages_.find("to 2 triangles"), std::string::npos) << messages_;
+    // So many points on each, as it once was: few fall near each other.
+    ASSERT_EQ(eval(meshes + " --tau 0.12 --point-samples 500 --require 'recall@0.12<0.5'"), 0);
+    EXPECT_EQ(output_.find("_se"), std::string::npos) << output_;
+    EXPECT_EQ(eval(meshes + " --samples 500"), 2);
+}
+
 TEST_F(EvalGeometry, BoundsDecideTheExitCode) {
     EXPECT_EQ(eval(inputs() + " --tau 0.30 --require 'accuracy<=0.25' --require 'recall@0.3>=0.5' "
                               "--require 'f1@.3 > 0.6'"),
@@ -89,6 +106,10 @@ TEST_F(EvalGeometry, BadInput) {
     EXPECT_EQ(eval("--pred " + path("nan.ply") + " --gt " + path("truth.ply")), 3) << messages_;
     write("flat.ply", "0 0 0\n1 0 0\n2 0 0\n", "3 0 1 2\n3 1 1 1\n");
     EXPECT_EQ(eval("--pred " + path("flat.ply") + " --gt " + path("truth.ply")), 3) << messages_;
+    EXPECT_NE(messages_.find("no area"), std::string::npos) << messages_;
+    write("wrong.ply", "0 0 0\n1 0 0\n0 1 0\n", "3 0 1 9\n");
+    EXPECT_EQ(eval("--pred " + path("wrong.ply") + " --gt " + path("truth.ply")), 3) << messages_;
+    EXPECT_NE(messages_.find("wrong.ply"), std::string::npos) << messages_;
     std::ofstream(path("crop.json")) << R"({"box": [[10, 10, 10], [11, 11, 11]]})";
     EXPECT_EQ(eval(inputs() + " --crop " + path("crop.json")), 3);
     EXPECT_NE(messages_.find("they span"), std::string::npos) << messages_;

@@ -13,7 +13,6 @@ class EvalDtu : public EvalTest {
 protected:
     void SetUp() override {
         EvalTest::SetUp();
-        if (!fs::exists(kOracle)) GTEST_SKIP() << "absent: " << kOracle;
         copy(kOracle / "dtu_gt.ply", "dtu/Points/stl/stl001_total.ply");
         copy(kOracle / "dtu_obsmask.mat", "dtu/ObsMask/ObsMask1_10.mat");
         copy(kOracle / "dtu_plane.mat", "dtu/ObsMask/Plane1.mat");

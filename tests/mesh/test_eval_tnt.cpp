@@ -28,7 +28,6 @@ class EvalTnt : public EvalTest {
 protected:
     void SetUp() override {
         EvalTest::SetUp();
-        if (!fs::exists(kOracle)) GTEST_SKIP() << "absent: " << kOracle;
         copy(kOracle / "tnt_gt.ply", "Bump/Bump.ply");
         copy(kOracle / "tnt_crop.json", "Bump/Bump.json");
         copy(kOracle / "tnt_trans.txt", "Bump/Bump_trans.txt");

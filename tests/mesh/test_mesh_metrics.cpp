@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "mesh/mesh_metrics.h"
+#include "mesh/shapes.h"
 
 namespace tvsgs {
 namespace {
@@ -17,10 +18,17 @@ std::vector<Vec3f> grid(int columns, int rows, float z) {
     return points;
 }
 
-// io-mesh-eval 7.1, A to C.
+MeasuredSurface points(const std::vector<Vec3f>& all) {
+    return {all_points(all), Surface(all)};
+}
+
+MeasuredSurface surface(const TriangleMesh& mesh, const Crop& crop = {}) {
+    return {sample_by_lines(TriangleTree(mesh), crop, {}, 1e-3, 0), Surface(mesh)};
+}
+
 TEST(MeshMetrics, ShiftedGrid) {
-    const GeometryMetrics m =
-        evaluate_geometry(grid(10, 10, 0.5f), grid(10, 10, 0), {}, {{0.4, 0.5, 0.6}, 0});
+    const GeometryMetrics m = evaluate_geometry(points(grid(10, 10, 0.5f)), points(grid(10, 10, 0)),
+                                                nullptr, {{0.4, 0.5, 0.6}, 0});
     EXPECT_DOUBLE_EQ(m.accuracy, 0.5);
     EXPECT_DOUBLE_EQ(m.completeness, 0.5);
     EXPECT_DOUBLE_EQ(m.chamfer, 0.5);
@@ -35,7 +43,7 @@ TEST(MeshMetrics, ShiftedGrid) {
 
 TEST(MeshMetrics, HalfOfTheGrid) {
     const std::vector<Vec3f> half = grid(5, 10, 0.25f), truth = grid(10, 10, 0);
-    const GeometryMetrics m = evaluate_geometry(half, truth, {}, {{0.3}, 0});
+    const GeometryMetrics m = evaluate_geometry(points(half), points(truth), nullptr, {{0.3}, 0});
     EXPECT_DOUBLE_EQ(m.accuracy, 0.25);
     EXPECT_NEAR(m.completeness, 1.6320790472272668, 1e-12);
     EXPECT_NEAR(m.chamfer, (0.25 + 1.6320790472272668) / 2, 1e-12);
@@ -47,30 +55,110 @@ TEST(MeshMetrics, HalfOfTheGrid) {
     EXPECT_DOUBLE_EQ(m.median_completeness, 0.5 * (0.25 + std::sqrt(1 + 0.0625)));
 
     // The cap acts on distances, not on the fractions, even when it is below tau.
-    const GeometryMetrics capped = evaluate_geometry(half, truth, {}, {{2.1}, 1});
+    const GeometryMetrics capped =
+        evaluate_geometry(points(half), points(truth), nullptr, {{2.1}, 1});
     EXPECT_NEAR(capped.completeness, 0.5 * 0.25 + 0.5 * 1, 1e-12);
     EXPECT_EQ(capped.thresholds[0].recall, 0.7);
 
     // Only the half that could be seen is asked for; accuracy still looks at all of the truth.
-    const GeometryMetrics visible = evaluate_geometry(truth, truth, half, {{0.3}, 0});
+    const SamplePoints wanted = all_points(half);
+    const GeometryMetrics visible =
+        evaluate_geometry(points(truth), points(truth), &wanted, {{0.3}, 0});
     EXPECT_EQ(visible.accuracy, 0);
     EXPECT_DOUBLE_EQ(visible.completeness, 0.25);
 }
 
 TEST(MeshMetrics, OnePoint) {
-    const GeometryMetrics m = evaluate_geometry({{1, 2, 3}}, {{1, 2, 3}}, {}, {{0.1}, 0});
+    const GeometryMetrics m =
+        evaluate_geometry(points({{1, 2, 3}}), points({{1, 2, 3}}), nullptr, {{0.1}, 0});
     EXPECT_EQ(m.chamfer, 0);
     EXPECT_EQ(m.thresholds[0].f1, 1);
 }
 
 TEST(MeshMetrics, EmptySetsAreInputErrors) {
     for (const bool empty_prediction : {true, false}) try {
-            evaluate_geometry(empty_prediction ? grid(0, 0, 0) : grid(1, 1, 0),
-                              empty_prediction ? grid(1, 1, 0) : grid(0, 0, 0), {}, {});
+            evaluate_geometry(points(empty_prediction ? grid(0, 0, 0) : grid(1, 1, 0)),
+                              points(empty_prediction ? grid(1, 1, 0) : grid(0, 0, 0)), nullptr,
+                              {});
             FAIL();
         } catch (const Error& error) {
             EXPECT_EQ(error.code(), ExitCode::input);
         }
+}
+
+TEST(MeshMetrics, ParallelSquares) {
+    // A square of 2 above a square of 1: everything is known in closed form.
+    const GeometryMetrics m =
+        evaluate_geometry(surface(test::square({-0.5, -0.5, 0.25}, 2)),
+                          surface(test::square({0, 0, 0}, 1)), nullptr, {{0.2, 0.3}, 0});
+    EXPECT_NEAR(m.completeness, 0.25, 1e-12);
+    EXPECT_NEAR(m.completeness_se, 0, 1e-12);
+    EXPECT_EQ(m.thresholds[0].recall, 0);
+    EXPECT_EQ(m.thresholds[1].recall, 1);
+    EXPECT_EQ(m.thresholds[0].precision, 0);
+    // Closer than 0.3: the square of 1 and what is closer than sqrt(0.09 - 0.0625) to it.
+    const double reach = std::sqrt(0.3 * 0.3 - 0.25 * 0.25);
+    const double p = (1 + 4 * reach + 3.14159265358979 * reach * reach) / 4;
+    const auto& t = m.thresholds[1];
+    EXPECT_NEAR(t.precision, p, 5 * t.precision_se);
+    EXPECT_GT(t.precision_se, 1e-4);
+    EXPECT_LT(t.precision_se, 1e-3);
+    EXPECT_NEAR(t.f1, 2 * p / (1 + p), 5 * t.f1_se);
+    EXPECT_NEAR(t.f1_se, 2 / ((1 + t.precision) * (1 + t.precision)) * t.precision_se, 1e-12);
+}
+
+TEST(MeshMetrics, Balls) {
+    const GeometryMetrics m =
+        evaluate_geometry(surface(test::ball({0, 0, 0}, 1.1, 100)),
+                          surface(test::ball({0, 0, 0}, 1, 100)), nullptr, {{0.11}, 0});
+    // Chords lie inside of the ball by up to 1/8 of their square: 4e-5.
+    EXPECT_NEAR(m.accuracy, 0.1, 1e-4);
+    EXPECT_NEAR(m.completeness, 0.1, 1e-4);
+    EXPECT_EQ(m.thresholds[0].f1, 1);
+}
+
+TEST(MeshMetrics, FiguresDoNotDependOnTheTriangles) {
+    const auto turned = [](int n) {
+        return test::box({-1, -1, -1}, {1.2, 1, 1}, n, test::a_turn());
+    };
+    const MeasuredSurface truth = surface(test::box({-1, -1, -1}, {1, 1, 1}));
+    const GeometryOptions options{{0.05, 0.2}, 0};
+    const GeometryMetrics few = evaluate_geometry(surface(turned(1)), truth, nullptr, options),
+                          many = evaluate_geometry(surface(turned(150)), truth, nullptr, options);
+    EXPECT_NEAR(few.accuracy, many.accuracy, 1e-6);
+    EXPECT_NEAR(few.completeness, many.completeness, 1e-6);
+    EXPECT_NEAR(few.median_accuracy, many.median_accuracy, 1e-6);
+    EXPECT_NEAR(few.median_completeness, many.median_completeness, 1e-6);
+    for (std::size_t i = 0; i < options.taus.size(); ++i) {
+        // Corners are rounded to float: of 500,000 samples one may change sides.
+        EXPECT_NEAR(few.thresholds[i].precision, many.thresholds[i].precision, 4e-6);
+        EXPECT_NEAR(few.thresholds[i].recall, many.thresholds[i].recall, 4e-6);
+        EXPECT_GT(few.thresholds[i].precision, 0.01);
+        EXPECT_LT(few.thresholds[i].precision, 0.99);
+    }
+}
+
+TEST(MeshMetrics, WhatIsFarOutsideOfTheCropChangesNothing) {
+    Crop crop;
+    crop.kind = Crop::Kind::box;
+    crop.min = {0, 0, -1}, crop.max = {1, 1, 1};
+    const TriangleMesh truth_mesh = test::square({0, 0, 0}, 1);
+    TriangleMesh mesh = test::square({-0.5, -0.5, 0.1}, 1.2, 3);
+    const MeasuredSurface truth = surface(truth_mesh, crop);
+    const GeometryOptions options{{0.15}, 0};
+    const GeometryMetrics before = evaluate_geometry(surface(mesh, crop), truth, nullptr, options);
+    test::append(mesh, test::square({50, 50, 3}, 400));
+    const GeometryMetrics after = evaluate_geometry(surface(mesh, crop), truth, nullptr, options);
+    EXPECT_EQ(before.thresholds[0].recall, after.thresholds[0].recall);
+    EXPECT_EQ(before.completeness, after.completeness);
+    EXPECT_EQ(before.thresholds[0].precision, after.thresholds[0].precision);
+    // So many points on the mesh instead lie farther apart the more of it there is.
+    const auto by_points = [&](const TriangleMesh& of) {
+        std::vector<Vec3f> samples = sample_surface(of, 20000);
+        std::erase_if(samples, [&](Vec3f p) { return !contains(crop, vec_cast<double>(p)); });
+        return evaluate_geometry(points(samples), truth, nullptr, options).thresholds[0].recall;
+    };
+    EXPECT_LT(by_points(mesh), 0.5 * before.thresholds[0].recall);
 }
 
 TEST(MeshMetrics, SamplesAreUniformOverTheArea) {
