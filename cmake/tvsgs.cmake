@@ -59,10 +59,11 @@ function(tvsgs_test name)
     add_executable(${name} ${ARG_SOURCES})
     target_link_libraries(${name} PRIVATE ${ARG_LINK} GTest::gtest_main)
     target_include_directories(${name} PRIVATE ${PROJECT_SOURCE_DIR}/tests)
-    # Oracles and development scenes; tests that need them skip, and say so, where they are absent.
+    # Development scenes, which a clone does not hold: tests that need them skip there, and say so.
     target_compile_definitions(${name} PRIVATE
         TVSGS_SHARED_DIR="${PROJECT_SOURCE_DIR}/../shared"
         TVSGS_SOURCE_DIR="${PROJECT_SOURCE_DIR}"
+        TVSGS_TEST_DATA="${PROJECT_SOURCE_DIR}/tests/data"
         TVSGS_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
     add_test(NAME ${name} COMMAND ${name})
     set(seconds 300)

@@ -14,7 +14,7 @@
 namespace tvsgs {
 
 inline const std::filesystem::path kShared = TVSGS_SHARED_DIR;
-inline const std::filesystem::path kExample = kShared / "spec/reference/example/formats";
+inline const std::filesystem::path kExample = TVSGS_TEST_DATA "/geometry/formats";
 
 /// A folder of its own for each test, removed at the end.
 class IoTest : public testing::Test {
