@@ -1,9 +1,9 @@
 #include "bench_case.h"
 
 #include <optional>
+#include <string_view>
 
 #include "core/error.h"
-#include "core/rng.h"
 
 namespace tvsgs {
 namespace {
@@ -82,137 +82,249 @@ double list_error(const VotingCase& c,
     return error;
 }
 
-void compare_lists(const VotingCase& c, const VotingDetails& details, CaseDifferences& out) {
-    const WhitenedDistance distance(c);
-    for (int i = 0; i < c.size(); ++i) {
-        const auto mine = sorted_row(details.receivers, c.k, i),
-                   oracles = sorted_row(c.receivers, c.k, i);
-        if (mine == oracles) continue;
-        ++out.lists_with_ties;
-        const bool twice = std::adjacent_find(mine.begin(), mine.end()) != mine.end();
-        out.list = std::max(out.list, twice ? 1 : list_error(c, distance, i, mine));
+/// Compares one quantity splat by splat.
+class Comparison {
+public:
+    Comparison(CaseQuantity& quantity, std::vector<bool>& excused)
+        : quantity_(quantity), excused_(excused) {}
+
+    /// `moved`: by how much the oracle moves where its inputs are off by a unit in the last place;
+    /// not known, it may be as much as the bound.
+    void add(int splat, double difference, std::optional<double> moved) const {
+        constexpr double kSlack = 10;  // of few draws the largest is below the worst case
+        ++quantity_.defined, ++quantity_.compared;
+        const double limit = std::min(kSlack * moved.value_or(quantity_.bound), quantity_.ceiling);
+        if (difference > quantity_.bound && difference <= limit) {
+            ++quantity_.excused;
+            excused_[std::size_t(splat)] = true;
+        } else if (!(difference <= quantity_.largest) && !std::isnan(quantity_.largest)) {
+            quantity_.largest = difference, quantity_.at = splat;
+        }
     }
-}
+    /// A result that rounding decides.
+    void add_undecided() const { ++quantity_.defined; }
 
-/// The oracle counts votes of weight 0 from splats that no vote has reached; these do not vote.
-bool heard_from_tensorless(const FieldOnHost& f, int i) {
-    for (auto e = f.details.begin[std::size_t(i)]; e < f.details.begin[std::size_t(i) + 1]; ++e)
-        if ((f.flags[f.details.voters[std::size_t(e)]] & kHasTensor) == 0) return true;
-    return false;
-}
-
-/// Per splat, how far a unit in the last place of the inputs moves the results in double: the error
-/// that no computation in float can be blamed for.
-struct Conditioning {
-    std::vector<double> tensor, normal_deg;  // largest of a few draws; the first absolute
+private:
+    CaseQuantity& quantity_;
+    std::vector<bool>& excused_;
 };
-constexpr int kDraws = 4;
-constexpr double kSlack = 10;  // of so few draws the largest is below the worst case
 
-Gaussians<Cpu> moved(const Gaussians<Cpu>& splats, std::uint32_t draw) {
-    Gaussians<Cpu> result;
-    copy(splats, result);
-    std::uint64_t index = 0;
-    const auto move = [&](float& x) {
-        x *= 1 + 1.2e-7f * (uniform(random4(0, RandomStream::test, index++, draw).v[0]) - 0.5f);
-    };
-    const auto move3 = [&](Vec3f& v) { move(v.x), move(v.y), move(v.z); };
-    for (int i = 0; i < splats.size(); ++i) {
-        const std::size_t s = std::size_t(i);
-        Quatf& q = result.quats[s];
-        move3(result.means[s]), move3(result.log_scales[s]);
-        move(q.w), move(q.x), move(q.y), move(q.z);
+class Comparer {
+public:
+    explicit Comparer(const VotingCase& c, CaseComparison& out)
+        : case_(c), out_(out), excused_(std::size_t(c.size())) {
+        find_old_statistics();
     }
-    return result;
-}
 
-Conditioning conditioning(const VotingCase& c) {
-    TvOptions exact = c.options;
-    exact.precision = VotePrecision::double_precision;
-    const std::size_t count = std::size_t(c.size());
-    const FieldOnHost here = run_events(c.splats, exact, c.rounds, c.receivers);
-    Conditioning result{std::vector<double>(count), std::vector<double>(count)};
-    for (std::uint32_t draw = 0; draw < kDraws; ++draw) {
-        const FieldOnHost there = run_events(moved(c.splats, draw), exact, c.rounds, c.receivers);
-        for (std::size_t s = 0; s < count; ++s) {
-            result.tensor[s] = std::max(result.tensor[s],
-                                        frobenius(difference(here.tensors[s], there.tensors[s])));
-            result.normal_deg[s] =
-                std::max(result.normal_deg[s], angle_deg(here.normals[s], there.normals[s]));
+    void lists(const VotingDetails& details) {
+        const WhitenedDistance distance(case_);
+        const Comparison list = quantity("list", 1e-5, 1e-5);  // ties in float distances
+        for (int i = 0; i < case_.size(); ++i) {
+            const auto mine = sorted_row(details.receivers, case_.k, i),
+                       oracles = sorted_row(case_.receivers, case_.k, i);
+            const bool same = mine == oracles;
+            out_.lists_with_ties += same ? 0 : 1;
+            const bool twice = std::adjacent_find(mine.begin(), mine.end()) != mine.end();
+            list.add(i, same ? 0 : twice ? 1 : list_error(case_, distance, i, mine), 0);
         }
     }
-    return result;
-}
 
-void compare_field(const VotingCase& c, const FieldOnHost& f, CaseDifferences& out) {
-    const int count = c.size();
-    std::optional<Conditioning> moves;
-    const auto moves_of = [&]() -> const Conditioning& {
-        if (!moves) moves = conditioning(c);
-        return *moves;
-    };
-    std::vector<double> sizes, gaps;
-    for (int i = 0; i < count; ++i) {
-        sizes.push_back(frobenius(sym(c.at("tensor"), i)));
-        gaps.push_back(relative_gap(vec_cast<float>(vec(c.at("eigenvalues"), i))));
+    void field(const FieldOnHost& f) {
+        numbers("tau", f.details.tau, 1e-5, 1e-3, 0, false);
+        tensors(f);
+        normals(f);
+        targets(f);
+        numbers("variability", f.details.variability, 0.1 * kPi / 180, 3 * kPi / 180, -1, true);
+        numbers("strength", f.details.strength, 1e-3, 0.1, 0.01, true);
+        flag("has_tensor", [&](std::size_t i) { return (f.flags[i] & kHasTensor) != 0; });
+        flag("normal_valid", [&](std::size_t i) { return (f.flags[i] & kNormalValid) != 0; });
+        flag("position_valid", [&](std::size_t i) { return (f.flags[i] & kPositionValid) != 0; });
+        flag("left_out", [&](std::size_t i) { return f.details.left_out[i] != 0; });
+        out_.excused = static_cast<int>(std::count(excused_.begin(), excused_.end(), true));
     }
-    // A tensor far below the others is made of votes in the exponential's tail, where a rounding
-    // error of the inputs (scales are stored as logarithms) grows by a factor of up to 50.
-    const double least = 0.01 * middle(sizes);
-    const auto widen = [](double& largest, double value) {
-        const bool wider = !(value <= largest);  // NaN stays
-        if (wider) largest = value;
-        return wider;
-    };
-    for (int i = 0; i < count; ++i) {
-        const std::size_t s = std::size_t(i);
-        widen(out.tau, std::abs(f.details.tau[s] / c.at("tau").numbers[s] - 1));
-        out.left_out += f.details.left_out[s] != c.at("left_out").numbers[s];
-        // Votes below 1e-12 are zero by definition here, which the oracle does not know: it goes on
-        // with their sums.
-        const double strength = c.at("strength").numbers[s];
-        if (strength < 1e-8) {
-            ++out.weak;
-            out.flags += (f.flags[s] & kPositionValid) != 0;
-            continue;
-        }
-        const Sym3f oracle = sym(c.at("tensor"), i);
-        const double size = std::max(sizes[s], least);
-        const double off_tensor = frobenius(difference(f.tensors[s], oracle)) / size;
-        const double off_normal = gaps[s] > kComparedGap ? angle_deg(vec_cast<double>(f.normals[s]),
-                                                                     vec(c.at("normal"), i))
-                                                         : 0;
-        if ((off_tensor > kTensorBound && off_tensor <= kSlack * moves_of().tensor[s] / size) ||
-            (off_normal > kNormalBoundDeg && off_normal <= kSlack * moves_of().normal_deg[s])) {
-            ++out.excused;
-            continue;
-        }
-        if (widen(out.tensor, off_tensor)) out.tensor_at = i;
-        if (widen(out.normal_deg, off_normal)) out.normal_at = i;
-        out.flags += ((f.flags[s] & kNormalValid) != 0) != (gaps[s] >= kMinNormalGap);
-        if (!heard_from_tensorless(f, i))
-            widen(out.strength, std::abs(f.details.strength[s] / strength - 1));
-        if (!(gaps[s] > kComparedGap)) continue;
 
-        // Less what storing a point as floats rounds away. Another receiver is as good where
-        // saliencies tie.
-        const Vec3<double> scales = scale(c, i), wanted = vec(c.at("target"), i);
-        const double step = std::max({scales.x, scales.y, scales.z}) / 5;
-        const double off = norm(vec_cast<double>(f.targets[s]) - wanted) - norm(wanted) * 1.1e-7;
-        if (off / step > 0.5)
-            ++out.targets_elsewhere;
-        else
-            widen(out.target_steps, off / step);
-
-        // One normal that is arbitrary spoils the variability of all who list it.
-        const auto* row = &c.receivers[s * std::size_t(c.k)];
-        if (std::all_of(row, row + c.k, [&](std::uint32_t j) { return gaps[j] > kComparedGap; }))
-            widen(out.variability_deg,
-                  std::abs(f.details.variability[s] - c.at("variability").numbers[s]) * 180 / kPi);
+private:
+    Comparison quantity(const char* name, double bound, double ceiling) {
+        out_.quantities.push_back({name, bound, ceiling});
+        return {out_.quantities.back(), excused_};
     }
-}
+    double stored(const char* array, int i) const {
+        return case_.at(array).numbers[std::size_t(i)];
+    }
+    std::optional<double> moved(const std::string& array, int i, double unit) const {
+        if (!case_.has(array)) return {};
+        return stored(array.c_str(), i) / unit;
+    }
+    /// Whether an older oracle did not store it, which is noted.
+    bool missing(const char* array) {
+        if (case_.has(array)) return false;
+        out_.not_stored.emplace_back(array);
+        return true;
+    }
+    /// Whether splat i has no result to compare, or one that rounding decides, which is counted. An
+    /// older oracle went on with votes that are rounding errors, and are none here.
+    bool skips(const Comparison& result, int i, bool unambiguous_only) const {
+        const bool old = !case_.has("has_tensor");
+        const double has = !old ? stored("has_tensor", i) : stored("strength", i) < 1e-8 ? 2 : 1;
+        if (has == 2) result.add_undecided();
+        if (has != 1) return true;
+        if (!unambiguous_only) return false;
+        return old ? !(gap(i) >= kMinNormalGap) : stored("normal_valid", i) != 1;
+    }
+    /// An older oracle counted votes of strength 0 and ambiguous normals in the statistics of those
+    /// who hear or list them.
+    bool is_old_statistic(int i) const {
+        return !case_.has("has_tensor") && old_statistics_[std::size_t(i)];
+    }
+    void find_old_statistics() {
+        old_statistics_.assign(std::size_t(case_.size()), false);
+        for (int voter = 0; voter < case_.size(); ++voter)
+            for (int r = 0; r < case_.k; ++r) {
+                const auto j =
+                    case_.receivers[std::size_t(voter) * std::size_t(case_.k) + std::size_t(r)];
+                if (!(gap(voter) >= kMinVotingGap)) old_statistics_[j] = true;
+                if (!(gap(static_cast<int>(j)) > kComparedGap))
+                    old_statistics_[std::size_t(voter)] = true;
+            }
+    }
+    /// (lambda_2 - lambda_3) / lambda_1.
+    double gap(int i) const {
+        const Vec3<double> l = vec(case_.at("eigenvalues"), i);
+        return l.x > 0 ? (l.y - l.z) / l.x : 0;
+    }
+
+    /// `least`: differences are relative to a number, or to this share of the middle one if that is
+    /// more; below zero: absolute.
+    void numbers(const char* name,
+                 const std::vector<float>& mine,
+                 double bound,
+                 double ceiling,
+                 double least,
+                 bool is_statistic) {
+        const Comparison result = quantity(name, bound, ceiling);
+        const std::string moves = str("moved_", name);
+        const double middle_one = middle(case_.at(name).numbers);
+        for (int i = 0; i < case_.size(); ++i) {
+            // The two statistics of the mask are made of unambiguous normals only.
+            if (skips(result, i, is_statistic) || (is_statistic && is_old_statistic(i))) continue;
+            const double wanted = stored(name, i);
+            double unit = least < 0 ? 1 : std::max(std::abs(wanted), least * middle_one);
+            if (unit == 0) unit = 1;
+            result.add(i, std::abs(double(mine[std::size_t(i)]) - wanted) / unit,
+                       moved(moves, i, unit));
+        }
+    }
+
+    void tensors(const FieldOnHost& f) {
+        const Comparison result = quantity("tensor", kTensorBound, 0.02);
+        std::vector<double> sizes;
+        for (int i = 0; i < case_.size(); ++i)
+            sizes.push_back(frobenius(sym(case_.at("tensor"), i)));
+        const double least = 0.01 * middle(sizes);  // one far below the others counts with these
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(result, i, false)) continue;
+            const double size = std::max(sizes[std::size_t(i)], least);
+            const Sym3f off = difference(f.tensors[std::size_t(i)], sym(case_.at("tensor"), i));
+            result.add(i, frobenius(off) / size, moved("moved_tensor", i, size));
+        }
+    }
+
+    void normals(const FieldOnHost& f) {
+        const Comparison result = quantity("normal_deg", kNormalBoundDeg, 5);
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(result, i, true)) continue;
+            // The same error of a tensor turns its normal farther the smaller the gap is.
+            const double share = std::min(1.0, gap(i) / kComparedGap);
+            const double off =
+                angle_deg(vec_cast<double>(f.normals[std::size_t(i)]), vec(case_.at("normal"), i));
+            result.add(i, share * off, moved("moved_normal_deg", i, 1 / share));
+        }
+    }
+
+    /// A target is one of eleven places on the voted normal, as salient as the oracle's.
+    void targets(const FieldOnHost& f) {
+        const Comparison place = quantity("target_steps", 0.02, 0.02),
+                         saliency = quantity("target_saliency", 1e-4, 1e-2);
+        const bool no_saliency = missing("saliency");
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(place, i, true) || !(gap(i) > kComparedGap)) continue;
+            const Vec3<double> scales = scale(case_, i), mean = vec(case_.at("means"), i),
+                               normal = vec(case_.at("normal"), i),
+                               target = vec(case_.at("target"), i);
+            const double step = double(case_.options.virtual_range) *
+                                std::max({scales.x, scales.y, scales.z}) / kSteps;
+            const Vec3<double> offset = vec_cast<double>(f.targets[std::size_t(i)]) - mean;
+            const int chosen = static_cast<int>(std::lround(
+                          std::clamp(dot(offset, normal) / step, -1.0 * kSteps, 1.0 * kSteps))),
+                      wanted = static_cast<int>(std::lround(dot(target - mean, normal) / step));
+            // Less what storing a point as floats rounds away; which may be all there is.
+            const double rounding = norm(mean) * 1.1e-7;
+            if (step < 2 * rounding) {
+                place.add(i, std::max(norm(offset) - kSteps * step - rounding, 0.0) / step, 0);
+                continue;
+            }
+            const Vec3<double> at = chosen == wanted ? target - mean : chosen * step * normal;
+            const double off = norm(offset - at) - rounding;
+            place.add(i, std::max(off, 0.0) / step, 0);
+            if (no_saliency) {
+                saliency.add(i, chosen == wanted ? 0 : 1, 0);
+                continue;
+            }
+            if (case_.has("target_decided") && stored("target_decided", i) == 2) {
+                saliency.add_undecided();
+                continue;
+            }
+            const double* all = &case_.at("saliency").numbers[std::size_t(i) * (2 * kSteps + 1)];
+            saliency.add(i, std::abs(all[place_of(wanted)] - all[place_of(chosen)]),
+                         moved("moved_saliency", i, 1));
+        }
+    }
+    static constexpr int kSteps = 5;
+    /// In the oracle's order: 0, -1, 1, -2, 2, ...
+    static int place_of(int m) { return m == 0 ? 0 : 2 * std::abs(m) - (m < 0 ? 1 : 0); }
+
+    template <class Mine>
+    void flag(const char* array, const Mine& mine) {
+        if (missing(array)) return;
+        const Comparison result = quantity(array, 0, 0);
+        for (int i = 0; i < case_.size(); ++i) {
+            const double wanted = stored(array, i);
+            if (wanted == 2)
+                result.add_undecided();
+            else
+                result.add(i, mine(std::size_t(i)) == (wanted == 1) ? 0 : 1, 0);
+        }
+    }
+
+    const VotingCase& case_;
+    CaseComparison& out_;
+    std::vector<bool> excused_, old_statistics_;
+};
 
 }  // namespace
+
+std::string CaseQuantity::fault() const {
+    if (!(largest <= bound))
+        return str(name, " of splat ", at, " differs by ", largest, ", allowed ", bound);
+    // Coordinates may be too coarse to tell any two targets apart.
+    const bool may_be_empty = std::string_view(name) == "target_saliency";
+    if (compared < kComparedShare * defined || (defined == 0 && !may_be_empty))
+        return str(name, " can be compared in ", compared, " of ", defined, " splats only, asked ",
+                   100 * kComparedShare, " %");
+    return {};
+}
+
+std::vector<std::string> CaseComparison::faults() const {
+    if (!same_length) return {"lists have another length than the oracle's"};
+    std::vector<std::string> list;
+    for (const CaseQuantity& q : quantities)
+        if (std::string text = q.fault(); !text.empty()) list.push_back(std::move(text));
+    if (excused > kExcusedShare * splats)
+        list.push_back(str(excused, " of ", splats,
+                           " splats are beyond a bound by what rounding does to them, allowed ",
+                           100 * kExcusedShare, " %"));
+    return list;
+}
 
 VotingCase read_voting_case(const std::string& path) {
     VotingCase c;
@@ -224,7 +336,8 @@ VotingCase read_voting_case(const std::string& path) {
         if (c.at(name).shape != wanted || c.at(name).is_text)
             throw Error(ExitCode::input,
                         str(path, ": array '", name, "' has not the shape that belongs to ", count,
-                            " splats; expected a case of the oracle, tensor_voting.py --make"));
+                            " splats; expected a case of the oracle, "
+                            "tests/data/tensor_voting/tensor_voting.py --make"));
     };
     if (c.at("index").shape.size() == 2) c.k = static_cast<int>(c.at("index").shape[1]);
     if (count < 2 || count > 10'000'000 || c.k < 1)
@@ -235,7 +348,15 @@ VotingCase read_voting_case(const std::string& path) {
         expect_shape(name, {count, 3});
     for (const char* name : {"tau", "variability", "strength", "left_out"})
         expect_shape(name, {count});
+    for (const char* name : {"has_tensor", "normal_valid", "position_valid", "target_decided",
+                             "moved_tau", "moved_tensor", "moved_normal_deg", "moved_saliency",
+                             "moved_variability", "moved_strength"})
+        if (c.has(name)) expect_shape(name, {count});
+    if (c.has("saliency")) expect_shape("saliency", {count, 11});
     for (const char* name : {"k", "rounds", "whiten", "flatness_limit"}) expect_shape(name, {});
+    for (const char* name : {"flatness_limit_position", "virtual_range", "target_margin",
+                             "max_vote_angle_deg", "min_votes"})
+        if (c.has(name)) expect_shape(name, {});
     expect_shape("quats", {count, 4});
     expect_shape("tensor", {count, 6});
     expect_shape("index", {count, c.k});
@@ -262,34 +383,43 @@ VotingCase read_voting_case(const std::string& path) {
     if (c.options.k < 1 || c.rounds < 1)
         throw Error(ExitCode::input, str(path, ": k ", number("k"), ", rounds ", number("rounds"),
                                          "; expected 1 or more"));
-    c.options.whiten = number("whiten") != 0;
-    c.options.flatness_limit = c.options.flatness_limit_position =
-        static_cast<float>(number("flatness_limit"));
-    if (c.at("mode").text == "per_splat") c.options.whiten_noise_mode = NoiseMode::per_splat;
-    if (c.at("vote_map").text == "unit") c.options.vote_map = VoteMap::unit;
+    // What an older oracle knew one value of only keeps that.
+    const auto number_or = [&](const char* name, double other) {
+        return c.has(name) ? number(name) : other;
+    };
+    const auto says = [&](const char* name, const char* choice) {
+        return c.has(name) && c.at(name).text == choice;
+    };
+    TvOptions& o = c.options;
+    o.whiten = number("whiten") != 0;
+    o.flatness_limit = static_cast<float>(number("flatness_limit"));
+    o.flatness_limit_position =
+        static_cast<float>(number_or("flatness_limit_position", number("flatness_limit")));
+    o.virtual_range = static_cast<float>(number_or("virtual_range", 1));
+    o.target_margin = static_cast<float>(number_or("target_margin", 0));
+    o.max_vote_angle_deg = static_cast<float>(number_or("max_vote_angle_deg", 90));
+    o.min_votes = static_cast<int>(number_or("min_votes", 3));
+    o.whiten_noise_mode = says("mode", "per_splat") ? NoiseMode::per_splat : NoiseMode::global;
+    o.vote_map = says("vote_map", "unit") ? VoteMap::unit : VoteMap::covariant;
+    o.scale_rule =
+        says("scale_rule", "median") ? ScaleRule::median : ScaleRule::ten_percent_at_median;
+    o.curvature = says("curvature", "scale_free") ? Curvature::scale_free : Curvature::literal;
+    o.strength = says("strength_rule", "literal") ? VoteStrength::literal : VoteStrength::relative;
     return c;
 }
 
-CaseDifferences compare_with_case(const VotingCase& c, const RunCase& run) {
+CaseComparison compare_with_case(const VotingCase& c, const RunCase& run) {
     FieldOnHost field = run({});
-    CaseDifferences out;
+    CaseComparison out;
     out.splats = c.size();
     out.same_length = field.details.k == c.k;
     if (!out.same_length) return out;
-    compare_lists(c, field.details, out);
+    out.quantities.reserve(16);  // they are referred to while others are added
+    Comparer compare(c, out);
+    compare.lists(field.details);
     if (out.lists_with_ties > 0) field = run(c.receivers);
-    compare_field(c, field, out);
+    compare.field(field);
     return out;
-}
-
-std::vector<CaseBound> case_bounds(const CaseDifferences& d) {
-    // Ties are within the rounding of float distances and of scales stored as logarithms.
-    return {{"list", d.same_length ? d.list : 1, 1e-5},
-            {"tensor", d.tensor, kTensorBound},
-            {"normal_deg", d.normal_deg, kNormalBoundDeg},
-            // A few votes only, or from far outliers, make for badly conditioned sums; in a trained
-            // scene there are next to none.
-            {"excused_share", double(d.excused) / std::max(d.splats, 1), 0.05}};
 }
 
 }  // namespace tvsgs

@@ -120,7 +120,8 @@ struct VotePair {
         const Vec3<Real> scales = in.vec3(), normal = in.vec3(), receiver = in.vec3();
         const Real tau = in.number(), noise = in.number();
         const VoterRecord<Real> voter =
-            voter_record(mean, whitening(quat, scales, WhitenRule{}, noise), tau, normal, Real(1));
+            voter_record(mean, whitening(quat, scales, WhitenRule{}, noise), tau, normal, Real(1),
+                         curvature_factor(false, tau, Real(1)));
         const Vec3<Real> d = receiver - mean;
         return {voter, d, voter.W * d};
     }
@@ -137,7 +138,8 @@ struct VotePair {
         v.noise = noise_share * dot(v.scales, v.scales) / 3;
         v.tau = make.uniform(1, 3);
         const Whitening<double> w = whitening(v.quat, v.scales, WhitenRule{}, v.noise);
-        const VoterRecord<double> record = voter_record(v.mean, w, v.tau, v.normal, 1.0);
+        const VoterRecord<double> record =
+            voter_record(v.mean, w, v.tau, v.normal, 1.0, curvature_factor(false, v.tau, 1.0));
         // d = W^-1 dw: rows of W are orthonormal in the metric of the splat.
         const double turn = make.uniform(0, 6.28), up = make.uniform(-0.2, 0.2);
         const Vec3d dw =

@@ -187,35 +187,37 @@ std::vector<Choice> choices(RunOptions& run, bool all) {
     return list;
 }
 
-std::string differences_json(const VotingCase& c,
-                             const CaseDifferences& d,
-                             const std::string& device,
-                             bool met) {
-    JsonLine bounds, json;
-    for (const CaseBound& bound : case_bounds(d)) bounds.add(bound.name, bound.limit);
+std::string comparison_json(const VotingCase& c,
+                            const CaseComparison& result,
+                            const std::string& device) {
+    JsonLine json;
     json.add("case", c.name)
         .add("device", device)
         .add("precision",
              c.options.precision == VotePrecision::single_precision ? "single" : "double")
         .add("splats", c.size())
-        .add("k", c.k)
-        .add("list", d.list)
-        .add("tau", d.tau)
-        .add("tensor", d.tensor)
-        .add("normal_deg", d.normal_deg)
-        .add("target_steps", d.target_steps)
-        .add("variability_deg", d.variability_deg)
-        .add("strength", d.strength)
-        .add("tensor_at", d.tensor_at)
-        .add("normal_at", d.normal_at)
-        .add("excused", d.excused)
-        .add("lists_with_ties", d.lists_with_ties)
-        .add("targets_elsewhere", d.targets_elsewhere)
-        .add("flags", d.flags)
-        .add("left_out", d.left_out)
-        .add("weak", d.weak)
-        .add_json("bounds", bounds.text())
-        .add("met", met);
+        .add("k", c.k);
+    std::string list;
+    for (const CaseQuantity& q : result.quantities) {
+        JsonLine line;
+        line.add("largest", q.largest)
+            .add("bound", q.bound)
+            .add("at", q.at)
+            .add("defined", q.defined)
+            .add("compared", q.compared)
+            .add("excused", q.excused);
+        list += str(list.empty() ? "" : ", ", "\"", q.name, "\": ", line.text());
+    }
+    json.add_json("quantities", "{" + list + "}")
+        .add("lists_with_ties", result.lists_with_ties)
+        .add("excused", result.excused);
+    if (!result.not_stored.empty()) {
+        std::string names;
+        for (const std::string& name : result.not_stored)
+            names += str(names.empty() ? "" : ", ", "\"", name, "\"");
+        json.add_json("not_stored", "[" + names + "]");
+    }
+    json.add("met", result.faults().empty());
     return json.text();
 }
 
@@ -266,17 +268,13 @@ int VoteBench::compare_cases() const {
     for (const std::string& path : cases_) {
         VotingCase stored = read_voting_case(path);
         take_trades(run.train.tv, stored.options);
-        const CaseDifferences d =
+        const CaseComparison result =
             on_device(device, [&](auto tag) { return compare_case_on(stored, tag); });
-        bool met = true;
-        for (const CaseBound& bound : case_bounds(d)) {
-            if (bound.met()) continue;
-            met = false;
-            spdlog::error("{}: {} differs by {:.3g} on {}, allowed {:.3g}", path, bound.name,
-                          bound.value, device.description, bound.limit);
+        for (const std::string& fault : result.faults()) {
+            all_met = false;
+            spdlog::error("{}: {} (on {})", path, fault, device.description);
         }
-        all_met = all_met && met;
-        const std::string line = differences_json(stored, d, device.description, met) + "\n";
+        const std::string line = comparison_json(stored, result, device.description) + "\n";
         std::fputs(line.c_str(), stdout);
         lines += line;
     }

@@ -24,11 +24,12 @@ struct Neighbours {
     Buffer<TreePoint, Device> points;  // [usable] the splats in the slots, as searched
     EdgeTiles<Device> tiles;           // the lists in the compact form; of full lists a step
     // Of full lists only.
-    Buffer<std::uint32_t, Device> receivers;    // [voters_count, k] slots, ascending for each voter
-    Buffer<std::int64_t, Device> begin;         // [usable + 1] where receiver i's voters begin
-    Buffer<std::uint32_t, Device> voters;       // [voters_count * k] ascending for each receiver
-    float largest_trace = 0, median_trace = 0;  // of the usable splats' covariances
-    std::int64_t candidates = 0, leaves = 0;    // looked at; only counted on request
+    Buffer<std::uint32_t, Device> receivers;  // [voters_count, k] slots, ascending for each voter
+    Buffer<std::int64_t, Device> begin;       // [usable + 1] where receiver i's voters begin
+    Buffer<std::uint32_t, Device> voters;     // [voters_count * k] ascending for each receiver
+    float median_trace = 0;                   // of the usable splats' covariances
+    double noise = 0;                         // that of the query, where it names one
+    std::int64_t candidates = 0, leaves = 0;  // looked at; only counted on request
 
     FullLists full_lists() const { return {k, receivers.span(), begin.span(), voters.span()}; }
     CompactLists compact_lists() const { return tiles.lists(); }
@@ -39,7 +40,7 @@ template <class Device>
 struct NeighbourScratch {
     SortScratch<Device> sort;
     Buffer<float, Device> values;  // [N] sorted: traces, then coordinates of one axis
-    Buffer<float, Device> stats;   // median and largest trace, then quantiles
+    Buffer<float, Device> stats;   // median trace and noise, then quantiles
     Buffer<double, Device> sums;   // partial sums and their total
     Buffer<std::uint64_t, Device> codes;
     Buffer<std::uint32_t, Device> order;

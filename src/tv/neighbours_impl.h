@@ -43,6 +43,18 @@ struct PickBody {
     TVSGS_HD void operator()(int) const { out[0] = sorted[low], out[1] = sorted[high]; }
 };
 
+/// The middle trace and the regulariser, for the host.
+struct SizesBody {
+    Span<const float> sorted_traces;
+    int middle;
+    const double* noise;
+    float* out;
+    TVSGS_HD void operator()(int) const {
+        out[0] = sorted_traces[middle];
+        out[1] = noise == nullptr ? 0.0f : static_cast<float>(*noise);
+    }
+};
+
 /// `quantiles`: low and high of each axis.
 TVSGS_HD inline MortonCode code_in_box(Vec3f p, const float* quantiles) {
     double extent = 0;
@@ -180,10 +192,12 @@ double sum_now(NeighbourScratch<Device>& s, int count, const Term& term) {
 }
 
 template <class Device>
-void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
-    const int count = splats.size();
+void count_usable(const NeighbourQuery& query,
+                  NeighbourScratch<Device>& s,
+                  Neighbours<Device>& out) {
+    const int count = query.splats.size();
     s.values.resize(count);
-    parallel_for(Device{}, count, TraceBody{splats, s.values.span()});
+    parallel_for(Device{}, count, TraceBody{query.splats, s.values.span()});
     // A wait: the shape of everything that follows depends on this number.
     out.usable = static_cast<int>(sum_now(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
@@ -191,9 +205,9 @@ void count_usable(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbo
     s.stats.resize(8);
     s.stats.fill_zero();  // read back whole, before the quantiles are known
     parallel_for(Device{}, 1,
-                 PickBody{s.values.span(), out.usable / 2, out.usable - 1, s.stats.data()});
+                 SizesBody{s.values.span(), out.usable / 2, query.noise, s.stats.data()});
     const std::vector<float> stats = to_host(s.stats);
-    out.median_trace = stats[0], out.largest_trace = stats[1];
+    out.median_trace = stats[0], out.noise = static_cast<double>(stats[1]);
 }
 
 /// Morton order of the usable splats, outliers clamped to the box of the 0.1% and 99.9% quantiles.
@@ -228,7 +242,7 @@ void find_neighbours(const NeighbourQuery& query,
         if (done) done(stage);
     };
     out.k = 0;
-    count_usable(query.splats, s, out);
+    count_usable(query, s, out);
     if (out.usable < 2) return;
     sort_points(query.splats, s, out);
     finish("keys");

@@ -14,13 +14,18 @@ inline constexpr double kWhitenNoise = 1e-4;  // of the (mean) trace: "0.01% of 
 inline constexpr double kCoincident =
     1e-12;  // squares of the 1e-6 below which no direction is defined
 // Arc >= chord bounds a vote by exp(-chord^2 / tau^2 - the curvature's part): past this exponent it
-// is below 1e-12, and defined as zero.
-inline constexpr double kMaxExponent = 28;
+// is defined as zero, where float still has normal numbers. A covariant vote grows with the voter's
+// variance, so that of a giant counts where it is far below those of small splats.
+inline constexpr double kMaxExponent = 80;
 inline constexpr double kMinEigenvalue =
     1e-30;  // a tensor below this carries no information in float
 inline constexpr double kMinNormalGap =
     1e-3;  // (lambda_2 - lambda_3) / lambda_1 of an unambiguous normal
+// Below this rounding of the sums in float has made the gap, and with it the normal: no vote.
+inline constexpr double kMinVotingGap = 1e-5;
 inline constexpr double kStrongVote = 1e-3;  // what tv.min_votes counts
+// Of lambda_1: ten times the rounding of float, by which one saliency is more than another.
+inline constexpr float kRoundingMargin = 1e-5f;
 
 struct WhitenRule {
     bool whiten = true;
@@ -84,6 +89,16 @@ TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
     b = {xy, sign + n.y * n.y * c, -n.y};
 }
 
+/// What (sin theta / L)^2 is multiplied by in a vote's exponent, L being the whitened distance:
+/// c kappa^2 / tau^2. Scale-free, a vote at 45 degrees has a tenth of a straight one's strength at
+/// the median distance, tau / tau_per_median, whatever that is; the paper's constant does so where
+/// it is 2.
+template <class Real>
+TVSGS_HD Real curvature_factor(bool scale_free, Real tau, Real tau_per_median) {
+    const Real median = scale_free ? tau / tau_per_median : Real(2);
+    return Real(16 * kLn10 / (kPi * kPi)) * median * median;
+}
+
 /// All that the votes of one splat depend on. Silent voters have inverse_tau2 = 0, ball voters
 /// normal_world = 0.
 template <class Real>
@@ -93,6 +108,7 @@ struct alignas(16) VoterRecord {
     Mat3<Real> W;             // to the whitened space; a plate's normal is its third axis
     Vec3<Real> normal_world;  // where the inverse whitening takes that axis
     Real strength;
+    Real curvature;  // curvature_factor()
 };
 
 /// False for tau that is zero, not finite, or whose square leaves the range.
@@ -116,7 +132,7 @@ template <class Real>
 TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
     const Vec3<Real> m = voter.mean, n = voter.normal_world;
     Real zero = m.x * 0 + m.y * 0 + m.z * 0 + n.x * 0 + n.y * 0 + n.z * 0;
-    zero += voter.inverse_tau2 * 0 + voter.strength * 0;
+    zero += voter.inverse_tau2 * 0 + voter.strength * 0 + voter.curvature * 0;
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) zero += voter.W[i][j] * 0;
     return zero == 0 ? voter : VoterRecord<Real>{};
@@ -128,10 +144,14 @@ TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) 
 /// direction. A record that is not finite cannot vote: one such vote would spoil the sums of all
 /// its receivers.
 template <class Real>
-TVSGS_HD VoterRecord<Real> voter_record(
-    Vec3<Real> mean, const Whitening<Real>& w, Real tau, Vec3<Real> normal, Real strength) {
+TVSGS_HD VoterRecord<Real> voter_record(Vec3<Real> mean,
+                                        const Whitening<Real>& w,
+                                        Real tau,
+                                        Vec3<Real> normal,
+                                        Real strength,
+                                        Real curvature) {
     VoterRecord<Real> voter{
-        mean, inverse_square_or_zero(tau), whitened_from_world(w), {}, strength};
+        mean, inverse_square_or_zero(tau), whitened_from_world(w), {}, strength, curvature};
     const Vec3<Real> n = w.deviations * transpose_times(w.R, normal);
     const Real length = norm(n);
     if (length > 0) {
@@ -149,9 +169,9 @@ TVSGS_HD VoterRecord<Real> voter_record(
 
 template <class To>
 TVSGS_HD VoterRecord<To> record_cast(const VoterRecord<double>& r) {
-    return silent_unless_finite(
-        VoterRecord<To>{vec_cast<To>(r.mean), static_cast<To>(r.inverse_tau2), mat_cast<To>(r.W),
-                        vec_cast<To>(r.normal_world), static_cast<To>(r.strength)});
+    return silent_unless_finite(VoterRecord<To>{
+        vec_cast<To>(r.mean), static_cast<To>(r.inverse_tau2), mat_cast<To>(r.W),
+        vec_cast<To>(r.normal_world), static_cast<To>(r.strength), static_cast<To>(r.curvature)});
 }
 
 template <class Real>
@@ -220,7 +240,7 @@ TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
     const Real inverse_t = Math::inverse_sqrt(t2);
     const Real sin2 = u * u * inverse_l2, cos2 = t2 * inverse_l2;
     const Real chord = voter.inverse_tau2 * l2;
-    const Real curvature = Real(16 * kLn10 / (kPi * kPi) * 4) * sin2 * inverse_l2;
+    const Real curvature = voter.curvature * sin2 * inverse_l2;
     const auto cast = both(both(chord > Real(kCoincident), cos2 > Real(kCoincident)),
                            sin2 <= Real(rule.max_sin2));
     const auto reaches = both(cast, chord + curvature <= Real(kMaxExponent));
@@ -234,7 +254,7 @@ TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
         select(reaches, a, none) * d + select(reaches, b, none) * voter.normal_world, rule);
 }
 
-/// What a receiver adds up.
+/// What a receiver adds up. A vote of strength 0 is none.
 template <class Real>
 struct VoteSums {
     Sym3<Real> tensor{};
@@ -254,8 +274,9 @@ TVSGS_HD void add_vote(VoteSums<Real>& sums, Real strength, const Vote<Real>& vo
     const Real w = strength * vote.decay;
     add_outer(sums.tensor, w * vote.inverse_length2, vote.v);
     sums.squares += w * w;
-    sums.votes += select(vote.cast, Real(1), Real(0));
-    sums.strong += select(vote.decay > Real(kStrongVote), Real(1), Real(0));
+    const auto heard = strength > Real(0);
+    sums.votes += select(both(vote.cast, heard), Real(1), Real(0));
+    sums.strong += select(both(vote.decay > Real(kStrongVote), heard), Real(1), Real(0));
 }
 
 }  // namespace tvsgs

@@ -11,12 +11,12 @@ void warn_too_few(int usable, int count) {
                  count);
 }
 
-void warn_giant(double ratio) {
+void warn_noise(double share) {
     spdlog::warn(
-        "tensor voting: one splat is {:.0f} times larger than the middle one, which spoils the "
-        "whitening of all "
-        "others; consider --set tv.whiten_noise_mode=per_splat",
-        ratio);
+        "tensor voting: the regulariser of the whitening is {:.0f} % of the size of the middle "
+        "splat, since few very large ones raise it: the small ones vote as if they were rounder; "
+        "consider --set tv.whiten_noise_mode=per_splat",
+        100 * share);
 }
 
 }  // namespace detail

@@ -17,6 +17,8 @@ enum class NoiseMode { global, per_splat };
 enum class ScaleRule { ten_percent_at_median, median };
 enum class VoteMap { covariant, unit };
 enum class VoteStrength { relative, literal };
+enum class Curvature { literal, scale_free };
+enum class Targets { votes, anchor };
 enum class VotePrecision { single_precision, double_precision };
 
 struct TvOptions {
@@ -28,11 +30,14 @@ struct TvOptions {
     bool whiten = true;
     NoiseMode whiten_noise_mode = NoiseMode::global;
     ScaleRule scale_rule = ScaleRule::ten_percent_at_median;
+    Curvature curvature = Curvature::literal;
     VoteMap vote_map = VoteMap::covariant;
     float flatness_limit = 0;
     float flatness_limit_position = 0;
     VoteStrength strength = VoteStrength::relative;
+    Targets targets = Targets::votes;
     float virtual_range = 1;
+    float target_margin = 0;
     float max_vote_angle_deg = 90;
     int min_votes = 3;
     VotePrecision precision = VotePrecision::single_precision;
@@ -53,6 +58,9 @@ struct TvOptions {
                      "what the regulariser of the whitening is measured by");
         field.choice("scale_rule", scale_rule, {"ten_percent_at_median", "median"},
                      "scale of voting from the median neighbour distance");
+        field.choice("curvature", curvature, {"literal", "scale_free"},
+                     "what a bent vote loses: literal, the paper's constant, goes by the size of "
+                     "splats; scale_free does not");
         field.choice("vote_map", vote_map, {"covariant", "unit"},
                      "covariant: votes keep the length that un-whitening gives them (paper); unit: "
                      "length 1");
@@ -62,14 +70,20 @@ struct TvOptions {
               "the same, votes at the virtual receivers");
         field.choice("strength", strength, {"relative", "literal"},
                      "relative: saliency / lambda_1; literal: the paper's");
+        field.choice("targets", targets, {"votes", "anchor"},
+                     "of the position loss; anchor: every splat's own centre, a control for what "
+                     "the votes add");
         field("virtual_range", virtual_range, {0.05, 20},
               "reach of the virtual receivers, in largest scales");
+        field("target_margin", target_margin, {0, 10},
+              "share of lambda_1 by which a virtual receiver must be more salient than the centre");
         field("max_vote_angle_deg", max_vote_angle_deg, {1, 90},
               "votes at larger angles to the tangent plane are not cast");
         field("min_votes", min_votes, {0, 1000},
               "received votes of strength over 1e-3 that the position loss asks for");
         field.choice("precision", precision, {"single", "double"},
-                     "of the votes and their sums; double is for validation");
+                     "of votes and of sums while they are made; what is kept (tensors, normals, "
+                     "scales of voting) is single; double is for validation");
         field.choice("lists", lists, {"full", "compact"},
                      "how neighbours are stored; compact: a byte per vote instead of eight, the "
                      "same results");
@@ -106,9 +120,9 @@ struct VotingDetails {
     std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
     std::vector<std::uint32_t> voters;     // ascending; a fixed voter counts from N on
     std::vector<float> tau;                // [N] scale of voting; 0: silent
-    std::vector<float> variability;        // [N] radians; infinite where the tensor is not valid
+    std::vector<float> variability;        // [N] radians; infinite where the normal is ambiguous
     std::vector<float>
-        strength;  // [N] RMS of received votes; infinite where the tensor is not valid
+        strength;  // [N] RMS of received votes; infinite where the normal is ambiguous
     std::vector<std::uint8_t> left_out;  // [N] in the top 5% of both
 };
 

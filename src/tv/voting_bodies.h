@@ -91,7 +91,7 @@ struct EigenBody {
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
-    Span<SlotVector> slot_normals;  // of the tensor there is now; zero for none
+    Span<SlotVector> slot_normals;  // zero where this round left no unambiguous one
 
     TVSGS_HD void operator()(int slot) const {
         const int i = slots.splat(slot);
@@ -109,12 +109,13 @@ struct EigenBody {
             flag |= kValidNow;
         }
         flags[i] = flag;
-        slot_normals[slot].v = (flag & kHasTensor) != 0 ? normals[i] : Vec3f{};
+        slot_normals[slot].v = (flag & kNormalValid) != 0 ? normals[i] : Vec3f{};
     }
 };
 
-/// Root mean square angle between a splat's normal and its receivers'; infinite where the tensor is
-/// not valid, so that both statistics sort such splats to the end.
+/// Root mean square angle between a splat's normal and its receivers', of which ambiguous ones,
+/// being noise, do not count. Infinite, as is the strength, where its own is ambiguous, so that
+/// both statistics sort such splats to the end.
 template <class Lists>
 struct VariabilityBody {
     int k;
@@ -127,7 +128,7 @@ struct VariabilityBody {
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int slot, void* scratch) const {
         constexpr float kInvalid = std::numeric_limits<float>::infinity();
-        if ((flags[slots.splat(slot)] & kValidNow) == 0) {
+        if ((flags[slots.splat(slot)] & kNormalValid) == 0) {
             if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
             return;
         }
@@ -167,14 +168,13 @@ struct MaskBody {
         const int i = slots.splat(slot);
         const std::uint8_t flag = flags[i];
         left_out[slot] = 0;
-        if ((flag & kValidNow) == 0) return;
+        if ((flag & kNormalValid) == 0) return;
         left_out[slot] = variability[slot] > percentile95(sorted_variability, *valid_count) &&
                                  strengths[slot] > percentile95(sorted_strengths, *valid_count)
                              ? 1
                              : 0;
-        const bool position_valid =
-            (flag & kNormalValid) != 0 && left_out[slot] == 0 && strong_votes[slot] >= min_votes;
-        if (position_valid) flags[i] = flag | kPositionValid;
+        if (left_out[slot] == 0 && strong_votes[slot] >= min_votes)
+            flags[i] = flag | kPositionValid;
     }
 };
 
@@ -187,6 +187,14 @@ struct BeginBody {
     TVSGS_HD void operator()(int i) const {
         flags[i] &= kHasTensor;
         targets[i] = means[i];
+    }
+};
+
+/// Ends an event whose targets are the centres.
+struct AnchorBody {
+    Span<std::uint8_t> flags;
+    TVSGS_HD void operator()(int i) const {
+        flags[i] &= kHasTensor | kNormalValid | kPositionValid;
     }
 };
 

@@ -14,7 +14,7 @@ namespace tvsgs {
 namespace detail {
 // Defined in voting.cpp: CUDA sources do not see the log.
 void warn_too_few(int usable, int count);
-void warn_giant(double ratio);
+void warn_noise(double share);
 
 enum Sum { kNoise, kPositionNoise, kUsable, kSaliency, kTensorCount, kValidCount, kSums };
 
@@ -55,7 +55,7 @@ struct TensorVoter<Device>::State {
     int refreshed_at = 0;
     int listed = -1;        // splats at the last search
     bool no_balls = false;  // every splat in the lists has a tensor
-    bool warned_few = false, warned_giant = false;
+    bool warned_few = false, warned_noise = false;
     detail::StageTimes<Device> times;
     VotingProfile profile;
 
@@ -179,13 +179,13 @@ void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
         detail::warn_too_few(found.usable, splats.size());
-    constexpr double kGiant =
-        1e4;  // in standard deviations: the global regulariser is then as large as most splats
-    const double ratio =
-        std::sqrt(double(found.largest_trace) / std::max(double(found.median_trace), 1e-300));
-    if (found.k > 0 && ratio > kGiant && options_.whiten_noise_mode == NoiseMode::global &&
-        !std::exchange(s.warned_giant, true))
-        detail::warn_giant(ratio);
+    // Of a splat's size: what is thinner is no longer told apart. A few giants raise the mean.
+    constexpr double kCoarse = 0.1;
+    const double size = std::sqrt(std::max(double(found.median_trace), 1e-300) / 3),
+                 share = std::sqrt(found.noise) / size;
+    if (found.k > 0 && share > kCoarse && options_.whiten_noise_mode == NoiseMode::global &&
+        !std::exchange(s.warned_noise, true))
+        detail::warn_noise(share);
 }
 
 /// The regulariser of the whitening: 1e-4 of the mean trace.
@@ -275,23 +275,25 @@ void TensorVoter<Device>::event(const Lists& lists,
     s.means.resize(usable), s.normals.resize(usable), s.sums.resize(usable);
     s.strengths.resize(usable), s.strong_votes.resize(usable);
 
-    const float per_median =
-        options_.scale_rule == ScaleRule::median ? 1.0f : static_cast<float>(1 / std::sqrt(kLn10));
+    const double tau_per_median =
+        options_.scale_rule == ScaleRule::median ? 1 : 1 / std::sqrt(kLn10);
     const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
         parallel_for(Device{}, voters,
                      WhiteningBody<Real>{slots, whiten_rule(options_, flatness_limit),
                                          s.totals.data() + noise, records.span()});
         for_each_warp(Device{}, voters,
                       median_scratch<Device>(near.k) * sizeof(float) + Lists::scratch_bytes(near.k),
-                      TauBody<Real, Lists>{per_median, near.k, lists, s.means.span(),
-                                           records.span(), tau.span()});
+                      TauBody<Real, Lists>{static_cast<float>(tau_per_median), near.k, lists,
+                                           s.means.span(), records.span(), tau.span()});
     };
     const auto make_records = [&](bool ball_round, float flatness_limit, Sum noise,
                                   Buffer<float, Device>& tau) {
-        parallel_for(Device{}, voters,
-                     RecordBody<Real>{ball_round, slots, whiten_rule(options_, flatness_limit),
-                                      s.totals.data() + noise, tau.span(), s.voter_normals.span(),
-                                      s.voter_strengths.span(), records.span()});
+        parallel_for(
+            Device{}, voters,
+            RecordBody<Real>{ball_round, slots, whiten_rule(options_, flatness_limit),
+                             s.totals.data() + noise, options_.curvature == Curvature::scale_free,
+                             tau_per_median, tau.span(), s.voter_normals.span(),
+                             s.voter_strengths.span(), records.span()});
     };
 
     // 1. What holds for all rounds: centres, and scales of voting.
@@ -339,7 +341,7 @@ void TensorVoter<Device>::event(const Lists& lists,
     for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
                   VariabilityBody<Lists>{near.k, lists, slots, s.normals.span(), field.flags.span(),
                                          s.variability.span(), s.strengths.span()});
-    s.total(kValidCount, splats.size(), FlagTerm{kValidNow, field.flags.span()});
+    s.total(kValidCount, splats.size(), FlagTerm{kNormalValid, field.flags.span()});
     sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
     sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
     parallel_for(Device{}, usable,
@@ -348,6 +350,11 @@ void TensorVoter<Device>::event(const Lists& lists,
                           s.sorted_variability.span(), s.sorted_strengths.span(),
                           s.strong_votes.span(), field.flags.span(), s.left_out.span()});
     s.times.done("masks");
+
+    if (options_.targets == Targets::anchor) {
+        parallel_for(Device{}, splats.size(), AnchorBody{field.flags.span()});
+        return;
+    }
 
     // 4. Virtual receivers, by the voters of the plate round just done.
     const bool same_voters = options_.flatness_limit_position == options_.flatness_limit;
@@ -360,9 +367,10 @@ void TensorVoter<Device>::event(const Lists& lists,
     const auto vote_at_virtual_receivers = [&]<bool kUnitVotes>() {
         for_each_warp(
             Device{}, usable, 0,
-            VirtualBody<Real, Lists, kUnitVotes>{ballot, same_voters, options_.virtual_range, slots,
-                                                 field.eigenvalues.span(), field.normals.span(),
-                                                 field.targets.span(), field.flags.span()});
+            VirtualBody<Real, Lists, kUnitVotes>{
+                ballot, same_voters, options_.virtual_range,
+                std::max(options_.target_margin, kRoundingMargin), slots, field.eigenvalues.span(),
+                field.normals.span(), field.targets.span(), field.flags.span()});
     };
     if (options_.vote_map == VoteMap::unit)
         vote_at_virtual_receivers.template operator()<true>();

@@ -176,7 +176,8 @@ struct FlagTerm {
 };
 
 /// How voter i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
-/// as a ball.
+/// as a ball. Whose normal rounding errors have made is silent: where nobody else votes, it would
+/// decide.
 struct OrientationBody {
     Slots slots;
     bool literal;
@@ -197,11 +198,13 @@ struct OrientationBody {
         voter_normals[voter] = has_tensor ? normals[i] : Vec3f{};
         voter_strengths[voter] = 1;
         if (!has_tensor) return;
-        const Vec3f l = eigenvalues[i];
-        const double mean =
-            literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : double(l.x);
-        const double strength = mean > 0 ? (double(l.y) - double(l.z)) / mean : 0;
-        voter_strengths[voter] = strength > 0 ? static_cast<float>(strength) : 0.0f;
+        const Vec3<double> l = vec_cast<double>(eigenvalues[i]);
+        const double saliency = l.y - l.z;
+        const double unit =
+            literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : l.x;
+        voter_strengths[voter] = unit > 0 && saliency >= kMinVotingGap * l.x
+                                     ? static_cast<float>(saliency / unit)
+                                     : 0.0f;
     }
 };
 
@@ -213,6 +216,8 @@ struct RecordBody {
     Slots slots;
     WhitenRule rule;
     const double* noise;
+    bool scale_free;
+    double tau_per_median;
     Span<const float> tau;
     Span<const Vec3f> voter_normals;
     Span<const float> voter_strengths;
@@ -227,7 +232,8 @@ struct RecordBody {
         }
         store(record_cast<Real>(voter_record<double>(
                   vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
-                  tau[voter], vec_cast<double>(normal), voter_strengths[voter])),
+                  tau[voter], vec_cast<double>(normal), voter_strengths[voter],
+                  curvature_factor<double>(scale_free, tau[voter], tau_per_median))),
               records[voter]);
     }
 };

@@ -17,6 +17,7 @@ struct VirtualBody {
     Ballot<Real, Lists> ballot;
     bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
     float range;        // reach, in largest scales
+    float margin;       // of lambda_1, by which a receiver must beat the centre
     Slots slots;
     Span<const Vec3f> eigenvalues, normals;
     Span<Vec3f> targets;
@@ -33,9 +34,11 @@ struct VirtualBody {
         const Vec3f s = slots.splats.scales<float>(i);
         const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
-        const Vec3f l = eigenvalues[i];
-        Best best{centre_known ? Real(l.y) - Real(l.z) : centre_saliency(warp, slot, mean), 0};
-        // A tie keeps the centre, then the nearer, then the negative.
+        const Vec3<Real> l =
+            centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, slot, mean);
+        // What is to be beaten by more than rounding; a tie keeps the nearer, then the negative.
+        const Real rounding = Real(kRoundingMargin) * l.x;
+        Best best{l.y - l.z + Real(margin) * l.x - rounding, rounding, 0};
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
             Lane T[6][2 * kSide] = {};
@@ -76,7 +79,7 @@ struct VirtualBody {
 private:
     static constexpr int kSide = 5;  // positions on each side of the centre
     struct Best {
-        Real saliency;
+        Real saliency, rounding;
         int m;
     };
 
@@ -125,30 +128,30 @@ private:
                                     Few(voter.inverse_tau2),
                                     {},
                                     vec_cast<Few>(voter.normal_world),
-                                    Few(voter.strength)};
+                                    Few(voter.strength),
+                                    Few(voter.curvature)};
     }
 
     template <class Warp>
-    TVSGS_HD Real centre_saliency(const Warp& warp, int slot, Vec3<Real> mean) const {
+    TVSGS_HD Vec3<Real> centre_eigenvalues(const Warp& warp, int slot, Vec3<Real> mean) const {
         typename Warp::template Lane<Real> T[6][1] = {};
         add_votes<Warp::kLanes>(warp, slot, mean, {}, T);
-        return surface_saliency(warp, T, 0);
-    }
-    /// Of tensor t, summed over the lanes.
-    template <class Warp, class Lane, int kCount>
-    TVSGS_HD static Real surface_saliency(const Warp& warp, const Lane (&T)[6][kCount], int t) {
         Real entries[6];
-        for (int c = 0; c < 6; ++c) entries[c] = warp.sum(T[c][t]);
-        return surface_saliency(entries);
+        for (int c = 0; c < 6; ++c) entries[c] = warp.sum(T[c][0]);
+        return eigenvalues_of(entries);
+    }
+    template <class Few>
+    TVSGS_HD static Vec3<Few> eigenvalues_of(const Few (&T)[6]) {
+        return sym_eigenvalues<FastMath>(Sym3<Few>{T[0], T[1], T[2], T[3], T[4], T[5]});
     }
     template <class Few>
     TVSGS_HD static Few surface_saliency(const Few (&T)[6]) {
-        const Vec3<Few> values =
-            sym_eigenvalues<FastMath>(Sym3<Few>{T[0], T[1], T[2], T[3], T[4], T[5]});
+        const Vec3<Few> values = eigenvalues_of(T);
         return values.y - values.z;
     }
     TVSGS_HD static void keep_best(Real saliency, int m, Best& best) {
-        if (saliency > best.saliency) best = {saliency, m};  // NaN never wins
+        if (saliency > best.saliency + best.rounding)  // NaN never wins
+            best.saliency = saliency, best.m = m;
     }
 };
 

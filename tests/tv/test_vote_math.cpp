@@ -9,6 +9,9 @@ namespace {
 
 using Vec = Vec3<double>;
 
+/// The paper's constant.
+const double kLiteral = curvature_factor(false, 1.0, 1.0);
+
 struct Voter {
     Quat<double> quat;
     Vec scales, normal;
@@ -17,14 +20,15 @@ struct Voter {
     Vec mean{0.3, -0.2, 0.1};
 
     VoterRecord<double> record() const {
-        return voter_record(mean, whitening(quat, scales, rule, noise), tau, normal, 0.7);
+        return voter_record(mean, whitening(quat, scales, rule, noise), tau, normal, 0.7, kLiteral);
     }
     Vote<double> plate(Vec receiver, const VoteRule& vote_rule = {}) const {
         const auto r = record();
         return plate_vote<FastMath>(r, receiver - mean, r.W * (receiver - mean), vote_rule);
     }
     Vote<double> ball(Vec receiver, const VoteRule& vote_rule = {}) const {
-        const auto r = voter_record(mean, whitening(quat, scales, rule, noise), tau, Vec{}, 1.0);
+        const auto r =
+            voter_record(mean, whitening(quat, scales, rule, noise), tau, Vec{}, 1.0, kLiteral);
         return ball_vote<FastMath>(r, receiver - mean, r.W * (receiver - mean), vote_rule);
     }
 };
@@ -76,7 +80,7 @@ TEST(VoteMath, ClosedFormIsTheSpecificationsVote) {
         double decay = 0;
         const Vec direct = direct_plate_vote(v, receiver, decay);
         if (!vote.cast || vote.decay == 0) {
-            EXPECT_LT(decay, 1e-11);
+            EXPECT_LT(decay, 2e-35);
             continue;
         }
         ++compared;
@@ -140,8 +144,8 @@ TEST(VoteMath, SinglePrecisionIsTheSameVote) {
         const Vote<double> vote = v.plate(receiver, rule);
         const auto w =
             whitening(quat_cast<float>(v.quat), vec_cast<float>(v.scales), v.rule, float(v.noise));
-        const auto r =
-            voter_record(vec_cast<float>(v.mean), w, float(v.tau), vec_cast<float>(v.normal), 0.7f);
+        const auto r = voter_record(vec_cast<float>(v.mean), w, float(v.tau),
+                                    vec_cast<float>(v.normal), 0.7f, float(kLiteral));
         const Vec3f d = vec_cast<float>(receiver) - r.mean;
         const Vote<float> single = plate_vote<FastMath>(r, d, r.W * d, rule);
         if (vote.decay < 1e-6) continue;
@@ -218,7 +222,7 @@ TEST(VoteMath, LargeAnglesAreWeakAndCanBeCut) {
 
 TEST(VoteMath, FarVotesAreZeroAndCounted) {
     const Voter v = unit_voter();
-    const double cut = std::sqrt(28.0);
+    const double cut = std::sqrt(kMaxExponent);
     EXPECT_GT(v.plate({cut * 0.999, 0, 0}).decay, 0);
     EXPECT_TRUE(v.plate({cut * 1.001, 0, 0}).cast);
     EXPECT_EQ(v.plate({cut * 1.001, 0, 0}).decay, 0);

@@ -90,6 +90,92 @@ TYPED_TEST(Voting, NoisyPlaneWithOutliers) {
     EXPECT_LT(after, before);
 }
 
+/// A noisy sphere with 10 % outliers; splats of `spacings` mean distances.
+Cloud sphere_of(float spacings, std::vector<Vec3f>& normals) {
+    Random random(21);
+    Cloud cloud;
+    constexpr int kCount = 1200;
+    const float spacing = std::sqrt(12.57f / float(kCount));
+    for (int i = 0; i < kCount; ++i) {
+        const bool outlier = i % 10 == 0;
+        const Vec3f n = normalize(random.normal3());
+        const Vec3f place =
+            outlier ? Vec3f{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)}
+                    : (1 + 0.2f * spacing * random.normal()) * n;
+        cloud.add(place, random.flat_scales(spacings * spacing),
+                  quat_from_z(tilted(random, n, 0.1f)));
+        normals.push_back(outlier ? Vec3f{} : n);
+    }
+    return cloud;
+}
+
+TYPED_TEST(Voting, ScaleFreeVotesDoNotGoByTheSizeOfSplats) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    const auto spread = [](Curvature curvature) {
+        double least = 180, most = 0;
+        for (const float spacings : {0.1f, 0.3f, 1.0f, 3.0f}) {
+            std::vector<Vec3f> normals;
+            const Cloud cloud = sphere_of(spacings, normals);
+            TvOptions options = options_with(100);  // the shipped reading
+            options.vote_map = VoteMap::unit;
+            options.flatness_limit = options.flatness_limit_position = 1;
+            options.curvature = curvature;
+            const FieldOnHost f = run_events<TypeParam>(cloud, options, 3);
+            std::vector<double> errors;
+            for (int i = 0; i < cloud.size(); ++i)
+                if (norm(normals[std::size_t(i)]) > 0)
+                    errors.push_back(angle_deg(f.normals[std::size_t(i)], normals[std::size_t(i)]));
+            const double error = median_of(errors);
+            std::printf("  %s, splats of %.1f spacings: %.2f degrees\n",
+                        curvature == Curvature::literal ? "literal" : "scale-free",
+                        double(spacings), error);
+            least = std::min(least, error), most = std::max(most, error);
+        }
+        return most - least;
+    };
+    EXPECT_LT(spread(Curvature::scale_free), 1);
+    EXPECT_GT(spread(Curvature::literal), 2);  // the test can fail
+}
+
+TYPED_TEST(Voting, AnchorsAreTheCentresAndChangeNothingElse) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    const Cloud cloud = sphere(400, 22, 0.03f);
+    TvOptions options = options_with(20);
+    const FieldOnHost votes = run_events<TypeParam>(cloud, options, 2);
+    options.targets = Targets::anchor;
+    const FieldOnHost anchor = run_events<TypeParam>(cloud, options, 2);
+    int moved = 0;
+    for (int i = 0; i < cloud.size(); ++i) {
+        const std::size_t s = std::size_t(i);
+        EXPECT_EQ(norm(anchor.targets[s] - cloud.means[s]), 0);
+        moved += norm(votes.targets[s] - cloud.means[s]) > 0;
+    }
+    EXPECT_GT(moved, cloud.size() / 10);
+    EXPECT_EQ(votes.flags, anchor.flags);  // the same splats take part
+    EXPECT_EQ(std::memcmp(votes.normals.data(), anchor.normals.data(),
+                          votes.normals.size() * sizeof(Vec3f)),
+              0);
+}
+
+TYPED_TEST(Voting, NobodyFallsSilentAmongEightDecadesOfScale) {
+    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
+    // A plane of small splats, and giants among them, whose covariant votes are 10^16 times longer.
+    // What the giants say of where they are 7 standard deviations away still outweighs the rest.
+    Random random(23);
+    Cloud cloud;
+    for (int i = 0; i < 600; ++i) {
+        const float size = std::pow(10.0f, random.uniform(-6, 2));
+        cloud.add({random.uniform(-1, 1), random.uniform(-1, 1), 0.01f * random.normal()},
+                  {size, size, 0.1f * size}, quat_from_z(tilted(random, {0, 0, 1}, 0.1f)));
+    }
+    TvOptions options = options_with(40);
+    options.whiten_noise_mode = NoiseMode::per_splat;
+    const FieldOnHost f = run_events<TypeParam>(cloud, options, 2);
+    int heard = 0;
+    for (const std::uint8_t flags : f.flags) heard += (flags & kHasTensor) != 0;
+    EXPECT_EQ(heard, cloud.size());
+}
+
 TYPED_TEST(Voting, SphereAndCylinder) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     const Cloud ball = sphere(1200, 2);
