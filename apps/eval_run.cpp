@@ -14,7 +14,8 @@ using Words = std::vector<std::string>;
 
 struct RunArguments {
     std::string model, scene, device = "auto", gt, visible_gt, crop, tau, max_distance, dtu, scan,
-                              scene_dir, traj, tnt_tau, weights;
+                              scene_dir, traj, tnt_tau, weights, cameras, units, masks, cull,
+                              dilate;
     bool masked = false;
 };
 
@@ -43,6 +44,20 @@ void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
     command.run();
 }
 
+/// What `dtu` needs of the scene; the mesh alone is culled.
+Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
+    std::string cameras = a.cameras;
+    for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
+        if (cameras.empty() && fs::is_regular_file(fs::path(scene) / name))
+            cameras = (fs::path(scene) / name).string();
+    Words words = flags({{"--cameras", cameras}, {"--mesh-units", a.units}});
+    if (of_mesh)
+        for (const std::string& word :
+             flags({{"--cull-masks", a.masks}, {"--cull", a.cull}, {"--cull-dilate", a.dilate}}))
+            words.push_back(word);
+    return words;
+}
+
 int run(const RunArguments& a) {
     RunOptions options;
     OptionTable table;
@@ -56,6 +71,13 @@ int run(const RunArguments& a) {
     };
     if (a.dtu.empty() != a.scan.empty())
         throw Error(ExitCode::usage, "--dtu DIR and --scan N belong together; one is missing");
+    for (const auto& [flag, value] :
+         {std::pair("--cameras", a.cameras), std::pair("--mesh-units", a.units),
+          std::pair("--cull-masks", a.masks), std::pair("--cull", a.cull),
+          std::pair("--cull-dilate", a.dilate)})
+        if (a.dtu.empty() && !value.empty())
+            throw Error(ExitCode::usage,
+                        str(flag, " ", value, ": belongs to --dtu DIR, which is missing"));
 
     struct Prediction {
         std::string suffix, file;
@@ -79,7 +101,7 @@ int run(const RunArguments& a) {
         const auto out = [&](const char* name) {
             return Words{"--pred", file, "--out", str(a.model, "/eval/", name, suffix, ".json")};
         };
-        const int samples = static_cast<int>(options.eval.samples);
+        const auto samples = options.eval.point_samples;
         if (!gt.empty()) {
             const float cap = options.eval.max_distance;
             Words words = flags({{"--gt", gt},
@@ -87,12 +109,15 @@ int run(const RunArguments& a) {
                                  {"--crop", given(a.crop, options.eval.crop)},
                                  {"--tau", given(a.tau, options.eval.taus)},
                                  {"--max-distance", given(a.max_distance, cap > 0 ? str(cap) : "")},
-                                 {"--samples", str(samples)}});
+                                 {"--point-samples", samples > 0 ? str(samples) : ""}});
             words.insert(words.begin(), "geometry");
             call(add_eval_geometry, words, out("geometry")), ++done;
         }
-        if (!a.dtu.empty())
-            call(add_eval_dtu, {"dtu", "--dtu", a.dtu, "--scan", a.scan}, out("dtu")), ++done;
+        if (!a.dtu.empty()) {
+            Words words = dtu_words(a, scene, suffix.empty());
+            words.insert(words.begin(), {"dtu", "--dtu", a.dtu, "--scan", a.scan});
+            call(add_eval_dtu, words, out("dtu")), ++done;
+        }
         if (!a.scene_dir.empty()) {
             // The trained frame is that of the scene's own model.
             const std::string model = scene + "/sparse/0";
@@ -135,6 +160,12 @@ EvalCommand add_eval_run(CLI::App& app) {
     command->add_option("--max-distance", a.max_distance, "as geometry has it");
     command->add_option("--dtu", a.dtu, "as dtu has it, with --scan");
     command->add_option("--scan", a.scan, "as dtu has it");
+    command->add_option("--cameras", a.cameras,
+                        "as dtu has it [cameras.npz or cameras_sphere.npz of the scene]");
+    command->add_option("--mesh-units", a.units, "as dtu has it");
+    command->add_option("--cull-masks", a.masks, "as dtu has it, for the mesh");
+    command->add_option("--cull", a.cull, "as dtu has it, for the mesh");
+    command->add_option("--cull-dilate", a.dilate, "as dtu has it, for the mesh");
     command->add_option("--scene-dir", a.scene_dir, "as tnt has it");
     command->add_option("--traj", a.traj, "as tnt has it [the scene's sparse/0]");
     command->add_option("--tnt-tau", a.tnt_tau, "tnt's --tau");

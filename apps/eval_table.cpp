@@ -46,12 +46,15 @@ bool read_run(const std::string& text, TableRun& run) {
 }
 
 int table(std::vector<std::string> folders,
-          const std::string& matrix_file,
+          const MatrixOptions& matrix,
           const std::string& published_file,
           const std::string& out) {
-    if (folders.empty() == matrix_file.empty())
+    if (folders.empty() == matrix.file.empty())
         throw Error(ExitCode::usage, "expected either --runs or --matrix");
-    if (!matrix_file.empty()) folders = run_matrix(matrix_file);
+    if (matrix.file.empty() && (matrix.dry_run || !matrix.data.empty() || !matrix.scenes.empty()))
+        throw Error(ExitCode::usage, "--data, --scenes and --dry-run belong to --matrix");
+    if (!matrix.file.empty()) folders = run_matrix(matrix);
+    if (matrix.dry_run) return 0;
     std::vector<PublishedFigure> published;
     JsonValue file;
     if (!published_file.empty()) {
@@ -93,7 +96,8 @@ int table(std::vector<std::string> folders,
 EvalCommand add_eval_table(CLI::App& app) {
     struct Arguments {
         std::vector<std::string> runs;
-        std::string matrix, published, out;
+        std::string published, out;
+        MatrixOptions matrix;
     };
     const auto arguments = std::make_shared<Arguments>();
     CLI::App* command =
@@ -102,8 +106,14 @@ EvalCommand add_eval_table(CLI::App& app) {
         ->add_option("--runs", arguments->runs,
                      "run folders DIR or LABEL=DIR; seeds of one configuration are averaged")
         ->take_all();
-    command->add_option("--matrix", arguments->matrix,
+    command->add_option("--matrix", arguments->matrix.file,
                         "JSON file of scenes, configurations and seeds to train and measure first");
+    command->add_option("--data", arguments->matrix.data,
+                        "folder of the scenes of that file, which calls it ${data}");
+    command->add_option("--scenes", arguments->matrix.scenes, "of that file these only: A,B,C")
+        ->delimiter(',');
+    command->add_flag("--dry-run", arguments->matrix.dry_run,
+                      "with --matrix: print the commands and do nothing");
     command->add_option("--published", arguments->published,
                         "JSON file of figures to show where the scenes are the same "
                         "(docs/published_figures.json)");

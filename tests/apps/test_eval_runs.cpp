@@ -23,9 +23,8 @@ std::string train_flags(const std::string& scene, const std::string& more = "") 
     return "--scene " + data + " --split train_3 --init-ply " + data +
            "/init/train_3.ply -r 8 --iterations 30 --config " TVSGS_SOURCE_DIR
            "/configs/pgsr_sparse.json --set init.max_points=6000 --set tv.k=16 --set "
-           "densify.until=0 --set mesh.resolution=150 --set mesh.masks=false --set "
-           "eval.samples=20000 --device cpu "
-           "--quiet --eval-every 10 --eval-mesh --gt " +
+           "densify.until=0 --set mesh.resolution=150 --set mesh.masks=false "
+           "--device cpu --quiet --eval-every 10 --eval-mesh --gt " +
            data + "/gt/points.ply --crop " + data + "/gt/info.json --tau 5,10 " + more;
 }
 
@@ -188,6 +187,20 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
               json("table/eval/centres.json")["chamfer"].number)
         << "with the truth, crop and samples of training";
     EXPECT_EQ(call("eval", "run --model table --scan 901").code, 2) << "--dtu is missing";
+    // Official folders: cameras beside the scene, masks that cull the mesh and not the centres.
+    const Result culled =
+        call("eval", "run --model table --device cpu --quiet --scan 901 --dtu " + dtu +
+                         " --cameras " + dtu + "/cameras_sphere.npz --cull-masks " + data +
+                         "/ycb_table/masks --cull-dilate 3");
+    ASSERT_EQ(culled.code, 0) << culled;
+    EXPECT_EQ(json("table/eval/dtu.json")["protocol"]["cull"].text, "all");
+    EXPECT_EQ(json("table/eval/dtu.json")["protocol"]["cull_dilate_px"].number, 3);
+    EXPECT_GT(json("table/eval/dtu.json")["points"]["culled"].number, 100);
+    EXPECT_EQ(json("table/eval/dtu.json")["inputs"]["cameras"].text, dtu + "/cameras_sphere.npz");
+    EXPECT_EQ(json("table/eval/dtu_centres.json")["protocol"]["cull"].text, "none");
+    const Result alone = call("eval", "run --model table --cull-masks " + data);
+    EXPECT_EQ(alone.code, 2);
+    EXPECT_TRUE(alone.says("belongs to --dtu")) << alone;
 
     // Tanks and Temples' layout by a matrix: the trained frame is that of sparse/0, not of the
     // official log.
@@ -227,6 +240,25 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
     const Result refused = call("eval", "table --matrix other.json --out bust.md");
     EXPECT_EQ(refused.code, 2) << refused;
     EXPECT_TRUE(refused.says("was trained by")) << refused;
+    // Placeholders: the folder of the file, the data, and one entry for several scenes.
+    std::ofstream(folder_ / "many.json")
+        << R"JS({"comment": "x", "out": "${here}/runs", "scenes": {"s${n}": {"for_each":
+           {"n": ["1", "22"]}, "train": ["--scene", "${data}/s${n}"], "eval_if_there":
+           ["--lpips-weights", "${data}/alex.safetensors"]}}, "configurations": {"a": []}})JS";
+    const Result printed = call("eval", "table --matrix many.json --data . --dry-run --scenes s22");
+    ASSERT_EQ(printed.code, 0) << printed;
+    EXPECT_EQ(printed.out, "tvsgs-train --scene ./s22 --seed 0 --out " + folder_.string() +
+                               "/runs/s22/a/seed_0\ntvsgs-extract-mesh --model " +
+                               folder_.string() + "/runs/s22/a/seed_0\ntvsgs-eval run --model " +
+                               folder_.string() +
+                               "/runs/s22/a/seed_0 --lpips-weights ./alex.safetensors\n");
+    const Result nowhere = call("eval", "table --matrix many.json --data nowhere --dry-run");
+    EXPECT_EQ(std::count(nowhere.out.begin(), nowhere.out.end(), '\n'), 6) << "two scenes";
+    EXPECT_EQ(nowhere.out.find("alex"), std::string::npos) << "there are no weights";
+    EXPECT_TRUE(call("eval", "table --matrix many.json --dry-run").says("--data DIR"));
+    const Result unknown = call("eval", "table --matrix many.json --data . --scenes s3");
+    EXPECT_EQ(unknown.code, 2);
+    EXPECT_TRUE(unknown.says("s1 s22")) << unknown;
     std::ofstream(folder_ / "no_matrix.json") << R"({"scenes": {"a": {"trian": []}}})";
     EXPECT_EQ(call("eval", "table --matrix no_matrix.json").code, 3);
     for (const char* wrong : {R"("seeds": ["1"])", R"("seeds": 1)", R"("seeds": [-1])",

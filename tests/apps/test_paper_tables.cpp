@@ -1,0 +1,123 @@
+// The matrices that make the paper's tables: they name files that exist, and flags that our
+// commands take; and the configurations are what the paper says.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <sstream>
+
+#include "io/json_value.h"
+#include "io/read_file.h"
+#include "support/command.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+class PaperTables : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_tables_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        ASSERT_EQ(
+            run_tool(folder_, "synth", "--out scene --views 6 --width 32 --height 24 --quiet").code,
+            0);
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static std::vector<std::string> lines_of(const std::string& text) {
+        std::vector<std::string> lines;
+        std::istringstream in(text);
+        for (std::string line; std::getline(in, line);) lines.push_back(line);
+        return lines;
+    }
+    /// What a configuration comes to, by the program itself.
+    static JsonValue resolved(const std::string& configs) {
+        const Result result = run_tool(
+            folder_, "train",
+            "--scene scene --iterations 0 --device cpu --quiet --overwrite --out run " + configs);
+        EXPECT_EQ(result.code, 0) << result;
+        const std::string path = (folder_ / "run/config.json").string();
+        return parse_json_value(read_bytes(path), path);
+    }
+
+    static inline fs::path folder_;
+};
+
+TEST_F(PaperTables, EveryMatrixPrintsCommandsThatOurProgramsTake) {
+    int matrices = 0;
+    for (const auto& entry : fs::directory_iterator(TVSGS_SOURCE_DIR "/matrices")) {
+        SCOPED_TRACE(entry.path());
+        ++matrices;
+        const std::string matrix = "table --matrix '" + entry.path().string() + "'";
+        EXPECT_EQ(run_tool(folder_, "eval", matrix + " --dry-run").code, 2) << "needs --data";
+        const Result printed =
+            run_tool(folder_, "eval", matrix + " --data /data --dry-run --quiet");
+        ASSERT_EQ(printed.code, 0) << printed;
+        const std::vector<std::string> lines = lines_of(printed.out);
+        ASSERT_GE(lines.size(), 3u * 4 * 3);
+        std::vector<std::string> seen;
+        for (const std::string& line : lines) {
+            std::istringstream in(line);
+            std::string tool, word, flags, configs;
+            in >> tool;
+            while (in >> word) {
+                if (word == "--config") {
+                    in >> word;
+                    EXPECT_TRUE(fs::is_regular_file(word)) << word;
+                    configs += " --config '" + word + "'";
+                } else if (word.starts_with("--set")) {
+                    in >> word;
+                    configs += " --set " + word;
+                }
+            }
+            // Each set of keys once, by the program that would take them.
+            const std::string key = tool + configs;
+            if (std::find(seen.begin(), seen.end(), key) != seen.end()) continue;
+            seen.push_back(key);
+            if (tool == "tvsgs-train") resolved(configs);
+        }
+        // Nothing lies in /data: each command gets as far as that, past its flags.
+        for (const char* tool : {"train", "extract-mesh"}) {
+            const auto line = std::find_if(lines.begin(), lines.end(), [&](const std::string& l) {
+                return l.starts_with("tvsgs-" + std::string(tool));
+            });
+            ASSERT_NE(line, lines.end());
+            const Result result = run_tool(folder_, tool, line->substr(line->find(' ')));
+            EXPECT_EQ(result.code, 3) << *line << result;
+        }
+        const auto measure = std::find_if(lines.begin(), lines.end(), [](const std::string& l) {
+            return l.starts_with("tvsgs-eval");
+        });
+        EXPECT_EQ(run_tool(folder_, "eval", measure->substr(measure->find(' '))).code, 3);
+    }
+    EXPECT_EQ(matrices, 6);
+}
+
+TEST_F(PaperTables, TheConfigurationsAreThePapers) {
+    const std::string configs = TVSGS_SOURCE_DIR "/configs/";
+    for (const bool dense : {false, true}) {
+        // Without --iterations, which would fit the schedule.
+        const std::string path = configs + (dense ? "tv_sgs_p_dense.json" : "tv_sgs_p.json");
+        const JsonValue c = parse_json_value(read_bytes(path), path);
+        EXPECT_EQ(c["iterations"].number, dense ? 30000 : 15000);
+        EXPECT_EQ(c["loss"]["tv_normal"]["start"].number, dense ? 20000 : 1);
+        EXPECT_EQ(c["loss"]["tv_position"]["start"].number, dense ? 25000 : 1);
+        EXPECT_EQ(c["tv"]["refresh_every"].number, dense ? 500 : 100);
+        EXPECT_EQ(c["tv"]["vote_every"].number, 10);
+        EXPECT_EQ(c["loss"]["multi_view_ncc"]["start"].number, 7001);
+        EXPECT_EQ(c["loss"]["multi_view_geometry"]["start"].number, 7001);
+        EXPECT_EQ(c["loss"]["tv_normal"]["weight"].number, 0.5);
+        EXPECT_EQ(c["loss"]["tv_position"]["weight"].number, 1);
+        EXPECT_EQ(c["tv"]["vote_map"].text, "covariant");
+        EXPECT_EQ(c["tv"]["curvature"].text, "literal");
+        EXPECT_EQ(c["tv"]["flatness_limit"].number, 0);
+        EXPECT_EQ(c["tv"]["flatness_limit_position"].number, 0);
+        const JsonValue run = resolved("--config '" + path + "'");
+        EXPECT_EQ(run["tv"]["vote_map"].text, "covariant") << "the program takes the file";
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
