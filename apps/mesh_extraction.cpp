@@ -11,7 +11,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kMeshResolution = 2048;       // twice that of 2DGS and FatesGS: docs/results.md
+constexpr int kMeshResolution = 2048;       // twice that of 2DGS and FatesGS
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
 
 void parse_box(const std::string& text, Vec3d origin, DepthRules& rules) {
