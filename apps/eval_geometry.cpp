@@ -36,10 +36,10 @@ int geometry(const GeometryArguments& arguments) {
     const MeasureOptions measure{arguments.point_samples, arguments.seed, arguments.crop,
                                  origin_of(arguments.gt)};
     const MeasuredSurface prediction = read_measured(arguments.pred, measure, crop),
-                          truth = read_measured(arguments.gt, measure, crop);
+                          truth = read_measured(arguments.gt, of_truth(measure), crop);
     std::optional<SamplePoints> visible;
     if (!arguments.visible_gt.empty())
-        visible = read_measured(arguments.visible_gt, measure, crop).from;
+        visible = read_measured(arguments.visible_gt, of_truth(measure), crop).from;
     const SamplePoints* const wanted = visible ? &*visible : nullptr;
     const GeometryMetrics result = evaluate_geometry(prediction, truth, wanted, options);
 

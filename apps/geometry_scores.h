@@ -21,6 +21,9 @@ struct MeasureOptions {
     Vec3d origin{};         // of the frame of the result; that of files and crop is at zero
 };
 
+/// Those of the truth: other lines than the prediction's, so that their errors are independent.
+MeasureOptions of_truth(MeasureOptions options);
+
 /// What distances to a mesh are measured to, and from in the crop. Throws Error(ExitCode::input)
 /// for a mesh without a surface in the crop.
 MeasuredSurface measured_mesh(const TriangleMesh& mesh,

@@ -71,9 +71,9 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
     Truth truth;
     if (!options.crop.empty()) truth.crop = read_crop(options.crop);
     truth.measure = {options.point_samples, 0, options.crop, origin};
-    truth.surface = read_measured(options.gt, truth.measure, truth.crop);
+    truth.surface = read_measured(options.gt, of_truth(truth.measure), truth.crop);
     if (!options.visible_gt.empty())
-        truth.visible = read_measured(options.visible_gt, truth.measure, truth.crop).from;
+        truth.visible = read_measured(options.visible_gt, of_truth(truth.measure), truth.crop).from;
     truth.max_distance = static_cast<double>(options.max_distance);
     if (options.taus.empty()) {
         const double size = diagonal(truth.surface.from.points);

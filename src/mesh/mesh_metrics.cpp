@@ -87,8 +87,9 @@ GeometryMetrics evaluate_geometry(const MeasuredSurface& prediction,
                     str("nothing to compare: ", prediction.from.points.size(),
                         " points of the prediction and ", truth.from.points.size(),
                         " of the truth are inside of the crop; both need at least one"));
-    const SamplePoints& wanted =
-        wanted_truth && !wanted_truth->points.empty() ? *wanted_truth : truth.from;
+    const SamplePoints& wanted = wanted_truth ? *wanted_truth : truth.from;
+    if (wanted.points.empty())
+        throw Error(ExitCode::input, "nothing to compare: no point of the visible truth is given");
     double limit = std::numeric_limits<double>::infinity();
     if (options.max_distance > 0) {
         limit = options.max_distance;

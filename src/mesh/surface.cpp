@@ -47,10 +47,11 @@ std::vector<Vec3d> in_order(const std::vector<Vec3d>& points,
     return out;
 }
 
-std::vector<Vec3d> finite_points(const std::vector<Vec3f>& points) {
+template <class Point>
+std::vector<Vec3d> finite_points(const std::vector<Point>& points) {
     std::vector<Vec3d> out;
     out.reserve(points.size());
-    for (const Vec3f p : points)
+    for (const Point& p : points)
         if (is_finite(p)) out.push_back(vec_cast<double>(p));
     return out;
 }
@@ -63,6 +64,10 @@ struct Surface::Cloud {
 
     explicit Cloud(const std::vector<Vec3d>& all)
         : points(in_order(all, order_in_space(all))), tree(points) {}
+    /// None where there are no points.
+    static std::unique_ptr<Cloud> of(const std::vector<Vec3d>& all) {
+        return all.empty() ? nullptr : std::make_unique<Cloud>(all);
+    }
 
     std::vector<double> distances(const std::vector<Vec3d>& from, double limit) const {
         std::vector<double> out(from.size());
@@ -79,10 +84,8 @@ struct Surface::Cloud {
 
 Surface::Surface() = default;
 Surface::Surface(const TriangleMesh& mesh) : triangles_(mesh) {}
-Surface::Surface(const std::vector<Vec3f>& points) : Surface(finite_points(points)) {}
-Surface::Surface(const std::vector<Vec3d>& points) {
-    if (!points.empty()) cloud_ = std::make_unique<Cloud>(points);
-}
+Surface::Surface(const std::vector<Vec3f>& points) : cloud_(Cloud::of(finite_points(points))) {}
+Surface::Surface(const std::vector<Vec3d>& points) : cloud_(Cloud::of(finite_points(points))) {}
 Surface::Surface(Surface&&) noexcept = default;
 Surface& Surface::operator=(Surface&&) noexcept = default;
 Surface::~Surface() = default;

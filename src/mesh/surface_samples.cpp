@@ -162,9 +162,8 @@ double worst_standard_error(const SamplePoints& sample) {
         const double count = static_cast<double>(end - sample.draws[d]);
         squares += count * count;
     }
-    return sample.draws.empty()
-               ? 0
-               : std::sqrt(squares) / (2 * static_cast<double>(sample.points.size()));
+    return sample.draws.empty() ? 0
+                                : std::sqrt(squares) / static_cast<double>(sample.points.size());
 }
 
 SamplePoints sample_by_lines(const TriangleTree& tree,
@@ -218,7 +217,7 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
         }
         const double points = static_cast<double>(sample.points.size());
         if (points == 0 && lines >= kVainLines) break;
-        if (points > 0 && std::sqrt(squares) <= 2 * points * standard_error) break;
+        if (points > 0 && std::sqrt(squares) <= points * standard_error) break;
     }
     // A line that meets a convex body of area A cuts a surface of area S inside 2 S / A times.
     sample.area =

@@ -18,8 +18,8 @@ struct SamplePoints {
     double area = 0;  // of the surface they were drawn from, estimated; 0: not drawn
 };
 
-/// A bound on the standard error of a share of the points, whatever share that is; 0 where they are
-/// no sample.
+/// A bound on the standard error of a share of the points, whatever share that is and however many
+/// points a draw has: of m points a draw moves it by m / n at most. 0 where they are no sample.
 double worst_standard_error(const SamplePoints& sample);
 
 /// Uniform over the area of the surface that is inside of the crop: where straight lines cut it

@@ -171,6 +171,20 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh) {
     });
 }
 
+int TriangleTree::depth() const {
+    int deepest = 0;
+    std::vector<std::pair<std::uint32_t, int>> stack{{0, 0}};
+    while (!empty() && !stack.empty()) {
+        const auto [at, depth] = stack.back();
+        stack.pop_back();
+        deepest = std::max(deepest, depth);
+        if (nodes_[at].count > 0) continue;
+        stack.push_back({at + 1, depth + 1});
+        stack.push_back({at + nodes_[at].place, depth + 1});
+    }
+    return deepest;
+}
+
 double TriangleTree::distance(Vec3d p, double limit, std::size_t* start) const {
     if (empty()) return std::numeric_limits<double>::infinity();
     double best = limit * limit;

@@ -25,6 +25,8 @@ public:
     std::size_t size() const { return triangles_.size(); }
     /// Faces that were left out.
     std::size_t left_out() const { return left_out_; }
+    /// Of the deepest leaf; 0: the root is one. No more than 48 and the logarithm of the triangles.
+    int depth() const;
     /// Of all triangles; empty() has none.
     Vec3d lower() const { return corner(0); }
     Vec3d upper() const { return corner(1); }

@@ -111,5 +111,17 @@ TEST(SurfaceSamples, StandardErrorsAreWhatSeedsDo) {
     EXPECT_NEAR(spread, claimed, 0.3 * claimed);
 }
 
+TEST(SurfaceSamples, TheBoundHoldsForDenseFloaters) {
+    // A line through the pile cuts all of it: few draws decide on a small share.
+    TriangleMesh mesh = square({0, 0, 0}, 1);
+    for (int i = 0; i < 100; ++i) append(mesh, square({5, 0, 1e-5 * i}, 0.02));
+    const MeasuredSurface prediction{sampled(mesh, {}, 0, 5e-3), Surface(mesh)};
+    const auto m = evaluate_geometry(prediction, {prediction.from, Surface(square({0, 0, 0}, 1))},
+                                     nullptr, {{0.5}, 0});
+    EXPECT_NEAR(m.thresholds[0].precision, 1 / 1.04, 5 * m.thresholds[0].precision_se);
+    EXPECT_LE(m.thresholds[0].precision_se, worst_standard_error(prediction.from));
+    EXPECT_LE(worst_standard_error(prediction.from), 5e-3);
+}
+
 }  // namespace
 }  // namespace tvsgs::test

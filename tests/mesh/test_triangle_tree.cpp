@@ -180,18 +180,25 @@ TEST(TriangleTree, WhatIsNoTriangleIsLeftOut) {
 }
 
 TEST(TriangleTree, DepthIsBounded) {
-    // Each triangle is a tenth of the one before: cuts by bins would take off one at a time.
+    // Groups whose distances from each other shrink by 20, on three axes: cuts by 16 bins take off
+    // one group at a time.
     TriangleMesh mesh;
-    for (int i = 0; i < 300; ++i) {
-        const float x = std::pow(0.75f, static_cast<float>(i));
-        const int first = static_cast<int>(mesh.vertices.size());
-        mesh.vertices.insert(mesh.vertices.end(), {{x, 0, 0}, {x, 1e-9f, 0}, {x, 0, 1e-9f}});
-        mesh.faces.push_back({first, first + 1, first + 2});
-    }
-    for (int i = 0; i < 5000; ++i) mesh.faces.push_back({0, 1, 2});  // all in one place
+    for (int axis = 0; axis < 3; ++axis)
+        for (float x = 1e30f; x > 1e-30f; x /= 20) {
+            Vec3f corner{};
+            corner[axis] = x;
+            const int first = static_cast<int>(mesh.vertices.size());
+            for (int k = 0; k < 3; ++k) {
+                Vec3f other = corner;
+                other[k] += 1e-3f * x;
+                mesh.vertices.push_back(other);
+            }
+            for (int i = 0; i < 5; ++i) mesh.faces.push_back({first, first + 1, first + 2});
+        }
     const TriangleTree tree(mesh);
-    EXPECT_EQ(tree.distances({{2, 0, 0}}).at(0), 1);
-    EXPECT_NEAR(tree.distances({{-1, 0, 0}}).at(0), 1, 1e-12);
+    EXPECT_GT(tree.depth(), 48);
+    EXPECT_LE(tree.depth(), 48 + 10);
+    EXPECT_NEAR(tree.distances({{0, 0, -1}}).at(0), 1, 1e-12);
 }
 
 TEST(TriangleTree, AClosedSurfaceIsCutAnEvenNumberOfTimes) {
