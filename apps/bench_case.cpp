@@ -254,15 +254,21 @@ private:
             const double step = double(case_.options.virtual_range) *
                                 std::max({scales.x, scales.y, scales.z}) / kSteps;
             const Vec3<double> offset = vec_cast<double>(f.targets[std::size_t(i)]) - mean;
-            const int chosen = static_cast<int>(std::lround(
-                          std::clamp(dot(offset, normal) / step, -1.0 * kSteps, 1.0 * kSteps))),
-                      wanted = static_cast<int>(std::lround(dot(target - mean, normal) / step));
             // Less what storing a point as floats rounds away; which may be all there is.
             const double rounding = norm(mean) * 1.1e-7;
             if (step < 2 * rounding) {
                 place.add(i, std::max(norm(offset) - kSteps * step - rounding, 0.0) / step, 0);
                 continue;
             }
+            const double along_mine = dot(offset, normal) / step,
+                         along_oracles = dot(target - mean, normal) / step;
+            const auto is_place = [](double along) { return std::abs(along) < kSteps + 0.5; };
+            if (!is_place(along_mine) || !is_place(along_oracles)) {
+                place.add(i, std::abs(along_mine - along_oracles) + kSteps, 0);
+                continue;
+            }
+            const int chosen = static_cast<int>(std::lround(along_mine)),
+                      wanted = static_cast<int>(std::lround(along_oracles));
             const Vec3<double> at = chosen == wanted ? target - mean : chosen * step * normal;
             const double off = norm(offset - at) - rounding;
             place.add(i, std::max(off, 0.0) / step, 0);
@@ -348,11 +354,14 @@ VotingCase read_voting_case(const std::string& path) {
         expect_shape(name, {count, 3});
     for (const char* name : {"tau", "variability", "strength", "left_out"})
         expect_shape(name, {count});
-    for (const char* name : {"has_tensor", "normal_valid", "position_valid", "target_decided",
-                             "moved_tau", "moved_tensor", "moved_normal_deg", "moved_saliency",
-                             "moved_variability", "moved_strength"})
-        if (c.has(name)) expect_shape(name, {count});
-    if (c.has("saliency")) expect_shape("saliency", {count, 11});
+    // All of them, or none: an older oracle's.
+    if (c.has("has_tensor")) {
+        for (const char* name : {"has_tensor", "normal_valid", "position_valid", "target_decided",
+                                 "moved_tau", "moved_tensor", "moved_normal_deg", "moved_saliency",
+                                 "moved_variability", "moved_strength"})
+            expect_shape(name, {count});
+        expect_shape("saliency", {count, 11});
+    }
     for (const char* name : {"k", "rounds", "whiten", "flatness_limit"}) expect_shape(name, {});
     for (const char* name : {"flatness_limit_position", "virtual_range", "target_margin",
                              "max_vote_angle_deg", "min_votes"})
@@ -387,8 +396,12 @@ VotingCase read_voting_case(const std::string& path) {
     const auto number_or = [&](const char* name, double other) {
         return c.has(name) ? number(name) : other;
     };
-    const auto says = [&](const char* name, const char* choice) {
-        return c.has(name) && c.at(name).text == choice;
+    const auto says = [&](const char* name, const char* usual, const char* choice) {
+        if (!c.has(name) || c.at(name).text == usual) return false;
+        if (c.at(name).text != choice)
+            throw Error(ExitCode::input, str(path, ": '", name, "' is '", c.at(name).text,
+                                             "'; expected ", usual, " or ", choice));
+        return true;
     };
     TvOptions& o = c.options;
     o.whiten = number("whiten") != 0;
@@ -399,12 +412,16 @@ VotingCase read_voting_case(const std::string& path) {
     o.target_margin = static_cast<float>(number_or("target_margin", 0));
     o.max_vote_angle_deg = static_cast<float>(number_or("max_vote_angle_deg", 90));
     o.min_votes = static_cast<int>(number_or("min_votes", 3));
-    o.whiten_noise_mode = says("mode", "per_splat") ? NoiseMode::per_splat : NoiseMode::global;
-    o.vote_map = says("vote_map", "unit") ? VoteMap::unit : VoteMap::covariant;
-    o.scale_rule =
-        says("scale_rule", "median") ? ScaleRule::median : ScaleRule::ten_percent_at_median;
-    o.curvature = says("curvature", "scale_free") ? Curvature::scale_free : Curvature::literal;
-    o.strength = says("strength_rule", "literal") ? VoteStrength::literal : VoteStrength::relative;
+    o.whiten_noise_mode =
+        says("mode", "global", "per_splat") ? NoiseMode::per_splat : NoiseMode::global;
+    o.vote_map = says("vote_map", "covariant", "unit") ? VoteMap::unit : VoteMap::covariant;
+    o.scale_rule = says("scale_rule", "ten_percent_at_median", "median")
+                       ? ScaleRule::median
+                       : ScaleRule::ten_percent_at_median;
+    o.curvature =
+        says("curvature", "literal", "scale_free") ? Curvature::scale_free : Curvature::literal;
+    o.strength = says("strength_rule", "relative", "literal") ? VoteStrength::literal
+                                                              : VoteStrength::relative;
     return c;
 }
 

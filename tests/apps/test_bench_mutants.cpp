@@ -12,7 +12,7 @@ namespace {
 using Change = std::function<void(NpzArchive&)>;
 
 std::string stored(const std::string& name) {
-    return TVSGS_TEST_DATA "/tensor_voting/cases/" + name + ".npz";
+    return test_data("tensor_voting/cases/") + name + ".npz";
 }
 
 class Mutants : public Bench {
@@ -91,6 +91,29 @@ TEST_F(Mutants, AnotherReceiverSpacing) {
                   [](NpzArchive& a) { numbers(a, "target") = numbers(a, "means"); });
 }
 
+TEST_F(Mutants, TargetsThatAreNoPlaces) {
+    for (const double far : {6.0, 1e30, std::nan("")})
+        expect_caught("far away", "sphere", "target_steps", [far](NpzArchive& a) {
+            const auto &means = numbers(a, "means"), &normal = numbers(a, "normal");
+            auto& target = numbers(a, "target");
+            for (std::size_t i = target.size() - 3; i < target.size(); ++i)
+                target[i] = means[i] + far * normal[i];
+        });
+}
+
+TEST_F(Mutants, CasesThatSayTooLittle) {
+    const std::string path = (folder_ / "poor.npz").string();
+    const auto code_without = [&](const Change& change) {
+        NpzArchive arrays = read_npz(stored("sphere"));
+        change(arrays);
+        test::write_npz(path, arrays);
+        return vote("--case '" + path + "' --device cpu").code;
+    };
+    EXPECT_EQ(code_without([](NpzArchive& a) { a.erase("position_valid"); }), 3);
+    EXPECT_EQ(code_without([](NpzArchive& a) { a.erase("moved_tensor"); }), 3);
+    EXPECT_EQ(code_without([](NpzArchive& a) { a.at("curvature").text = "scalefree"; }), 3);
+}
+
 TEST_F(Mutants, AMaskOfEitherInsteadOfBoth) {
     expect_caught("mask", "planes", "left_out", [](NpzArchive& a) {
         const auto &v = numbers(a, "variability"), &s = numbers(a, "strength");
@@ -99,6 +122,14 @@ TEST_F(Mutants, AMaskOfEitherInsteadOfBoth) {
         for (std::size_t i = 0; i < left_out.size(); ++i)
             left_out[i] = v[i] > limit_v || s[i] > limit_s;
     });
+    expect_caught("at 96 %", "masks", "left_out", [](NpzArchive& a) {
+        auto& left_out = numbers(a, "left_out");
+        *std::find(left_out.begin(), left_out.end(), 1) = 0;
+    });
+    expect_caught("one vote more asked for", "masks", "position_valid",
+                  [](NpzArchive& a) { numbers(a, "min_votes")[0] = 7; });
+    expect_caught("no margin", "masks", "target_saliency",
+                  [](NpzArchive& a) { numbers(a, "target_margin")[0] = 0; });
     expect_caught("nobody masked", "planes", "position_valid", [](NpzArchive& a) {
         for (double& flag : numbers(a, "position_valid")) flag = 1;
     });

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "bench_case.h"
+#include "support/test_data.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {
@@ -10,8 +11,7 @@ namespace {
 
 std::vector<std::string> case_files() {
     std::vector<std::string> files;
-    for (const auto& entry :
-         std::filesystem::directory_iterator(TVSGS_TEST_DATA "/tensor_voting/cases"))
+    for (const auto& entry : std::filesystem::directory_iterator(test_data("tensor_voting/cases")))
         files.push_back(entry.path().string());
     std::sort(files.begin(), files.end());
     return files;
@@ -24,7 +24,7 @@ TYPED_TEST_SUITE(TvCases, Devices);
 TYPED_TEST(TvCases, AgreeWithTheOracle) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
     const std::vector<std::string> files = case_files();
-    ASSERT_EQ(files.size(), 14u);
+    ASSERT_EQ(files.size(), 16u);
     for (const std::string& file : files)
         for (const auto precision :
              {VotePrecision::single_precision, VotePrecision::double_precision}) {

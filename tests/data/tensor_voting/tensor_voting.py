@@ -327,6 +327,10 @@ CASES = {
     "literal_strength": dict(shape="sphere", seed=12, strength_rule="literal"),
     "angle": dict(shape="planes", seed=13, max_vote_angle_deg=45.0, vote_map="unit"),
     "limits": dict(shape="sphere", seed=14, flatness_limit=1.0, flatness_limit_position=0.1, vote_map="unit"),
+    "shipped": dict(shape="sphere", seed=15, curvature="scale_free", vote_map="unit", flatness_limit=1.0,
+                    flatness_limit_position=1.0, target_margin=0.1),
+    "masks": dict(shape="sphere", seed=63, k=6, curvature="scale_free", vote_map="unit", flatness_limit=1.0,   # three left
+                  flatness_limit_position=0.2, target_margin=0.1, min_votes=6),      # out; two of them at 96 %, four at 94
 }
 
 
