@@ -31,6 +31,31 @@ std::string joined(const Words& words) {
     return line;
 }
 
+/// Finished runs are known by their flags: however a folder is spelled, it is the same text.
+std::string folder_text(const fs::path& folder) {
+    const fs::path whole = fs::weakly_canonical(folder);
+    return (whole.has_filename() ? whole : whole.parent_path()).string();
+}
+
+/// As joined(), for a shell to read.
+std::string for_shell(const Words& words) {
+    std::string line;
+    for (const std::string& word : words) {
+        const bool plain =
+            !word.empty() && word.find_first_not_of(
+                                 "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
+                                 "0123456789-_./=,:+@%") == std::string::npos;
+        if (plain) {
+            line += " " + word;
+            continue;
+        }
+        line += " '";
+        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+        line += "'";
+    }
+    return line;
+}
+
 void append(Words& words, const Words& more) {
     words.insert(words.end(), more.begin(), more.end());
 }
@@ -196,8 +221,8 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     if (matrix["configurations"].members.empty()) refuse(file, "no \"configurations\"");
     if (matrix["out"] && !matrix["out"].is(JsonValue::Kind::text))
         refuse(file, "\"out\" is no text");
-    Names names{{"here", fs::absolute(file).parent_path().string()}};
-    if (!options.data.empty()) names["data"] = options.data;
+    Names names{{"here", folder_text(fs::absolute(file).parent_path())}};
+    if (!options.data.empty()) names["data"] = folder_text(options.data);
     const std::string out = filled_in(file, matrix["out"].text_or("runs"), names);
     const std::vector<std::uint64_t> seeds = seeds_of(file, matrix["seeds"]);
 
@@ -225,11 +250,11 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
                 append(train, words_of(file, name, flags, names));
                 append(train, {"--seed", str(seed), "--out", run});
                 if (options.dry_run) {
-                    std::printf(
-                        "tvsgs-train%s\ntvsgs-extract-mesh --model %s%s\ntvsgs-eval run --model "
-                        "%s%s\n",
-                        joined(train).c_str(), run.c_str(), joined(scene.mesh).c_str(), run.c_str(),
-                        joined(scene.eval).c_str());
+                    Words mesh{"--model", run}, eval{"run", "--model", run};
+                    append(mesh, scene.mesh), append(eval, scene.eval);
+                    std::printf("tvsgs-train%s\ntvsgs-extract-mesh%s\ntvsgs-eval%s\n",
+                                for_shell(train).c_str(), for_shell(mesh).c_str(),
+                                for_shell(eval).c_str());
                     continue;
                 }
                 if (complete(run, train, scene)) runs.push_back(name + "=" + run);

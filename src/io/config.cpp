@@ -245,6 +245,10 @@ void OptionTable::read(const std::string& path, const std::string& text, bool be
         if (std::any_of(options_.begin(), options_.end(), in_group))
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " is a group of keys; expected an object, {...}"));
+        if (const auto retired = retired_.find(key); retired != retired_.end()) {
+            spdlog::warn("{}: key '{}' has no effect any more: {}", path, key, retired->second);
+            continue;
+        }
         const Option* option = find_option(options_, key);
         if (!option) throw_unknown(options_, key, path);
         if (!seen.insert(key).second)

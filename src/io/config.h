@@ -38,6 +38,10 @@ public:
         options.fields(collector);
     }
 
+    /// A key that earlier versions wrote into files: there it has no effect, and a warning says
+    /// why.
+    void retire(const std::string& key, const std::string& why) { retired_[key] = why; }
+
     /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says
     /// where it came from in messages. Unknown keys throw Error(ExitCode::usage) naming the nearest
     /// one; so do values of a wrong type or out of range.
@@ -107,6 +111,7 @@ private:
                         const char* help);
     };
     std::vector<Option> options_;
+    std::map<std::string, std::string> retired_;
 };
 
 /// The lists of a JSON object such as splits.json, as text; values that are no lists of names or

@@ -247,11 +247,19 @@ TEST_F(EvalRuns, FromTrainingToTheTableInBothLayouts) {
            ["--lpips-weights", "${data}/alex.safetensors"]}}, "configurations": {"a": []}})JS";
     const Result printed = call("eval", "table --matrix many.json --data . --dry-run --scenes s22");
     ASSERT_EQ(printed.code, 0) << printed;
-    EXPECT_EQ(printed.out, "tvsgs-train --scene ./s22 --seed 0 --out " + folder_.string() +
-                               "/runs/s22/a/seed_0\ntvsgs-extract-mesh --model " +
-                               folder_.string() + "/runs/s22/a/seed_0\ntvsgs-eval run --model " +
-                               folder_.string() +
-                               "/runs/s22/a/seed_0 --lpips-weights ./alex.safetensors\n");
+    const std::string here = fs::canonical(folder_).string(), run = here + "/runs/s22/a/seed_0";
+    EXPECT_EQ(printed.out, "tvsgs-train --scene " + here + "/s22 --seed 0 --out " + run +
+                               "\ntvsgs-extract-mesh --model " + run + "\ntvsgs-eval run --model " +
+                               run + " --lpips-weights " + here + "/alex.safetensors\n");
+    EXPECT_EQ(call("eval",
+                   "table --matrix ./many.json --data '' --data ./x/.. --dry-run "
+                   "--scenes s22")
+                  .out,
+              printed.out)
+        << "however the folders are spelled";
+    fs::create_directory(folder_ / "my data");
+    EXPECT_TRUE(call("eval", "table --matrix many.json --data 'my data' --dry-run --scenes s22")
+                    .out.starts_with("tvsgs-train --scene '" + here + "/my data/s22' --seed"));
     const Result nowhere = call("eval", "table --matrix many.json --data nowhere --dry-run");
     EXPECT_EQ(std::count(nowhere.out.begin(), nowhere.out.end(), '\n'), 6) << "two scenes";
     EXPECT_EQ(nowhere.out.find("alex"), std::string::npos) << "there are no weights";

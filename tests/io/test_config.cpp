@@ -96,6 +96,14 @@ TEST_F(Config, UnknownKeysNameTheNearest) {
     unsetenv("TVSGS_TV__SEDE");
 }
 
+TEST_F(Config, RetiredKeysHaveNoEffectInFiles) {
+    table.retire("tv.gone", "nothing needs it");
+    read(R"({"tv": {"gone": 5, "seed": 3}})");
+    EXPECT_EQ(options.seed, 3);
+    expect_error(ExitCode::usage, "unknown key 'tv.gone'",
+                 [&] { table.set("tv.gone", "5", "--set"); });
+}
+
 TEST_F(Config, DuplicateKeys) {
     expect_usage_error("'seed' appears twice", R"({"tv": {"seed": 1, "seed": 2}})");
     expect_usage_error("'tv' appears twice", R"({"tv": {"seed": 1}, "tv": {"range": 0.2}})");
