@@ -2,7 +2,8 @@
 # Collects the tools with the shared libraries they need into a folder that runs on any x86-64 Linux
 # whose C library is at least as new: OUT/{bin,lib,configs,LICENSE,README.md}.
 # Usage: scripts/bundle.sh [--with-tests] [--tar] [BUILD_DIR [OUT]]     default: build/cpu build/bundle
-#   --with-tests   adds the test programs (to try a CUDA build on a machine with a GPU)
+#   --with-tests   adds the test programs and their data (to try a CUDA build on a machine with a GPU:
+#                  TVSGS_TEST_DATA=OUT/tests/data OUT/bin/test_voting; tests of commands need the sources)
 #   --tar          writes OUT.tar.gz as well
 # BUILD_DIR must have been configured; it is re-linked so that its programs look into ../lib first.
 set -euo pipefail
@@ -40,6 +41,8 @@ cp "$build"/bin/tvsgs-* "$out/bin/"
 if $with_tests; then
     compgen -G "$build/bin/test_*" >/dev/null || { echo "bundle: $build was configured without tests" >&2; exit 2; }
     cp "$build"/bin/test_* "$out/bin/"
+    mkdir -p "$out/tests"
+    cp -r tests/data "$out/tests/"
 fi
 cp -r configs LICENSE README.md "$out/"
 

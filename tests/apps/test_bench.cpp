@@ -26,10 +26,9 @@ TEST_F(Bench, TheOracleRepeatsItsStoredCases) {
     if (const std::string why = no_oracle(); !why.empty()) GTEST_SKIP() << why;
     for (const std::string name : {"planes", "limits", "literal_strength", "median"}) {
         const fs::path out = folder_ / "oracle.txt";
-        ASSERT_EQ(
-            shell(find_python() + " '" + oracle() + "' " TVSGS_TEST_DATA "/tensor_voting/cases/" +
-                  name + ".npz >'" + out.string() + "'"),
-            0);
+        ASSERT_EQ(shell(find_python() + " '" + oracle() + "' '" +
+                        test_data("tensor_voting/cases/") + name + ".npz' >'" + out.string() + "'"),
+                  0);
         std::ifstream lines(out);
         int quantities = 0;
         for (std::string line; std::getline(lines, line); ++quantities)

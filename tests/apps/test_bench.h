@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "support/numeric.h"
+#include "support/test_data.h"
 
 namespace tvsgs {
 
@@ -70,7 +71,7 @@ protected:
         if (find_python().empty()) return "no python3 with numpy and scipy";
         return "";
     }
-    static std::string oracle() { return TVSGS_TEST_DATA "/tensor_voting/tensor_voting.py"; }
+    static std::string oracle() { return test_data("tensor_voting/tensor_voting.py"); }
 
     /// Lets the oracle write a case; returns its path.
     static std::string make_case(const std::string& name, const std::string& flags) {

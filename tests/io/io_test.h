@@ -10,11 +10,12 @@
 
 #include "core/error.h"
 #include "io/read_file.h"
+#include "support/test_data.h"
 
 namespace tvsgs {
 
 inline const std::filesystem::path kShared = TVSGS_SHARED_DIR;
-inline const std::filesystem::path kExample = TVSGS_TEST_DATA "/geometry/formats";
+inline const std::filesystem::path kExample = test_data("geometry/formats");
 
 /// A folder of its own for each test, removed at the end.
 class IoTest : public testing::Test {

@@ -1,5 +1,6 @@
 #include "io/io_test.h"
 #include "io/mat_file.h"
+#include "support/test_data.h"
 
 namespace tvsgs {
 namespace {
@@ -65,7 +66,7 @@ TEST_F(MatFileTest, BadFiles) {
 }
 
 TEST_F(MatFileTest, TheOraclesFiles) {
-    const fs::path example = TVSGS_TEST_DATA "/geometry";
+    const fs::path example = test_data("geometry");
     const MatArray mask = read_mat_array((example / "dtu_obsmask.mat").string(), "ObsMask");
     EXPECT_EQ(mask.shape, (std::vector<std::int64_t>{24, 24, 24}));
     EXPECT_EQ(mask.numbers[20 + 24 * (20 + 24 * 20)], 1);

@@ -9,6 +9,7 @@
 
 #include "core/error.h"
 #include "io/npz.h"
+#include "support/test_data.h"
 
 namespace tvsgs::test {
 namespace {
@@ -101,7 +102,7 @@ TEST(Npy, BadFiles) {
 }
 
 TEST(Npz, StoredCase) {
-    const std::string path = TVSGS_TEST_DATA "/tensor_voting/cases/per_splat.npz";
+    const std::string path = test_data("tensor_voting/cases/per_splat.npz");
     const NpzArchive archive = read_npz(path);
     EXPECT_EQ(find_array(archive, "means").shape, (std::vector<std::int64_t>{220, 3}));
     EXPECT_EQ(find_array(archive, "means").numbers.size(), 660u);

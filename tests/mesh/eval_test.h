@@ -13,12 +13,14 @@
 #include <iterator>
 #include <string>
 
+#include "support/test_data.h"
+
 namespace tvsgs {
 
 namespace fs = std::filesystem;
 
 inline const fs::path kShared = TVSGS_SHARED_DIR;
-inline const fs::path kOracle = TVSGS_TEST_DATA "/geometry";
+inline const fs::path kOracle = test_data("geometry");
 
 class EvalTest : public testing::Test {
 protected:

@@ -7,6 +7,7 @@
 #include "core/crop.h"
 #include "core/error.h"
 #include "io/crop_file.h"
+#include "support/test_data.h"
 
 namespace tvsgs {
 namespace {
@@ -78,7 +79,7 @@ TEST(Crop, BadFiles) {
 }
 
 TEST(Crop, AStoredFile) {
-    const Crop prism = read_crop(TVSGS_TEST_DATA "/geometry/tnt_crop.json");
+    const Crop prism = read_crop(test_data("geometry/tnt_crop.json"));
     EXPECT_EQ(prism.polygon.size(), 5u);
     EXPECT_TRUE(contains(prism, {0.1, 0.5, 0}));
     EXPECT_FALSE(contains(prism, {0.5, 0.9, 0}));  // notch at (0.503, 0.704)

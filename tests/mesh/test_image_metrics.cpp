@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "render/image_metrics.h"
 #include "render/map_images.h"
+#include "support/test_data.h"
 
 namespace tvsgs {
 namespace {
@@ -52,7 +53,7 @@ ImageF read_npy(const std::string& path) {
 }
 
 TEST(ImageMetrics, AgreeWithTheOracle) {
-    const std::string folder = TVSGS_TEST_DATA "/geometry";
+    const std::string folder = test_data("geometry");
     const ImageF a = read_npy(folder + "/nvs_render.npy"), b = read_npy(folder + "/nvs_gt.npy");
     // NumPy and scikit-image in double on the same floats.
     EXPECT_NEAR(psnr(a, b), 26.02065099594689, 1e-6);
