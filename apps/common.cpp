@@ -232,6 +232,11 @@ int run_command(const std::function<int()>& command) {
     } catch (const Error& error) {
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());
+    } catch (const std::filesystem::filesystem_error& error) {
+        // A link to itself, a folder that may not be entered, a name that is too long.
+        std::fprintf(stderr, "error: %s: %s\n", error.path1().c_str(),
+                     error.code().message().c_str());
+        return static_cast<int>(ExitCode::io);
     } catch (const std::bad_alloc&) {
         // The library does not say how much it was asked for.
         const Error explained = out_of_memory(

@@ -80,8 +80,7 @@ class File {
 public:
     explicit File(const std::string& path) : path_(path), file_(nullptr, std::fclose) {
         std::error_code no_matter;
-        if (std::filesystem::is_directory(path, no_matter))
-            throw input_error(path, ": is a folder; expected a checkpoint");
+        require_regular_file(path);
         file_.reset(std::fopen(path.c_str(), "rb"));
         if (!file_) throw input_error(path, ": cannot be opened: ", std::strerror(errno));
         const auto size = std::filesystem::file_size(path, no_matter);

@@ -218,7 +218,7 @@ void OptionTable::set_all(const std::vector<std::string>& settings) {
 void OptionTable::read_file(const std::string& path) {
     std::string text;
     try {
-        text = read_bytes(path);
+        text = read_bytes(path, kMaxTextBytes);
     } catch (const Error& error) {
         throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
     }

@@ -103,6 +103,7 @@ void append_bytes(void* out, void* data, int size) {
 
 ImageSize read_image_size(const std::string& path) {
     int width = 0, height = 0, channels = 0;
+    require_regular_file(path);
     const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "rb"),
                                                                std::fclose);
     if (!file)

@@ -243,6 +243,7 @@ NpyArray read_npy(const std::string& path) {
 }
 
 NpzArchive read_npz(const std::string& path) {
+    require_regular_file(path);
     int code = 0;
     const std::unique_ptr<zip_t, decltype(&zip_discard)> zip(
         zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code), zip_discard);

@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <charconv>
+#include <cstdint>
+#include <limits>
 #include <string>
 #include <string_view>
 #include <system_error>
@@ -11,12 +13,20 @@
 
 namespace tvsgs {
 
-/// The whole file. Throws Error(ExitCode::input) when there is none, Error(ExitCode::io) when
-/// reading fails.
-std::string read_bytes(const std::string& path);
+/// Throws Error(ExitCode::input) for a folder, and for what may have no end or keep one waiting, as
+/// /dev/zero or a pipe.
+void require_regular_file(const std::string& path);
+
+/// The whole of a regular file. Throws Error(ExitCode::input) when there is none or it is larger
+/// than `limit` bytes, Error(ExitCode::io) when reading fails.
+std::string read_bytes(const std::string& path,
+                       std::uintmax_t limit = std::numeric_limits<std::uintmax_t>::max());
+
+inline constexpr std::uintmax_t kMaxTextBytes = 1 << 26;  // of what people write: settings, lists
 
 /// The same for text: without the byte order mark that some editors put before it.
-std::string read_text(const std::string& path);
+std::string read_text(const std::string& path,
+                      std::uintmax_t limit = std::numeric_limits<std::uintmax_t>::max());
 
 /// For parsers of files that may be damaged or hostile, whose depth would use up the stack: throws
 /// Error(ExitCode::input) that names `where` beyond 64 levels.

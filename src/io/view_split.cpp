@@ -108,6 +108,9 @@ NamedLists lists_of_split(const SceneOptions& options) {
         throw input_error("E_SPLIT: ", path, ": no list '", options.split, "'; it holds ",
                           known.empty() ? "no list of names" : known);
     }
+    if (train->second.empty())
+        throw input_error("E_SPLIT: ", path, ": list '", options.split,
+                          "' is empty; expected names of images");
     // large_overlap_train_3 is tested on large_overlap_test, where there is one.
     std::string test_name = options.split.substr(0, options.split.find("train")) + "test";
     if (options.split.find("train") == std::string::npos || !lists.contains(test_name))
