@@ -1,6 +1,7 @@
 #include "memory_plan.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "common.h"
 #include "core/buffer.h"
@@ -129,6 +130,12 @@ MemoryPlan plan_memory(const Scene& scene,
     plan.most = std::min({std::int64_t{options.densify.max_gaussians},
                           cuda ? fitting(plan.buffers, plan.device_limit) : INT64_MAX,
                           fitting(plan.host, plan.host_limit)});
+    if (const float share = options.densify.max_per_pixel; share > 0) {
+        double pixels = 0;
+        for (const View& view : scene.train)
+            pixels += double(view.camera.width_px) * view.camera.height_px;
+        plan.most = std::min(plan.most, static_cast<std::int64_t>(std::ceil(share * pixels)));
+    }
     plan.most = std::max(plan.most, std::min<std::int64_t>(splats, options.densify.max_gaussians));
     options.densify.max_gaussians = static_cast<int>(plan.most);
     return plan;

@@ -49,7 +49,7 @@ MemoryPlan estimate_memory(const Scene& scene,
                            bool cuda);
 
 /// With limits from `memory`, else from what is free; lowers options.densify.max_gaussians to what
-/// fits and makes the limits those of the allocators. Throws Error(ExitCode::memory) when the first
+/// fits, and to options.densify.max_per_pixel, and makes the limits those of the allocators. Throws Error(ExitCode::memory) when the first
 /// splats do not fit, Error(ExitCode::usage) for limits that are none.
 MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,

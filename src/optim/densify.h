@@ -23,6 +23,7 @@ struct DensifyOptions {
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
+    float max_per_pixel = 1;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -47,6 +48,8 @@ struct DensifyOptions {
               "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
         // 45 floats of colour each are counted in int.
         field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
+        field("max_per_pixel", max_per_pixel, {0, 1e6},
+              "growth stops at so many splats per pixel of the training views; 0: not");
     }
 };
 

@@ -47,6 +47,22 @@ inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
     visit_schedule(to, [&](const char*, int& number, Counts) { number = numbers[next++]; });
 }
 
+/// A shortened training keeps these distances, in iterations, or the shorter ones that it had:
+/// statistics of growth are gathered over some views, and what is new or reset needs time before
+/// the next blow, and before the end.
+inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
+
+/// Growth is left out where there is no time for it.
+inline void keep_distances(const DensifyOptions& original, DensifyOptions& fitted, int iterations) {
+    const auto at_least = [](int& number, int was, int least) {
+        number = std::max(number, std::min(was, least));
+    };
+    at_least(fitted.every, original.every, kLeastGrowth);
+    at_least(fitted.trim_every, original.trim_every, kLeastTrim);
+    at_least(fitted.opacity_reset_every, original.opacity_reset_every, kLeastReset);
+    fitted.until = std::clamp(fitted.until, 0, std::max(iterations - kSettling, 0));
+}
+
 /// Gives `options` the schedule of `original` from its iteration `from` on, which now is iteration
 /// `done`, stretched or squeezed to end at `iterations`. What `original` has behind it stays as it
 /// is in `options`, and so does what starts at once.
@@ -63,6 +79,7 @@ inline void fit_schedule(
         const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
         number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
     });
+    if (ratio < 1) keep_distances(original.densify, options.densify, iterations);
     options.iterations = iterations;
 }
 

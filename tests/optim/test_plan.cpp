@@ -213,9 +213,11 @@ TEST(Schedule, FitsInProportion) {
     o.iterations = 15000, o.densify.until = 15000, o.loss.normal.start = 7001;
     fit_schedule(o, 5000);
     EXPECT_EQ(o.iterations, 5000);
-    EXPECT_EQ(o.densify.until, 5000);
+    EXPECT_EQ(o.densify.until, 4000) << "what grows last has time to settle";
     EXPECT_EQ(o.loss.normal.start, 2334);
-    EXPECT_EQ(o.densify.every, 33);
+    EXPECT_EQ(o.densify.every, 100) << "growth keeps its distances";
+    EXPECT_EQ(o.densify.opacity_reset_every, 1000);
+    EXPECT_EQ(o.densify.trim_every, 500);
     EXPECT_EQ(o.loss.tv_normal.start, 1) << "the start stays the start";
     EXPECT_EQ(o.tv.vote_every, TvOptions{}.vote_every) << "votes follow the splats";
     // From 1,000 on, which is 900 now, another time half as long.
@@ -228,6 +230,29 @@ TEST(Schedule, FitsInProportion) {
     // Longer: what starts at once still does.
     fit_schedule(o, 29000);
     EXPECT_EQ(o.loss.tv_normal.start, 1);
+}
+
+TEST(Schedule, GrowthIsLeftOutWhereThereIsNoTimeForIt) {
+    for (const int iterations : {1, 50, 491, 1000}) {
+        TrainOptions o;
+        o.iterations = 15000;
+        fit_schedule(o, iterations);
+        EXPECT_LE(o.densify.until, o.densify.from) << iterations;
+        EXPECT_EQ(o.densify.until, 0) << "no reset and no trim either, at " << iterations;
+    }
+    // A schedule of one's own that is closer keeps its distances, not ours.
+    TrainOptions close;
+    close.iterations = 4000, close.densify.every = 10, close.densify.opacity_reset_every = 300;
+    close.densify.until = 2000;
+    fit_schedule(close, 3000);
+    EXPECT_EQ(close.densify.every, 10);
+    EXPECT_EQ(close.densify.opacity_reset_every, 300);
+    EXPECT_EQ(close.densify.until, 1500);
+    // Squeezed in mid-run: the end is near, so nothing grows any more.
+    TrainOptions original, squeezed;
+    original.iterations = squeezed.iterations = 15000;
+    fit_schedule(original, 6000, squeezed, 6000, 6800);
+    EXPECT_LE(squeezed.densify.until, 5800);
 }
 
 TEST(Schedule, NamesEveryOptionThatCountsIterations) {

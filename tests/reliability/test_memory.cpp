@@ -77,7 +77,7 @@ protected:
     static constexpr const char* kGrowth =
         "--set plan.enabled=false --scene scene --views 0,1,2 --set densify.from=2 --set "
         "densify.every=4 --set "
-        "densify.gradient_threshold=0 --report-every 1 ";
+        "densify.gradient_threshold=0 --set densify.max_per_pixel=0 --report-every 1 ";
 };
 
 TEST_F(Memory, EstimatesAreNearTheMeasuredPeak) {
@@ -108,6 +108,13 @@ TEST_F(Memory, GrowthStopsAtWhatFits) {
     const json need = plan("free").at("host");
     const std::int64_t first = plan("free").at("first_splats");
     ASSERT_GT(most_splats("free"), 2 * first) << "or the caps below are none";
+
+    const Result pixels =
+        train(std::string(kGrowth) + "--iterations 10 --set densify.max_per_pixel=0.9 --out pixels");
+    ASSERT_EQ(pixels.code, 0) << pixels;
+    const auto all = plan("pixels").at("most_splats").get<std::int64_t>();
+    EXPECT_LT(all, most_splats("free"));
+    EXPECT_LE(most_splats("pixels"), all);
 
     const std::int64_t cap = first + first / 2;
     const std::string most = std::to_string(cap);
