@@ -4,8 +4,8 @@
 
 #include "core/local_origin.h"
 #include "eval.h"
+#include "eval_input.h"
 #include "geometry_scores.h"
-#include "io/atomic_file.h"
 #include "io/crop_file.h"
 #include "io/ply.h"
 
@@ -64,8 +64,7 @@ int geometry(const GeometryArguments& arguments) {
     inputs.add("seed", static_cast<std::int64_t>(arguments.seed));
     json.add_json("inputs", inputs.text());
 
-    std::printf("%s\n", json.text().c_str());
-    if (!arguments.out.empty()) write_text_file(arguments.out, json.text() + "\n");
+    put_report(json.text(), arguments.out);
     return check_bounds(bounds, metrics);
 }
 

@@ -77,7 +77,14 @@ void write_error_cloud(const std::string& path,
 
 void put_report(const std::string& json, const std::string& out) {
     std::printf("%s\n", json.c_str());
-    if (!out.empty()) write_text_file(out, json + "\n");
+    if (out.empty()) return;
+    write_text_file(out, json + "\n");
+    result_of_run() = out;
+}
+
+std::string& result_of_run() {
+    static std::string path;
+    return path;
 }
 
 }  // namespace tvsgs

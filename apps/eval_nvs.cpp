@@ -2,6 +2,7 @@
 #include <memory>
 
 #include "eval.h"
+#include "eval_input.h"
 #include "eval_lpips.h"
 #include "io/config.h"
 #include "io/json_value.h"
@@ -38,6 +39,7 @@ void write_3dgs_files(const std::string& run, const std::string& method, const V
                     named(json_text(scores.mean.psnr), json_text(scores.mean.ssim),
                           json_text(scores.mean.lpips)));
     write_text_file(run + "/per_view.json", named(column("psnr"), column("ssim"), column("lpips")));
+    result_of_run() = run + "/eval/nvs.json";
 }
 
 int nvs(const NvsArguments& arguments) {

@@ -3,6 +3,7 @@
 #include <memory>
 
 #include "eval.h"
+#include "eval_input.h"
 #include "run_folder.h"
 #include "run_options.h"
 
@@ -139,6 +140,7 @@ int run(const RunArguments& a) {
                         ": nothing to measure: the run has no test views, and there is "
                         "no --gt, --dtu or --scene-dir"));
     call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a.scene}}));
+    result_of_run().clear();
     return 0;
 }
 

@@ -172,27 +172,37 @@ void report_fusion(const DepthCounts& counts,
                     fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
 }
 
-void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double median_depth) {
-    if (counts.kept > 0) return;
-    spdlog::warn(
-        "empty mesh: none of {} depth pixels passed (depths below {} pass; the median depth of "
-        "the last view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks and "
-        "--bbox",
-        counts.not_finite + counts.too_far + counts.transparent + counts.masked + counts.grazing +
-            counts.outside + counts.out_of_reach,
-        limit_text(rules), median_depth);
+std::string why_nothing_fused(const DepthCounts& counts,
+                              const DepthRules& rules,
+                              double median_depth) {
+    if (counts.kept > 0) return {};
+    std::string dropped;
+    const auto count = [&](const char* what, std::int64_t pixels) {
+        if (pixels > 0) dropped += str(dropped.empty() ? "" : ", ", pixels, " ", what);
+    };
+    count("not finite", counts.not_finite);
+    count("without a surface", counts.no_surface);
+    count("too far", counts.too_far);
+    count("of too little coverage", counts.transparent);
+    count("outside of the masks", counts.masked);
+    count("seen at too flat an angle", counts.grazing);
+    count("outside of --bbox", counts.outside);
+    count("too far from the middle", counts.out_of_reach);
+    return fmt::format(
+        "none of the depth pixels passed: {} (depths below {} pass; the median depth of the last "
+        "view is {:.4g}); raise --depth-max, lower --alpha-min, or look at the masks (--no-masks) "
+        "and --bbox",
+        dropped, limit_text(rules), median_depth);
 }
 
-void clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level) {
+std::string clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level) {
     const CleanReport cleaned = keep_largest_components(mesh, clusters);
     spdlog::log(level, "{} components, {} kept; {} faces and {} vertices removed",
                 cleaned.components, cleaned.kept_components, cleaned.removed_faces,
                 cleaned.removed_vertices);
-    if (mesh.faces.empty() && cleaned.components > 0)
-        spdlog::warn(
-            "empty mesh: all {} components have fewer than 50 faces; lower --voxel-size, or pass "
-            "--clusters 0",
-            cleaned.components);
+    if (!mesh.faces.empty() || cleaned.components == 0) return {};
+    return str("all ", cleaned.components,
+               " components have fewer than 50 faces; lower --voxel-size, or pass --clusters 0");
 }
 
 }  // namespace detail

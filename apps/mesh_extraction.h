@@ -83,8 +83,12 @@ void report_fusion(const DepthCounts& counts,
                    const DepthRules& rules,
                    const FusionReport& fusion,
                    spdlog::level::level_enum level);
-void warn_if_empty(const DepthCounts& counts, const DepthRules& rules, double median_depth);
-void clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level);
+/// Why no pixel was fused; empty if one was.
+std::string why_nothing_fused(const DepthCounts& counts,
+                              const DepthRules& rules,
+                              double median_depth);
+/// Why cleaning left nothing; empty if it left something, or there was nothing before.
+std::string clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level);
 
 /// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
@@ -111,8 +115,8 @@ Focus focus_of_scene(const std::vector<View>& views,
 }  // namespace detail
 
 /// The mesh that `views` see, by the backbone of `train`. What does not fit into the budget of
-/// memory is kept in `spill_folder` meanwhile. What was done is said at `level`; an empty mesh
-/// comes with a warning that says why. Throws Error.
+/// memory is kept in `spill_folder` meanwhile. What was done is said at `level`. Why a mesh is
+/// empty is put into `why_empty`, or is a warning without it. Throws Error.
 template <class Device>
 TriangleMesh extract_mesh(const std::vector<View>& views,
                           const Gaussians<Device>& gaussians,
@@ -120,7 +124,8 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           const MeshOptions& options,
                           const std::string& spill_folder,
                           spdlog::level::level_enum level = spdlog::level::info,
-                          Vec3d origin = {}) {
+                          Vec3d origin = {},
+                          std::string* why_empty = nullptr) {
     const auto backbone = make_backbone<Device>(train.backbone, train.core);
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
@@ -158,8 +163,15 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     DepthCounts total;
     for (const DepthCounts& count : counts) total += count;
     detail::report_fusion(total, rules, fusion, level);
-    detail::warn_if_empty(total, rules, median);
-    detail::clean_mesh(mesh, options.clusters, level);
+    std::string why = detail::why_nothing_fused(total, rules, median);
+    if (why.empty() && mesh.faces.empty())
+        why = "no two views, or too few pixels, agree on a surface; lower --min-weight";
+    const std::string cleaned = detail::clean_mesh(mesh, options.clusters, level);
+    if (why.empty()) why = cleaned;
+    if (why_empty)
+        *why_empty = why;
+    else if (!why.empty())
+        spdlog::warn("empty mesh: {}", why);
     return mesh;
 }
 

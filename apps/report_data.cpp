@@ -190,16 +190,23 @@ JsonValue collect_report(const std::string& run,
     report.set("run", std::move(about));
     std::erase_if(config.members, [](const auto& member) { return member.first == "info"; });
     report.set("config", std::move(config));
-    add_log(report, read_log(run + "/log.jsonl"));
-    add_results(report, run);
-    report.set("pictures", pictures(run, report["views"], test));
+    if_possible("curves", [&] { add_log(report, read_log(run + "/log.jsonl")); });
+    if_possible("scores", [&] { add_results(report, run); });
+    if_possible("pictures", [&] { report.set("pictures", pictures(run, report["views"], test)); });
     const std::string cameras = run + "/cameras.json", mesh = run + "/mesh/mesh.ply";
-    const Viewpoint viewpoint = viewpoint_of(exists(cameras) ? read_json(cameras) : JsonValue());
-    if (fs::exists(run + "/point_cloud", code))
-        report.set("points", points_json(centres_of(read_splat_ply(find_splats(run), origin)),
-                                         truth, viewpoint));
-    if (exists(mesh))
-        report.set("mesh_points", points_json(read_ply(mesh, origin).points, truth, viewpoint));
+    Viewpoint viewpoint = viewpoint_of(JsonValue());
+    if_possible("the view of a camera", [&] {
+        if (exists(cameras)) viewpoint = viewpoint_of(read_json(cameras));
+    });
+    if_possible("centres", [&] {
+        if (fs::exists(run + "/point_cloud", code))
+            report.set("points", points_json(centres_of(read_splat_ply(find_splats(run), origin)),
+                                             truth, viewpoint));
+    });
+    if_possible("a mesh", [&] {
+        if (exists(mesh))
+            report.set("mesh_points", points_json(read_ply(mesh, origin).points, truth, viewpoint));
+    });
     return report;
 }
 

@@ -5,11 +5,23 @@
 #include <string>
 #include <vector>
 
+#include "core/error.h"
+#include "core/log.h"
 #include "core/scene.h"
 #include "io/json_value.h"
 #include "train_evaluation.h"
 
 namespace tvsgs {
+
+/// A part of a report that cannot be made is left out, with a warning.
+template <class Action>
+void if_possible(const char* part, const Action& action) {
+    try {
+        action();
+    } catch (const Error& error) {
+        spdlog::warn("{}; the report does without {}", error.what(), part);
+    }
+}
 
 /// Writes RUN/report.json and RUN/report.html. `test`: the views with their photographs, for the
 /// pictures beside the renders; may be empty. A run that has not ended has a report, too. Throws

@@ -14,20 +14,88 @@
 #include "core/error.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
+#include "io/manifest.h"
 #include "io/ply.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
 namespace fs = std::filesystem;
 
-void require_free_run_folder(const std::string& path, bool overwrite, const std::string& scene) {
+namespace {
+
+constexpr std::string_view kEntries[] = {
+    "config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
+    "checkpoints", "mesh",      "eval",        "test",      "report.json",  "report.html"};
+
+/// Whether there is a file with something in it, there or below. (A run that is killed before it
+/// has a configuration leaves an empty log.)
+bool holds_work(const fs::path& path) {
     std::error_code code;
-    if (fs::equivalent(path, scene, code))
+    if (fs::is_regular_file(path, code)) return !fs::is_empty(path, code);
+    for (fs::recursive_directory_iterator it(path, code), end; !code && it != end;
+         it.increment(code))
+        if (it->is_regular_file(code)) return true;
+    return false;
+}
+
+/// Whether `path` is `folder` or lies in it, links followed.
+bool lies_in(const fs::path& path, const fs::path& folder) {
+    std::error_code code;
+    if (!fs::is_directory(folder, code)) return false;
+    const fs::path whole = fs::weakly_canonical(fs::absolute(path), code),
+                   outer = fs::canonical(folder, code);
+    if (code) return false;
+    return std::mismatch(outer.begin(), outer.end(), whole.begin(), whole.end()).first ==
+           outer.end();
+}
+
+void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
+    for (const std::string& name : {scene.images, scene.masks, std::string("images"),
+                                    std::string("mask"), std::string("masks")})
+        if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
+            throw Error(ExitCode::usage,
+                        str("--out ", out, ": lies among the pictures of the scene, ",
+                            (fs::path(scene.path) / name).string(), "; name another place"));
+}
+
+}  // namespace
+
+void require_output(const std::string& out,
+                    const std::string& extension,
+                    const std::string& why,
+                    const SceneOptions& scene) {
+    std::error_code code;
+    const fs::file_status status = fs::status(out, code);
+    if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status)) return;
+    if (fs::path(out).extension() != extension)
+        throw Error(ExitCode::usage,
+                    str("--out ", out, ": ", why, "; expected a name that ends in ", extension));
+    require_outside_of_pictures(out, scene);
+}
+
+void require_free_run_folder(const std::string& path,
+                             bool replace,
+                             bool go_on,
+                             const SceneOptions& scene) {
+    std::error_code code;
+    if (fs::equivalent(path, scene.path, code))
         throw Error(ExitCode::usage,
                     str(path, ": is the scene; name another folder for the run with --out"));
+    if (fs::equivalent(path, "/", code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the root of all folders; name another for the run with --out"));
+    require_outside_of_pictures(path, scene);
     const std::string config = (fs::path(path) / "config.json").string();
-    if (!fs::exists(config, code)) return;
-    if (!overwrite)
+    if (!fs::exists(config, code)) {
+        for (const std::string_view entry : kEntries)
+            if (!has_manifest(path) && holds_work(fs::path(path) / entry))
+                throw Error(ExitCode::usage,
+                            str(path, ": holds ", entry,
+                                ", which a run would replace, and no run (config.json); expected "
+                                "an empty or new folder; name another with --out"));
+        return;
+    }
+    if (!replace && !go_on)
         throw Error(ExitCode::usage,
                     str(path,
                         ": holds another run (config.json); expected an empty or new folder; "
@@ -37,13 +105,15 @@ void require_free_run_folder(const std::string& path, bool overwrite, const std:
         throw Error(ExitCode::usage, str(config,
                                          ": was not written by tvsgs-train, so its folder is not "
                                          "overwritten; name another with --out"));
+    if (replace && !has_manifest(path))
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": is a run of an earlier version, which kept no list of its files, so "
+                        "that yours cannot be told from them; remove it yourself, or name another "
+                        "with --out"));
 }
 
 namespace {
-
-constexpr std::string_view kEntries[] = {
-    "config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
-    "checkpoints", "mesh",      "eval",        "test",      "report.json",  "report.html"};
 
 /// What a process that was killed has left half written; what is not ours stays.
 void remove_leftovers(const fs::path& folder) {
@@ -60,6 +130,18 @@ void remove_leftovers(const fs::path& folder) {
             found.push_back(it->path());
     }
     for (const fs::path& file : found) fs::remove(file, code);
+}
+
+/// The list of a run that an earlier version began, which kept none: all that a run has.
+void list_all(const fs::path& folder) {
+    start_manifest(folder);
+    std::error_code code;
+    for (const std::string_view entry : kEntries) {
+        if (fs::is_regular_file(folder / entry, code)) add_to_manifest(folder, folder / entry);
+        for (fs::recursive_directory_iterator it(folder / entry, code), end; !code && it != end;
+             it.increment(code))
+            if (it->is_regular_file(code)) add_to_manifest(folder, it->path());
+    }
 }
 
 /// The lines of a log up to an iteration; one that was cut off is dropped.
@@ -95,11 +177,14 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     }
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
+    if (!code && go_on && !has_manifest(folder)) list_all(folder);
     if (!code && go_on) {
         write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
-    } else if (!code && fs::exists(folder / "config.json", code)) {
-        for (const std::string_view name : kEntries) fs::remove_all(folder / name, code);
+    } else if (!code) {
+        if (has_manifest(folder)) remove_listed_files(folder);
+        start_manifest(folder);
     }
+    if (!code) add_to_manifest(folder, folder / "log.jsonl");
     if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
     if (log_ == nullptr)
         throw Error(ExitCode::io, str(path, ": cannot write there: ",

@@ -10,9 +10,21 @@
 
 namespace tvsgs {
 
-/// Throws Error(ExitCode::usage) when `path` holds a run that is not to be overwritten, another
-/// program's config.json, or the scene.
-void require_free_run_folder(const std::string& path, bool overwrite, const std::string& scene);
+/// Throws Error(ExitCode::usage) when `path` holds a run that is neither to be replaced nor to go
+/// on, another program's files of names that a run has, or is the scene, lies among its
+/// photographs, or is the root of all folders.
+void require_free_run_folder(const std::string& path,
+                             bool replace,
+                             bool go_on,
+                             const SceneOptions& scene);
+
+/// Throws Error(ExitCode::usage) unless a file called `out` may be written: it ends in `extension`,
+/// whose format it gets (`why`), and does not lie among the photographs or masks of the scene. What
+/// is no file, as /dev/stdout, may have any name.
+void require_output(const std::string& out,
+                    const std::string& extension,
+                    const std::string& why,
+                    const SceneOptions& scene);
 
 class RunFolder {
 public:

@@ -1,5 +1,7 @@
 // tvsgs-eval: numbers out. Results go to standard output as JSON, messages to standard error.
 #include "eval.h"
+#include "eval_input.h"
+#include "run_report.h"
 
 namespace tvsgs {
 namespace {
@@ -17,7 +19,11 @@ int command(int argc, char** argv) {
     parse_command_line(app, argc, argv);
     init_log(quiet ? Verbosity::quiet : Verbosity::normal);
     for (const EvalCommand& c : commands)
-        if (c.command->parsed()) return c.run();
+        if (c.command->parsed()) {
+            const int code = c.run();
+            if (!result_of_run().empty()) refresh_report(result_of_run());
+            return code;
+        }
     return 0;
 }
 

@@ -4,11 +4,13 @@
 
 #include "common.h"
 #include "io/image_file.h"
+#include "io/manifest.h"
 #include "io/ply.h"
 #include "key_flags.h"
 #include "mesh/mesh_render.h"
 #include "run_folder.h"
 #include "run_options.h"
+#include "run_report.h"
 
 namespace tvsgs {
 namespace {
@@ -123,30 +125,42 @@ int command(int argc, char** argv) {
     if (fs::equivalent(splat_path, arguments.out, failure))
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is the file of the splats; name another"));
+    require_output(arguments.out, ".ply", "a mesh is written as PLY", options.scene);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
     spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
                  scene.train.size(), options.scene.path, device.description);
 
+    std::string why_empty;
     const TriangleMesh mesh = on_device(device, [&](auto tag) {
         Gaussians<decltype(tag)> gaussians;
         copy(splats, gaussians);
         return extract_mesh(scene.train, gaussians, options.train, options.mesh,
                             fs::absolute(arguments.out).parent_path().string(), spdlog::level::info,
-                            scene.origin);
+                            scene.origin, &why_empty);
     });
+    if (mesh.faces.empty())
+        throw Error(ExitCode::numerical,
+                    str(arguments.out, ": not written, as the mesh is empty: ", why_empty));
     write_mesh_ply(arguments.out, mesh, scene.origin);
     spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
                  mesh.faces.size());
-    if (!arguments.no_preview && !mesh.faces.empty()) {
-        const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
+    // A picture of that name that we cannot know to be ours is the user's.
+    const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
+    const auto listing = folder_with_manifest(picture);
+    if (!arguments.no_preview && fs::exists(picture, failure) &&
+        !(listing && is_listed(*listing, picture))) {
+        spdlog::warn("{}: is there already and stays; there is no new picture of the mesh",
+                     picture);
+    } else if (!arguments.no_preview) {
         const TriangleMesh none;  // with its background a scene is best seen from within
         write_png(picture,
                   preview_mesh(mesh, preview_camera(options.mesh.unbounded ? none : mesh,
                                                     detail::cameras_of(scene.train), 960, 720)));
         spdlog::info("{}: picture of the mesh", picture);
     }
+    refresh_report(arguments.out);
     return 0;
 }
 

@@ -9,6 +9,7 @@
 #include "io/scene_reader.h"
 #include "key_flags.h"
 #include "render/map_images.h"
+#include "run_folder.h"
 #include "stereo_cloud.h"
 
 namespace tvsgs {
@@ -119,6 +120,8 @@ int command(int argc, char** argv) {
     if (fs::is_directory(arguments.out, failure))
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is a folder; expected a file name"));
+    if (!arguments.out.empty())
+        require_output(arguments.out, ".ply", "a cloud is written as PLY", scene_options);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene(scene_options);
     const Camera& camera = scene.train.front().camera;

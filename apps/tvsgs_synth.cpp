@@ -11,6 +11,7 @@
 #include "core/scene.h"
 #include "io/atomic_file.h"
 #include "io/image_file.h"
+#include "io/manifest.h"
 #include "io/ply.h"
 #include "mesh/mesh_render.h"
 #include "synth_photo.h"
@@ -274,6 +275,14 @@ void write_scene(const SynthOptions& options, const std::string& out) {
                  options.width, options.height, points.size(), mesh.faces.size());
 }
 
+/// All of them, relative to it.
+std::vector<fs::path> files_below(const fs::path& folder) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder));
+    return files;
+}
+
 int run(const SynthOptions& options) {
     if (options.test_views.value_or(0) > options.views - 2)
         throw Error(ExitCode::usage, str("--test-views ", *options.test_views, ": ", options.views,
@@ -289,7 +298,7 @@ int run(const SynthOptions& options) {
                 ExitCode::usage,
                 str("--out ", options.out,
                     ": exists and is not an empty folder; choose another or pass --overwrite"));
-        if (!fs::exists(out / "gt/info.json") || !fs::exists(out / "splits.json"))
+        if (!has_manifest(out))
             throw Error(ExitCode::usage,
                         str("--out ", options.out,
                             ": holds something else than a scene of tvsgs-synth; not overwritten"));
@@ -298,14 +307,38 @@ int run(const SynthOptions& options) {
     std::string target = out.string();
     while (target.size() > 1 && target.back() == '/') target.pop_back();
     const std::string partial = str(target, ".partial-", ::getpid());
+    // What of an earlier scene the user has added stays.
     const auto move_in_place = [&] {
-        fs::remove_all(target, failure);
-        fs::rename(partial, target, failure);
+        if (has_manifest(target)) {
+            for (const fs::path& file : files_below(partial))
+                if (fs::exists(target / file, failure) && file.native() != kManifestName &&
+                    !is_listed(target, target / file))
+                    throw Error(ExitCode::usage, str(target, "/", file.string(),
+                                                     ": is there, and not written by tvsgs; move "
+                                                     "it away, or name another folder"));
+            remove_listed_files(target);
+        }
+        failure.clear();
+        if (!fs::exists(target, failure) || fs::is_empty(target, failure)) {
+            fs::remove(target, failure);
+            fs::rename(partial, target, failure);
+        } else {
+            for (const fs::path& file : files_below(partial)) {
+                fs::create_directories((target / file).parent_path(), failure);
+                if (!failure) fs::rename(partial / file, target / file, failure);
+                if (failure) break;
+            }
+        }
         if (failure)
             throw Error(ExitCode::io, str(target, ": cannot be written: ", failure.message()));
+        fs::remove_all(partial, failure);
     };
     const SignalGuard signals;
     try {
+        fs::create_directories(partial, failure);
+        if (failure)
+            throw Error(ExitCode::io, str(partial, ": cannot be made: ", failure.message()));
+        start_manifest(partial);
         write_scene(options, partial);
         move_in_place();
     } catch (...) {

@@ -7,6 +7,7 @@
 #include "initial_points.h"
 #include "io/atomic_file.h"
 #include "io/ply.h"
+#include "io/read_file.h"
 #include "key_flags.h"
 #include "memory_plan.h"
 #include "optim/fixed_voters.h"
@@ -22,6 +23,8 @@
 
 namespace tvsgs {
 namespace {
+
+constexpr double kClearlyWorse = 0.5;  // dB of PSNR; seeds move it by less
 
 struct Arguments {
     std::string out, device = "auto", progress = "auto";
@@ -237,6 +240,8 @@ int train_and_save(const Scene& scene,
     EvaluationSchedule validations(validation, progress.seconds());
     if (point) schedule.due(point->done, point->seconds);  // what was due before is done
     const MeshSource mesh_source{scene.train, options.mesh, run.path() + "/mesh", scene.origin};
+    double best_psnr = 0;
+    int best_step = 0;
     const auto after_step = [&](int step, const SplatsNow<Device>& splats) {
         done_now = step;
         const double now = progress.seconds();
@@ -248,6 +253,7 @@ int train_and_save(const Scene& scene,
             evaluate(step, progress.seconds(), splats(), scene.test, training, truth,
                      options.eval.mesh ? &mesh_source : nullptr);
         run.log(evaluation.line);
+        if (evaluation.psnr > best_psnr) best_psnr = evaluation.psnr, best_step = step;
         if (validate) convergence.add(now, evaluation.psnr);
         progress.resume();
     };
@@ -327,6 +333,13 @@ int train_and_save(const Scene& scene,
         summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
         spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
                      scores.mean_psnr, scores.mean_ssim, scene.test.size(), run.path());
+        if (scores.mean_psnr < best_psnr - kClearlyWorse)
+            spdlog::warn(
+                "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
+                "on for too long, or grew too much; try --iterations {}, --until converged or "
+                "--set "
+                "densify.enabled=false",
+                best_psnr, best_step, scores.mean_psnr, best_step);
     }
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());
     if (options.eval.mesh) {
@@ -337,7 +350,12 @@ int train_and_save(const Scene& scene,
         add_mesh(summary, mesh, *truth, run.path());
     }
     run.log(summary.text());
-    write_report(run.path(), scene.test, truth, scene.origin);
+    try {
+        write_report(run.path(), scene.test, truth, scene.origin);
+    } catch (const Error& error) {  // what was asked for is done
+        spdlog::warn("{}; there is no report (tvsgs-eval report --run {})", error.what(),
+                     run.path());
+    }
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
     return 0;
@@ -367,7 +385,7 @@ int command(int argc, char** argv) {
     // Before the scene is read:
     const bool go_on = arguments.resume && arguments.same_run;
     if (!arguments.plan)
-        require_free_run_folder(arguments.out, arguments.overwrite || go_on, options.scene.path);
+        require_free_run_folder(arguments.out, arguments.overwrite, go_on, options.scene);
     const ResumePoint* const point = arguments.point ? &*arguments.point : nullptr;
     if (point && options.train.iterations <= point->done)
         throw Error(ExitCode::usage, str(point->file, ": ", point->done,
@@ -395,10 +413,17 @@ int command(int argc, char** argv) {
     TrainOptions training = options.train;  // the configuration keeps the cap that was asked for
     const MemoryPlan memory = plan_memory(
         scene, options.memory, static_cast<std::int64_t>(first_splats), device.cuda, training);
+    // A run that starts again, as it was stopped before its first checkpoint, keeps its plan.
+    std::error_code code;
+    const std::string plan_file = arguments.out + "/plan.json",
+                      plan_text = !plan.empty() ? plan.json()
+                                  : go_on && std::filesystem::exists(plan_file, code)
+                                      ? read_bytes(plan_file)
+                                      : "";
     RunFolder run(arguments.out, point && go_on ? point->done : -1);
     run.save_config(config());
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
-    if (!plan.empty()) write_text_file(run.path() + "/plan.json", plan.json());
+    if (!plan_text.empty()) write_text_file(plan_file, plan_text);
     if (point) {
         if (go_on) remove_checkpoints_after(run.path(), point->done);
         run.log(JsonLine()

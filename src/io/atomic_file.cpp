@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "io/manifest.h"
 
 namespace tvsgs {
 namespace {
@@ -55,6 +56,12 @@ AtomicFile::AtomicFile(const std::string& path) : path_(path) {
     const fs::file_status status = fs::status(path_, error);
     if (fs::is_directory(status)) throw write_error(path, "writing", "it is a folder");
     const bool direct = fs::exists(status) && !fs::is_regular_file(status);
+    if (!direct) listing_ = folder_with_manifest(path_);
+    if (listing_ && fs::exists(status) && !is_listed(*listing_, path_))
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": is there, and not written by tvsgs; move it away, or name "
+                        "another file"));
     if (!direct) {
         temporary_ = str(path_, ".tmp-", getpid(), "-", counter++);
         note(temporary_.c_str());
@@ -86,6 +93,7 @@ void AtomicFile::commit() {
     if (std::fclose(std::exchange(file_, nullptr)) != 0)
         throw write_error(path_, "closing", std::strerror(errno));
     if (direct) return;
+    if (listing_) add_to_manifest(*listing_, path_);
     if (std::rename(temporary_.c_str(), path_.c_str()) != 0)
         throw write_error(path_, "renaming the finished file", std::strerror(errno));
     forget(temporary_.c_str());

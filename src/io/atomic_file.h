@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstdio>
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -8,7 +10,9 @@ namespace tvsgs {
 
 /// A file that appears under its name only when commit() has flushed it to disk: a reader never
 /// sees half of it. A link is followed; what is no file (/dev/stdout, a pipe) is written to
-/// directly. Throws Error(ExitCode::io) with the path and the system's reason.
+/// directly. In a folder that keeps a list of its files (io/manifest.h) it is added to that, and a
+/// file of that name that is not listed is the user's: Error(ExitCode::usage). Throws
+/// Error(ExitCode::io) with the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders
@@ -22,6 +26,7 @@ public:
 
 private:
     std::string path_, temporary_;  // temporary_ is empty where path_ is written directly
+    std::optional<std::filesystem::path> listing_;  // the folder that keeps a list
     std::FILE* file_ = nullptr;
 };
 

@@ -169,6 +169,29 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
 }
 
+/// A mask without a pixel of the object is rather written in another scale than meant.
+void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views) {
+    std::size_t masked = 0, empty = 0;
+    const ViewSource* first = nullptr;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        if (!sources[i].mask_file) continue;
+        const auto& pixels = views[i].mask.pixels;
+        ++masked;
+        if (std::any_of(pixels.begin(), pixels.end(), [](auto value) { return value > 0; }))
+            continue;
+        ++empty;
+        if (!first) first = &sources[i];
+    }
+    if (!first) return;
+    const ImageU8 mask = read_image(*first->mask_file, 1);
+    spdlog::warn(
+        "{} of {} masks have no pixel of the object, such as {}: its largest value is {}, where "
+        "255 "
+        "is object, and what is below 128 is not; nothing of these views gets into a mesh",
+        empty, masked, *first->mask_file,
+        *std::max_element(mask.pixels.begin(), mask.pixels.end()));
+}
+
 View load_view(const ViewSource& source, const SceneOptions& options, Vec3d origin) {
     // 1. Pixels, and where there are masks, theirs.
     const ImageSize file_size = read_image_size(source.file);
@@ -467,6 +490,7 @@ Scene read_scene(const SceneOptions& options) {
                 "{}); files have coordinates as given",
                 options.path, scene.origin.x, scene.origin.y, scene.origin.z);
         scene.train = load_views(train, options, scene.origin);
+        warn_of_empty_masks(train, scene.train);
         scene.test = load_views(sources(split.test), options, scene.origin);
         double offset = 0;
         for (const ViewSource& view : train)

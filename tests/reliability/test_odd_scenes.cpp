@@ -184,9 +184,17 @@ TEST_F(OddScenes, MasksThatHideEverything) {
     for (const auto& mask : fs::directory_iterator(folder_ / "dark/masks"))
         write_png(mask.path().string(), ImageU8(48, 36, 1));
     const Result r = expect_trained("--scene dark --views 0,1,2", "of_dark");
+    EXPECT_TRUE(r.says("3 of 3 masks have no pixel of the object")) << r;
     const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
-    EXPECT_EQ(mesh.code, 0) << mesh;
-    EXPECT_TRUE(mesh.says("empty mesh")) << mesh << "; without masks there would be a surface";
+    EXPECT_EQ(mesh.code, 7) << mesh;
+    EXPECT_TRUE(mesh.says("outside of the masks")) << mesh;
+    EXPECT_FALSE(fs::exists(folder_ / "of_dark/mesh/mesh.ply"));
+    // 0 and 1 where 255 is meant:
+    ImageU8 small(48, 36, 1);
+    small.pixels.assign(small.pixels.size(), 1);
+    write_png((folder_ / "dark/masks/0001.png").string(), small);
+    EXPECT_TRUE(call("train", "--scene dark --views 1,2 --iterations 1 --device cpu --out ones")
+                    .says("0001.png: its largest value is 1, where 255 is object"));
     EXPECT_EQ(
         call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05 --no-masks").code, 0);
 }
