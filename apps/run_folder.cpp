@@ -144,6 +144,16 @@ void list_all(const fs::path& folder) {
     }
 }
 
+/// Of a line of the log; 0: it has none.
+int iteration_of(std::string_view line) {
+    constexpr std::string_view key = "\"iteration\": ";
+    const std::size_t at = line.find(key);
+    int iteration = 0;
+    if (at != std::string_view::npos)
+        std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
+    return iteration;
+}
+
 /// The lines of a log up to an iteration; one that was cut off is dropped.
 std::string log_up_to(const fs::path& log, int done) {
     std::error_code code;
@@ -152,12 +162,8 @@ std::string log_up_to(const fs::path& log, int done) {
     std::string kept;
     for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
          begin = end + 1) {
-        const std::string_view line(all.data() + begin, end - begin), key = "\"iteration\": ";
-        const std::size_t at = line.find(key);
-        int iteration = 0;
-        if (at != std::string_view::npos)
-            std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
-        if (iteration <= done && line.ends_with('}')) kept += std::string(line) + "\n";
+        const std::string_view line(all.data() + begin, end - begin);
+        if (iteration_of(line) <= done && line.ends_with('}')) kept += std::string(line) + "\n";
     }
     return kept;
 }
@@ -240,6 +246,21 @@ void RunFolder::log(const std::string& json_line) {
 void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const {
     write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians,
                     origin);
+}
+
+void RunFolder::remove_splats_of_stops(int last) const {
+    const std::string log = read_bytes(path_ + "/log.jsonl");
+    std::error_code code;
+    for (std::size_t begin = 0, end; (end = log.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(log.data() + begin, end - begin);
+        if (line.find("\"event\": \"stopped\"") == std::string_view::npos) continue;
+        const int iteration = iteration_of(line);
+        if (iteration == last) continue;
+        const fs::path folder = str(path_, "/point_cloud/iteration_", iteration);
+        fs::remove(folder / "point_cloud.ply", code);
+        if (fs::is_empty(folder, code) && !code) fs::remove(folder, code);
+    }
 }
 
 std::string find_splats(const std::string& path) {

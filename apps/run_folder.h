@@ -49,6 +49,10 @@ public:
     /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of io/ply.h.
     void save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const;
 
+    /// Removes the splats of where the run was stopped on its way, as its log has it; not those of
+    /// `last`.
+    void remove_splats_of_stops(int last) const;
+
 private:
     std::string path_;
     int lock_ = -1;  // held by the process that writes there

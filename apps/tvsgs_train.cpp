@@ -317,10 +317,12 @@ int train_and_save(const Scene& scene,
     else if (step_now < iterations) {
         spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", step_now,
                      iterations, run.path());
+        run.log(JsonLine().add("event", "stopped").add("iteration", step_now).text());
         if (!last) throw Error(ExitCode::io, checkpoints.failure());
         spdlog::warn("tvsgs-train --resume {} goes on", run.path());
     }
     signals.check();
+    run.remove_splats_of_stops(step_now);
 
     JsonLine summary;
     summary.add("event", "done")

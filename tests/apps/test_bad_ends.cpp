@@ -234,6 +234,28 @@ TEST_F(BadEnds, OnlyRegularFilesAreRead) {
     EXPECT_FALSE(fs::exists(folder_ / "endless"));
 }
 
+TEST_F(BadEnds, AFinishedRunHasNoSplatsOfWhereItWasStopped) {
+    const auto splats = [] {
+        int folders = 0;
+        for (const auto& entry : fs::directory_iterator(folder_ / "stopped/point_cloud"))
+            folders += entry.is_directory();
+        return folders;
+    };
+    const Result stopped = run_script(
+        folder_, "exec 2>err.txt; " TVSGS_BIN_DIR
+                 "/tvsgs-train --scene scene --split train_3 --device cpu --set tv.k=20 "
+                 "--iterations 5000 --out stopped & p=$!; until [ -s stopped/log.jsonl ]; do sleep "
+                 "0.02; done; kill -INT $p; wait $p");
+    ASSERT_EQ(stopped.code, 130) << stopped;
+    EXPECT_EQ(splats(), 1);
+    EXPECT_NE(contents(folder_ / "stopped/log.jsonl").find("\"event\": \"stopped\""),
+              std::string::npos);
+    const Result r = call("train", "--resume stopped --iterations 1500 --device cpu");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_EQ(splats(), 1);
+    EXPECT_TRUE(fs::exists(folder_ / "stopped/point_cloud/iteration_1500/point_cloud.ply"));
+}
+
 TEST_F(BadEnds, ARunThatStartsAgainKeepsItsPlan) {
     ASSERT_TRUE(fs::exists(folder_ / "run/plan.json")) << "made by the plan";
     fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
