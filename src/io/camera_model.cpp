@@ -57,6 +57,40 @@ void throw_camera_model(const std::string& path,
         "OPENCV, FULL_OPENCV). Run \"colmap image_undistorter\" and pass its output folder.");
 }
 
+namespace {
+
+/// Where a pinhole's pixel lies in the photograph; false where it shows nothing: outside, or where
+/// the model's polynomials fold the picture over, so that another pixel is seen in the same place.
+bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
+    const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
+    const Vec2<double> from = distort(in.distortion, uv);
+    place = {from.x * in.fx_px + in.cx_px, from.y * in.fy_px + in.cy_px};
+    if (in.distortion.kind == Distortion::Kind::fisheye &&
+        dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
+        return false;
+    if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
+        return false;  // NaN too
+    if (dot(from, uv) < 0) return false;  // through the middle to the other side
+    const double step = 1e-5 * (1 + std::sqrt(dot(uv, uv)));
+    const Vec2<double> u = distort(in.distortion, {uv.x + step, uv.y}),
+                       v = distort(in.distortion, {uv.x, uv.y + step});
+    return (u.x - from.x) * (v.y - from.y) - (u.y - from.y) * (v.x - from.x) > 0;
+}
+
+/// Of a pinhole of the same size; by a grid.
+double share_in_photo(const Intrinsics& in) {
+    constexpr int kSteps = 64;
+    int found = 0;
+    Vec2<double> place;
+    for (int y = 0; y < kSteps; ++y)
+        for (int x = 0; x < kSteps; ++x)
+            found += find_in_photo(in, (x + 0.5) / kSteps * in.width_px,
+                                   (y + 0.5) / kSteps * in.height_px, place);
+    return double(found) / (kSteps * kSteps);
+}
+
+}  // namespace
+
 Intrinsics make_intrinsics(const std::string& path,
                            std::uint32_t camera_id,
                            const CameraModel& model,
@@ -127,6 +161,13 @@ Intrinsics make_intrinsics(const std::string& path,
     const bool zero = d.p1 == 0 && d.p2 == 0 &&
                       std::all_of(std::begin(d.k), std::end(d.k), [](double k) { return k == 0; });
     if (d.kind == Distortion::Kind::radial && zero) d.kind = Distortion::Kind::none;
+    constexpr double kLeastShare = 0.2;
+    if (d.kind != Distortion::Kind::none)
+        if (const double share = share_in_photo(in); share < kLeastShare)
+            throw input_error("E_CAMERA_PARAMS: ", where, ": its distortion leaves ",
+                              std::round(1000 * share) / 10,
+                              " % of the picture when it is undone, expected ", 100 * kLeastShare,
+                              " % or more; are the coefficients in the model's order?");
     return in;
 }
 
@@ -159,12 +200,9 @@ ImageU8 undistorted(const Intrinsics& in, const ImageU8& image, ImageU8& valid) 
     valid = ImageU8(width, height, 1);
     parallel_for_heavy(Cpu{}, height, [&](int y) {
         for (int x = 0; x < width; ++x) {
-            const Vec2<double> uv{(x + 0.5 - in.cx_px) / in.fx_px, (y + 0.5 - in.cy_px) / in.fy_px};
-            const Vec2<double> from = distort(in.distortion, uv);
-            const double px = from.x * in.fx_px + in.cx_px, py = from.y * in.fy_px + in.cy_px;
-            const bool seen = in.distortion.kind != Distortion::Kind::fisheye ||
-                              dot(uv, uv) <= kMaxFisheyeRadius * kMaxFisheyeRadius;
-            if (!(seen && px >= 0 && px <= width && py >= 0 && py <= height)) continue;  // NaN too
+            Vec2<double> place;
+            if (!find_in_photo(in, x + 0.5, y + 0.5, place)) continue;
+            const double px = place.x, py = place.y;
             valid.at(x, y) = 255;
             // From corner-origin coordinates to the four pixel centres around; the border repeats.
             const double qx = std::clamp(px - 0.5, 0.0, width - 1.0),

@@ -146,5 +146,21 @@ TEST(CameraModel, UndistortionMovesAStripeToWhereThePinholeSeesIt) {
     EXPECT_EQ(beyond.at(320, 240), 255);
 }
 
+TEST(CameraModel, DistortionThatCannotBeUndone) {
+    // r (1 - r^2) turns back at r = 0.58: what lies beyond would be seen a second time.
+    const Intrinsics folded = make("SIMPLE_RADIAL", {500, 320, 240, -1});
+    ImageU8 valid;
+    undistorted(folded, ImageU8(640, 480, 1), valid);
+    for (const auto& [x, y] : {std::pair{320, 240}, {590, 240}, {320, 479}})
+        EXPECT_EQ(valid.at(x, y), 255) << x << " " << y;
+    for (const auto& [x, y] : {std::pair{0, 0}, {635, 240}, {639, 479}})
+        EXPECT_EQ(valid.at(x, y), 0) << x << " " << y;
+    for (const double k : {50.0, 1e6, -20.0})
+        expect_error(ExitCode::input, "of the picture when it is undone", [&] {
+            make("SIMPLE_RADIAL", {500, 320, 240, k});
+        });
+    EXPECT_NO_THROW(make("SIMPLE_RADIAL", {500, 320, 240, 1}));
+}
+
 }  // namespace
 }  // namespace tvsgs
