@@ -206,6 +206,35 @@ TEST_F(BadEnds, ARunThatEndsWorseThanItWasSaysSo) {
     EXPECT_FALSE(steady.says("in the end:")) << steady;
 }
 
+TEST_F(BadEnds, AShortenedScheduleEndsNearItsBestAndMoreTimeGivesNoLess) {
+    // Wide views whose cloud covers little, so that the plan lets splats grow.
+    ASSERT_EQ(call("synth",
+                   "--out wide --views 8 --test-views 2 --width 64 --height 48 --arc 150 --points "
+                   "300 --quiet")
+                  .code,
+              0);
+    constexpr double kSlack = 0.5;  // dB
+    double before = 0;
+    for (const std::string length :
+         {"--iterations 50", "--iterations 491", "--iterations 1200", "--iterations 1700"}) {
+        fs::remove_all(folder_ / "short");
+        const Result r = call("train",
+                              "--scene wide --split train_all --set init.min_points=0 --device "
+                              "cpu --quiet --eval-every 100 --out short " +
+                                  length);
+        ASSERT_EQ(r.code, 0) << length << ": " << r;
+        std::istringstream log(contents(folder_ / "short/log.jsonl"));
+        double best = 0, last = 0;
+        for (std::string line; std::getline(log, line);)
+            if (const auto at = line.find("\"psnr\": "); at != std::string::npos)
+                last = std::stod(line.substr(at + 8)), best = std::max(best, last);
+        EXPECT_GT(last, best - kSlack) << length;
+        EXPECT_GT(last, before - kSlack) << length;
+        EXPECT_GT(last, 14) << length;
+        before = last;
+    }
+}
+
 TEST_F(BadEnds, OnlyRegularFilesAreRead) {
     ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
     fs::create_symlink("loop", folder_ / "loop");
