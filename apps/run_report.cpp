@@ -30,7 +30,7 @@ void make_report(const std::string& run, const std::string& scene_path) {
 
 void refresh_report(const std::string& written) {
     const fs::path folder = fs::path(written).parent_path();
-    const std::string run = (folder / "..").lexically_normal().string();
+    const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
     std::error_code code;
     const bool is_result =
         (folder.filename() == "mesh" && fs::path(written).filename() == "mesh.ply") ||
