@@ -87,8 +87,13 @@ void require_free_run_folder(const std::string& path,
     require_outside_of_pictures(path, scene);
     const std::string config = (fs::path(path) / "config.json").string();
     if (!fs::exists(config, code)) {
+        if (has_manifest(path) && holds_listed_files(path))
+            throw Error(ExitCode::usage,
+                        str(path,
+                            ": holds something else than a run, such as a scene of tvsgs-synth; "
+                            "name another folder with --out"));
         for (const std::string_view entry : kEntries)
-            if (!has_manifest(path) && holds_work(fs::path(path) / entry))
+            if (holds_work(fs::path(path) / entry))
                 throw Error(ExitCode::usage,
                             str(path, ": holds ", entry,
                                 ", which a run would replace, and no run (config.json); expected "

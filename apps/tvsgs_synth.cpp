@@ -298,7 +298,8 @@ int run(const SynthOptions& options) {
                 ExitCode::usage,
                 str("--out ", options.out,
                     ": exists and is not an empty folder; choose another or pass --overwrite"));
-        if (!has_manifest(out))
+        if (!has_manifest(out) || !fs::exists(out / "gt/info.json") ||
+            !fs::exists(out / "splits.json"))
             throw Error(ExitCode::usage,
                         str("--out ", options.out,
                             ": holds something else than a scene of tvsgs-synth; not overwritten"));

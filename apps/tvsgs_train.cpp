@@ -24,7 +24,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kClearlyWorse = 0.5;  // dB of PSNR; seeds move it by less
+constexpr double kClearlyWorse = 0.5;  // dB of PSNR
 
 struct Arguments {
     std::string out, device = "auto", progress = "auto";
@@ -339,8 +339,7 @@ int train_and_save(const Scene& scene,
             spdlog::warn(
                 "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
                 "on for too long, or grew too much; try --iterations {}, --until converged or "
-                "--set "
-                "densify.enabled=false",
+                "--set densify.enabled=false",
                 best_psnr, best_step, scores.mean_psnr, best_step);
     }
     if (truth) add_centres(summary, to_host(gaussians.means), *truth, run.path());

@@ -76,6 +76,14 @@ bool is_listed(const fs::path& folder, const fs::path& file) {
     return std::find(entries.begin(), entries.end(), entry_of(folder, file)) != entries.end();
 }
 
+bool holds_listed_files(const fs::path& folder) {
+    std::error_code code;
+    for (const std::string& entry : entries_of(folder))
+        if (fs::is_regular_file(folder / entry, code) && !fs::is_empty(folder / entry, code))
+            return true;
+    return false;
+}
+
 void add_to_manifest(const fs::path& folder, const fs::path& file) {
     if (!is_listed(folder, file)) write_to_list(folder, O_APPEND, entry_of(folder, file) + "\n");
 }

@@ -20,6 +20,9 @@ bool has_manifest(const std::filesystem::path& folder);
 /// Whether `file`, below `folder`, is in its list.
 bool is_listed(const std::filesystem::path& folder, const std::filesystem::path& file);
 
+/// Whether a file of the list is there that is not empty.
+bool holds_listed_files(const std::filesystem::path& folder);
+
 /// Adds it, unless it is there. Throws Error(ExitCode::io).
 void add_to_manifest(const std::filesystem::path& folder, const std::filesystem::path& file);
 

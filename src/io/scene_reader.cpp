@@ -186,8 +186,8 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
     const ImageU8 mask = read_image(*first->mask_file, 1);
     spdlog::warn(
         "{} of {} masks have no pixel of the object, such as {}: its largest value is {}, where "
-        "255 "
-        "is object, and what is below 128 is not; nothing of these views gets into a mesh",
+        "255 is "
+        "object, and what is below 128 is not; nothing of these views gets into a mesh",
         empty, masked, *first->mask_file,
         *std::max_element(mask.pixels.begin(), mask.pixels.end()));
 }

@@ -226,33 +226,21 @@ double TriangleTree::distance(Vec3d p, double limit, std::size_t* start) const {
 
 bool TriangleTree::meets(Vec3d lower, Vec3d upper) const {
     if (empty()) return false;
-    std::uint32_t stack[kMaxDepth];
-    int height = 0;
-    stack[height++] = 0;
-    while (height > 0) {
-        const std::uint32_t at = stack[--height];
-        const Node& node = nodes_[at];
+    bool found = false;
+    const auto enters = [&](const Node& node) {
         bool inside = true, outside = false;
         for (int axis = 0; axis < 3; ++axis) {
             const double from = node.lower[axis], to = node.upper[axis];
             outside = outside || from > upper[axis] || to < lower[axis];
             inside = inside && from >= lower[axis] && to <= upper[axis];
         }
-        if (outside) continue;
-        if (inside) return true;
-        if (node.count == 0) {
-            stack[height++] = at + node.place;
-            stack[height++] = at + 1;
-            continue;
-        }
-        for (std::uint32_t t = node.place; t < node.place + node.count; ++t) {
-            const Triangle& triangle = triangles_[t];
-            if (reaches_into(vec_cast<double>(triangle.a), vec_cast<double>(triangle.b),
-                             vec_cast<double>(triangle.c), lower, upper))
-                return true;
-        }
-    }
-    return false;
+        found = found || inside;
+        return !found && !outside;
+    };
+    walk(enters, [&](Vec3d a, Vec3d b, Vec3d c) {
+        return found = found || reaches_into(a, b, c, lower, upper);
+    });
+    return found;
 }
 
 std::vector<double> TriangleTree::distances(const std::vector<Vec3d>& points, double limit) const {

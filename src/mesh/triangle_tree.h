@@ -49,26 +49,12 @@ public:
         if (empty()) return;
         Slabs slabs(line);
         if (!slabs.narrow(lower, upper)) return;
-        std::uint32_t stack[kMaxDepth];
-        int height = 0;
-        stack[height++] = 0;
-        while (height > 0) {
-            const std::uint32_t at = stack[--height];
-            const Node& node = nodes_[at];
-            if (!slabs.meets(node)) continue;
-            if (node.count == 0) {
-                stack[height++] = at + node.place;
-                stack[height++] = at + 1;
-                continue;
-            }
-            for (std::uint32_t t = node.place; t < node.place + node.count; ++t) {
-                const Triangle& triangle = triangles_[t];
-                Vec3d point;
-                if (line.cuts(vec_cast<double>(triangle.a), vec_cast<double>(triangle.b),
-                              vec_cast<double>(triangle.c), &point))
-                    action(point);
-            }
-        }
+        walk([&](const Node& node) { return slabs.meets(node); },
+             [&](Vec3d a, Vec3d b, Vec3d c) {
+                 Vec3d point;
+                 if (line.cuts(a, b, c, &point)) action(point);
+                 return false;
+             });
     }
 
 private:
@@ -112,6 +98,31 @@ private:
         Vec3d point_, inverse_;
         double from_ = -std::numeric_limits<double>::infinity(), to_ = -from_;
     };
+
+    /// Looks at the triangles of every leaf below nodes that `enters`, until `look` has seen
+    /// enough.
+    template <class Enters, class Look>
+    void walk(const Enters& enters, const Look& look) const {
+        std::uint32_t stack[kMaxDepth];
+        int height = 0;
+        stack[height++] = 0;
+        while (height > 0) {
+            const std::uint32_t at = stack[--height];
+            const Node& node = nodes_[at];
+            if (!enters(node)) continue;
+            if (node.count == 0) {
+                stack[height++] = at + node.place;
+                stack[height++] = at + 1;
+                continue;
+            }
+            for (std::uint32_t t = node.place; t < node.place + node.count; ++t) {
+                const Triangle& triangle = triangles_[t];
+                if (look(vec_cast<double>(triangle.a), vec_cast<double>(triangle.b),
+                         vec_cast<double>(triangle.c)))
+                    return;
+            }
+        }
+    }
 
     struct Builder;
 

@@ -128,6 +128,18 @@ TEST_F(BadEnds, ScenesKeepWhatTheirUsersAdd) {
         EXPECT_EQ(entry.path().string().find(".partial-"), std::string::npos) << entry.path();
 }
 
+TEST_F(BadEnds, RunsAndScenesDoNotReplaceEachOther) {
+    ASSERT_EQ(call("synth", "--out other --views 4 --width 32 --height 24 --quiet").code, 0);
+    const auto scene = tree("other"), run = tree("run");
+    for (const char* more : {"", "--overwrite", "--resume"}) {
+        const Result r = train("other", more);
+        EXPECT_EQ(r.code, 2) << more << ": " << r;
+        EXPECT_EQ(tree("other"), scene) << more;
+    }
+    EXPECT_EQ(call("synth", "--out run --views 4 --overwrite").code, 2);
+    EXPECT_EQ(tree("run"), run);
+}
+
 TEST_F(BadEnds, APictureBesideAMeshStays) {
     write("beside/x.png", "mine");
     const Result r =
