@@ -13,15 +13,16 @@ namespace tvsgs {
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
-    ImageU8 photo;  // [H, W, 3]
-    ImageU8 mask;   // [H, W, 1], 255 = object; empty: none
-    ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
+    ImageU8 photo;         // [H, W, 3]
+    ImageU8 mask;          // [H, W, 1], 255 = object; empty: none
+    ImageU8 grey;          // [H', W', 1] finer than the photo, for matching patches; empty: none
+    double reduction = 1;  // width of the photograph's file over that of the photo
 };
 
 struct PointCloud {
-    std::vector<Vec3f> positions;  // world units
-    std::vector<Vec3f> colors;     // [0, 1]; empty: grey
-    std::vector<Vec3f> normals;    // unit; empty: none
+    std::vector<Vec3f> positions;      // world units
+    std::vector<Vec3f> colors;         // [0, 1]; empty: grey
+    std::vector<Vec3f> normals;        // unit; empty: none
     std::vector<float> confidences{};  // stereo: [0, 1]; empty: none
 };
 

@@ -223,6 +223,7 @@ View load_view(const ViewSource& source, const SceneOptions& options, Vec3d orig
     View view;
     view.name = source.image->name;
     view.photo = resize_bicubic(photo, size.width_px, size.height_px);
+    view.reduction = static_cast<double>(photo.width) / size.width_px;
     if (options.grey_scale < 1)
         view.grey = grey_of(resize_bicubic(photo, finer(size.width_px, options, photo.width),
                                            finer(size.height_px, options, photo.height)));

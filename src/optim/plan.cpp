@@ -98,7 +98,7 @@ SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
     look.exposure_drift = kNone;
-    std::vector<double> pixels, per_pixel;
+    std::vector<double> pixels, per_pixel, reductions;
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         const View& view = scene.train[v];
         const View* const other =
@@ -115,6 +115,7 @@ SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
         }
         pixels.push_back(static_cast<double>(view.camera.width_px) * view.camera.height_px);
         per_pixel.push_back(static_cast<double>(inside * stride) / pixels.back());
+        reductions.push_back(view.reduction);
         if (gains.size() < 30) continue;  // a median of fewer says little
         const double drift = std::abs(std::expm1(median(gains)));
         look.exposure_drift =
@@ -122,6 +123,7 @@ SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
     }
     look.pixels = median(pixels);
     look.points_per_pixel = median(per_pixel);
+    look.reduction = median(reductions);
     NeighbourOptions relative = limits;
     relative.limits = NeighbourLimits::relative;  // these hold in any unit
     look.views_with_neighbour = share_with_neighbour(scene, relative);
@@ -205,9 +207,15 @@ Decision plan_cloud(const SceneLook& look, bool dense) {
     const double wanted = look.points_per_pixel > 0 ? kCoveringCloud / look.points_per_pixel *
                                                           static_cast<double>(look.points)
                                                     : kCoveringCloud * look.pixels;
+    std::string reason = str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud));
+    // Whoever tries a scene at a small size must not take its plan for that of the full one.
+    if (const double full = look.points_per_pixel / (look.reduction * look.reduction);
+        covers != (full >= kCoveringCloud))
+        reason += str("; at the photographs' own size ", compared(full, kCoveringCloud),
+                      ", and the plan another");
     return {"initial cloud",
             covers ? "the model's" : "stereo",
-            str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud)),
+            reason,
             look.points_per_pixel,
             kCoveringCloud,
             {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};

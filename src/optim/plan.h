@@ -19,6 +19,7 @@ struct SceneLook {
     std::size_t points = 0;                // of the initial cloud
     double pixels = 0;                     // of a view, median
     double points_per_pixel = 0;           // initial points in a view over its pixels, median
+    double reduction = 1;                  // of the photographs, median: files over views, in width
     double views_with_neighbour = 0;       // share within loss.multi_view's relative limits
     double views_with_wide_neighbour = 0;  // the same up to kWideAngleDeg
     double exposure_drift =

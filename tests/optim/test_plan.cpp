@@ -112,6 +112,21 @@ TEST(Plan, SettingsByTheNumberOfViews) {
     EXPECT_EQ(plan_settings(40).choice, "dense");
 }
 
+TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
+    SceneLook look;
+    look.points = 10000, look.pixels = 20000, look.points_per_pixel = 0.5;
+    const auto says = [&](double reduction) {
+        look.reduction = reduction;
+        return plan_cloud(look, false).reason.find("at the photographs' own size") !=
+               std::string::npos;
+    };
+    EXPECT_FALSE(says(1));
+    EXPECT_FALSE(says(1.4));  // 0.26 there
+    EXPECT_TRUE(says(1.5));   // 0.22
+    look.points_per_pixel = 0.2;
+    EXPECT_FALSE(says(8));
+}
+
 TEST(Plan, CloudAndDensificationByItsDensity) {
     for (const bool covering : {false, true}) {
         // On 8,000 pixels, 1,999 and 2,001 points: just below and above a quarter.
