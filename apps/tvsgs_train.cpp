@@ -359,6 +359,10 @@ int train_and_save(const Scene& scene,
     }
     spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
                  host.size(), step_now, seconds, memory_use(Device{}).peak_bytes >> 20, run.path());
+    if (!checkpoints.failure().empty())
+        throw Error(ExitCode::io,
+                    str(run.path(), ": the run is finished and whole, but cannot be extended: ",
+                        "its last checkpoint was not saved: ", checkpoints.failure()));
     return 0;
 }
 

@@ -282,8 +282,10 @@ TEST_F(ResumeCommand, AFullDiskKeepsTheLastGoodCheckpoint) {
     const std::string limit = "ulimit -f " + std::to_string(2 * ply / 512) + "; ";
     Result r = shell(limit + "OMP_NUM_THREADS=1 " + kTrain +
                      " --device cpu --resume full --iterations 40 --checkpoint-every 10 2>err.txt");
-    EXPECT_EQ(r.code, 0) << r;
+    EXPECT_EQ(r.code, 6) << r;
     EXPECT_TRUE(r.says("checkpoint not saved: full/checkpoints/iteration_20.ckpt")) << r;
+    EXPECT_TRUE(r.says("the run is finished and whole, but cannot be extended")) << r;
+    EXPECT_TRUE(fs::exists(folder_ / "full/report.html"));
     EXPECT_EQ(checkpoints("full"), std::vector<std::string>{"iteration_11.ckpt"});
     r = train("--resume full --iterations 120");
     ASSERT_EQ(r.code, 0) << r;
