@@ -70,8 +70,8 @@ std::string page_of(const std::vector<StabilityCurve>& curves, const DeviceChoic
 StabilityBench::StabilityBench(CLI::App& app)
     : command_(app.add_subcommand("stability", "errors of float formulas on stiff inputs")) {
     command_->add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    command_->add_option("--json", json_, "file for all curves, one line of JSON per row");
-    command_->add_option("--plot", plot_, "SVG file for all curves");
+    add_output_flag(*command_, "--json", json_, "file for all curves, one line of JSON per row");
+    add_output_flag(*command_, "--plot", plot_, "SVG file for all curves");
 }
 
 int StabilityBench::run() const {

@@ -402,7 +402,7 @@ StagesBench::StagesBench(CLI::App& app)
         ->check(CLI::Range(1, 100'000))
         ->capture_default_str();
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    c.add_option("--out", out_, "file to write the JSON to as well");
+    add_output_flag(c, "--out", out_, "JSON file to write as well");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 

@@ -160,7 +160,7 @@ TrainBench::TrainBench(CLI::App& app)
                  "iterations between looks at the PSNR, which do not count [a hundredth of all]")
         ->check(CLI::Range(1, 1'000'000'000));
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    c.add_option("--out", out_, "file to write the JSON to as well");
+    add_output_flag(c, "--out", out_, "JSON file to write as well");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 

@@ -192,6 +192,7 @@ std::string comparison_json(const VotingCase& c,
                             const std::string& device) {
     JsonLine json;
     json.add("case", c.name)
+        .add("version", kVersion)
         .add("device", device)
         .add("precision",
              c.options.precision == VotePrecision::single_precision ? "single" : "double")
@@ -250,7 +251,7 @@ VoteBench::VoteBench(CLI::App& app)
         ->take_all();
     c.add_option("--set", settings_, "KEY=VALUE, as tv.k=64")->expected(1)->take_all();
     c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
-    c.add_option("--out", out_, "JSON file to write as well");
+    add_output_flag(c, "--out", out_, "JSON file to write as well");
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 

@@ -17,6 +17,7 @@
 #include "core/buffer.h"
 #include "core/nearest_name.h"
 #include "io/atomic_file.h"
+#include "io/manifest.h"
 #include "mesh/device_algorithms.h"
 
 namespace tvsgs {
@@ -142,6 +143,15 @@ void parse_command_line(CLI::App& app, int argc, char** argv) {
         }
         throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
     }
+}
+
+CLI::Option* add_output_flag(CLI::App& app,
+                             const std::string& names,
+                             std::string& file,
+                             const std::string& description) {
+    return app.add_option(names, file, description)->each([](const std::string& name) {
+        require_replaceable(name);
+    });
 }
 
 std::vector<double> parse_numbers(const std::string& flag, const std::string& text) {

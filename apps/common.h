@@ -11,10 +11,9 @@
 #include "core/device.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/version.h"
 
 namespace tvsgs {
-
-inline constexpr const char* kVersion = "tvsgs 0.1.0";
 
 /// For flags that ask for a number above 0.
 extern const CLI::Validator kPositive;
@@ -22,6 +21,12 @@ extern const CLI::Validator kPositive;
 /// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
 /// become Error(ExitCode::usage); an unknown flag names the nearest one.
 void parse_command_line(CLI::App& app, int argc, char** argv);
+
+/// A flag for a file to write, which may replace none but ours: said before any work is done.
+CLI::Option* add_output_flag(CLI::App& app,
+                             const std::string& names,
+                             std::string& file,
+                             const std::string& description);
 
 /// Positive numbers with commas between. Throws Error(ExitCode::usage) naming the flag.
 std::vector<double> parse_numbers(const std::string& flag, const std::string& text);

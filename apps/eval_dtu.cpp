@@ -10,6 +10,7 @@
 #include "eval.h"
 #include "eval_input.h"
 #include "io/image_file.h"
+#include "io/manifest.h"
 #include "io/mat_file.h"
 #include "io/npz_cameras.h"
 #include "mesh/dtu_protocol.h"
@@ -288,6 +289,7 @@ int dtu(const DtuArguments& a) {
     json.add_json("points", counts_json(in, culled, m))
         .add_json("protocol", protocol.text())
         .add_json("inputs", inputs.text());
+    if (!a.clouds.empty()) list_results(a.clouds, {"accuracy.ply", "completeness.ply"});
     put_report(json.text(), a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
@@ -337,7 +339,7 @@ EvalCommand add_eval_dtu(CLI::App& app) {
     command->add_option("--palette", a.palette, "of the clouds: dtu, tnt or safe [dtu]")
         ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
     command->add_flag("--force", a.force, "measure even what seems to be in another frame");
-    command->add_option("--out", a.out, "JSON file to write as well");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
     add_require(*command, a.require, "chamfer<=1.5");
     return {command, [arguments] { return dtu(*arguments); }};
 }

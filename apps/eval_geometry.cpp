@@ -90,7 +90,7 @@ EvalCommand add_eval_geometry(CLI::App& app) {
                      "figures measured that way")
         ->check(CLI::Range(1, 100000000));
     command->add_option("--seed", a.seed, "of the samples [0]");
-    command->add_option("--out", a.out, "JSON file to write as well");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
     add_require(*command, a.require, "chamfer<=2 or f1@1>=0.4");
     return {command, [arguments] { return geometry(*arguments); }};
 }

@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
+#include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/ply.h"
 
@@ -76,9 +77,10 @@ void write_error_cloud(const std::string& path,
 }
 
 void put_report(const std::string& json, const std::string& out) {
-    std::printf("%s\n", json.c_str());
+    const std::string text = str("{\"version\": \"", kVersion, "\", ", json.substr(1), "\n");
+    std::fputs(text.c_str(), stdout);
     if (out.empty()) return;
-    write_text_file(out, json + "\n");
+    write_text_file(out, text);
     result_of_run() = out;
 }
 

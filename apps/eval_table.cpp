@@ -69,8 +69,8 @@ int table(std::vector<std::string> folders,
     name_configurations(runs);
     std::string text = str("# Results of ", runs.size(),
                            " runs\n\nMeans over seeds \u00b1 their "
-                           "standard deviation.\n\n",
-                           tables_markdown(runs, published));
+                           "standard deviation, by ",
+                           kVersion, ".\n\n", tables_markdown(runs, published));
     for (const auto& [name, source] : file["sources"].members)
         if (text.find(" (" + name + ")* |") != std::string::npos)
             text += str("Published, ", name, ": ", source.text, ".\n\n");
@@ -117,8 +117,8 @@ EvalCommand add_eval_table(CLI::App& app) {
     command->add_option("--published", arguments->published,
                         "JSON file of figures to show where the scenes are the same "
                         "(docs/published_figures.json)");
-    command->add_option("-o,--out", arguments->out,
-                        "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
+    add_output_flag(*command, "-o,--out", arguments->out,
+                    "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
     return {command, [arguments] {
                 return table(arguments->runs, arguments->matrix, arguments->published,
                              arguments->out);

@@ -11,6 +11,7 @@
 #include "geometry_scores.h"
 #include "io/atomic_file.h"
 #include "io/crop_file.h"
+#include "io/manifest.h"
 #include "io/read_file.h"
 #include "io/trajectory.h"
 #include "mesh/frame_check.h"
@@ -282,6 +283,7 @@ int tnt(const TntArguments& a) {
         .add_json("points", counts.text())
         .add_json("alignment", alignment.json.text())
         .add_json("inputs", inputs.text());
+    if (!a.results.empty()) list_results(a.results, {});
     put_report(json.text(), a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input,
@@ -330,7 +332,7 @@ EvalCommand add_eval_tnt(CLI::App& app) {
     command->add_option("--palette", a.palette, "of the clouds: tnt, dtu or safe [tnt]")
         ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
     command->add_flag("--force", a.force, "measure even what seems to be misaligned");
-    command->add_option("--out", a.out, "JSON file to write as well");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
     add_require(*command, a.require, "f1>=0.4");
     return {command, [arguments] { return tnt(*arguments); }};
 }

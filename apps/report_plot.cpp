@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
+#include "core/version.h"
 
 namespace tvsgs {
 namespace {
@@ -314,7 +315,7 @@ std::string bars_svg(const Bars& bars, const std::string& id) {
 
 std::string standalone_svg(std::string svg) {
     const std::size_t end = svg.find('>') + 1;
-    return svg.insert(end, str("\n<style>", kPlotStyle, "</style>"));
+    return svg.insert(end, str("\n<!-- ", kVersion, " --><style>", kPlotStyle, "</style>"));
 }
 
 std::string escaped(const std::string& text) {

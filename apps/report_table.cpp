@@ -5,6 +5,7 @@
 #include <set>
 
 #include "core/error.h"
+#include "core/version.h"
 #include "report_plot.h"
 
 namespace tvsgs {
@@ -430,12 +431,12 @@ std::string tables_markdown(const std::vector<TableRun>& runs,
 }
 
 std::string tables_csv(const std::vector<TableRun>& runs) {
-    std::string text = "scene,configuration,seed,metric,value\n";
+    std::string text = "scene,configuration,seed,metric,value,version\n";
     for (const TableRun& run : runs)
         for (const auto& [name, value] : metrics_of(run.report))
             text += str(quoted(run.scene), ",", quoted(run.configuration), ",",
                         short_number(run.seed, 15), ",", quoted(name), ",", short_number(value, 9),
-                        "\n");
+                        ",", kVersion, "\n");
     return text;
 }
 

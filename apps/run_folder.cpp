@@ -71,6 +71,7 @@ void require_output(const std::string& out,
         throw Error(ExitCode::usage,
                     str("--out ", out, ": ", why, "; expected a name that ends in ", extension));
     require_outside_of_pictures(out, scene);
+    require_replaceable(out);
 }
 
 void require_free_run_folder(const std::string& path,

@@ -19,8 +19,8 @@ void require_free_run_folder(const std::string& path,
                              const SceneOptions& scene);
 
 /// Throws Error(ExitCode::usage) unless a file called `out` may be written: it ends in `extension`,
-/// whose format it gets (`why`), and does not lie among the photographs or masks of the scene. What
-/// is no file, as /dev/stdout, may have any name.
+/// whose format it gets (`why`), does not lie among the photographs or masks of the scene, and
+/// replaces nothing but a file of ours. What is no file, as /dev/stdout, may have any name.
 void require_output(const std::string& out,
                     const std::string& extension,
                     const std::string& why,

@@ -4,6 +4,7 @@
 #include "io/atomic_file.h"
 #include "io/config.h"
 #include "io/image_file.h"
+#include "io/manifest.h"
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
@@ -122,6 +123,8 @@ int command(int argc, char** argv) {
                     str("--out ", arguments.out, ": is a folder; expected a file name"));
     if (!arguments.out.empty())
         require_output(arguments.out, ".ply", "a cloud is written as PLY", scene_options);
+    if (!arguments.maps.empty())
+        list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene(scene_options);
     const Camera& camera = scene.train.front().camera;

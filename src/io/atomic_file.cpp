@@ -56,13 +56,9 @@ AtomicFile::AtomicFile(const std::string& path) : path_(path) {
     const fs::file_status status = fs::status(path_, error);
     if (fs::is_directory(status)) throw write_error(path, "writing", "it is a folder");
     const bool direct = fs::exists(status) && !fs::is_regular_file(status);
-    if (!direct) listing_ = folder_with_manifest(path_);
-    if (listing_ && fs::exists(status) && !is_listed(*listing_, path_))
-        throw Error(ExitCode::usage,
-                    str(path,
-                        ": is there, and not written by tvsgs; move it away, or name "
-                        "another file"));
     if (!direct) {
+        require_replaceable(path_);
+        listing_ = folder_with_manifest(path_);
         temporary_ = str(path_, ".tmp-", getpid(), "-", counter++);
         note(temporary_.c_str());
     }

@@ -10,9 +10,9 @@ namespace tvsgs {
 
 /// A file that appears under its name only when commit() has flushed it to disk: a reader never
 /// sees half of it. A link is followed; what is no file (/dev/stdout, a pipe) is written to
-/// directly. In a folder that keeps a list of its files (io/manifest.h) it is added to that, and a
-/// file of that name that is not listed is the user's: Error(ExitCode::usage). Throws
-/// Error(ExitCode::io) with the path and the system's reason.
+/// directly. In a folder that keeps a list of its files (io/manifest.h) it is added to that. Throws
+/// Error(ExitCode::usage) when a file of that name is there and not ours, Error(ExitCode::io) with
+/// the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders

@@ -4,12 +4,15 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <cstring>
+#include <fstream>
 #include <string>
 #include <vector>
 
 #include "core/error.h"
+#include "core/version.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -86,6 +89,46 @@ bool holds_listed_files(const fs::path& folder) {
 
 void add_to_manifest(const fs::path& folder, const fs::path& file) {
     if (!is_listed(folder, file)) write_to_list(folder, O_APPEND, entry_of(folder, file) + "\n");
+}
+
+namespace {
+
+/// Whether it begins as our files do that stand in no list.
+bool bears_our_name(const fs::path& file) {
+    std::ifstream in(file, std::ios::binary);
+    std::string head(4096, '\0');
+    in.read(head.data(), static_cast<std::streamsize>(head.size()));
+    head.resize(static_cast<std::size_t>(in.gcount()));
+    const std::string_view version(kVersion), name = version.substr(0, version.find(' ') + 1);
+    for (std::size_t at = 0; (at = head.find(name, at)) != std::string::npos; at += name.size())
+        if (at + name.size() < head.size() && std::isdigit(head[at + name.size()])) return true;
+    return false;
+}
+
+}  // namespace
+
+void require_replaceable(const fs::path& file) {
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return;
+    const auto folder = folder_with_manifest(file);
+    if (folder ? is_listed(*folder, file) : fs::is_empty(file, code) || bears_our_name(file))
+        return;
+    throw Error(ExitCode::usage, str(file.string(),
+                                     ": is there, and not written by tvsgs; move it away, or name "
+                                     "another place"));
+}
+
+void list_results(const fs::path& folder, const std::vector<std::string>& names) {
+    std::error_code code;
+    fs::create_directories(folder, code);
+    if (code) throw Error(ExitCode::io, str(folder.string(), ": cannot be made: ", code.message()));
+    for (const std::string& name : names) {
+        require_replaceable(folder / name);
+        for (fs::recursive_directory_iterator it(folder / name, code), end; !code && it != end;
+             it.increment(code))
+            require_replaceable(it->path());
+    }
+    if (!has_manifest(folder) && !folder_with_manifest(folder)) start_manifest(folder);
 }
 
 void remove_listed_files(const fs::path& folder) {

@@ -1,9 +1,11 @@
-// Which files of a folder are ours: a run's, or a made scene's. What is not in the list is the
-// user's, and is neither replaced nor removed.
+// Which files are ours. A run, a made scene and other folders of results keep a list of them; a
+// file elsewhere says so itself (core/version.h). What is not ours is neither replaced nor removed.
 #pragma once
 
 #include <filesystem>
 #include <optional>
+#include <string>
+#include <vector>
 
 namespace tvsgs {
 
@@ -25,6 +27,14 @@ bool holds_listed_files(const std::filesystem::path& folder);
 
 /// Adds it, unless it is there. Throws Error(ExitCode::io).
 void add_to_manifest(const std::filesystem::path& folder, const std::filesystem::path& file);
+
+/// Begins a list in a folder of results, unless it, or one above it, has one; creates the folder.
+/// Throws Error(ExitCode::usage) when one of `names`, files or folders with files that we are going
+/// to write there, is there and not ours.
+void list_results(const std::filesystem::path& folder, const std::vector<std::string>& names);
+
+/// Throws Error(ExitCode::usage) when `file` is there, is not empty and is not ours.
+void require_replaceable(const std::filesystem::path& file);
 
 /// Removes the files of the list, the list, and folders that are empty then.
 void remove_listed_files(const std::filesystem::path& folder);

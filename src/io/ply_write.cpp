@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/ply.h"
 
@@ -56,8 +57,11 @@ private:
     std::string buffer_;
 };
 
-std::string header(std::size_t count, Vec3d origin) {
-    std::string text = str("ply\nformat binary_little_endian 1.0\nelement vertex ", count, "\n");
+/// `comment`: splats have none, as viewers expect their count in the third line.
+std::string header(std::size_t count, Vec3d origin, bool comment = true) {
+    std::string text =
+        str("ply\nformat binary_little_endian 1.0\n",
+            comment ? str("comment ", kVersion, "\n") : "", "element vertex ", count, "\n");
     for (const char* axis : {"x", "y", "z"})
         text += str("property ", position_type(origin), " ", axis, "\n");
     return text;
@@ -93,7 +97,7 @@ void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g, Vec3d ori
     for (const char* name :
          {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
         names.push_back(name);
-    std::string text = header(count, origin);
+    std::string text = header(count, origin, false);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
     PlyWriter out(path);

@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <fstream>
 #include <map>
+#include <vector>
 
 #include "support/command.h"
 
@@ -226,24 +227,27 @@ TEST_F(BadEnds, AShortenedScheduleEndsNearItsBestAndMoreTimeGivesNoLess) {
                   .code,
               0);
     constexpr double kSlack = 0.5;  // dB
-    double before = 0;
-    for (const std::string length :
-         {"--iterations 50", "--iterations 491", "--iterations 1200", "--iterations 1700"}) {
-        fs::remove_all(folder_ / "short");
-        const Result r = call("train",
-                              "--scene wide --split train_all --set init.min_points=0 --device "
-                              "cpu --quiet --eval-every 100 --out short " +
-                                  length);
-        ASSERT_EQ(r.code, 0) << length << ": " << r;
-        std::istringstream log(contents(folder_ / "short/log.jsonl"));
-        double best = 0, last = 0;
-        for (std::string line; std::getline(log, line);)
-            if (const auto at = line.find("\"psnr\": "); at != std::string::npos)
-                last = std::stod(line.substr(at + 8)), best = std::max(best, last);
-        EXPECT_GT(last, best - kSlack) << length;
-        EXPECT_GT(last, before - kSlack) << length;
-        EXPECT_GT(last, 14) << length;
-        before = last;
+    const std::vector<std::vector<std::string>> series = {
+        {"--iterations 50", "--iterations 491", "--iterations 1200", "--iterations 1700"},
+        {"--time-budget 0.5", "--time-budget 1.5", "--time-budget 5"}};
+    for (const auto& lengths : series) {
+        double before = 14;  // what the shortest reaches
+        for (const std::string& length : lengths) {
+            fs::remove_all(folder_ / "short");
+            const Result r = call("train",
+                                  "--scene wide --split train_all --set init.min_points=0 --device "
+                                  "cpu --quiet --eval-every 100 --out short " +
+                                      length);
+            ASSERT_EQ(r.code, 0) << length << ": " << r;
+            std::istringstream log(contents(folder_ / "short/log.jsonl"));
+            double best = 0, last = 0;
+            for (std::string line; std::getline(log, line);)
+                if (const auto at = line.find("\"psnr\": "); at != std::string::npos)
+                    last = std::stod(line.substr(at + 8)), best = std::max(best, last);
+            EXPECT_GT(last, best - kSlack) << length;
+            EXPECT_GT(last, before - kSlack) << length;
+            before = last;
+        }
     }
 }
 

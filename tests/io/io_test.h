@@ -9,6 +9,8 @@
 #include <string>
 
 #include "core/error.h"
+#include "io/image_file.h"
+#include "io/manifest.h"
 #include "io/read_file.h"
 #include "support/test_data.h"
 
@@ -40,6 +42,12 @@ protected:
         return (folder / name).string();
     }
 };
+
+/// write_png does not replace the pictures of others.
+inline void replace_png(const std::string& path, const ImageU8& image) {
+    std::filesystem::remove(path);
+    write_png(path, image);
+}
 
 /// Runs `action`, which must throw an Error of the code whose message holds `text`.
 template <class Action>

@@ -1,3 +1,4 @@
+#include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/io_test.h"
 
@@ -5,6 +6,8 @@ namespace tvsgs {
 namespace {
 
 using AtomicFileTest = IoTest;
+
+const std::string kOld = std::string("by ") + kVersion;
 
 int files_in(const std::filesystem::path& folder) {
     int count = 0;
@@ -25,19 +28,43 @@ TEST_F(AtomicFileTest, AppearsOnlyWhenCommitted) {
 }
 
 TEST_F(AtomicFileTest, LeavesTheOldFileWhenNotCommitted) {
-    const std::string path = write("file.txt", "old");
+    const std::string path = write("file.txt", kOld);
     {
         AtomicFile file(path);
         file.write("half of the new");
     }
-    EXPECT_EQ(read_bytes(path), "old");
+    EXPECT_EQ(read_bytes(path), kOld);
     EXPECT_EQ(files_in(folder), 1);
 }
 
 TEST_F(AtomicFileTest, OverwritesWhole) {
-    const std::string path = write("file.txt", "a longer old text");
+    const std::string path = write("file.txt", kOld + ", and longer");
     write_text_file(path, "new");
     EXPECT_EQ(read_bytes(path), "new");
+}
+
+TEST_F(AtomicFileTest, ReplacesNothingButOurs) {
+    for (const std::string text : {"mine", "about tvsgs and its votes", "tvsgs 0"}) {
+        const std::string path = write("file.txt", text);
+        const bool ours = text == "tvsgs 0";
+        if (!ours)
+            expect_error(ExitCode::usage, "file.txt: is there, and not written by tvsgs",
+                         [&] { write_text_file(path, "new"); });
+        else
+            write_text_file(path, "new");
+        EXPECT_EQ(read_bytes(path), ours ? "new" : text);
+    }
+    write_text_file(write("empty.txt", ""), "new");  // as mktemp makes them
+    list_results(folder / "results", {"a.txt", "maps"});
+    const std::string listed = (folder / "results/a.txt").string();
+    write_text_file(listed, "new");
+    write_text_file(listed, "newer");
+    EXPECT_EQ(read_bytes(listed), "newer");
+    list_results(folder / "results", {"a.txt", "maps"});
+    write("results/maps/b.txt", kOld);  // in such a folder the list counts
+    expect_error(ExitCode::usage, "b.txt: is there, and not written by tvsgs", [&] {
+        list_results(folder / "results", {"a.txt", "maps"});
+    });
 }
 
 TEST_F(AtomicFileTest, NamesPathAndReasonWhenItCannotWrite) {
@@ -60,7 +87,7 @@ TEST_F(AtomicFileTest, WritesToDevicesDirectly) {
 }
 
 TEST_F(AtomicFileTest, FollowsLinks) {
-    const std::string target = write("target.txt", "old"), link = (folder / "link").string();
+    const std::string target = write("target.txt", kOld), link = (folder / "link").string();
     std::filesystem::create_symlink(target, link);
     write_text_file(link, "new");
     EXPECT_TRUE(std::filesystem::is_symlink(link));
@@ -68,13 +95,13 @@ TEST_F(AtomicFileTest, FollowsLinks) {
 }
 
 TEST_F(AtomicFileTest, ASignalHandlerCanCleanUp) {
-    const std::string path = write("file.txt", "old");
+    const std::string path = write("file.txt", kOld);
     AtomicFile file(path);
     file.write("half of the new");
     EXPECT_EQ(files_in(folder), 2);
     remove_temporary_files();
     EXPECT_EQ(files_in(folder), 1);
-    EXPECT_EQ(read_bytes(path), "old");
+    EXPECT_EQ(read_bytes(path), kOld);
 }
 
 TEST_F(AtomicFileTest, UnwritableFolder) {

@@ -10,6 +10,7 @@
 
 #include "core/error.h"
 #include "io/checkpoint.h"
+#include "io/manifest.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -95,6 +96,7 @@ TEST_F(CheckpointFile, OtherFilesAndVersions) {
     EXPECT_NE(error().find("is no checkpoint"), std::string::npos);
     State state;
     fill(state, "means", 3);
+    fs::remove(path_);
     write_checkpoint(path_, {&state});
     std::string other = read_bytes(path_);
     other[8] = 0;
@@ -110,6 +112,7 @@ TEST_F(CheckpointFile, AFullDiskKeepsTheLastOne) {
     State small, large;
     fill(small, "means", 30);
     fill(large, "means", 300000);
+    start_manifest(folder_);
     write_checkpoint(path_, {&small});
     rlimit before{};
     getrlimit(RLIMIT_FSIZE, &before);
@@ -126,7 +129,7 @@ TEST_F(CheckpointFile, AFullDiskKeepsTheLastOne) {
     setrlimit(RLIMIT_FSIZE, &before);
     std::signal(SIGXFSZ, old_handler);
     EXPECT_EQ(read_checkpoint(path_).get("means", 12).count(), 10u);
-    EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 1) << "a temporary file is left";
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder_), {}), 2) << "a temporary file is left";
 }
 
 TEST(State, NotFinite) {

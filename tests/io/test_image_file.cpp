@@ -16,6 +16,7 @@ ImageU8 pattern(int width, int height, int channels) {
 }
 
 TEST_F(ImageFile, PngRoundTrip) {
+    start_manifest(folder);  // what it writes it may replace
     for (const int channels : {1, 3, 4}) {
         const ImageU8 image = pattern(13, 7, channels);
         const std::string path = (folder / "a/b.png").string();

@@ -27,7 +27,7 @@ protected:
     }
     void photo(const std::string& name, int width, int height, int channels = 3) const {
         fs::create_directories((folder / name).parent_path());
-        write_png((folder / name).string(), ImageU8(width, height, channels, 100));
+        replace_png((folder / name).string(), ImageU8(width, height, channels, 100));
     }
     Scene read() const { return read_scene(options); }
     void expect_input_error(const std::string& text) const {
@@ -181,7 +181,7 @@ TEST_F(SceneLayouts, Blender) {
         photo(name, 8, 6);
     ImageU8 clear(8, 6, 4, 100);
     clear.at(0, 0, 3) = 0;
-    write_png((folder / "train/r_1.png").string(), clear);
+    replace_png((folder / "train/r_1.png").string(), clear);
     Scene scene = read();
     ASSERT_EQ(scene.train.size(), 3u);
     ASSERT_EQ(scene.test.size(), 2u);

@@ -34,7 +34,7 @@ protected:
     void camera(const std::string& line) { write("sparse/0/cameras.txt", line + "\n"); }
     void photo(
         const std::string& name, int width, int height, std::uint8_t value, int channels = 3) {
-        write_png((folder / name).string(), ImageU8(width, height, channels, value));
+        replace_png((folder / name).string(), ImageU8(width, height, channels, value));
     }
     Scene read() const { return read_scene(options); }
     void expect_input_error(const std::string& text) const {
@@ -233,7 +233,8 @@ TEST_F(SceneReader, MasksOfAFolder) {
         for (int y = 0; y < 12; ++y)
             for (int x = 0; x < 2 * i; ++x)
                 for (int c = 0; c < 3; ++c) mask.at(x, y, c) = 255;
-        write_png((folder / str("mask/00", i, ".png")).string(), mask);  // 001.png belongs to 1.png
+        replace_png((folder / str("mask/00", i, ".png")).string(),
+                    mask);  // 001.png belongs to 1.png
     }
     const Scene scene = read();
     for (std::size_t i = 0; i < 4; ++i) {
@@ -259,7 +260,7 @@ TEST_F(SceneReader, MasksOfAFolder) {
 TEST_F(SceneReader, MaskOfTheAlphaChannel) {
     ImageU8 image(8, 6, 4, 200);
     for (int x = 0; x < 8; ++x) image.at(x, 2, 3) = 100;
-    write_png((folder / "images/1.png").string(), image);
+    replace_png((folder / "images/1.png").string(), image);
     photo("images/2.png", 8, 6, 255, 4);
     photo("images/3.png", 8, 6, 77, 1);
     const Scene scene = read();

@@ -223,6 +223,7 @@ TEST_F(EvalDtuScene, WrongMasks) {
     for (int i = 0; i < 49; ++i)
         write_png(path("masks/" + std::to_string(1000 + i) + ".png"), ImageU8(800, 600, 1));
     expect_error(3, "E_CULL_ALL", arguments("--cull-masks " + path("masks")));
+    fs::remove(path("masks/1000.png"));
     write_png(path("masks/1000.png"), ImageU8(80, 60, 1));
     expect_error(3, "E_MASK_SIZE", arguments("--cull-masks " + path("masks")));
     const std::string npz = read("cameras_sphere.npz");
