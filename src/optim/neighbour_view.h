@@ -115,8 +115,8 @@ public:
     const Buffer<int, Device>& valid() const { return valid_; }        // [H W] 1 or 0
     const double* valid_count() const { return valid_count_.data(); }  // on the device
 
-    /// [H W] of the neighbour, cleared at the first call of a step: sums of kFixedUnit x
-    /// derivatives by the logarithm of depth. Several pixels of the reference fall between the same
+    /// [H W] of the neighbour, cleared: a term's sums of kFixedUnit x derivatives by the logarithm
+    /// of depth, to be resolved before another term asks for room. Several pixels of the reference fall between the same
     /// pixels of the neighbour. Integer atomics add them in any order to the same bits, which float
     /// atomics would not, and a gather would first have to sort the pixels by where they fall. The
     /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
@@ -128,11 +128,13 @@ public:
         return fixed_.span();
     }
 
-    /// depth_gradients() x weight / *count goes on to the plane channels.
+    /// Adds depth_gradients() x weight / *count to those of the plane channels.
     void resolve_depth_gradients(float weight, const double* count) {
         const std::size_t pixels = images_->depth.size();
-        dL_dimages_.normal.resize(pixels), dL_dimages_.distance.resize(pixels);
-        dL_dimages_.normal.fill_zero(), dL_dimages_.distance.fill_zero();
+        if (dL_dimages_.distance.empty()) {
+            dL_dimages_.normal.resize(pixels), dL_dimages_.distance.resize(pixels);
+            dL_dimages_.normal.fill_zero(), dL_dimages_.distance.fill_zero();
+        }
         parallel_for(Device{}, static_cast<int>(pixels),
                      ResolveDepthBody{images_->camera, fixed_.span(), weight / kFixedUnit, count,
                                       images_->normal.span(), images_->distance.span(),

@@ -75,10 +75,10 @@ DeviceView<Device> upload_view(const ViewMaps& v, int index) {
     return view;
 }
 
-/// What the geometric (or else the photometric) term adds to an objective that already holds
-/// something.
+/// What `terms` times the geometric (or else the photometric) term add to an objective that already
+/// holds something.
 template <class Device>
-MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight) {
+MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, int terms = 1) {
     const ScheduledOptions options{weight, 1};
     std::unique_ptr<Loss<Device>> loss;
     if (geometry)
@@ -106,8 +106,9 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight) {
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
     const TensorField<Device> field;
-    loss->add_to(objective, objective.values.data(),
-                 {gaussians, images, views[0], field, {}, 1, &neighbour});
+    for (int i = 0; i < terms; ++i)
+        loss->add_to(objective, objective.values.data(),
+                     {gaussians, images, views[0], field, {}, 1, &neighbour});
 
     MultiViewResult result;
     result.value = to_host(objective.values)[0] - 2;

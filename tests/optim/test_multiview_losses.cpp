@@ -159,6 +159,15 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
     EXPECT_GT(checked, 250);
 }
 
+TEST(MultiViewGeometryLoss, TermsAddUpInTheNeighbour) {
+    const MultiViewCase c = plane_case();
+    const MultiViewResult one = evaluate<Cpu>(c, true, kWeight),
+                          two = evaluate<Cpu>(c, true, kWeight, 2);
+    ASSERT_FALSE(one.dL_dneighbour_distance.empty());
+    for (std::size_t i = 0; i < one.dL_dneighbour_distance.size(); ++i)
+        ASSERT_EQ(two.dL_dneighbour_distance[i], 2 * one.dL_dneighbour_distance[i]);
+}
+
 TEST(MultiViewGeometryLoss, RisesAwayFromTheTruth) {
     const double truth = evaluate<Cpu>(plane_case(0), true, 1).value;
     EXPECT_LT(truth, 2e-3);
