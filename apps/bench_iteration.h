@@ -26,7 +26,7 @@ public:
     void run(StageClock<Device>& clock);
 
     Backbone<Device>& backbone();  // of the view, not of its neighbour
-    Channels channels() const;     // of the view
+    Maps maps() const;             // of the view
 
     /// Of the last run(): weighted values of the losses, and how many pixels could be compared with
     /// the neighbour (0 without one).

@@ -44,9 +44,7 @@ struct BenchIteration<Device>::Parts {
         return to;
     }
 
-    Channels channels() const {
-        return want.plane || want.neighbour ? Channels::color_plane : Channels::color;
-    }
+    Maps maps() const { return want.maps | want.compared; }
 };
 
 template <class Device>
@@ -68,7 +66,7 @@ void BenchIteration<Device>::run(StageClock<Device>& clock) {
         return p.neighbours->render(step, view.index, p.views.views(), p.splats);
     });
     const RenderedImages<Device>& images = p.backbone->forward(
-        p.splats, view.camera, sh_degree_at(p.options.model, step), channels(),
+        p.splats, view.camera, sh_degree_at(p.options.model, step), p.maps(),
         [&](Span<const float> radii_px) { p.adam.catch_up(radii_px, p.splats); });
     clock("clear gradients",
           [&] { reset(p.objective, p.want.splat_gradients ? p.splats.size() : 0, images); });
@@ -97,8 +95,8 @@ Backbone<Device>& BenchIteration<Device>::backbone() {
 }
 
 template <class Device>
-Channels BenchIteration<Device>::channels() const {
-    return parts_->channels();
+Maps BenchIteration<Device>::maps() const {
+    return parts_->maps();
 }
 
 template <class Device>

@@ -10,6 +10,7 @@
 #include "io/atomic_file.h"
 #include "optim/adam.h"
 #include "optim/splat_order.h"
+#include "render/channels.h"
 #include "render/map_images.h"
 #include "render/photometric.h"
 #include "run_options.h"
@@ -178,7 +179,7 @@ Measured measure_training(const StageCase& c,
         copy(splats, shown);
         const auto backbone = make_backbone<Device>(options.backbone, options.core);
         for (const Camera& camera : {stage_camera(c), stage_neighbour(c)}) {
-            const auto& images = backbone->forward(shown, camera, kShDegree, Channels::color);
+            const auto& images = backbone->forward(shown, camera, kShDegree, Maps::color);
             scene.train.push_back({std::to_string(scene.train.size()),
                                    camera,
                                    color_image(c.width, c.height, to_host(images.color)),
@@ -191,12 +192,17 @@ Measured measure_training(const StageCase& c,
                                        iteration.backbone(), warm_up, repetitions);
     out.losses = iteration.losses();
     out.compared_pixels = iteration.compared_pixels();
-    out.channels = iteration.channels();
+    out.channels = channels_of(iteration.maps());
     out.bytes = memory_use(Device{}).current_bytes - before;
     return out;
 }
 
-/// The iteration with the photometric loss, or with given derivatives of the plane channels.
+Maps maps_of(Channels channels) {
+    return (has_color(channels) ? Maps::color : Maps::none) |
+           (has_plane(channels) ? kGeometryMaps : Maps::none);
+}
+
+/// The iteration with the photometric loss, or with given derivatives of normal and depth.
 template <class Device>
 Measured measure(const StageCase& c,
                  Channels channels,
@@ -220,7 +226,7 @@ Measured measure(const StageCase& c,
     if (has_plane(channels)) {
         const float share = 1.0f / static_cast<float>(pixels);
         copy(std::vector<Vec3f>(pixels, {share, share, -share}), dL_dimages.normal);
-        copy(std::vector<float>(pixels, share), dL_dimages.distance);
+        copy(std::vector<float>(pixels, share), dL_dimages.depth);
     }
     const auto backbone = make_backbone<Device>("pgsr", {});
     if (atomic) backbone->use_atomic_sums();
@@ -229,7 +235,7 @@ Measured measure(const StageCase& c,
 
     const auto iteration = [&](StageClock<Device>& clock) {
         const auto& images =
-            backbone->forward(splats, camera, kShDegree, channels,
+            backbone->forward(splats, camera, kShDegree, maps_of(channels),
                               [&](Span<const float> radii_px) { adam.catch_up(radii_px, splats); });
         if (has_color(channels))
             clock("photometric loss", [&] {

@@ -100,7 +100,7 @@ Focus focus_of_scene(const std::vector<View>& views,
     std::optional<Focus> focus = find_focus(cameras);
     if (!focus) {
         const auto& rendered = backbone.forward(gaussians, cameras.front(), gaussians.sh_degree,
-                                                Channels::color_plane);
+                                                Maps::color | kGeometryMaps);
         focus = focus_at_depth(cameras, median_depth(to_host(rendered.depth)));
         spdlog::warn(
             "the optical axes are parallel: what they look at is taken to be at the median depth "
@@ -142,8 +142,8 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const auto source = [&](int i) -> DepthView<Device> {
         const View& view = views[static_cast<std::size_t>(i)];
         DepthCounts& count = counts[static_cast<std::size_t>(i)];
-        const auto& rendered =
-            backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
+        const auto& rendered = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
+                                                 Maps::color | kGeometryMaps);
         const Camera& camera = rendered.camera;  // that of the depths
         copy(options.masks ? view.mask.pixels : std::vector<std::uint8_t>(), mask);
         count = clean_depth(rendered, camera, std::as_const(mask).span(), rules, clean);

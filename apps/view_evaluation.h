@@ -69,8 +69,8 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
     auto backbone = make_backbone<Device>(options.backbone, options.core);
     ViewScorer scorer(scoring);
     for (const View& view : views) {
-        const auto& images =
-            backbone->forward(gaussians, view.camera, gaussians.sh_degree, Channels::color_plane);
+        const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
+                                               Maps::color | kGeometryMaps);
         const std::vector<Vec3f> colors = to_host(images.color);
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);

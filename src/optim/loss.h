@@ -47,10 +47,10 @@ public:
     /// Whether the term acts at `step` at all; add_to() is only called then.
     virtual bool active(int step) const = 0;
 
-    /// Whether it reads the plane channels of the render.
-    virtual bool needs_plane() const { return false; }
+    /// What it reads of the render beside the colours.
+    virtual Maps maps() const { return Maps::none; }
 
-    /// Whether it compares the plane channels of the render with those of a neighbouring view.
+    /// Whether it compares the render with that of a neighbouring view.
     virtual bool needs_neighbour() const { return false; }
 
     /// Whether it adds to objective.dL_dgaussians, where only the geometry has room.

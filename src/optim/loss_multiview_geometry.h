@@ -7,13 +7,11 @@ namespace tvsgs {
 struct MultiViewGeometryBody {
     ViewPair<float> pair;
     Camera camera;  // of the reference
-    Span<const Vec3f> normal;
-    Span<const float> distance, depth, neighbour_depth, pixel_weight;
+    Span<const float> depth, neighbour_depth, pixel_weight;
     const double* count;  // of the pixels that can be compared
     float weight;
     Span<float> pixel_loss;
-    Span<Vec3f> dL_dnormal;    // added to
-    Span<float> dL_ddistance;  // added to
+    Span<float> dL_ddepth;  // added to
     std::int64_t* dL_dneighbour_log_depth;
 
     TVSGS_HD void operator()(int at) const {
@@ -25,9 +23,7 @@ struct MultiViewGeometryBody {
         const float scale = weight / static_cast<float>(*count);
         pixel_loss[at] = scale * w * r.distance;
         const auto g = reproject_vjp(pair, ray, r, w);
-        const auto plane = plane_depth_vjp(normal[at], distance[at], ray, scale * g.dL_ddepth);
-        dL_dnormal[at] += plane.dL_dnormal;
-        dL_ddistance[at] += plane.dL_ddistance;
+        dL_ddepth[at] += scale * g.dL_ddepth;
         for (int i = 0; i < 4; ++i) {
             const double px =
                 static_cast<double>(r.share[i] * g.dL_dneighbour_depth * neighbour_depth[r.at[i]]);
@@ -47,6 +43,7 @@ public:
 
     const char* name() const override { return "multi_view_geometry"; }
     bool active(int step) const override { return step >= options_.start; }
+    Maps maps() const override { return kGeometryMaps; }
     bool needs_neighbour() const override { return true; }
 
     void add_to(Objective<Device>& objective,
@@ -58,12 +55,10 @@ public:
         const int pixels = static_cast<int>(images.depth.size());
         pixel_loss_.resize(images.depth.size());
         parallel_for(Device{}, pixels,
-                     MultiViewGeometryBody{neighbour.pair(), images.camera, images.normal.span(),
-                                           images.distance.span(), images.depth.span(),
+                     MultiViewGeometryBody{neighbour.pair(), images.camera, images.depth.span(),
                                            neighbour.images().depth.span(), neighbour.weight(),
                                            neighbour.valid_count(), options_.weight,
-                                           pixel_loss_.span(), objective.dL_dimages.normal.span(),
-                                           objective.dL_dimages.distance.span(),
+                                           pixel_loss_.span(), objective.dL_dimages.depth.span(),
                                            neighbour.depth_gradients().data});
         neighbour.resolve_depth_gradients(options_.weight, neighbour.valid_count());
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),

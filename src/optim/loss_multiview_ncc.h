@@ -18,17 +18,17 @@ struct PatchTerm {
     int pixel;  // -1: none
     float loss;
     Vec3f dL_dnormal;
-    float dL_ddistance;
+    float dL_ddepth;
 };
 
 /// Draws and scores patch `i` of as many as there are comparable pixels, at most one per pixel.
 struct PatchBody {
     ViewPair<float> pair;  // lenses of the grey images
     Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
-    int width;           // of the render
+    Camera camera;       // of the render
     GreyImage reference, neighbour;
     Span<const Vec3f> normal;
-    Span<const float> distance, pixel_weight;
+    Span<const float> depth, pixel_weight;
     Span<const int> pixels;
     const double* count;  // of the comparable pixels
     Random4 key;
@@ -39,13 +39,18 @@ struct PatchBody {
         const auto valid = static_cast<std::uint32_t>(*count);
         if (static_cast<std::uint32_t>(i) < valid) {
             const int at = pixels[permuted(static_cast<std::uint32_t>(i), valid, key)];
-            const Vec2f centre{scale.x * (static_cast<float>(at % width) + 0.5f),
-                               scale.y * (static_cast<float>(at / width) + 0.5f)};
+            const int x = at % camera.width_px, y = at / camera.width_px;
+            const Vec2f centre{scale.x * (static_cast<float>(x) + 0.5f),
+                               scale.y * (static_cast<float>(y) + 0.5f)};
+            // The plane with this normal through the surface point.
+            const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, x, y);
             const auto score =
-                patch_score(pair, centre, normal[at], distance[at], reference, neighbour, shift);
+                patch_score(pair, centre, n, -dot(n, point), reference, neighbour, shift);
             const float w = pixel_weight[at];
             if (score.valid)
-                term = {at, w * score.error, w * score.derror_dnormal, w * score.derror_ddistance};
+                term = {at, w * score.error,
+                        w * (score.derror_dnormal - score.derror_ddistance * point),
+                        -w * score.derror_ddistance * dot(n, point) / depth[at]};
         }
         terms[i] = term;
     }
@@ -69,15 +74,15 @@ struct PatchGradientBody {
     Span<const PatchTerm> terms;
     const double* count;  // of the patches that pass
     float weight;
-    Span<Vec3f> dL_dnormal;    // added to
-    Span<float> dL_ddistance;  // added to
+    Span<Vec3f> dL_dnormal;  // added to
+    Span<float> dL_ddepth;   // added to
 
     TVSGS_HD void operator()(int i) const {
         const PatchTerm& t = terms[i];
         if (t.pixel < 0) return;
         const float scale = weight / static_cast<float>(*count);
         dL_dnormal[t.pixel] += scale * t.dL_dnormal;
-        dL_ddistance[t.pixel] += scale * t.dL_ddistance;
+        dL_ddepth[t.pixel] += scale * t.dL_ddepth;
     }
 };
 
@@ -94,6 +99,7 @@ public:
 
     const char* name() const override { return "multi_view_ncc"; }
     bool active(int step) const override { return step >= options_.start; }
+    Maps maps() const override { return kGeometryMaps; }
     bool needs_neighbour() const override { return true; }
 
     void add_to(Objective<Device>& objective,
@@ -120,11 +126,11 @@ public:
                           neighbour.pair().min_depth),
                 scale_of(a),
                 shift_of(a),
-                images.width,
+                images.camera,
                 {a.grey.data(), a.grey_width, a.grey_height},
                 {b.grey.data(), b.grey_width, b.grey_height},
                 images.normal.span(),
-                images.distance.span(),
+                images.depth.span(),
                 neighbour.weight(),
                 pixels_.span(),
                 neighbour.valid_count(),
@@ -138,7 +144,7 @@ public:
         parallel_for(Device{}, samples,
                      PatchGradientBody{terms.span(), objective.count.data(), options_.weight,
                                        objective.dL_dimages.normal.span(),
-                                       objective.dL_dimages.distance.span()});
+                                       objective.dL_dimages.depth.span()});
     }
 
 private:

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "optim/loss.h"
-#include "render/blend_math.h"
 #include "render/normal_math.h"
 #include "render/photometric.h"
 
@@ -68,15 +67,12 @@ struct NormalLossBody {
     }
 };
 
-/// Gathers dL/ddepth of a pixel from the pixels whose normal it takes part in, and goes on to the
-/// plane channels.
+/// Gathers dL/ddepth of a pixel from the pixels whose normal it takes part in.
 struct NormalDepthBody {
     Camera camera;
     Span<const NormalPixelGradient> neighbours;
-    Span<const Vec3f> normal;
-    Span<const float> distance, depth;
-    Span<Vec3f> dL_dnormal;
-    Span<float> dL_ddistance;
+    Span<const float> depth;
+    Span<float> dL_ddepth;  // added to
 
     TVSGS_HD void operator()(int at) const {
         if (!(depth[at] > 0)) return;
@@ -86,10 +82,7 @@ struct NormalDepthBody {
         if (x < w - 1) dL_dpoint -= neighbours[at + 1].dL_da;
         if (y < camera.height_px - 1) dL_dpoint += neighbours[at + w].dL_db;
         if (y > 0) dL_dpoint -= neighbours[at - w].dL_db;
-        const Vec3f ray = pixel_ray(camera, x, y);
-        const auto g = plane_depth_vjp(normal[at], distance[at], ray, dot(dL_dpoint, ray));
-        dL_dnormal[at] += g.dL_dnormal;
-        dL_ddistance[at] += g.dL_ddistance;
+        dL_ddepth[at] += dot(dL_dpoint, pixel_ray(camera, x, y));
     }
 };
 
@@ -101,7 +94,7 @@ public:
 
     const char* name() const override { return "normal"; }
     bool active(int step) const override { return step >= options_.start; }
-    bool needs_plane() const override { return true; }
+    Maps maps() const override { return kGeometryMaps; }
 
     void add_to(Objective<Device>& objective,
                 double* value,
@@ -120,10 +113,8 @@ public:
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
         parallel_for(Device{}, pixels,
-                     NormalDepthBody{images.camera, neighbours_.span(), images.normal.span(),
-                                     images.distance.span(), images.depth.span(),
-                                     objective.dL_dimages.normal.span(),
-                                     objective.dL_dimages.distance.span()});
+                     NormalDepthBody{images.camera, neighbours_.span(), images.depth.span(),
+                                     objective.dL_dimages.depth.span()});
     }
 
 private:

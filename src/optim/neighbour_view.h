@@ -9,7 +9,7 @@
 #include "optim/device_view.h"
 #include "optim/multiview_math.h"
 #include "optim/neighbours.h"
-#include "render/blend_math.h"
+#include "render/backbone.h"
 
 namespace tvsgs {
 
@@ -35,29 +35,22 @@ struct CountValid {
     TVSGS_HD int operator()(int i) const { return valid[i]; }
 };
 
-/// Turns the collected derivatives by log depth into those of the plane channels.
+/// Turns the collected derivatives by log depth into those by depth.
 struct ResolveDepthBody {
-    Camera camera;
     Span<const std::int64_t> fixed;
     double unit;
     const double* scale;  // divides
-    Span<const Vec3f> normal;
-    Span<const float> distance, depth;
-    Span<Vec3f> dL_dnormal;
-    Span<float> dL_ddistance;
+    Span<const float> depth;
+    Span<float> dL_ddepth;  // added to
 
     TVSGS_HD void operator()(int at) const {
         if (fixed[at] == 0) return;
-        const auto dL_ddepth = static_cast<float>(static_cast<double>(fixed[at]) * unit / *scale /
-                                                  static_cast<double>(depth[at]));
-        const Vec3f ray = pixel_ray(camera, at % camera.width_px, at / camera.width_px);
-        const auto g = plane_depth_vjp(normal[at], distance[at], ray, dL_ddepth);
-        dL_dnormal[at] += g.dL_dnormal;
-        dL_ddistance[at] += g.dL_ddistance;
+        dL_ddepth[at] += static_cast<float>(static_cast<double>(fixed[at]) * unit / *scale /
+                                            static_cast<double>(depth[at]));
     }
 };
 
-/// Renders a neighbour of the current view with plane channels, compares the two depth maps, and
+/// Renders the depth of a neighbour of the current view, compares the two depth maps, and
 /// takes the derivatives that losses hand back to it through a backward pass of its own.
 template <class Device>
 class NeighbourView {
@@ -88,8 +81,8 @@ public:
         const int neighbour = choose(step, reference);
         if (neighbour < 0) return nullptr;
         view_ = &views[static_cast<std::size_t>(neighbour)];
-        images_ = &backbone_->forward(gaussians, view_->camera, 0, Channels::plane);
-        dL_dimages_.normal.resize(0), dL_dimages_.distance.resize(0);
+        images_ = &backbone_->forward(gaussians, view_->camera, 0, Maps::depth);
+        dL_dimages_.depth.resize(0);
         return this;
     }
 
@@ -116,11 +109,11 @@ public:
     const double* valid_count() const { return valid_count_.data(); }  // on the device
 
     /// [H W] of the neighbour, cleared: a term's sums of kFixedUnit x derivatives by the logarithm
-    /// of depth, to be resolved before another term asks for room. Several pixels of the reference fall between the same
-    /// pixels of the neighbour. Integer atomics add them in any order to the same bits, which float
-    /// atomics would not, and a gather would first have to sort the pixels by where they fall. The
-    /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
-    /// 2^-32 px and has room for 2,000 pixels of 10^6 px each.
+    /// of depth, to be resolved before another term asks for room. Several pixels of the reference
+    /// fall between the same pixels of the neighbour. Integer atomics add them in any order to the
+    /// same bits, which float atomics would not, and a gather would first have to sort the pixels
+    /// by where they fall. The derivative by log depth is a distance in pixels, so one unit fits
+    /// every scene: it resolves 2^-32 px and has room for 2,000 pixels of 10^6 px each.
     Span<std::int64_t> depth_gradients() {
         const std::size_t pixels = images_->depth.size();
         fixed_.resize(pixels);
@@ -128,26 +121,23 @@ public:
         return fixed_.span();
     }
 
-    /// Adds depth_gradients() x weight / *count to those of the plane channels.
+    /// Adds depth_gradients() x weight / *count to those of the render.
     void resolve_depth_gradients(float weight, const double* count) {
         const std::size_t pixels = images_->depth.size();
-        if (dL_dimages_.distance.empty()) {
-            dL_dimages_.normal.resize(pixels), dL_dimages_.distance.resize(pixels);
-            dL_dimages_.normal.fill_zero(), dL_dimages_.distance.fill_zero();
+        if (dL_dimages_.depth.empty()) {
+            dL_dimages_.depth.resize(pixels);
+            dL_dimages_.depth.fill_zero();
         }
         parallel_for(Device{}, static_cast<int>(pixels),
-                     ResolveDepthBody{images_->camera, fixed_.span(), weight / kFixedUnit, count,
-                                      images_->normal.span(), images_->distance.span(),
-                                      images_->depth.span(), dL_dimages_.normal.span(),
-                                      dL_dimages_.distance.span()});
+                     ResolveDepthBody{fixed_.span(), weight / kFixedUnit, count,
+                                      images_->depth.span(), dL_dimages_.depth.span()});
     }
 
     const ImageGradients<Device>& dL_dimages() const { return dL_dimages_; }
 
     /// Adds what the losses handed back; nothing when they did not.
     void backward(const Gaussians<Device>& gaussians, Gaussians<Device>& dL_dgaussians) {
-        if (!dL_dimages_.distance.empty())
-            backbone_->backward(gaussians, dL_dimages_, dL_dgaussians);
+        if (!dL_dimages_.depth.empty()) backbone_->backward(gaussians, dL_dimages_, dL_dgaussians);
     }
 
     static constexpr double kFixedUnit = 4294967296.0;  // 2^32

@@ -12,16 +12,20 @@ namespace tvsgs {
 
 /// What the terms that act at a step want rendered.
 struct Wanted {
-    bool plane = false, neighbour = false;
+    Maps maps = Maps::color;     // of the view
+    Maps compared = Maps::none;  // of it where it has a neighbour
+    bool neighbour = false;
     bool splat_gradients = false;  // room for gradients that do not come from the main render
 };
 template <class Device>
 Wanted wanted(const std::vector<std::unique_ptr<Loss<Device>>>& losses, int step) {
     Wanted w;
     for (const auto& term : losses)
-        if (term->active(step))
-            w.plane |= term->needs_plane(), w.neighbour |= term->needs_neighbour(),
-                w.splat_gradients |= term->adds_to_splats() || term->needs_neighbour();
+        if (term->active(step)) {
+            w.neighbour |= term->needs_neighbour();
+            (term->needs_neighbour() ? w.compared : w.maps) |= term->maps();
+            w.splat_gradients |= term->adds_to_splats() || term->needs_neighbour();
+        }
     return w;
 }
 
@@ -43,10 +47,10 @@ template <class Device>
 void reset(Objective<Device>& objective, int splats, const RenderedImages<Device>& images) {
     objective.dL_dimages.color.resize(images.color.size());
     objective.dL_dimages.normal.resize(images.normal.size());
-    objective.dL_dimages.distance.resize(images.distance.size());
+    objective.dL_dimages.depth.resize(images.depth.size());
     objective.dL_dimages.color.fill_zero();
     objective.dL_dimages.normal.fill_zero();
-    objective.dL_dimages.distance.fill_zero();
+    objective.dL_dimages.depth.fill_zero();
     resize_geometry(objective.dL_dgaussians, splats);
     fill_zero(objective.dL_dgaussians);
     objective.values.fill_zero();
@@ -118,7 +122,7 @@ Gaussians<Device> train(const Scene& scene,
             clock("forward", [&]() -> const RenderedImages<Device>& {
                 return backbone->forward(
                     t->gaussians, view.camera, sh_degree,
-                    want.plane || neighbour ? Channels::color_plane : Channels::color,
+                    neighbour ? want.maps | want.compared : want.maps,
                     [&](Span<const float> radii_px) { t->adam.catch_up(radii_px, t->gaussians); });
             });
         clock("losses", [&] {
@@ -159,7 +163,7 @@ Gaussians<Device> train(const Scene& scene,
             return t->densifier.step(
                 step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
                     for (const auto& other : views.views()) {
-                        backbone->forward(t->gaussians, other.camera, 0, Channels::plane);
+                        backbone->forward(t->gaussians, other.camera, 0, kGeometryMaps);
                         write_statistics(Device{}, backbone->blend_backward({}));
                         count_views(backbone->statistics());
                     }

@@ -12,29 +12,22 @@
 
 namespace tvsgs {
 
-/// Which channels a render needs; kernels are compiled per set, so what is not asked for costs
-/// nothing.
-enum class Channels { color, color_plane, plane };
+/// A set of maps to render. What is not asked for costs nothing: its buffers stay empty, and
+/// reading them is an error.
+enum class Maps : unsigned { none = 0, color = 1, normal = 2, depth = 4 };
 
-constexpr bool has_color(Channels channels) {
-    return channels != Channels::plane;
+constexpr Maps operator|(Maps a, Maps b) {
+    return static_cast<Maps>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
 }
-constexpr bool has_plane(Channels channels) {
-    return channels != Channels::color;
+constexpr Maps& operator|=(Maps& a, Maps b) {
+    return a = a | b;
+}
+/// Whether any of `some` is in the set.
+constexpr bool has(Maps set, Maps some) {
+    return (static_cast<unsigned>(set) & static_cast<unsigned>(some)) != 0;
 }
 
-/// run() as a template of the channels.
-template <class Run>
-void with_channels(Channels channels, const Run& run) {
-    switch (channels) {
-        case Channels::color:
-            return run.template operator()<Channels::color>();
-        case Channels::color_plane:
-            return run.template operator()<Channels::color_plane>();
-        case Channels::plane:
-            return run.template operator()<Channels::plane>();
-    }
-}
+inline constexpr Maps kGeometryMaps = Maps::normal | Maps::depth;
 
 /// Where the rays of depth maps pass through the pixels. `official` keeps a habit of PGSR's code:
 /// half a pixel up and left of the centres, through which it blends.
@@ -46,25 +39,25 @@ inline Camera ray_camera(Camera camera, PixelCenter center) {
     return camera;
 }
 
-/// Images of one render, pixel (x, y) at y * width + x. Buffers of channels not asked for are
-/// empty.
+/// Images of one render, pixel (x, y) at y * width + x. A backbone may make more than it was asked
+/// for.
 template <class Device>
 struct RenderedImages {
     int width = 0, height = 0;
     Camera camera;                // its pixel_ray() is what depth lies on; see ray_camera()
     Buffer<Vec3f, Device> color;  // [H W] not clamped
     Buffer<float, Device>
-        transmittance;               // [H W] left behind all splats; coverage is 1 - transmittance
-    Buffer<Vec3f, Device> normal;    // [H W] blended plane normals, camera frame, not normalised
-    Buffer<float, Device> distance;  // [H W] blended plane distances, world units
-    Buffer<float, Device> depth;     // [H W] z-depth of the blended plane; 0 where it is undefined
+        transmittance;             // [H W] left behind all splats; coverage is 1 - transmittance
+    Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended and not normalised
+    Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
 };
 
-/// dL/d of the images; a buffer that no loss wrote to stays empty.
+/// dL/d of the images, as these are; a buffer that no loss wrote to stays empty. That of depth
+/// counts only where there is one.
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
-    Buffer<float, Device> distance;
+    Buffer<float, Device> depth;
 };
 
 /// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not
@@ -136,7 +129,7 @@ public:
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                                   const Camera& camera,
                                                   int sh_degree,
-                                                  Channels channels,
+                                                  Maps maps,
                                                   const BeforeColors& before_colors = {}) = 0;
 
     /// Gradients of the last forward(), added to `dL_dgaussians` (already of the same shape).

@@ -4,9 +4,34 @@
 
 #include "core/parallel.h"
 #include "render/backbone.h"
+#include "render/blend.h"
 #include "render/blend_work.h"
 
 namespace tvsgs {
+
+/// Turns derivatives by depth into those of the blended plane.
+struct PlaneOfDepthBody {
+    Camera camera;
+    Span<const Vec3f> normal;
+    Span<const float> distance, depth;
+    Span<const Vec3f> dL_dnormal;  // or empty
+    Span<const float> dL_ddepth;
+    Span<Vec3f> dL_dplane_normal;  // overwritten
+    Span<float> dL_dplane_distance;
+
+    TVSGS_HD void operator()(int at) const {
+        Vec3f by_normal = dL_dnormal.empty() ? Vec3f{} : dL_dnormal[at];
+        float by_distance = 0;
+        if (depth[at] > 0) {
+            const Vec3f ray = pixel_ray(camera, at % camera.width_px, at / camera.width_px);
+            const auto g = plane_depth_vjp(normal[at], distance[at], ray, dL_ddepth[at]);
+            by_normal += g.dL_dnormal;
+            by_distance = g.dL_ddistance;
+        }
+        dL_dplane_normal[at] = by_normal;
+        dL_dplane_distance[at] = by_distance;
+    }
+};
 
 template <class Device>
 class EwaBackbone final : public Backbone<Device> {
@@ -16,10 +41,10 @@ public:
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,
-                                          Channels channels,
+                                          Maps maps,
                                           const BeforeColors& before_colors) override {
         camera_ = ray_camera(camera, options_.pixel_center);
-        channels_ = channels;
+        channels_ = channels_of(maps);
         grid_ = tile_grid(camera.width_px, camera.height_px);
         view_ = {pinhole<float>(camera),
                  camera_centre(camera),
@@ -49,9 +74,18 @@ public:
 
     ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) override {
         this->clock()("blend backward", [&] {
+            Span<const Vec3f> normal = dL_dimages.normal.span();
+            Span<const float> distance{};
+            if (has_plane(channels_) && !dL_dimages.depth.empty()) {
+                resolve_depth(dL_dimages);
+                normal = std::as_const(plane_normal_).span();
+                distance = std::as_const(plane_distance_).span();
+            }
             with_channels(channels_, [&]<Channels kChannels>() {
-                blend_tiles_vjp<kChannels>(splats_, lists_, grid_, images_, state_, dL_dimages,
-                                           slots_);
+                blend_tiles_vjp<kChannels>(
+                    splats_, lists_, grid_, images_, state_,
+                    PixelGradientReader<kChannels>{dL_dimages.color.span(), normal, distance},
+                    slots_);
             });
         });
         const std::size_t n = splats_.shapes.size();
@@ -87,8 +121,20 @@ private:
         images_.camera = camera_;
         images_.color.resize(color);
         images_.transmittance.resize(pixels);
-        images_.normal.resize(plane), images_.distance.resize(plane), images_.depth.resize(plane);
-        state_.stop.resize(pixels);
+        images_.normal.resize(plane), images_.depth.resize(plane);
+        state_.stop.resize(pixels), state_.distance.resize(plane);
+    }
+
+    void resolve_depth(const ImageGradients<Device>& dL_dimages) {
+        const std::size_t pixels = images_.depth.size();
+        plane_normal_.resize(pixels), plane_distance_.resize(pixels);
+        const RenderedImages<Device>& images = images_;
+        const BlendState<Device>& state = state_;
+        parallel_for(
+            Device{}, static_cast<int>(pixels),
+            PlaneOfDepthBody{camera_, images.normal.span(), state.distance.span(),
+                             images.depth.span(), dL_dimages.normal.span(), dL_dimages.depth.span(),
+                             plane_normal_.span(), plane_distance_.span()});
     }
 
     template <Channels kChannels>
@@ -139,6 +185,8 @@ private:
     RenderedImages<Device> images_;
     ScreenStatistics<Device> statistics_;
     SlotGradients<Device> slots_;
+    Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
+    Buffer<float, Device> plane_distance_;
 };
 
 }  // namespace tvsgs

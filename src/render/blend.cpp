@@ -268,10 +268,11 @@ void blend_tiles(const ViewSplats<Cpu>& splats,
                  RenderedImages<Cpu>& images,
                  BlendState<Cpu>& state,
                  PackWidth width) {
-    for_tiles(grid, width,
-              BlendTile<kChannels>{splats.shapes.span(), splats.features.span(), lists.spans.span(),
-                                   lists.splats.span(), grid,
-                                   PixelWriter<kChannels>(images, camera), state.stop.span()});
+    for_tiles(
+        grid, width,
+        BlendTile<kChannels>{splats.shapes.span(), splats.features.span(), lists.spans.span(),
+                             lists.splats.span(), grid,
+                             PixelWriter<kChannels>(images, state, camera), state.stop.span()});
 }
 
 template <Channels kChannels>
@@ -280,24 +281,16 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const TileGrid& grid,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
-                     const ImageGradients<Cpu>& dL_dimages,
+                     const PixelGradientReader<kChannels>& dL_dpixel,
                      SlotGradients<Cpu>& slots,
                      PackWidth width) {
     slots.resize(static_cast<std::size_t>(lists.slot_count));
     slots.drawn.fill_zero();
     for_tiles(grid, width,
-              BlendTileVjp<kChannels>{
-                  splats.shapes.span(),
-                  splats.features.span(),
-                  lists.spans.span(),
-                  lists.splats.span(),
-                  lists.slots.span(),
-                  grid,
-                  images.transmittance.span(),
-                  state.stop.span(),
-                  {dL_dimages.color.span(), dL_dimages.normal.span(), dL_dimages.distance.span()},
-                  slots.gradients.span(),
-                  slots.drawn.span()});
+              BlendTileVjp<kChannels>{splats.shapes.span(), splats.features.span(),
+                                      lists.spans.span(), lists.splats.span(), lists.slots.span(),
+                                      grid, images.transmittance.span(), state.stop.span(),
+                                      dL_dpixel, slots.gradients.span(), slots.drawn.span()});
     // The slots of each splat, in their order.
     const auto& first_slots = lists.first_slot_by_depth;
     parallel_for(Cpu{}, lists.visible_count, [&](int k) {
@@ -315,14 +308,14 @@ void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
     });
 }
 
-#define TVSGS_INSTANTIATE(channels)                                                             \
-    template void blend_tiles<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,          \
-                                        const TileGrid&, const Camera&, RenderedImages<Cpu>&,   \
-                                        BlendState<Cpu>&, PackWidth);                           \
-    template void blend_tiles_vjp<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,      \
-                                            const TileGrid&, const RenderedImages<Cpu>&,        \
-                                            const BlendState<Cpu>&, const ImageGradients<Cpu>&, \
-                                            SlotGradients<Cpu>&, PackWidth);
+#define TVSGS_INSTANTIATE(channels)                                                               \
+    template void blend_tiles<channels>(const ViewSplats<Cpu>&, const TileLists<Cpu>&,            \
+                                        const TileGrid&, const Camera&, RenderedImages<Cpu>&,     \
+                                        BlendState<Cpu>&, PackWidth);                             \
+    template void blend_tiles_vjp<channels>(                                                      \
+        const ViewSplats<Cpu>&, const TileLists<Cpu>&, const TileGrid&,                           \
+        const RenderedImages<Cpu>&, const BlendState<Cpu>&, const PixelGradientReader<channels>&, \
+        SlotGradients<Cpu>&, PackWidth);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

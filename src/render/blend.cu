@@ -419,7 +419,7 @@ void blend_tiles(const ViewSplats<Cuda>& splats,
                  BlendState<Cuda>& state) {
     blend_kernel<kChannels><<<grid.count(), kThreads>>>(
         splats.shapes.span(), splats.features.span(), lists.splats.span(), lists.spans.span(), grid,
-        PixelWriter<kChannels>(images, camera), state.stop.span());
+        PixelWriter<kChannels>(images, state, camera), state.stop.span());
     check_launch();
 }
 
@@ -429,7 +429,7 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      const TileGrid& grid,
                      const RenderedImages<Cuda>& images,
                      const BlendState<Cuda>& state,
-                     const ImageGradients<Cuda>& dL_dimages,
+                     const PixelGradientReader<kChannels>& dL_dpixel,
                      SlotGradients<Cuda>& slots) {
     slots.resize(static_cast<std::size_t>(lists.slot_count));
     slots.drawn.fill_zero();
@@ -440,10 +440,7 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
         slots.atomic ? blend_vjp_kernel<kChannels, true> : blend_vjp_kernel<kChannels, false>;
     kernel<<<grid.count(), kThreads>>>(
         splats.shapes.span(), splats.features.span(), lists.slots.span(), lists.splats.span(),
-        lists.spans.span(), grid, images.transmittance.span(), state.stop.span(),
-        PixelGradientReader<kChannels>{dL_dimages.color.span(), dL_dimages.normal.span(),
-                                       dL_dimages.distance.span()},
-        out);
+        lists.spans.span(), grid, images.transmittance.span(), state.stop.span(), dL_dpixel, out);
     check_launch();
     if (lists.visible_count == 0 || slots.atomic) return;
     sum_slots_kernel<<<(4 * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
@@ -451,14 +448,14 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
     check_launch();
 }
 
-#define TVSGS_INSTANTIATE(channels)                                                               \
-    template void blend_tiles<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&,          \
-                                        const TileGrid&, const Camera&, RenderedImages<Cuda>&,    \
-                                        BlendState<Cuda>&);                                       \
-    template void blend_tiles_vjp<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&,      \
-                                            const TileGrid&, const RenderedImages<Cuda>&,         \
-                                            const BlendState<Cuda>&, const ImageGradients<Cuda>&, \
-                                            SlotGradients<Cuda>&);
+#define TVSGS_INSTANTIATE(channels)                                                            \
+    template void blend_tiles<channels>(const ViewSplats<Cuda>&, const TileLists<Cuda>&,       \
+                                        const TileGrid&, const Camera&, RenderedImages<Cuda>&, \
+                                        BlendState<Cuda>&);                                    \
+    template void blend_tiles_vjp<channels>(                                                   \
+        const ViewSplats<Cuda>&, const TileLists<Cuda>&, const TileGrid&,                      \
+        const RenderedImages<Cuda>&, const BlendState<Cuda>&,                                  \
+        const PixelGradientReader<channels>&, SlotGradients<Cuda>&);
 TVSGS_INSTANTIATE(Channels::color)
 TVSGS_INSTANTIATE(Channels::color_plane)
 TVSGS_INSTANTIATE(Channels::plane)

@@ -6,11 +6,12 @@
 
 namespace tvsgs {
 
-/// What the backward pass needs of the forward one: position in the tile's list behind the last
-/// blended splat.
+/// What the backward pass needs of the forward one.
 template <class Device>
 struct BlendState {
-    Buffer<std::uint32_t, Device> stop;  // [H W]
+    Buffer<std::uint32_t, Device>
+        stop;                        // [H W] place in the tile's list behind the last one blended
+    Buffer<float, Device> distance;  // [H W] blended plane distances, world units
 };
 
 /// Gradients of the view's splats, each in the place of the splat's first slot, before complete().
@@ -48,16 +49,18 @@ void blend_tiles(const ViewSplats<Cuda>& splats,
                  RenderedImages<Cuda>& images,
                  BlendState<Cuda>& state);
 
-/// dL/d of the images to one gradient per splat; `slots` is resized and overwritten. Images
-/// without a gradient buffer count as zero. No floating-point atomics: bit-identical from run to
-/// run.
+template <Channels kChannels>
+struct PixelGradientReader;
+
+/// dL/d of the channels to one gradient per splat; `slots` is resized and overwritten. No
+/// floating-point atomics: bit-identical from run to run.
 template <Channels kChannels>
 void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
                      const TileLists<Cpu>& lists,
                      const TileGrid& grid,
                      const RenderedImages<Cpu>& images,
                      const BlendState<Cpu>& state,
-                     const ImageGradients<Cpu>& dL_dimages,
+                     const PixelGradientReader<kChannels>& dL_dpixel,
                      SlotGradients<Cpu>& slots,
                      PackWidth width = PackWidth::widest);
 template <Channels kChannels>
@@ -66,7 +69,7 @@ void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
                      const TileGrid& grid,
                      const RenderedImages<Cuda>& images,
                      const BlendState<Cuda>& state,
-                     const ImageGradients<Cuda>& dL_dimages,
+                     const PixelGradientReader<kChannels>& dL_dpixel,
                      SlotGradients<Cuda>& slots);
 
 /// Writes a finished pixel, shared by both devices.
@@ -76,8 +79,10 @@ struct PixelWriter {
     Span<float> transmittance, distance, depth;
     Camera camera;
 
-    PixelWriter(RenderedImages<Cpu>& i, const Camera& c) : PixelWriter(i, c, 0) {}
-    PixelWriter(RenderedImages<Cuda>& i, const Camera& c) : PixelWriter(i, c, 0) {}
+    PixelWriter(RenderedImages<Cpu>& i, BlendState<Cpu>& s, const Camera& c)
+        : PixelWriter(i, s, c, 0) {}
+    PixelWriter(RenderedImages<Cuda>& i, BlendState<Cuda>& s, const Camera& c)
+        : PixelWriter(i, s, c, 0) {}
 
     TVSGS_HD void operator()(int x, int y, const PixelForward<float>& pixel) const {
         const int at = y * camera.width_px + x;
@@ -92,17 +97,17 @@ struct PixelWriter {
     }
 
 private:
-    template <class Images>
-    PixelWriter(Images& i, const Camera& c, int)
+    template <class Images, class State>
+    PixelWriter(Images& i, State& s, const Camera& c, int)
         : color(i.color.span()),
           normal(i.normal.span()),
           transmittance(i.transmittance.span()),
-          distance(i.distance.span()),
+          distance(s.distance.span()),
           depth(i.depth.span()),
           camera(c) {}
 };
 
-/// Reads the gradients of a pixel's channels; missing images are zero.
+/// Reads the gradients of a pixel's channels; missing ones are zero.
 template <Channels kChannels>
 struct PixelGradientReader {
     Span<const Vec3f> color, normal;

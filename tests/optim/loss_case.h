@@ -13,7 +13,7 @@ struct LossCase {
     std::vector<std::uint8_t> flags;            // [N]; empty: no voting event yet
     Camera camera;                              // the rest is for the normal loss
     std::vector<Vec3f> normal;                  // [H W]
-    std::vector<float> distance, transmittance, depth;
+    std::vector<float> transmittance, depth;
     std::vector<std::uint8_t> photo;  // [H W 3]
     float edge_min = 0, edge_max = 1;
 };
@@ -24,7 +24,7 @@ struct LossResult {
     double value = 0;
     std::vector<Vec3f> dL_dmeans, dL_dlog_scales, dL_dnormal;
     std::vector<Quatf> dL_dquats;
-    std::vector<float> dL_ddistance;
+    std::vector<float> dL_ddepth;
 };
 
 /// What the term adds to an objective that already holds something.
@@ -52,7 +52,6 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     images.width = c.camera.width_px, images.height = c.camera.height_px;
     images.camera = c.camera;
     copy(c.normal, images.normal);
-    copy(c.distance, images.distance);
     copy(c.transmittance, images.transmittance);
     copy(c.depth, images.depth);
     DeviceView<Device> view;
@@ -70,8 +69,8 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     fill_zero(objective.dL_dgaussians);
     objective.dL_dimages.normal.resize(c.normal.size());
     objective.dL_dimages.normal.fill_zero();
-    objective.dL_dimages.distance.resize(c.distance.size());
-    objective.dL_dimages.distance.fill_zero();
+    objective.dL_dimages.depth.resize(c.depth.size());
+    objective.dL_dimages.depth.fill_zero();
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
@@ -82,7 +81,7 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
             to_host(objective.dL_dgaussians.log_scales),
             to_host(objective.dL_dimages.normal),
             to_host(objective.dL_dgaussians.quats),
-            to_host(objective.dL_dimages.distance)};
+            to_host(objective.dL_dimages.depth)};
 }
 
 /// evaluate<Cuda>, compiled by nvcc.

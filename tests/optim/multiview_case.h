@@ -10,14 +10,14 @@ namespace tvsgs::test {
 
 struct MapsD {
     std::vector<Vec3d> normal;
-    std::vector<double> distance;
+    std::vector<double> depth;
 };
 
-/// One view: its maps, as blended channels, and its grey photograph.
+/// One view: its maps and its grey photograph.
 struct ViewMaps {
     Camera camera;
     std::vector<Vec3f> normal;
-    std::vector<float> distance, depth;
+    std::vector<float> depth;
     int grey_width = 0, grey_height = 0;
     std::vector<std::uint8_t> grey;
 };
@@ -31,8 +31,8 @@ struct MultiViewCase {
 struct MultiViewResult {
     double value = 0, valid = 0;
     std::vector<float> weight;
-    std::vector<Vec3f> dL_dnormal, dL_dneighbour_normal;
-    std::vector<float> dL_ddistance, dL_dneighbour_distance;  // of the neighbour: may be empty
+    std::vector<Vec3f> dL_dnormal;
+    std::vector<float> dL_ddepth, dL_dneighbour_depth;  // of the neighbour: may be empty
 };
 
 template <class Device>
@@ -41,7 +41,6 @@ RenderedImages<Device> upload_maps(const ViewMaps& v) {
     images.width = v.camera.width_px, images.height = v.camera.height_px;
     images.camera = v.camera;
     copy(v.normal, images.normal);
-    copy(v.distance, images.distance);
     copy(v.depth, images.depth);
     return images;
 }
@@ -51,7 +50,7 @@ class PreparedImages final : public Backbone<Device> {
 public:
     explicit PreparedImages(const ViewMaps& v) : images_(upload_maps<Device>(v)) {}
     const RenderedImages<Device>& forward(
-        const Gaussians<Device>&, const Camera&, int, Channels, const BeforeColors&) override {
+        const Gaussians<Device>&, const Camera&, int, Maps, const BeforeColors&) override {
         return images_;
     }
     void backward(const Gaussians<Device>&,
@@ -100,8 +99,8 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     Objective<Device> objective;
     objective.dL_dimages.normal.resize(c.reference.normal.size());
     objective.dL_dimages.normal.fill_zero();
-    objective.dL_dimages.distance.resize(c.reference.normal.size());
-    objective.dL_dimages.distance.fill_zero();
+    objective.dL_dimages.depth.resize(c.reference.normal.size());
+    objective.dL_dimages.depth.fill_zero();
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
@@ -117,9 +116,8 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     detail::copy(Device{}, neighbour.weight().data, Cpu{}, result.weight.data(),
                  result.weight.size() * sizeof(float));
     result.dL_dnormal = to_host(objective.dL_dimages.normal);
-    result.dL_ddistance = to_host(objective.dL_dimages.distance);
-    result.dL_dneighbour_normal = to_host(neighbour.dL_dimages().normal);
-    result.dL_dneighbour_distance = to_host(neighbour.dL_dimages().distance);
+    result.dL_ddepth = to_host(objective.dL_dimages.depth);
+    result.dL_dneighbour_depth = to_host(neighbour.dL_dimages().depth);
     return result;
 }
 

@@ -162,7 +162,7 @@ Stepped step_views(Way way,
             host.sh.resize(0);
             copy(host, extra);
         }
-        backbone->forward(g, narrow_camera(seen(t)), degree, Channels::color,
+        backbone->forward(g, narrow_camera(seen(t)), degree, Maps::color,
                           [&](Span<const float> radii_px) { adam.catch_up(radii_px, g); });
         if (way == Way::fused) {
             adam.step(t, 1, backbone->blend_backward(dL_dimages), extra, g, true);
@@ -237,7 +237,7 @@ TEST(AdamForms, VisibleLeavesTheRestAlone) {
     const Stepped dense = step_views<Cpu>(Way::fused, AdamForm::dense, 1, only_first),
                   visible = step_views<Cpu>(Way::fused, AdamForm::visible, 1, only_first);
     const auto backbone = make_backbone<Cpu>("3dgs", {});
-    backbone->forward(before, narrow_camera(0), 0, Channels::color);
+    backbone->forward(before, narrow_camera(0), 0, Maps::color);
     int seen = 0;
     for (std::size_t i = 0; i < 120; ++i) {
         const bool in_view = backbone->statistics().radii_px[i] > 0;
@@ -255,7 +255,7 @@ TEST(AdamForms, AHaltedStepChangesNothing) {
     copy(g, before);
     const auto backbone = make_backbone<Cpu>("3dgs", {});
     Adam<Cpu> adam({}, g, AdamForm::lazy);
-    backbone->forward(g, narrow_camera(0), 3, Channels::color);
+    backbone->forward(g, narrow_camera(0), 3, Maps::color);
     ImageGradients<Cpu> dL_dimages;
     copy(std::vector<Vec3f>(24 * 16, {1, 1, 1}), dL_dimages.color);
     const int halted = 1;

@@ -165,7 +165,7 @@ TEST_P(TvLosses, NothingTakesPart) {
 
 constexpr int kWidth = 12, kHeight = 10;
 
-/// A tilted, bumpy surface about 4 units away. `depth` follows from normal and distance.
+/// A tilted, bumpy surface about 4 units away.
 LossCase image_case() {
     test::Random random(8);
     LossCase c;
@@ -178,11 +178,11 @@ LossCase image_case() {
             const Vec3f n =
                 vec_cast<float>(normalize(Vec3d{0.3, -0.2, -1} + 0.2 * random.normal3()));
             c.normal.push_back(coverage * n);
-            c.distance.push_back(coverage * static_cast<float>(random.uniform(3.8, 4.2)));
             c.transmittance.push_back(1 - coverage);
             for (int channel = 0; channel < 3; ++channel)
                 c.photo.push_back(static_cast<std::uint8_t>(random.uniform(0, 255.9)));
-            c.depth.push_back(-c.distance.back() / dot(c.normal.back(), pixel_ray(c.camera, x, y)));
+            c.depth.push_back(
+                static_cast<float>(-random.uniform(3.8, 4.2) / dot(n, pixel_ray(c.camera, x, y))));
         }
     c.depth[5 * kWidth + 6] = 0;  // a hole: its neighbours have no normal
     c.edge_min = 0.05f, c.edge_max = 0.8f;
@@ -191,7 +191,7 @@ LossCase image_case() {
 
 struct DoubleImages {
     std::vector<Vec3d> normal;
-    std::vector<double> distance;
+    std::vector<double> depth;
 };
 
 /// The term of pixel (x, y), times the number of pixels, from the definition. Sets *kink where an
@@ -205,7 +205,7 @@ double pixel_term(const LossCase& c, const DoubleImages& images, int x, int y, b
         const Vec3d ray{(px + 0.5 - c.camera.cx_px) / c.camera.fx_px,
                         (py + 0.5 - c.camera.cy_px) / c.camera.fy_px, 1};
         const std::size_t q = index(px, py);
-        return -images.distance[q] / dot(images.normal[q], ray) * ray;
+        return images.depth[q] * ray;
     };
     const Vec3d n =
         normalize(cross(point(x + 1, y) - point(x - 1, y), point(x, y - 1) - point(x, y + 1)));
@@ -228,7 +228,7 @@ TEST(NormalLoss, ValueAndGradient) {
     const LossCase c = image_case();
     DoubleImages images;
     for (const Vec3f& n : c.normal) images.normal.push_back(vec_cast<double>(n));
-    images.distance.assign(c.distance.begin(), c.distance.end());
+    images.depth.assign(c.depth.begin(), c.depth.end());
     const auto loss_around = [&](int x0, int y0, int reach, bool* kink) {
         double sum = 0;
         for (int y = y0 - reach; y <= y0 + reach; ++y)
@@ -246,7 +246,7 @@ TEST(NormalLoss, ValueAndGradient) {
             const auto at = static_cast<std::size_t>(y * kWidth + x);
             bool kink = false;
             for (int entry = 0; entry < 4; ++entry) {
-                double& number = entry < 3 ? images.normal[at][entry] : images.distance[at];
+                double& number = entry < 3 ? images.normal[at][entry] : images.depth[at];
                 const double middle = number;
                 const double expected = central_difference(
                     [&](double h) {
@@ -257,7 +257,7 @@ TEST(NormalLoss, ValueAndGradient) {
                     },
                     1e-5);
                 if (kink) continue;
-                const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddistance[at];
+                const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddepth[at];
                 ++checked;
                 EXPECT_TRUE(close(got, expected, 1e-4, 0.01)) << x << ' ' << y << ' ' << entry;
             }
@@ -281,7 +281,7 @@ TEST(NormalLoss, NoDepthAddsNothing) {
     const LossResult r = evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean);
     EXPECT_EQ(r.value, 0);
     expect_zero(r.dL_dnormal);
-    expect_zero(r.dL_ddistance);
+    expect_zero(r.dL_ddepth);
 }
 
 TEST(LossList, WeightsChooseTheTerms) {
@@ -295,8 +295,8 @@ TEST(LossList, WeightsChooseTheTerms) {
     EXPECT_STREQ(losses[1]->name(), "flatten");
     EXPECT_FALSE(losses[4]->active(9));
     EXPECT_TRUE(losses[4]->active(10));
-    EXPECT_TRUE(losses[2]->needs_plane());
-    EXPECT_FALSE(losses[0]->needs_plane());
+    EXPECT_TRUE(has(losses[2]->maps(), Maps::depth));
+    EXPECT_FALSE(has(losses[0]->maps(), Maps::depth));
 }
 
 TEST(LossList, MultiViewTermsStartWithTheGeometry) {
@@ -339,7 +339,7 @@ TEST(LossTwins, CpuAgainstCuda) {
                 expect_same(a.dL_dlog_scales, b.dL_dlog_scales, kRelative);
                 expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative);
                 expect_same(a.dL_dnormal, b.dL_dnormal, 10 * kRelative);
-                expect_same(a.dL_ddistance, b.dL_ddistance, 10 * kRelative);
+                expect_same(a.dL_ddepth, b.dL_ddepth, 10 * kRelative);
             }
     }
 }

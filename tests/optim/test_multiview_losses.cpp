@@ -42,10 +42,7 @@ ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
             // The noise of the depth: the plane goes through a point near the true one.
             const double depth = -distance / dot(n_camera, ray(x + 0.5, y + 0.5)) *
                                  (1 + 0.1 * noise * random.normal());
-            const Vec3f r = pixel_ray(c, x, y);
-            v.distance.push_back(static_cast<float>(
-                -depth * dot(vec_cast<double>(v.normal.back()), vec_cast<double>(r))));
-            v.depth.push_back(-v.distance.back() / dot(v.normal.back(), r));
+            v.depth.push_back(static_cast<float>(depth));
         }
     v.depth[11 * kWidth + 13] = 0;  // a hole
     v.grey_width = fineness * kWidth, v.grey_height = fineness * kHeight;
@@ -69,7 +66,7 @@ MultiViewCase plane_case(double noise = 0.02, int fineness = 1) {
 MapsD maps_of(const ViewMaps& v) {
     MapsD m;
     for (const Vec3f& n : v.normal) m.normal.push_back(vec_cast<double>(n));
-    m.distance.assign(v.distance.begin(), v.distance.end());
+    m.depth.assign(v.depth.begin(), v.depth.end());
     return m;
 }
 
@@ -79,7 +76,7 @@ Vec3d ray_d(const Camera& c, int at) {
 
 double depth_of(const ViewMaps& v, const MapsD& m, int at) {
     const auto i = static_cast<std::size_t>(at);
-    return v.depth[i] == 0 ? 0 : -m.distance[i] / dot(m.normal[i], ray_d(v.camera, at));
+    return v.depth[i] == 0 ? 0 : m.depth[i];
 }
 
 /// The geometric term in double, its weights frozen.
@@ -115,8 +112,9 @@ double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResu
         const auto i = static_cast<std::size_t>(at);
         if (r.weight[i] == 0) continue;
         const auto score = patch_score<double>(
-            pair, {s * (at % kWidth + 0.5), s * (at / kWidth + 0.5)}, a.normal[i], a.distance[i],
-            grey(c.reference), grey(c.neighbour), {shift, shift});
+            pair, {s * (at % kWidth + 0.5), s * (at / kWidth + 0.5)}, a.normal[i],
+            -a.depth[i] * dot(a.normal[i], ray_d(c.reference.camera, at)), grey(c.reference),
+            grey(c.neighbour), {shift, shift});
         if (score.valid) sum += r.weight[i] * score.error, ++count;
     }
     return kWeight * sum / count;
@@ -136,8 +134,7 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
         const bool of_neighbour = trial % 2;
         MapsD& maps = of_neighbour ? b : a;
         const auto at = static_cast<std::size_t>(random.uniform(0, kWidth * kHeight));
-        const int entry = static_cast<int>(random.uniform(0, 4));
-        double& number = entry < 3 ? maps.normal[at][entry] : maps.distance[at];
+        double& number = maps.depth[at];
         const double middle = number;
         const auto around = [&](double h) {
             number = middle + h;
@@ -150,9 +147,8 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
                      check = central_difference(around, 3e-7);
         if (std::abs(expected - check) > 1e-6) continue;
         ++checked;
-        const auto& normals = of_neighbour ? r.dL_dneighbour_normal : r.dL_dnormal;
-        const auto& distances = of_neighbour ? r.dL_dneighbour_distance : r.dL_ddistance;
-        const float got = entry < 3 ? normals[at][entry] : distances[at];
+        const auto& depths = of_neighbour ? r.dL_dneighbour_depth : r.dL_ddepth;
+        const float got = depths[at];
         // The direction of an error of 0.01 px has three digits in float.
         EXPECT_TRUE(close(got, expected, 2e-3, 1e-3)) << trial;
     }
@@ -163,16 +159,15 @@ TEST(MultiViewGeometryLoss, TermsAddUpInTheNeighbour) {
     const MultiViewCase c = plane_case();
     const MultiViewResult one = evaluate<Cpu>(c, true, kWeight),
                           two = evaluate<Cpu>(c, true, kWeight, 2);
-    ASSERT_FALSE(one.dL_dneighbour_distance.empty());
-    for (std::size_t i = 0; i < one.dL_dneighbour_distance.size(); ++i)
-        ASSERT_EQ(two.dL_dneighbour_distance[i], 2 * one.dL_dneighbour_distance[i]);
+    ASSERT_FALSE(one.dL_dneighbour_depth.empty());
+    for (std::size_t i = 0; i < one.dL_dneighbour_depth.size(); ++i)
+        ASSERT_EQ(two.dL_dneighbour_depth[i], 2 * one.dL_dneighbour_depth[i]);
 }
 
 TEST(MultiViewGeometryLoss, RisesAwayFromTheTruth) {
     const double truth = evaluate<Cpu>(plane_case(0), true, 1).value;
     EXPECT_LT(truth, 2e-3);
     MultiViewCase c = plane_case(0);
-    for (float& d : c.neighbour.distance) d *= 1.01f;
     for (float& d : c.neighbour.depth) d *= 1.01f;
     EXPECT_GT(evaluate<Cpu>(c, true, 1).value, 20 * truth);
 }
@@ -185,8 +180,8 @@ TEST(MultiViewGeometryLoss, NothingComparableAddsNothing) {
         EXPECT_EQ(r.valid, 0);
         EXPECT_EQ(r.value, 0);
         for (const Vec3f& g : r.dL_dnormal) ASSERT_EQ(norm(g), 0);
-        for (float g : r.dL_ddistance) ASSERT_EQ(g, 0);
-        for (float g : r.dL_dneighbour_distance) ASSERT_EQ(g, 0);
+        for (float g : r.dL_ddepth) ASSERT_EQ(g, 0);
+        for (float g : r.dL_dneighbour_depth) ASSERT_EQ(g, 0);
     }
 }
 
@@ -202,13 +197,13 @@ TEST_P(MultiViewNcc, ValueAndGradient) {
         EXPECT_GT(r.value, 1e-4);
         // Intensities are float either way; errors down to 1e-3 come of 1 - NCC^2.
         EXPECT_TRUE(close(r.value, ncc_in_double(c, a, r), 1e-3));
-        EXPECT_TRUE(r.dL_dneighbour_distance.empty());
+        EXPECT_TRUE(r.dL_dneighbour_depth.empty());
         test::Random random(6);
         int checked = 0;
         for (int trial = 0; trial < 32; ++trial) {
             const auto at = static_cast<std::size_t>(random.uniform(0, kWidth * kHeight));
             const int entry = trial % 4;
-            double& number = entry < 3 ? a.normal[at][entry] : a.distance[at];
+            double& number = entry < 3 ? a.normal[at][entry] : a.depth[at];
             const double middle = number;
             const auto around = [&](double h) {
                 number = middle + h;
@@ -219,7 +214,7 @@ TEST_P(MultiViewNcc, ValueAndGradient) {
             // Intensities are single precision: smaller steps would drown.
             const double expected = central_difference(around, 1e-4),
                          check = central_difference(around, 3e-5);
-            const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddistance[at];
+            const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddepth[at];
             if (std::abs(expected - check) > 1e-5 + 0.01 * std::abs(expected)) continue;
             ++checked;
             EXPECT_TRUE(close(got, expected, 0.02, 1e-3)) << trial;
@@ -234,10 +229,10 @@ TEST(MultiViewNccLoss, FewerSamplesAreDistinctPixelsOfTheSame) {
     c.samples = 100;
     const MultiViewResult some = evaluate<Cpu>(c, false, 1);
     int hit = 0;
-    for (std::size_t i = 0; i < some.dL_ddistance.size(); ++i) {
-        if (some.dL_ddistance[i] == 0) continue;
+    for (std::size_t i = 0; i < some.dL_ddepth.size(); ++i) {
+        if (some.dL_ddepth[i] == 0) continue;
         ++hit;
-        EXPECT_NE(all.dL_ddistance[i], 0) << i;
+        EXPECT_NE(all.dL_ddepth[i], 0) << i;
     }
     EXPECT_LE(hit, 100);
     EXPECT_GT(hit, 80);  // few patches fail or stand still
@@ -259,14 +254,12 @@ TEST(MultiViewNccLoss, RisesAwayFromTheTruth) {
     EXPECT_LT(truth.value, 2e-3);
     for (float scale : {0.98f, 1.02f}) {
         MultiViewCase off = c;
-        for (auto* v : {&off.reference, &off.neighbour}) {
-            for (float& d : v->distance) d *= scale;
+        for (auto* v : {&off.reference, &off.neighbour})
             for (float& d : v->depth) d *= scale;
-        }
         const MultiViewResult r = evaluate<Cpu>(off, false, 1);
         EXPECT_GT(r.value, 3 * truth.value);
         double push = 0;
-        for (float g : r.dL_ddistance) push += static_cast<double>(g);
+        for (float g : r.dL_ddepth) push += static_cast<double>(g);
         EXPECT_GT(push * (scale - 1), 0) << "descent should bring the plane back";
     }
 }
@@ -279,8 +272,7 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
 TEST(MultiViewLosses, TheSameBitsTwice) {
     const MultiViewCase c = plane_case();
     const MultiViewResult a = evaluate<Cpu>(c, true, 1), b = evaluate<Cpu>(c, true, 1);
-    EXPECT_TRUE(same_bits(a.dL_dneighbour_normal, b.dL_dneighbour_normal));
-    EXPECT_TRUE(same_bits(a.dL_dneighbour_distance, b.dL_dneighbour_distance));
+    EXPECT_TRUE(same_bits(a.dL_dneighbour_depth, b.dL_dneighbour_depth));
 }
 
 /// Opaque discs on the plane of plane_view(), moved off it by `offset` along its normal.
@@ -353,13 +345,13 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     for (int step = 1; step <= 40; ++step) {
         const auto& view = views[static_cast<std::size_t>(step % 3)];
         NeighbourView<Cpu>* neighbour = neighbours.render(step, view.index, views, g);
-        const auto& images = backbone->forward(g, view.camera, 0, Channels::color_plane);
+        const auto& images = backbone->forward(g, view.camera, 0, Maps::color | kGeometryMaps);
         neighbour->compare(images);
         copy(std::vector<double>{0, 0}, objective.values);
         objective.dL_dimages.normal.resize(images.normal.size());
         objective.dL_dimages.normal.fill_zero();
-        objective.dL_dimages.distance.resize(images.normal.size());
-        objective.dL_dimages.distance.fill_zero();
+        objective.dL_dimages.depth.resize(images.normal.size());
+        objective.dL_dimages.depth.fill_zero();
         resize(objective.dL_dgaussians, g.size(), 0);
         fill_zero(objective.dL_dgaussians);
         for (std::size_t i = 0; i < losses.size(); ++i)
@@ -460,13 +452,12 @@ TEST(MultiViewTwins, CpuAgainstCuda) {
                             size += static_cast<double>(p[i] * p[i]);
                 };
                 compare(a.dL_dnormal, b.dL_dnormal);
-                compare(a.dL_ddistance, b.dL_ddistance);
-                compare(a.dL_dneighbour_normal, b.dL_dneighbour_normal);
-                compare(a.dL_dneighbour_distance, b.dL_dneighbour_distance);
+                compare(a.dL_ddepth, b.dL_ddepth);
+                compare(a.dL_dneighbour_depth, b.dL_dneighbour_depth);
                 // As a whole: single pixels near an error of 0 have no direction to agree on.
                 EXPECT_LT(std::sqrt(difference / size), 0.02);
                 EXPECT_TRUE(same_bits(b.dL_dnormal, again.dL_dnormal));
-                EXPECT_TRUE(same_bits(b.dL_dneighbour_normal, again.dL_dneighbour_normal));
+                EXPECT_TRUE(same_bits(b.dL_dneighbour_depth, again.dL_dneighbour_depth));
             }
     }
 }

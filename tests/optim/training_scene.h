@@ -14,7 +14,7 @@ inline Scene rendered_scene() {
     for (float angle : {-0.4f, 0.0f, 0.4f}) {
         View view;
         view.camera = test_camera(40, 30, angle);
-        const auto& images = backbone->forward(truth, view.camera, 0, Channels::color);
+        const auto& images = backbone->forward(truth, view.camera, 0, Maps::color);
         view.photo = ImageU8(40, 30, 3);
         for (std::size_t p = 0; p < images.color.size(); ++p)
             for (int c = 0; c < 3; ++c)

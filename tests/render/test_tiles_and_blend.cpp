@@ -125,9 +125,18 @@ struct Blended {
     std::vector<SplatGradients<float>> splats;
 };
 
-/// Smooth gradients of the images.
+/// Smooth gradients of the channels.
 template <class Device>
-ImageGradients<Device> image_gradients(std::size_t pixels) {
+struct ChannelGradients {
+    Buffer<Vec3f, Device> color, normal;
+    Buffer<float, Device> distance;
+
+    PixelGradientReader<kAll> reader() const {
+        return {color.span(), normal.span(), distance.span()};
+    }
+};
+template <class Device>
+ChannelGradients<Device> channel_gradients(std::size_t pixels) {
     std::vector<Vec3f> color, normal;
     std::vector<float> distance;
     for (std::size_t p = 0; p < pixels; ++p) {
@@ -136,7 +145,7 @@ ImageGradients<Device> image_gradients(std::size_t pixels) {
         normal.push_back({0.3f, std::sin(3 * t), std::cos(t)});
         distance.push_back(0.2f * std::cos(0.5f * t));
     }
-    ImageGradients<Device> g;
+    ChannelGradients<Device> g;
     copy(color, g.color), copy(normal, g.normal), copy(distance, g.distance);
     return g;
 }
@@ -146,7 +155,7 @@ template <class Device>
 RenderedImages<Device> empty_images(std::size_t pixels) {
     RenderedImages<Device> images;
     images.color.resize(pixels), images.normal.resize(pixels), images.transmittance.resize(pixels);
-    images.distance.resize(pixels), images.depth.resize(pixels);
+    images.depth.resize(pixels);
     return images;
 }
 
@@ -159,10 +168,11 @@ Camera camera_of(const TileGrid& grid) {
 
 template <class Device>
 void fetch(const RenderedImages<Device>& images,
+           const BlendState<Device>& state,
            const SlotGradients<Device>& slots,
            Blended<Device>& out) {
     out.color = to_host(images.color), out.normal = to_host(images.normal);
-    out.transmittance = to_host(images.transmittance), out.distance = to_host(images.distance);
+    out.transmittance = to_host(images.transmittance), out.distance = to_host(state.distance);
     const auto gradients = to_host(slots.gradients);
     const auto drawn = to_host(slots.drawn);
     const auto counts = to_host(out.lists.slot_counts), first = to_host(out.lists.first_slot);
@@ -181,15 +191,16 @@ Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid, Width
         static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
     auto images = empty_images<Device>(pixels);
     BlendState<Device> state;
-    state.stop.resize(pixels);
+    state.stop.resize(pixels), state.distance.resize(pixels);
     SlotGradients<Device> slots;
     slots.atomic = kAtomic;
     Blended<Device> out;
     build_tile_lists(v, grid, out.lists);
     blend_tiles<kAll>(v, out.lists, grid, camera_of(grid), images, state, width...);
-    blend_tiles_vjp<kAll>(v, out.lists, grid, images, state, image_gradients<Device>(pixels), slots,
+    const auto dL_dchannels = channel_gradients<Device>(pixels);
+    blend_tiles_vjp<kAll>(v, out.lists, grid, images, state, dL_dchannels.reader(), slots,
                           width...);
-    fetch(images, slots, out);
+    fetch(images, state, slots, out);
     return out;
 }
 
@@ -199,10 +210,11 @@ Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
     const auto pixels =
         static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
     auto images = empty_images<Cpu>(pixels);
-    const auto dL_dimages = image_gradients<Cpu>(pixels);
-    const PixelWriter<kAll> write(images, camera_of(grid));
-    const PixelGradientReader<kAll> read{dL_dimages.color.span(), dL_dimages.normal.span(),
-                                         dL_dimages.distance.span()};
+    BlendState<Cpu> state;
+    state.distance.resize(pixels);
+    const auto dL_dchannels = channel_gradients<Cpu>(pixels);
+    const PixelWriter<kAll> write(images, state, camera_of(grid));
+    const PixelGradientReader<kAll> read = dL_dchannels.reader();
     Blended<Cpu> out;
     build_tile_lists(v, grid, out.lists);
     constexpr std::size_t kCount = SplatGradients<float>::kCount;
@@ -243,7 +255,7 @@ Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
     SlotGradients<Cpu> none;
     none.resize(static_cast<std::size_t>(out.lists.slot_count));
     none.drawn.fill_zero();
-    fetch(images, none, out);
+    fetch(images, state, none, out);
     for (std::size_t i = 0; i < sums.size(); ++i)
         for (std::size_t k = 0; k < kCount; ++k)
             (&out.splats[i].mean.x)[k] = static_cast<float>(sums[i][k]);
@@ -373,7 +385,7 @@ TEST(Blend, StackOf5000KeepsItsGradients) {
     const TileGrid grid = tile_grid(16, 16);
     const auto v = made_up(Kind::stack, 5000, grid, 5);
     const auto out = blended<Cpu>(v, grid);
-    const auto loss_gradients = image_gradients<Cpu>(256);
+    const auto loss_gradients = channel_gradients<Cpu>(256);
     double expected = 0, sum = 0;
     for (std::size_t p = 0; p < 256; ++p)
         expected += static_cast<double>(loss_gradients.color[p].z) *

@@ -1,0 +1,38 @@
+// What the kernels of planar splats blend: compiled per set, so that what no map needs costs
+// nothing.
+#pragma once
+
+#include "render/backbone.h"
+
+namespace tvsgs {
+
+enum class Channels { color, color_plane, plane };
+
+constexpr bool has_color(Channels channels) {
+    return channels != Channels::plane;
+}
+constexpr bool has_plane(Channels channels) {
+    return channels != Channels::color;
+}
+
+/// The least that makes the maps.
+constexpr Channels channels_of(Maps maps) {
+    return !has(maps, kGeometryMaps) ? Channels::color
+           : has(maps, Maps::color)  ? Channels::color_plane
+                                     : Channels::plane;
+}
+
+/// run() as a template of the channels.
+template <class Run>
+void with_channels(Channels channels, const Run& run) {
+    switch (channels) {
+        case Channels::color:
+            return run.template operator()<Channels::color>();
+        case Channels::color_plane:
+            return run.template operator()<Channels::color_plane>();
+        case Channels::plane:
+            return run.template operator()<Channels::plane>();
+    }
+}
+
+}  // namespace tvsgs
