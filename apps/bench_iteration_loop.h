@@ -15,7 +15,7 @@ struct BenchIteration<Device>::Parts {
     std::unique_ptr<NeighbourView<Device>> neighbours;
     std::vector<std::unique_ptr<Loss<Device>>> losses;
     std::vector<std::string> stages;  // of the losses
-    Wanted want;
+    LossNeeds want;
     Gaussians<Device> splats;
     Adam<Device> adam;
     Guard<Device> guard;
@@ -25,11 +25,11 @@ struct BenchIteration<Device>::Parts {
 
     Parts(const Scene& scene, TrainOptions o, const Gaussians<Cpu>& from)
         : options(std::move(o)),
-          views(scene.train, options.loss, options.photo_bytes),
+          views(scene.train, needs_of(options.loss), options.photo_bytes),
           backbone(make_backbone<Device>(options.backbone, options.core)),
           neighbours(make_neighbour_view<Device>(scene, options)),
           losses(make_terms<Device>(scene, options)),
-          want(wanted(losses, options.iterations)),
+          want(needs_at(losses, options.iterations, true)),
           splats(copy_of(from)),
           adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, options.optim.adam) {
         for (const auto& term : losses) stages.push_back(std::string(term->name()) + " loss");
@@ -44,7 +44,7 @@ struct BenchIteration<Device>::Parts {
         return to;
     }
 
-    Maps maps() const { return want.maps | want.compared; }
+    Maps maps() const { return want.maps; }
 };
 
 template <class Device>

@@ -70,9 +70,8 @@ MemoryPlan estimate_memory(const Scene& scene,
                            std::int64_t splats,
                            bool cuda) {
     const bool grows = o.densify.enabled && o.iterations > o.densify.from;
-    const bool neighbour =
-        o.loss.multi_view_geometry.weight > 0 || o.loss.multi_view_ncc.weight > 0;
-    const bool plane = neighbour || o.loss.normal.weight > 0;
+    const LossNeeds needs = needs_of(o.loss);
+    const bool neighbour = needs.neighbour, plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
     const std::int64_t parameters = 4 * (11 + 3 * sh_count(o.model.sh_degree));
     const std::int64_t renders = neighbour ? 2 : 1;

@@ -19,11 +19,11 @@ public:
     static constexpr int kSlots = 4;
 
     /// `views` have to outlive this.
-    DeviceViews(const std::vector<View>& views, const LossOptions& loss, std::int64_t budget)
+    DeviceViews(const std::vector<View>& views, const LossNeeds& needs, std::int64_t budget)
         : hosts_(views.size()), views_(views.size()) {
         std::size_t bytes = 0, most_photo = 0, most_grey = 0;
         for (std::size_t i = 0; i < views.size(); ++i) {
-            describe(views[i], loss, views_[i], hosts_[i]);
+            describe(views[i], needs, views_[i], hosts_[i]);
             bytes += hosts_[i].photo->size() + hosts_[i].grey->size();
             most_photo = std::max(most_photo, hosts_[i].photo->size());
             most_grey = std::max(most_grey, hosts_[i].grey->size());
@@ -75,13 +75,13 @@ private:
     };
 
     static void describe(const View& from,
-                         const LossOptions& loss,
+                         const LossNeeds& needs,
                          DeviceView<Device>& to,
                          Host& host) {
         const ImageU8& photo = from.photo;
         to.camera = from.camera;
         host.photo = &photo.pixels, host.grey = &host.own_grey;
-        if (loss.normal.weight > 0) {
+        if (needs.edges) {
             float low = 1, high = 0;
             for (int y = 1; y + 1 < photo.height; ++y)
                 for (int x = 1; x + 1 < photo.width; ++x) {
@@ -90,7 +90,7 @@ private:
                 }
             to.edge_min = low, to.edge_max = std::max(low, high);
         }
-        if (!(loss.multi_view_ncc.weight > 0)) return;
+        if (!needs.grey) return;
         const bool given = !from.grey.empty();
         ImageU8 made = given ? ImageU8{} : grey_of(photo);
         const ImageU8& grey = given ? from.grey : made;

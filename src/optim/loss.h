@@ -36,7 +36,24 @@ struct LossInputs {
     NeighbourView<Device>* neighbour = nullptr;  // of the view; null: none was rendered
 };
 
-/// One term of the objective. It holds its own weight and schedule.
+/// What a term wants beside the colours of the render.
+struct LossNeeds {
+    Maps maps = Maps::none;  // of the view's render
+    bool neighbour = false;  // another view, rendered and compared; `maps` only where there is one
+    bool edges = false;      // of the photographs: DeviceView::edge_min, edge_max
+    bool grey = false;       // of the photographs: DeviceView::grey
+    bool targets = false;    // of the tensor field
+    bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
+};
+inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
+    a.maps |= b.maps;
+    a.neighbour |= b.neighbour, a.edges |= b.edges, a.grey |= b.grey;
+    a.targets |= b.targets, a.splat_gradients |= b.splat_gradients;
+    return a;
+}
+
+/// One term of the objective. It holds its own weight and schedule, and says in a constant kNeeds
+/// what it reads.
 template <class Device>
 class Loss {
 public:
@@ -47,17 +64,7 @@ public:
     /// Whether the term acts at `step` at all; add_to() is only called then.
     virtual bool active(int step) const = 0;
 
-    /// What it reads of the render beside the colours.
-    virtual Maps maps() const { return Maps::none; }
-
-    /// Whether it compares the render with that of a neighbouring view.
-    virtual bool needs_neighbour() const { return false; }
-
-    /// Whether it adds to objective.dL_dgaussians, where only the geometry has room.
-    virtual bool adds_to_splats() const { return false; }
-
-    /// Whether it reads the targets of the tensor field.
-    virtual bool needs_targets() const { return false; }
+    virtual LossNeeds needs() const = 0;
 
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
     virtual void add_to(Objective<Device>& objective,
@@ -94,6 +101,10 @@ struct PhotometricOptions {
               "fit a brightness and an offset per photograph in the L1 term, PGSR");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
     }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("exposure_start", o.exposure_start);
+    }
 };
 
 /// For terms that need no more than a weight and a first iteration.
@@ -106,6 +117,10 @@ struct ScheduledOptions {
         field("weight", weight, {0, 1e6}, "0 switches the term off");
         field("start", start, {1, 1e9}, "first iteration");
     }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("start", o.start);
+    }
 };
 
 struct LossOptions {
@@ -117,19 +132,27 @@ struct LossOptions {
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
 
+    /// The terms: visit(key, options, what it compares). What each is made of and needs:
+    /// losses_list.h.
+    template <class Options, class Visit>
+    static void terms(Options& o, const Visit& visit) {
+        visit("photometric", o.photometric, "render against photograph");
+        visit("flatten", o.flatten, "smallest scale of each visible splat, PGSR");
+        visit("normal", o.normal,
+              "blended normals against normals of the depth map, PGSR single view");
+        visit("multi_view_geometry", o.multi_view_geometry,
+              "depth maps of neighbouring views against each other, PGSR");
+        visit("multi_view_ncc", o.multi_view_ncc,
+              "patches of photographs against neighbouring views, PGSR");
+        visit("tv_normal", o.tv_normal, "splat normals against voted normals");
+        visit("tv_position", o.tv_position, "splat centres against voted positions");
+    }
+
     template <class Visitor>
     void fields(Visitor& field) {
-        field.group("photometric", photometric, "render against photograph");
-        field.group("flatten", flatten, "smallest scale of each visible splat, PGSR");
-        field.group("normal", normal,
-                    "blended normals against normals of the depth map, PGSR single view");
-        field.group("multi_view_geometry", multi_view_geometry,
-                    "depth maps of neighbouring views against each other, PGSR");
-        field.group("multi_view_ncc", multi_view_ncc,
-                    "patches of photographs against neighbouring views, PGSR");
-        field.group("multi_view", multi_view, "neighbours for the two multi-view terms");
-        field.group("tv_normal", tv_normal, "splat normals against voted normals");
-        field.group("tv_position", tv_position, "splat centres against voted positions");
+        terms(*this,
+              [&](const char* key, auto& term, const char* what) { field.group(key, term, what); });
+        field.group("multi_view", multi_view, "neighbours for the terms that compare views");
         field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
                      "how the two voting terms add up splats");
         field.choice("length_unit", length_unit, {"world", "depth"},
@@ -146,9 +169,20 @@ struct LossContext {
     PixelCenter pixel_center = PixelCenter::exact;
 };
 
+/// A term in the list, used or not.
+struct TermOnList {
+    std::string key;
+    float weight;
+    LossNeeds needs;
+};
+std::vector<TermOnList> terms_on_list(const LossOptions& options);
+
+/// What the terms with a weight above 0 want at one iteration or another.
+LossNeeds needs_of(const LossOptions& options);
+
 /// The terms with a weight above 0.
 template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions options,
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
                                                        const LossContext& context);
 
 }  // namespace tvsgs

@@ -37,11 +37,17 @@ struct FlattenGradientBody {
 template <class Device>
 class FlattenLoss final : public Loss<Device> {
 public:
-    explicit FlattenLoss(const ScheduledOptions& options) : options_(options) {}
+    static constexpr LossNeeds kNeeds{.splat_gradients = true};
+
+    /// `length_unit`: world units that count as 1.
+    explicit FlattenLoss(const ScheduledOptions& options, float length_unit = 1)
+        : options_(options) {
+        options_.weight /= length_unit;
+    }
 
     const char* name() const override { return "flatten"; }
     bool active(int step) const override { return step >= options_.start; }
-    bool adds_to_splats() const override { return true; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

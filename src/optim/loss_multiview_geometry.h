@@ -39,12 +39,14 @@ struct MultiViewGeometryBody {
 template <class Device>
 class MultiViewGeometryLoss final : public Loss<Device> {
 public:
+    static constexpr LossNeeds kNeeds{
+        .maps = kGeometryMaps, .neighbour = true, .splat_gradients = true};
+
     explicit MultiViewGeometryLoss(const ScheduledOptions& options) : options_(options) {}
 
     const char* name() const override { return "multi_view_geometry"; }
     bool active(int step) const override { return step >= options_.start; }
-    Maps maps() const override { return kGeometryMaps; }
-    bool needs_neighbour() const override { return true; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

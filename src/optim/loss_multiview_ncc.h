@@ -91,6 +91,9 @@ struct PatchGradientBody {
 template <class Device>
 class MultiViewNccLoss final : public Loss<Device> {
 public:
+    static constexpr LossNeeds kNeeds{
+        .maps = kGeometryMaps, .neighbour = true, .grey = true, .splat_gradients = true};
+
     MultiViewNccLoss(const ScheduledOptions& options,
                      int samples,
                      std::uint64_t seed,
@@ -99,8 +102,7 @@ public:
 
     const char* name() const override { return "multi_view_ncc"; }
     bool active(int step) const override { return step >= options_.start; }
-    Maps maps() const override { return kGeometryMaps; }
-    bool needs_neighbour() const override { return true; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

@@ -90,11 +90,13 @@ struct NormalDepthBody {
 template <class Device>
 class NormalLoss final : public Loss<Device> {
 public:
+    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps, .edges = true};
+
     explicit NormalLoss(const ScheduledOptions& options) : options_(options) {}
 
     const char* name() const override { return "normal"; }
     bool active(int step) const override { return step >= options_.start; }
-    Maps maps() const override { return kGeometryMaps; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

@@ -9,6 +9,8 @@ namespace tvsgs {
 template <class Device>
 class PhotometricLoss final : public Loss<Device> {
 public:
+    static constexpr LossNeeds kNeeds{};
+
     PhotometricLoss(const PhotometricOptions& o, int views)
         : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
           exposure_start_(o.exposure ? o.exposure_start : 0),
@@ -16,6 +18,7 @@ public:
 
     const char* name() const override { return "photometric"; }
     bool active(int) const override { return true; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

@@ -83,13 +83,17 @@ struct TvPositionBody {
 template <class Device, bool kPosition>
 class TvLoss final : public Loss<Device> {
 public:
-    TvLoss(const ScheduledOptions& options, Reduction reduction)
-        : options_(options), reduction_(reduction) {}
+    static constexpr LossNeeds kNeeds{.targets = kPosition, .splat_gradients = true};
+
+    /// `length_unit`: world units that count as 1, for positions.
+    TvLoss(const ScheduledOptions& options, Reduction reduction, float length_unit = 1)
+        : options_(options), reduction_(reduction) {
+        options_.weight /= length_unit;
+    }
 
     const char* name() const override { return kPosition ? "tv_position" : "tv_normal"; }
     bool active(int step) const override { return step >= options_.start; }
-    bool adds_to_splats() const override { return true; }
-    bool needs_targets() const override { return kPosition; }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,

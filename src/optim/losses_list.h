@@ -1,5 +1,8 @@
-// The list of losses; included by one file per device.
+// The list of losses; included by one file per device. Another one is its own file, its options
+// among LossOptions::terms(), and a line here.
 #pragma once
+
+#include <type_traits>
 
 #include "optim/loss_flatten.h"
 #include "optim/loss_multiview_geometry.h"
@@ -10,28 +13,32 @@
 
 namespace tvsgs {
 
+/// visit(type, key, what it is made of...) for each term.
+template <class Device, class Visit>
+void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit) {
+    using std::type_identity;
+    visit(type_identity<PhotometricLoss<Device>>{}, "photometric", o.photometric, c.views);
+    visit(type_identity<FlattenLoss<Device>>{}, "flatten", o.flatten, c.length_unit);
+    visit(type_identity<NormalLoss<Device>>{}, "normal", o.normal);
+    visit(type_identity<MultiViewGeometryLoss<Device>>{}, "multi_view_geometry",
+          o.multi_view_geometry);
+    visit(type_identity<MultiViewNccLoss<Device>>{}, "multi_view_ncc", o.multi_view_ncc,
+          o.multi_view.samples, c.seed, c.pixel_center);
+    visit(type_identity<TvLoss<Device, false>>{}, "tv_normal", o.tv_normal, o.tv_reduction);
+    visit(type_identity<TvLoss<Device, true>>{}, "tv_position", o.tv_position, o.tv_reduction,
+          c.length_unit);
+}
+
 template <class Device>
-std::vector<std::unique_ptr<Loss<Device>>> make_losses(LossOptions o, const LossContext& c) {
-    o.flatten.weight /= c.length_unit;
-    o.tv_position.weight /= c.length_unit;
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
+                                                       const LossContext& context) {
     std::vector<std::unique_ptr<Loss<Device>>> losses;
-    const auto add = [&](float weight, auto make) {
-        if (weight > 0) losses.push_back(make());
-    };
-    add(o.photometric.weight,
-        [&] { return std::make_unique<PhotometricLoss<Device>>(o.photometric, c.views); });
-    add(o.flatten.weight, [&] { return std::make_unique<FlattenLoss<Device>>(o.flatten); });
-    add(o.normal.weight, [&] { return std::make_unique<NormalLoss<Device>>(o.normal); });
-    add(o.multi_view_geometry.weight,
-        [&] { return std::make_unique<MultiViewGeometryLoss<Device>>(o.multi_view_geometry); });
-    add(o.multi_view_ncc.weight, [&] {
-        return std::make_unique<MultiViewNccLoss<Device>>(o.multi_view_ncc, o.multi_view.samples,
-                                                          c.seed, c.pixel_center);
-    });
-    add(o.tv_normal.weight,
-        [&] { return std::make_unique<TvLoss<Device, false>>(o.tv_normal, o.tv_reduction); });
-    add(o.tv_position.weight,
-        [&] { return std::make_unique<TvLoss<Device, true>>(o.tv_position, o.tv_reduction); });
+    visit_losses<Device>(options, context,
+                         [&]<class Term>(std::type_identity<Term>, const char*, const auto& of,
+                                         const auto&... more) {
+                             if (of.weight > 0)
+                                 losses.push_back(std::make_unique<Term>(of, more...));
+                         });
     return losses;
 }
 

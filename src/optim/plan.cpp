@@ -165,7 +165,8 @@ Settings schedule_settings(const TrainOptions& options, int configured, int iter
     fitted.iterations = configured;
     fit_schedule(fitted, iterations);
     std::vector<int> before;
-    visit_schedule(options, [&](const char*, int number, Counts) { before.push_back(number); });
+    visit_schedule(options,
+                   [&](const std::string&, int number, Counts) { before.push_back(number); });
     Settings settings;
     std::size_t next = 0;
     visit_schedule(fitted, [&](const std::string& key, int number, Counts) {
@@ -263,22 +264,20 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         const bool near = look.views_with_neighbour >= kPaired,
                    on = near || look.views_with_wide_neighbour >= kPaired;
         const double share = near ? look.views_with_neighbour : look.views_with_wide_neighbour;
-        const auto weight = [&](const ScheduledOptions& term) {
-            return on ? number(static_cast<double>(term.weight)) : "0";
-        };
-        Settings settings{
-            {"loss.multi_view_geometry.weight", weight(in.multi_view.multi_view_geometry)},
-            {"loss.multi_view_ncc.weight", weight(in.multi_view.multi_view_ncc)},
-            {"loss.multi_view.limits", "relative"}};
-        if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
-        if (on && covered) {
-            // Until the splats are opaque, the depths compared are means of near and far ones. That
-            // takes as many iterations however long the training is; a short one cannot wait.
-            const std::string start =
-                std::to_string(std::clamp(iterations / kOpaqueShare, 1, kOpaqueAfter));
-            settings.insert(settings.end(), {{"loss.multi_view_geometry.start", start},
-                                             {"loss.multi_view_ncc.start", start}});
+        // Until the splats are opaque, the depths compared are means of near and far ones. That
+        // takes as many iterations however long the training is; a short one cannot wait.
+        const std::string start =
+            std::to_string(std::clamp(iterations / kOpaqueShare, 1, kOpaqueAfter));
+        Settings settings, starts;
+        for (const TermOnList& term : terms_on_list(in.multi_view)) {
+            if (!term.needs.neighbour) continue;
+            settings.emplace_back(str("loss.", term.key, ".weight"),
+                                  on ? number(static_cast<double>(term.weight)) : "0");
+            starts.emplace_back(str("loss.", term.key, ".start"), start);
         }
+        settings.emplace_back("loss.multi_view.limits", "relative");
+        if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
+        if (on && covered) settings.insert(settings.end(), starts.begin(), starts.end());
         const float widest = std::max(in.options.loss.multi_view.max_angle_deg, kWideAngleDeg);
         const std::string of = near ? str("views with a neighbour: ")
                                     : str("views with one up to ", widest, " degrees away: ");

@@ -3,8 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
+#include "core/error.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -25,13 +27,11 @@ void visit_schedule(Options& o, const Visit& visit) {
     visit("iterations", o.iterations, Counts::at);
     visit("model.sh_every", o.model.sh_every, Counts::between);
     visit("lr.position_max_steps", o.lr.position_max_steps, Counts::at);
-    visit("loss.photometric.exposure_start", o.loss.photometric.exposure_start, Counts::at);
-    visit("loss.flatten.start", o.loss.flatten.start, Counts::at);
-    visit("loss.normal.start", o.loss.normal.start, Counts::at);
-    visit("loss.multi_view_geometry.start", o.loss.multi_view_geometry.start, Counts::at);
-    visit("loss.multi_view_ncc.start", o.loss.multi_view_ncc.start, Counts::at);
-    visit("loss.tv_normal.start", o.loss.tv_normal.start, Counts::at);
-    visit("loss.tv_position.start", o.loss.tv_position.start, Counts::at);
+    LossOptions::terms(o.loss, [&](const char* term, auto& options, const char*) {
+        options.first_iterations(options, [&](const char* key, auto& number) {
+            visit(str("loss.", term, ".", key), number, Counts::at);
+        });
+    });
     visit("densify.from", o.densify.from, Counts::at);
     visit("densify.until", o.densify.until, Counts::at);
     visit("densify.every", o.densify.every, Counts::between);
@@ -42,9 +42,10 @@ void visit_schedule(Options& o, const Visit& visit) {
 
 inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
     std::vector<int> numbers;
-    visit_schedule(from, [&](const char*, int number, Counts) { numbers.push_back(number); });
+    visit_schedule(from,
+                   [&](const std::string&, int number, Counts) { numbers.push_back(number); });
     std::size_t next = 0;
-    visit_schedule(to, [&](const char*, int& number, Counts) { number = numbers[next++]; });
+    visit_schedule(to, [&](const std::string&, int& number, Counts) { number = numbers[next++]; });
 }
 
 /// A shortened training keeps these distances, in iterations, or the shorter ones that it had:
@@ -70,9 +71,10 @@ inline void fit_schedule(
     const TrainOptions& original, double from, TrainOptions& options, int done, int iterations) {
     const double ratio = (iterations - done) / (original.iterations - from);
     std::vector<int> numbers;
-    visit_schedule(original, [&](const char*, int number, Counts) { numbers.push_back(number); });
+    visit_schedule(original,
+                   [&](const std::string&, int number, Counts) { numbers.push_back(number); });
     std::size_t next = 0;
-    visit_schedule(options, [&](const char*, int& number, Counts counts) {
+    visit_schedule(options, [&](const std::string&, int& number, Counts counts) {
         const int was = numbers[next++];
         const double begin = counts == Counts::at ? std::max(from, 1.0) : 0;
         if (was <= begin || was >= kNever) return;

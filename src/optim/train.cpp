@@ -9,6 +9,23 @@ int iterations_done(const State& state) {
     return done;
 }
 
+std::vector<TermOnList> terms_on_list(const LossOptions& options) {
+    std::vector<TermOnList> list;
+    visit_losses<Cpu>(
+        options, {},
+        [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of, const auto&...) {
+            list.push_back({key, of.weight, Term::kNeeds});
+        });
+    return list;
+}
+
+LossNeeds needs_of(const LossOptions& options) {
+    LossNeeds needs;
+    for (const TermOnList& term : terms_on_list(options))
+        if (term.weight > 0) needs |= term.needs;
+    return needs;
+}
+
 template Gaussians<Cpu> train<Cpu>(const Scene&,
                                    const TrainOptions&,
                                    const TrainCallbacks&,

@@ -10,23 +10,18 @@
 
 namespace tvsgs {
 
-/// What the terms that act at a step want rendered.
-struct Wanted {
-    Maps maps = Maps::color;     // of the view
-    Maps compared = Maps::none;  // of it where it has a neighbour
-    bool neighbour = false;
-    bool splat_gradients = false;  // room for gradients that do not come from the main render
-};
+/// What the terms that act at a step want, of a view that has a neighbour or has none.
 template <class Device>
-Wanted wanted(const std::vector<std::unique_ptr<Loss<Device>>>& losses, int step) {
-    Wanted w;
+LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                   int step,
+                   bool has_neighbour) {
+    LossNeeds all;
     for (const auto& term : losses)
-        if (term->active(step)) {
-            w.neighbour |= term->needs_neighbour();
-            (term->needs_neighbour() ? w.compared : w.maps) |= term->maps();
-            w.splat_gradients |= term->adds_to_splats() || term->needs_neighbour();
-        }
-    return w;
+        if (const LossNeeds needs = term->needs();
+            term->active(step) && (has_neighbour || !needs.neighbour))
+            all |= needs;
+    all.maps |= Maps::color;
+    return all;
 }
 
 /// Null when no term compares views: then nothing is chosen, allocated or said.
@@ -34,8 +29,7 @@ template <class Device>
 std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
                                                            const TrainOptions& options,
                                                            bool quiet = false) {
-    if (!(options.loss.multi_view_geometry.weight > 0) && !(options.loss.multi_view_ncc.weight > 0))
-        return nullptr;
+    if (!needs_of(options.loss).neighbour) return nullptr;
     return std::make_unique<NeighbourView<Device>>(
         select_neighbours(scene, options.loss.multi_view, quiet),
         make_backbone<Device>(options.backbone, options.core),
@@ -84,7 +78,7 @@ Gaussians<Device> train(const Scene& scene,
     objective.values.resize(t->losses.size());
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
-    DeviceViews<Device> views(scene.train, options.loss, options.photo_bytes);
+    DeviceViews<Device> views(scene.train, needs_of(options.loss), options.photo_bytes);
     StageClock<Device> clock(callbacks.profile);
 
     const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& {
@@ -100,10 +94,10 @@ Gaussians<Device> train(const Scene& scene,
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
         const int sh_degree = sh_degree_at(options.model, step);
         const DeviceView<Device>& view = views.get(t->sampler.next());
-        const Wanted want = wanted(t->losses, step);
+        const bool compare = needs_at(t->losses, step, true).neighbour;
         if (!views.all_resident()) {  // before the device has work, beside which they then come
             const auto fetch_neighbour = [&](int at_step, int reference, bool now) {
-                const int n = want.neighbour ? neighbours->choose(at_step, reference) : -1;
+                const int n = compare ? neighbours->choose(at_step, reference) : -1;
                 if (n >= 0) now ? void(views.get(n)) : views.prefetch(n);
             };
             fetch_neighbour(step, view.index, true);
@@ -114,19 +108,18 @@ Gaussians<Device> train(const Scene& scene,
         }
         if (t->voter.due(step)) clock("voting", [&] { t.vote(step); });
 
-        NeighbourView<Device>* const neighbour =
-            !want.neighbour ? nullptr : clock("neighbour", [&] {
-                return neighbours->render(step, view.index, views.views(), t->gaussians);
-            });
+        NeighbourView<Device>* const neighbour = !compare ? nullptr : clock("neighbour", [&] {
+            return neighbours->render(step, view.index, views.views(), t->gaussians);
+        });
+        const LossNeeds needs = needs_at(t->losses, step, neighbour != nullptr);
         const RenderedImages<Device>& images =
             clock("forward", [&]() -> const RenderedImages<Device>& {
                 return backbone->forward(
-                    t->gaussians, view.camera, sh_degree,
-                    neighbour ? want.maps | want.compared : want.maps,
+                    t->gaussians, view.camera, sh_degree, needs.maps,
                     [&](Span<const float> radii_px) { t->adam.catch_up(radii_px, t->gaussians); });
             });
         clock("losses", [&] {
-            reset(objective, want.splat_gradients ? t->gaussians.size() : 0, images);
+            reset(objective, needs.splat_gradients ? t->gaussians.size() : 0, images);
             if (neighbour) neighbour->compare(images);
             for (std::size_t i = 0; i < t->losses.size(); ++i)
                 if (t->losses[i]->active(step))

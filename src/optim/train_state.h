@@ -192,7 +192,7 @@ public:
     void vote(int step) {
         TrainState<Device>& s = *state_;
         const auto targets_read = [&](const auto& term) {  // before the next event
-            return term->needs_targets() && term->active(step + options_.tv.vote_every);
+            return term->needs().targets && term->active(step + options_.tv.vote_every);
         };
         s.voter.vote(step, s.gaussians, s.field,
                      std::any_of(s.losses.begin(), s.losses.end(), targets_read));

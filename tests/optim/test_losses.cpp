@@ -295,8 +295,29 @@ TEST(LossList, WeightsChooseTheTerms) {
     EXPECT_STREQ(losses[1]->name(), "flatten");
     EXPECT_FALSE(losses[4]->active(9));
     EXPECT_TRUE(losses[4]->active(10));
-    EXPECT_TRUE(has(losses[2]->maps(), Maps::depth));
-    EXPECT_FALSE(has(losses[0]->maps(), Maps::depth));
+    EXPECT_TRUE(has(losses[2]->needs().maps, Maps::depth));
+    EXPECT_FALSE(has(losses[0]->needs().maps, Maps::depth));
+}
+
+TEST(LossList, HasATermForAllOptions) {
+    LossOptions options;
+    std::vector<std::string> keys;
+    LossOptions::terms(options, [&](const char* key, auto& term, const char*) {
+        keys.push_back(key);
+        term.weight = 1;
+    });
+    const auto list = terms_on_list(options);
+    const auto losses = make_losses<Cpu>(options, {});
+    ASSERT_EQ(list.size(), keys.size());
+    ASSERT_EQ(losses.size(), keys.size());
+    for (std::size_t i = 0; i < keys.size(); ++i) {
+        EXPECT_EQ(list[i].key, keys[i]);
+        EXPECT_EQ(losses[i]->name(), keys[i]);
+    }
+    EXPECT_TRUE(needs_of(options).grey);
+    options.multi_view_ncc.weight = 0;
+    EXPECT_FALSE(needs_of(options).grey);
+    EXPECT_TRUE(needs_of(options).neighbour);
 }
 
 TEST(LossList, MultiViewTermsStartWithTheGeometry) {
@@ -309,9 +330,9 @@ TEST(LossList, MultiViewTermsStartWithTheGeometry) {
         EXPECT_FALSE(loss->active(7000));
         EXPECT_TRUE(loss->active(7001));
     }
-    EXPECT_FALSE(losses[0]->needs_neighbour());
-    EXPECT_TRUE(losses[1]->needs_neighbour());
-    EXPECT_TRUE(losses[2]->needs_neighbour());
+    EXPECT_FALSE(losses[0]->needs().neighbour);
+    EXPECT_TRUE(losses[1]->needs().neighbour);
+    EXPECT_TRUE(losses[2]->needs().neighbour);
 }
 
 template <class T>
