@@ -17,9 +17,10 @@ namespace tvsgs {
 
 struct DensifyOptions {
     bool enabled = true;
-    int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000;
+    int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000,
+        prune_large_after = 3000;
     float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
-          abs_gradient_threshold = 8e-4f;
+          reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -33,12 +34,17 @@ struct DensifyOptions {
         field("every", every, {1, 1e9}, "iterations between densifications");
         field("opacity_reset_every", opacity_reset_every, {1, 1e9},
               "iterations between opacity resets");
+        field("reset_opacity", reset_opacity, {1e-6, 0.999}, "what a reset lowers opacities to");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
         field("gradient_threshold", gradient_threshold, {0, 1e9},
               "mean screen gradient that grows a splat, per NDC unit");
         field("percent_dense", percent_dense, {0, 1e3},
               "largest scale up to which a splat is cloned, not split, in scene extents");
         field("min_opacity", min_opacity, {0, 1}, "splats below are pruned");
+        field("prune_large", prune_large, {0, 1e6},
+              "splats with a larger scale are pruned, in scene extents");
+        field("prune_large_after", prune_large_after, {0, 1e9},
+              "no such pruning up to and including this iteration");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
               "mean absolute screen gradient that splits a large splat");
         field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
@@ -158,9 +164,9 @@ struct ScatterChildrenBody {
 };
 
 struct ResetOpacityBody {
+    float most;  // a logit
     Span<float> logits, m, v;
     TVSGS_HD void operator()(int i) const {
-        const float most = -4.59511985f;  // logit of 0.01
         logits[i] = logits[i] < most ? logits[i] : most;
         m[i] = v[i] = 0;
     }
@@ -231,7 +237,7 @@ public:
         }
         if (resets_opacity(step)) {
             parallel_for(Device{}, g.size(),
-                         ResetOpacityBody{g.opacity_logits.span(),
+                         ResetOpacityBody{logit(options_.reset_opacity), g.opacity_logits.span(),
                                           adam.first_moments().opacity_logits.span(),
                                           adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
@@ -257,6 +263,8 @@ public:
     Span<const int> parents() const { return parents_.span(); }
 
 private:
+    static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
+
     void reset_statistics(int count) {
         statistics_.resize(static_cast<std::size_t>(count));
         statistics_.fill_zero();
@@ -273,10 +281,12 @@ private:
                         options_.percent_dense * extent_, growth_.span(), score_.span()});
         apply_quotas(g.size());
         const float infinite = 3e38f;
-        parallel_for(Device{}, g.size(),
-                     CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
-                               std::log(options_.min_opacity / (1 - options_.min_opacity)),
-                               step > 3000 ? 0.1f * extent_ : infinite, counts_.span()});
+        parallel_for(
+            Device{}, g.size(),
+            CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
+                      logit(options_.min_opacity),
+                      step > options_.prune_large_after ? options_.prune_large * extent_ : infinite,
+                      counts_.span()});
         reset_statistics(0);  // the next accumulation starts from zero at the new size
     }
 

@@ -37,6 +37,7 @@ void visit_schedule(Options& o, const Visit& visit) {
     visit("densify.every", o.densify.every, Counts::between);
     visit("densify.opacity_reset_every", o.densify.opacity_reset_every, Counts::between);
     visit("densify.trim_every", o.densify.trim_every, Counts::between);
+    visit("densify.prune_large_after", o.densify.prune_large_after, Counts::at);
     visit("tv.start", o.tv.start, Counts::at);
 }
 
