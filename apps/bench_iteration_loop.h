@@ -68,8 +68,9 @@ void BenchIteration<Device>::run(StageClock<Device>& clock) {
     const RenderedImages<Device>& images = p.backbone->forward(
         p.splats, view.camera, sh_degree_at(p.options.model, step), p.maps(),
         [&](Span<const float> radii_px) { p.adam.catch_up(radii_px, p.splats); });
-    clock("clear gradients",
-          [&] { reset(p.objective, p.want.splat_gradients ? p.splats.size() : 0, images); });
+    clock("clear gradients", [&] {
+        reset(p.objective, p.splats, p.want.splat_gradients, !p.backbone->fuses(), images);
+    });
     if (p.neighbour) clock("compare views", [&] { p.neighbour->compare(images); });
     for (std::size_t i = 0; i < p.losses.size(); ++i)
         if (p.losses[i]->active(step))
@@ -82,10 +83,10 @@ void BenchIteration<Device>::run(StageClock<Device>& clock) {
     if (p.neighbour)
         clock("neighbour backward",
               [&] { p.neighbour->backward(p.splats, p.objective.dL_dgaussians); });
-    const ViewGradients gradients = p.backbone->blend_backward(p.objective.dL_dimages);
+    const ViewGradients* const fused = propagate_back(*p.backbone, p.splats, p.objective);
     clock("project backward and Adam", [&] {
-        p.adam.step(step, 1, gradients, p.objective.dL_dgaussians, p.splats, true,
-                    p.guard.halted());
+        descend(p.adam, step, 1, sh_degree_at(p.options.model, step), fused, p.objective, p.splats,
+                true, p.guard.halted());
     });
 }
 

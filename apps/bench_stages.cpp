@@ -243,7 +243,7 @@ Measured measure(const StageCase& c,
                 photometric_loss(images.color.span(), photo.span(), c.width, c.height, {0.8f, 0.2f},
                                  scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
             });
-        const ViewGradients gradients = backbone->blend_backward(dL_dimages);
+        const ViewGradients& gradients = *backbone->blend_backward(dL_dimages);
         clock("project backward and Adam",
               [&] { adam.step(1, 1, gradients, no_more, splats, true); });
     };

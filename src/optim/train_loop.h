@@ -36,18 +36,54 @@ std::unique_ptr<NeighbourView<Device>> make_neighbour_view(const Scene& scene,
         static_cast<std::uint64_t>(options.seed));
 }
 
-/// Sizes and clears what the step adds to.
+/// Sizes and clears what the step adds to; with `all`, also room for the gradients of the render.
 template <class Device>
-void reset(Objective<Device>& objective, int splats, const RenderedImages<Device>& images) {
+void reset(Objective<Device>& objective,
+           const Gaussians<Device>& gaussians,
+           bool splat_gradients,
+           bool all,
+           const RenderedImages<Device>& images) {
     objective.dL_dimages.color.resize(images.color.size());
     objective.dL_dimages.normal.resize(images.normal.size());
     objective.dL_dimages.depth.resize(images.depth.size());
     objective.dL_dimages.color.fill_zero();
     objective.dL_dimages.normal.fill_zero();
     objective.dL_dimages.depth.fill_zero();
-    resize_geometry(objective.dL_dgaussians, splats);
+    if (all)
+        resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
+    else
+        resize_geometry(objective.dL_dgaussians, splat_gradients ? gaussians.size() : 0);
     fill_zero(objective.dL_dgaussians);
     objective.values.fill_zero();
+}
+
+/// From the images back to the splats: into the objective, or where the backbone fuses it with
+/// Adam's step, half of the way.
+template <class Device>
+const ViewGradients* propagate_back(Backbone<Device>& backbone,
+                                    const Gaussians<Device>& gaussians,
+                                    Objective<Device>& objective) {
+    if (backbone.fuses()) return backbone.blend_backward(objective.dL_dimages);
+    backbone.backward(gaussians, objective.dL_dimages, objective.dL_dgaussians);
+    return nullptr;
+}
+
+/// Adam's step along what propagate_back() gave.
+template <class Device>
+void descend(Adam<Device>& adam,
+             int step,
+             float extent,
+             int sh_degree,
+             const ViewGradients* fused,
+             Objective<Device>& objective,
+             Gaussians<Device>& gaussians,
+             bool with_opacity,
+             const int* halted) {
+    if (fused != nullptr)
+        adam.step(step, extent, *fused, objective.dL_dgaussians, gaussians, with_opacity, halted);
+    else
+        adam.step(step, extent, sh_degree, objective.dL_dgaussians, gaussians, with_opacity,
+                  halted);
 }
 
 template <class Device>
@@ -119,7 +155,7 @@ Gaussians<Device> train(const Scene& scene,
                     [&](Span<const float> radii_px) { t->adam.catch_up(radii_px, t->gaussians); });
             });
         clock("losses", [&] {
-            reset(objective, needs.splat_gradients ? t->gaussians.size() : 0, images);
+            reset(objective, t->gaussians, needs.splat_gradients, !backbone->fuses(), images);
             if (neighbour) neighbour->compare(images);
             for (std::size_t i = 0; i < t->losses.size(); ++i)
                 if (t->losses[i]->active(step))
@@ -131,9 +167,9 @@ Gaussians<Device> train(const Scene& scene,
         // Where splats come and go, gradients are lost, as in the official codes.
         const bool changes = t->densifier.may_change_structure(step);
         const bool steps = !changes && step < options.iterations;
-        const ViewGradients gradients = clock("backward", [&] {
+        const ViewGradients* const fused = clock("backward", [&] {
             if (neighbour && steps) neighbour->backward(t->gaussians, objective.dL_dgaussians);
-            return backbone->blend_backward(objective.dL_dimages);
+            return propagate_back(*backbone, t->gaussians, objective);
         });
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
@@ -145,11 +181,11 @@ Gaussians<Device> train(const Scene& scene,
             clock("adam", [&] {
                 const bool with_opacity = !(options.optim.skip_step_on_structure_change &&
                                             t->densifier.resets_opacity(step));
-                t->adam.step(step, scene.extent, gradients, objective.dL_dgaussians, t->gaussians,
-                             with_opacity, t.halted());
+                descend(t->adam, step, scene.extent, sh_degree, fused, objective, t->gaussians,
+                        with_opacity, t.halted());
             });
-        else
-            write_statistics(Device{}, gradients);
+        else if (fused != nullptr)
+            write_statistics(Device{}, *fused);
 
         const auto event = clock("densify", [&] {
             if (changes) t->adam.catch_up_all(t->gaussians);
@@ -157,7 +193,7 @@ Gaussians<Device> train(const Scene& scene,
                 step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
                     for (const auto& other : views.views()) {
                         backbone->forward(t->gaussians, other.camera, 0, kGeometryMaps);
-                        write_statistics(Device{}, backbone->blend_backward({}));
+                        backbone->observe(t->gaussians);
                         count_views(backbone->statistics());
                     }
                 });

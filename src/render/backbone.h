@@ -132,15 +132,29 @@ public:
                                                   Maps maps,
                                                   const BeforeColors& before_colors = {}) = 0;
 
-    /// Gradients of the last forward(), added to `dL_dgaussians` (already of the same shape).
+    /// Gradients of the last forward(), added to `dL_dgaussians`, which has the shape already; its
+    /// harmonics may be missing where no colour was rendered. Writes statistics().
     virtual void backward(const Gaussians<Device>& gaussians,
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
 
+    /// Whether blend_backward() is there: then gradients need not be in memory.
+    virtual bool fuses() const { return false; }
+
     /// The first half of backward(): what the splats as they appear in the image need. The second
-    /// half, splat_vjp(), which also writes the statistics, can then be done where the gradients
-    /// are used. Valid until the next call of anything here.
-    virtual ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) = 0;
+    /// half, splat_vjp(), which also writes the statistics, is done where the gradients are used,
+    /// in Adam's step. Valid until the next call of anything here; null where not fuses().
+    virtual const ViewGradients* blend_backward(const ImageGradients<Device>& /*dL_dimages*/) {
+        return nullptr;
+    }
+
+    /// Writes statistics() of the last forward() as a backward() from nothing does.
+    virtual void observe(const Gaussians<Device>& gaussians) {
+        Gaussians<Device> unused;
+        resize(unused, gaussians.size(), gaussians.sh_degree);
+        fill_zero(unused);
+        backward(gaussians, {}, unused);
+    }
 
     /// Of the last forward() (radii) and backward() (the rest).
     virtual const ScreenStatistics<Device>& statistics() const = 0;
@@ -160,6 +174,13 @@ public:
 private:
     StageClock<Device> clock_;
 };
+
+/// A backbone of the program's own, which make_backbone() then knows by that name: for those who
+/// link this library. Ours stand in backbones_list.h. Before any training starts.
+template <class Device>
+using MakeBackbone = std::function<std::unique_ptr<Backbone<Device>>(const BackboneOptions&)>;
+template <class Device>
+void add_backbone(const std::string& name, MakeBackbone<Device> make);
 
 /// Throws Error(ExitCode::usage) naming the known ones when `name` is not among them.
 template <class Device>

@@ -66,13 +66,15 @@ public:
     void backward(const Gaussians<Device>& gaussians,
                   const ImageGradients<Device>& dL_dimages,
                   Gaussians<Device>& dL_dgaussians) override {
-        const ViewGradients in = blend_backward(dL_dimages);
+        const ViewGradients& in = *blend_backward(dL_dimages);
         with_channels(channels_, [&]<Channels kChannels>() {
             backward_as<kChannels>(in, gaussians, dL_dgaussians);
         });
     }
 
-    ViewGradients blend_backward(const ImageGradients<Device>& dL_dimages) override {
+    bool fuses() const override { return true; }
+
+    const ViewGradients* blend_backward(const ImageGradients<Device>& dL_dimages) override {
         this->clock()("blend backward", [&] {
             Span<const Vec3f> normal = dL_dimages.normal.span();
             Span<const float> distance{};
@@ -93,17 +95,22 @@ public:
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
         const SlotGradients<Device>& slots = slots_;
-        return {view_,
-                channels_,
-                splats_.shapes.span(),
-                splats_.features.span(),
-                lists_.slot_counts.span(),
-                lists_.first_slot.span(),
-                slots.gradients.span(),
-                slots.drawn.span(),
-                statistics_.dL_dmeans2d.span(),
-                statistics_.abs_dL_dmeans2d.span(),
-                statistics_.front_pixels.span()};
+        gradients_ = {view_,
+                      channels_,
+                      splats_.shapes.span(),
+                      splats_.features.span(),
+                      lists_.slot_counts.span(),
+                      lists_.first_slot.span(),
+                      slots.gradients.span(),
+                      slots.drawn.span(),
+                      statistics_.dL_dmeans2d.span(),
+                      statistics_.abs_dL_dmeans2d.span(),
+                      statistics_.front_pixels.span()};
+        return &gradients_;
+    }
+
+    void observe(const Gaussians<Device>&) override {
+        write_statistics(Device{}, *blend_backward({}));
     }
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
@@ -185,6 +192,7 @@ private:
     RenderedImages<Device> images_;
     ScreenStatistics<Device> statistics_;
     SlotGradients<Device> slots_;
+    ViewGradients gradients_{};
     Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
     Buffer<float, Device> plane_distance_;
 };

@@ -170,8 +170,9 @@ struct ViewGradients {
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
 
-    /// Gradients of Gaussian i; writes the statistics. False: it drew nothing and so has none.
-    TVSGS_HD bool read(int i, SplatGradients<float>& g) const {
+    /// Finishes the gradients of Gaussian i, and notes what growth wants to know of it. False: it
+    /// drew nothing and so has none.
+    TVSGS_HD bool finish(int i, SplatGradients<float>& g) const {
         if (slot_counts[i] == 0 || !drawn[first_slot[i]]) {
             stat_grad[i] = stat_abs[i] = {};
             stat_front[i] = 0;
@@ -193,7 +194,7 @@ struct StatisticsBody {
     ViewGradients in;
     TVSGS_HD void operator()(int i) const {
         SplatGradients<float> g;
-        in.read(i, g);
+        in.finish(i, g);
     }
 };
 template <class Device>
@@ -224,7 +225,7 @@ template <Channels kChannels, class Visit>
 TVSGS_HD bool splat_vjp(
     const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {
     SplatGradients<float> g;
-    if (!in.read(i, g)) return false;
+    if (!in.finish(i, g)) return false;
     const ViewParameters& view = in.view;
     Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
     if constexpr (has_color(kChannels))

@@ -56,7 +56,6 @@ public:
     void backward(const Gaussians<Device>&,
                   const ImageGradients<Device>&,
                   Gaussians<Device>&) override {}
-    ViewGradients blend_backward(const ImageGradients<Device>&) override { return {}; }
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
 
 private:

@@ -165,7 +165,7 @@ Stepped step_views(Way way,
         backbone->forward(g, narrow_camera(seen(t)), degree, Maps::color,
                           [&](Span<const float> radii_px) { adam.catch_up(radii_px, g); });
         if (way == Way::fused) {
-            adam.step(t, 1, backbone->blend_backward(dL_dimages), extra, g, true);
+            adam.step(t, 1, *backbone->blend_backward(dL_dimages), extra, g, true);
         } else {
             resize(gradients, g.size(), 3);
             fill_zero(gradients);
@@ -259,7 +259,7 @@ TEST(AdamForms, AHaltedStepChangesNothing) {
     ImageGradients<Cpu> dL_dimages;
     copy(std::vector<Vec3f>(24 * 16, {1, 1, 1}), dL_dimages.color);
     const int halted = 1;
-    adam.step(1, 1, backbone->blend_backward(dL_dimages), none, g, true, &halted);
+    adam.step(1, 1, *backbone->blend_backward(dL_dimages), none, g, true, &halted);
     EXPECT_TRUE(same_bits(g, before));
 }
 
