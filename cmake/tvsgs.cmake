@@ -1,7 +1,9 @@
 # Flags and helpers shared by all targets of the project.
 
 add_library(tvsgs_flags INTERFACE)
-target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
+# "core/version.h" is made from project(VERSION) and lies in the build tree.
+configure_file(${PROJECT_SOURCE_DIR}/src/core/version.h.in ${PROJECT_BINARY_DIR}/generated/core/version.h @ONLY)
+target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_BINARY_DIR}/generated)
 # -Wno-restrict: GCC 12 sees overlaps in std::string that are not there (GCC bug 105651).
 # No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
 # and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
