@@ -218,9 +218,7 @@ TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Rea
         Real(3e38));
     const Real above = choose(
         !(dy == zero),
-        [&] {
-            return at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy);
-        },
+        [&] { return at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy); },
         Real(3e38));
     const Real least = select(above < beside, above, beside);
     return select(both(dx == zero, dy == zero), zero, least);
