@@ -57,7 +57,7 @@ struct CaseComparison {
     std::vector<std::string> faults() const;
 };
 
-// The bounds of section 6 of the specification, and ours.
+// [docs/method/voting.md#bounds-of-agreement]
 inline constexpr double kTensorBound = 1e-4, kNormalBoundDeg = 0.1;
 inline constexpr double kExcusedShare = 0.01, kComparedShare = 0.9;
 

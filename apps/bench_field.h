@@ -62,8 +62,8 @@ inline double angle_deg(Vec3f a, Vec3f b) {
 inline double relative_gap(Vec3f eigenvalues) {
     return eigenvalues.x > 0 ? double(eigenvalues.y - eigenvalues.z) / eigenvalues.x : 0;
 }
-/// Below this gap a normal is sensitive to rounding and not compared.  [tensor voting
-/// specification, section 6]
+/// Below this gap a normal is sensitive to rounding and not compared.
+/// [docs/method/voting.md#bounds-of-agreement]
 inline constexpr double kComparedGap = 1e-2;
 
 /// List i of [N, k] lists, ascending.

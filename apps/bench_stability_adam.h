@@ -33,9 +33,8 @@ struct AdamSteps {
     }
 };
 struct AdamCount : AdamSteps {
-    static constexpr RowText text{
-        "Adam: one step, learning rates", "step number",
-        "1,020 roundings, the memory of both moments", ""};
+    static constexpr RowText text{"Adam: one step, learning rates", "step number",
+                                  "1,020 roundings, the memory of both moments", ""};
     static constexpr double kFrom = 1, kTo = 1e5;
     static void fill(double stress, Case& make) {
         make.put(std::floor(stress)), make.put(std::pow(10.0, make.uniform(-8, 0)));

@@ -315,10 +315,9 @@ struct Observed {
     }
 };
 struct FusionDepth : Observed {
-    static constexpr RowText text{
-        "fusion: signed distance, truncations", "depth / truncation",
-        "4 roundings of the largest coordinate / truncation",
-        "a truncation below half the size of a pixel there is refused"};
+    static constexpr RowText text{"fusion: signed distance, truncations", "depth / truncation",
+                                  "4 roundings of the largest coordinate / truncation",
+                                  "a truncation below half the size of a pixel there is refused"};
     static constexpr double kFrom = 10, kTo = 1e5;
     static void fill(double stress, Case& make) { Observed::make(make, 1000, 4, 4 / stress); }
 };

@@ -49,8 +49,9 @@ MemoryPlan estimate_memory(const Scene& scene,
                            bool cuda);
 
 /// With limits from `memory`, else from what is free; lowers options.densify.max_gaussians to what
-/// fits, and to options.densify.max_per_pixel, and makes the limits those of the allocators. Throws Error(ExitCode::memory) when the first
-/// splats do not fit, Error(ExitCode::usage) for limits that are none.
+/// fits, and to options.densify.max_per_pixel, and makes the limits those of the allocators. Throws
+/// Error(ExitCode::memory) when the first splats do not fit, Error(ExitCode::usage) for limits that
+/// are none.
 MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,

@@ -169,7 +169,8 @@ JsonValue points_json(const PointCloud& points,
     std::vector<std::size_t> chosen;
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         const Vec3f p = points.positions[i];
-        if (is_finite(p) && (!truth || contains(truth->crop, vec_cast<double>(p) + truth->measure.origin)))
+        if (is_finite(p) &&
+            (!truth || contains(truth->crop, vec_cast<double>(p) + truth->measure.origin)))
             chosen.push_back(i);
     }
     const std::size_t candidates = chosen.size();

@@ -1,18 +1,26 @@
 # Flags and helpers shared by all targets of the project.
 
 add_library(tvsgs_flags INTERFACE)
-target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src)
+# "core/version.h" is made from project(VERSION) and lies in the build tree.
+configure_file(${PROJECT_SOURCE_DIR}/src/core/version.h.in ${PROJECT_BINARY_DIR}/generated/core/version.h @ONLY)
+target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_BINARY_DIR}/generated)
 # -Wno-restrict: GCC 12 sees overlaps in std::string that are not there (GCC bug 105651).
 # No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
 # and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
 # Warnings are GCC's: clang, which fuzzing needs, has others.
 if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-    set(TVSGS_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Werror -Wno-restrict)
+    set(TVSGS_WARNINGS -Wall -Wextra -Wshadow -Wconversion -Wno-restrict)
+    if(TVSGS_WERROR)
+        list(APPEND TVSGS_WARNINGS -Werror)
+    endif()
+endif()
+if(TVSGS_WERROR)
+    set(TVSGS_CUDA_WERROR -Werror=all-warnings)
 endif()
 target_compile_options(tvsgs_flags INTERFACE
     $<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS} -fno-math-errno -fno-trapping-math>
     $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
-        -Werror=all-warnings -diag-suppress=20012>)
+        ${TVSGS_CUDA_WERROR} -diag-suppress=20012>)
 target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
 if(TVSGS_CUDA)
     target_compile_definitions(tvsgs_flags INTERFACE TVSGS_WITH_CUDA=1)

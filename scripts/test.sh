@@ -9,6 +9,6 @@ launcher=()
 if command -v ccache >/dev/null; then
     launcher=(-DCMAKE_CXX_COMPILER_LAUNCHER=ccache)
 fi
-cmake --preset cpu "${launcher[@]}"
+cmake --preset cpu -DTVSGS_WERROR=ON "${launcher[@]}"
 cmake --build --preset cpu --parallel "$(nproc)"
 ctest --test-dir build/cpu --output-on-failure "$@"

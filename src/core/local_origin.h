@@ -9,9 +9,9 @@
 
 namespace tvsgs {
 
-/// Zero unless the places, camera centres say, lie more than 100 of their radii from it: up to there
-/// a float loses less than 7 of its 24 bits. Else their mean, rounded so that it is short to write.
-/// A single place counts as one of radius 1.
+/// Zero unless the places, camera centres say, lie more than 100 of their radii from it: up to
+/// there a float loses less than 7 of its 24 bits. Else their mean, rounded so that it is short to
+/// write. A single place counts as one of radius 1.
 inline Vec3d local_origin(const std::vector<Vec3d>& places) {
     Vec3d mean;
     for (const Vec3d p : places) mean += p / static_cast<double>(places.size());

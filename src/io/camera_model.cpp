@@ -69,7 +69,7 @@ bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place
         dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
         return false;
     if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
-        return false;  // NaN too
+        return false;                     // NaN too
     if (dot(from, uv) < 0) return false;  // through the middle to the other side
     const double step = 1e-5 * (1 + std::sqrt(dot(uv, uv)));
     const Vec2<double> u = distort(in.distortion, {uv.x + step, uv.y}),

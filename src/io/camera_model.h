@@ -1,5 +1,5 @@
 // COLMAP's camera models: which exist, what is read from them, and how lens distortion is removed.
-// [input specification, 1.4]
+// [docs/method/input.md#lens-distortion]
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// COLMAP sparse models, binary or text, with every field checked.  [input specification, 1.1-1.5]
+// COLMAP sparse models, binary or text, with every field checked.  [docs/input.md#checks]
 #pragma once
 
 #include <cstdint>
@@ -33,8 +33,7 @@ struct ColmapPoints {
 std::vector<std::string> missing_colmap_files(const std::string& folder);
 
 /// Of each file the binary form is preferred; a broken one is an error, never a reason to read the
-/// text. Throws Error(ExitCode::input) with the E_ word of the specification, the file and the byte
-/// or line.
+/// text. Throws Error(ExitCode::input) with an E_ word for the case, the file and the byte or line.
 ColmapModel read_colmap_model(const std::string& folder);
 
 /// No file, or an empty one: no points.

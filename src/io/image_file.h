@@ -25,8 +25,8 @@ std::string jpeg_bytes(const ImageU8& image, int quality);
 /// PNG with 1, 3 or 4 channels; temporary file, flushed, renamed.
 void write_png(const std::string& path, const ImageU8& image);
 
-/// Pillow's default: anti-aliased bicubic (a = -0.5), rounded once at the end.  [backbones
-/// specification, 1.1]
+/// Pillow's default: anti-aliased bicubic (a = -0.5), rounded once at the end.
+/// [docs/method/input.md#sizes-of-photographs]
 ImageU8 resize_bicubic(const ImageU8& image, int width, int height);
 
 /// Nearest neighbour; for masks.

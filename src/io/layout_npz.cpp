@@ -1,4 +1,5 @@
-// DTU scans in the layout of IDR and NeuS.  [input specification, 1.9]
+// DTU scans in the layout of IDR and NeuS, and cameras of MVSNet.
+// [docs/method/input.md#cameras-of-idr-and-neus, docs/method/input.md#cameras-of-mvsnet]
 #include <cmath>
 #include <filesystem>
 

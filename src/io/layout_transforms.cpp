@@ -1,4 +1,5 @@
-// transforms.json of Blender scenes, nerfstudio and instant-ngp.  [input specification, 1.13]
+// transforms.json of Blender scenes, nerfstudio and instant-ngp.
+// [docs/method/input.md#transformsjson]
 #include <cmath>
 #include <filesystem>
 #include <optional>

@@ -1,5 +1,5 @@
 // Cameras of DTU scans as IDR and NeuS store them: cameras.npz, cameras_sphere.npz.
-// [input specification, 1.9]
+// [docs/method/input.md#cameras-of-idr-and-neus]
 #pragma once
 
 #include <string>

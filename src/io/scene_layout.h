@@ -1,5 +1,5 @@
 // What the layouts of scenes have in common: cameras, images and where the rest lies.
-// [input specification, 1.1, 1.9-1.13]
+// [docs/input.md#other-layouts]
 #pragma once
 
 #include <map>

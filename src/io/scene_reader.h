@@ -1,5 +1,4 @@
-// From a folder of photographs with calibrated cameras to a Scene.  [input specification,
-// docs/input.md]
+// From a folder of photographs with calibrated cameras to a Scene.  [docs/input.md]
 #pragma once
 
 #include <functional>
@@ -86,7 +85,7 @@ Scene read_scene(const SceneOptions& options);
 /// Its Scene::origin alone, without the photographs.
 Vec3d read_scene_origin(const SceneOptions& options);
 
-/// Size of the training images for -r.  [input specification, 1.6]
+/// Size of the training images for -r.  [docs/method/input.md#sizes-of-photographs]
 struct PixelSize {
     int width_px, height_px;
 };

@@ -4,6 +4,6 @@
 #define STBI_ONLY_JPEG
 #define STBI_ONLY_PNG
 #define STBI_ONLY_BMP
-#define STBI_MAX_DIMENSIONS 65535  // [input specification, 1.5]
+#define STBI_MAX_DIMENSIONS 65535  // [docs/method/input.md#sizes-of-photographs]
 #include <stb/stb_image.h>
 #include <stb/stb_image_write.h>

@@ -1,4 +1,4 @@
-// Which views train and which test.  [input specification, 1.7]
+// Which views train and which test.  [docs/input.md#training-and-test-views]
 #pragma once
 
 #include <string>

@@ -386,7 +386,7 @@ private:
 
     /// Six ways to leave the best plane. Steps are drawn from several octaves: the large ones find
     /// surfaces, the small ones give digits. From the second iteration on, small steps of both
-    /// replace the spec's doubly random plane, which then no longer wins.
+    /// replace a plane of random depth and normal, which then no longer wins.
     TVSGS_HD SurfacePlane variation(int k, int x, int y, Vec3f ray, SurfacePlane plane) const {
         const Random4 r = pass.random(x, y, iteration, 2 + k);
         const float octaves = std::exp2(-6 * uniform(r.v[0]));

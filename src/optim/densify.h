@@ -209,7 +209,7 @@ public:
 
     /// Adds the statistics of the last render and, when due, grows, prunes, trims and resets.
     /// `observe` renders every training view and calls its argument with the statistics of each.
-    /// [order of events: backbones specification, 1.5]
+    /// [docs/method/pgsr.md#growth]
     template <class Observe>
     Event step(int step,
                const ScreenStatistics<Device>& screen,

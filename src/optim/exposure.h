@@ -1,5 +1,5 @@
 // A brightness and an offset per photograph, for cameras that expose as they like.
-// [backbones specification, 2.5]
+// [docs/method/pgsr.md#exposure]
 #pragma once
 
 #include "core/parallel.h"

@@ -26,7 +26,7 @@ struct PatchBody {
     ViewPair<float> pair;  // lenses of the grey images
     Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
     Camera camera;       // of the render
-    GreyImage reference, neighbour;
+    GreyBytes reference, neighbour;
     Span<const Vec3f> normal;
     Span<const float> depth, pixel_weight;
     Span<const int> pixels;

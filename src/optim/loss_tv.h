@@ -1,5 +1,5 @@
 // The two losses that need no rendering: splats against the votes they received.  [TV-SGS],
-// docs/tensor_voting.md
+// docs/method/voting.md
 #pragma once
 
 #include "optim/loss.h"

@@ -162,8 +162,8 @@ TVSGS_HD ImageSample<Real> bilinear(const Image& image, Vec2<Real> q) {
     return {top + v * (bottom - top), {(1 - v) * (b - a) + v * (d - c), bottom - top}};
 }
 
-/// A grey image of 8 bits as numbers from 0 to 1.
-struct GreyImage {
+/// A grey image of 8 bits, read as numbers from 0 to 1; 0 outside.
+struct GreyBytes {
     const std::uint8_t* pixels;
     int width, height;
 

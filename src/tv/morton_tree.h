@@ -1,5 +1,5 @@
 // Exact nearest neighbours by a flat hierarchy of boxes: points in Morton order, 32 to a leaf, 32
-// nodes to a node. [GPU design, section 11]
+// nodes to a node. [docs/method/voting.md#the-search]
 #pragma once
 
 #include <bit>

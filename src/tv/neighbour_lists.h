@@ -40,7 +40,7 @@ struct FullLists {
 
 /// Who of 32 voters votes for whom of 8 receivers. Both sides are neighbours in Morton order, hence
 /// in space, so that few tiles hold all edges: on surfaces 75 for 32 voters of 100 votes each.
-/// One sector of memory. [GPU design, section 11.5; narrower tiles than there, for both directions]
+/// One sector of memory.  [docs/method/voting.md#lists-of-voters]
 struct alignas(32) EdgeTile {
     static constexpr int kVoters = 32, kReceivers = 8;
     std::uint32_t voters[kReceivers];  // bit v of word r: voter v votes for receiver r

@@ -1,4 +1,4 @@
-// Who votes for whom.  [tensor voting specification, section 2]
+// Who votes for whom.  [docs/method/voting.md#neighbours]
 #pragma once
 
 #include <cstdint>

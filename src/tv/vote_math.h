@@ -1,4 +1,4 @@
-// One vote between two splats in closed form.  [tensor voting specification, sections 2 and 3]
+// One vote between two splats in closed form.  [docs/method/voting.md#one-vote]
 #pragma once
 
 #include <cmath>
@@ -71,8 +71,8 @@ TVSGS_HD Whitening<Real> whitening(Quat<Real> quat,
              std::sqrt(variances.z + noise)}};
 }
 
-/// S'^-1 R^T: the symmetric M of the specification up to a rotation, so lengths and angles are the
-/// same.
+/// S'^-1 R^T: the symmetric M of the page up to a rotation, so lengths and angles are the same.
+/// [docs/method/voting.md#one-vote]
 template <class Real>
 TVSGS_HD Mat3<Real> whitened_from_world(const Whitening<Real>& w) {
     Mat3<Real> W;

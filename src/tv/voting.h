@@ -1,5 +1,5 @@
-// Tensor voting: splats vote for each other's tangent planes.  [tensor voting specification,
-// docs/tensor_voting.md]
+// Tensor voting: splats vote for each other's tangent planes.
+// [docs/method/voting.md]
 #pragma once
 
 #include <cstdint>
@@ -166,8 +166,9 @@ public:
     bool due(int step) const;
 
     /// One voting event on the current splats; searches neighbours when a refresh is due.
-    /// [specification, section 4] With fewer than two splats nothing is valid and the field is
-    /// cleared. Without `targets` there are no virtual receivers, and the targets are the centres.
+    /// With fewer than two splats nothing is valid and the field is cleared. Without `targets`
+    /// there are no virtual receivers, and the targets are the centres.
+    /// [docs/method/voting.md#one-event]
     void vote(int step,
               const Gaussians<Device>& gaussians,
               TensorField<Device>& field,

@@ -1,5 +1,4 @@
-// One voting event, element by element; both twins run these.  [tensor voting specification,
-// section 4]
+// One voting event, element by element; both twins run these.  [docs/method/voting.md#one-event]
 #pragma once
 
 #include "core/eigen.h"

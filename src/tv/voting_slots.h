@@ -1,5 +1,5 @@
 // Splats and fixed voters in the order of the lists, and the records they vote with; both twins run
-// these.  [tensor voting specification, sections 2 and 3]
+// these.  [docs/method/voting.md#one-vote]
 #pragma once
 
 #include <cstring>

@@ -1,5 +1,5 @@
 // The pass over virtual receivers: where along its normal a splat's surface is most salient.
-// [tensor voting specification, section 4]
+// [docs/method/voting.md#one-event]
 #pragma once
 
 #include "core/abreast.h"

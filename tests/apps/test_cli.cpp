@@ -326,10 +326,10 @@ TEST_F(Cli, SignalsStopTheEvaluation) {
 
 TEST_F(Cli, SignalsEndOtherCommandsAtOnce) {
     ASSERT_EQ(::mkfifo((folder_ / "pipe").c_str(), 0600), 0);
-    for (const char* command :
-         {"extract-mesh -m run --mesh-resolution 48 --device cpu --out pipe",
-          "eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --point-samples 99 --out pipe",
-          "synth --out endless --views 9999"}) {
+    for (const char* command : {"extract-mesh -m run --mesh-resolution 48 --device cpu --out pipe",
+                                "eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply "
+                                "--point-samples 99 --out pipe",
+                                "synth --out endless --views 9999"}) {
         const Result r = shell(std::string("exec >out.txt 2>err.txt; " TVSGS_BIN_DIR "/tvsgs-") +
                                command + " & p=$!; sleep 0.5; kill -INT $p; wait $p");
         EXPECT_EQ(r.code, 130) << command << ": " << r;

@@ -1,4 +1,5 @@
-// The order of the modules (docs/design.md), read off the #include lines of src/.
+// The order of the modules (docs/design.md#modules), read off the #include lines of src/, and that
+// no two headers define one type.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -7,6 +8,7 @@
 #include <regex>
 #include <set>
 #include <string>
+#include <vector>
 
 namespace {
 
@@ -60,6 +62,49 @@ TEST(Dependencies, CudaSourcesStayClean) {
         for (std::string line; std::getline(in, line);)
             EXPECT_FALSE(std::regex_search(line, heavy)) << entry.path() << ": " << line;
     }
+}
+
+/// Types that a header defines outside of functions and other types, as "namespace::name". Our
+/// style has them at the beginning of a line, specialisations and forward declarations aside;
+/// anonymous namespaces and those of name `detail` are a header's own affair.
+std::vector<std::string> types_in(const fs::path& header) {
+    static const std::regex kOpens(R"(^namespace ([\w:]+)? ?\{)");
+    static const std::regex kCloses(R"(^\}\s*// namespace)");
+    static const std::regex kDefines(
+        R"(^(?:struct|class|enum class|enum|union) (?:alignas\([^)]*\) )?(\w+)(?: final)?(?: ?:[^:;].*|\s*\{.*|\s*)$)");
+    std::vector<std::string> types, namespaces;
+    std::ifstream in(header);
+    std::smatch match;
+    for (std::string line; std::getline(in, line);) {
+        if (std::regex_search(line, match, kOpens)) {
+            namespaces.push_back(match.str(1));
+        } else if (std::regex_search(line, kCloses) && !namespaces.empty()) {
+            namespaces.pop_back();
+        } else if (std::regex_match(line, match, kDefines) && line.back() != ';') {
+            std::string name;
+            bool own = false;
+            for (const std::string& space : namespaces) {
+                own |= space.empty() || space.ends_with("detail");
+                name += space + "::";
+            }
+            if (!own) types.push_back(name + match.str(1));
+        }
+    }
+    return types;
+}
+
+// Two definitions of one name that differ break the program silently where both are linked.
+TEST(Dependencies, NoTypeIsDefinedTwice) {
+    std::map<std::string, std::string> home;
+    for (const auto& entry : fs::recursive_directory_iterator(TVSGS_SOURCE_DIR "/src")) {
+        if (entry.path().extension() != ".h") continue;
+        const std::string file = fs::relative(entry.path(), TVSGS_SOURCE_DIR "/src");
+        for (const std::string& type : types_in(entry.path())) {
+            const auto [known, is_new] = home.emplace(type, file);
+            EXPECT_TRUE(is_new) << type << " is defined in " << known->second << " and in " << file;
+        }
+    }
+    EXPECT_GT(home.size(), 200u) << "the scan found hardly any types; is the pattern still right?";
 }
 
 }  // namespace

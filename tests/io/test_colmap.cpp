@@ -232,9 +232,7 @@ TEST_F(ColmapText, WrongLinesAreNamed) {
 
 class ColmapExample : public IoTest {
 protected:
-    void SetUp() override {
-        IoTest::SetUp();
-    }
+    void SetUp() override { IoTest::SetUp(); }
     void copy_with(const char* extension) const {
         for (const char* name : {"cameras", "images", "points3D"})
             fs::copy_file(kExample / "colmap" / str(name, extension), folder / str(name, extension),

@@ -51,7 +51,7 @@ TEST_F(EvalDtu, AgreesWithTheOracle) {  // RESULTS.txt
     expect_values({{"chamfer", 0.34137980967239967}});
     EXPECT_EQ(value("observed"), 267);
 
-    // Other orders differ by the thinning: 1 % on this small case, as the specification grants.
+    // Other orders differ by the thinning: 1 % on this small case.
     ASSERT_EQ(eval(arguments("mesh.ply")), 0) << messages;
     EXPECT_NEAR(value("chamfer"), 0.158, 0.0016);
     EXPECT_EQ(eval(arguments("mesh.ply", "--require 'chamfer<=0.1'")), 8);

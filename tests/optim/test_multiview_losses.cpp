@@ -99,7 +99,7 @@ double geometry_in_double(const MultiViewCase& c,
 /// The photometric term in double with every comparable pixel a patch.
 double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResult& r) {
     const auto grey = [](const ViewMaps& v) {
-        return GreyImage{v.grey.data(), v.grey_width, v.grey_height};
+        return GreyBytes{v.grey.data(), v.grey_width, v.grey_height};
     };
     const auto scaled = [](const ViewMaps& v) {
         return scaled_camera(v.camera, v.grey_width, v.grey_height);

@@ -24,8 +24,8 @@ TEST_F(Limits, NumbersThatDoNotFit) {
     }
     for (const char* arguments :
          {"synth --out s --views 99999999999", "synth --out s --width 0",
-          "eval geometry --pred a --gt b --point-samples 1e30", "extract-mesh --model a --clusters -1",
-          "init --scene scene --max-points -2"}) {
+          "eval geometry --pred a --gt b --point-samples 1e30",
+          "extract-mesh --model a --clusters -1", "init --scene scene --max-points -2"}) {
         const std::string text = arguments;
         const Result r = call(text.substr(0, text.find(' ')), text.substr(text.find(' ')));
         EXPECT_EQ(r.code, 2) << arguments << ": " << r;

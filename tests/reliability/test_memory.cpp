@@ -109,8 +109,8 @@ TEST_F(Memory, GrowthStopsAtWhatFits) {
     const std::int64_t first = plan("free").at("first_splats");
     ASSERT_GT(most_splats("free"), 2 * first) << "or the caps below are none";
 
-    const Result pixels =
-        train(std::string(kGrowth) + "--iterations 10 --set densify.max_per_pixel=0.9 --out pixels");
+    const Result pixels = train(std::string(kGrowth) +
+                                "--iterations 10 --set densify.max_per_pixel=0.9 --out pixels");
     ASSERT_EQ(pixels.code, 0) << pixels;
     const auto all = plan("pixels").at("most_splats").get<std::int64_t>();
     EXPECT_LT(all, most_splats("free"));

@@ -76,7 +76,7 @@ std::vector<Difference> differences(const Cloud& cloud,
 /// Of four draws the largest effect of rounding is still below the worst case.
 constexpr double kSlack = 10;
 
-/// Of the specification, section 6.
+/// [docs/method/voting.md#bounds-of-agreement]
 bool within_plain_bounds(const Difference& d) {
     return d.tensor < 1e-4 && d.normal < 0.1;
 }
@@ -138,7 +138,7 @@ TYPED_TEST(Twins, AgreeOnRandomClouds) {
             if (!d.comparable) continue;
             ++compared;
             worst.tau = std::max(worst.tau, d.tau);
-            // The specification's bounds, or what rounding the inputs does to this very splat.
+            // The bounds, or what rounding the inputs does to this very splat.
             if (within_plain_bounds(d)) {
                 worst.tensor = std::max(worst.tensor, d.tensor);
                 worst.normal = std::max(worst.normal, d.normal);

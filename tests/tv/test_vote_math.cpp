@@ -1,4 +1,5 @@
-// The closed form against the specification's own formulas, and its table of degenerate geometry.
+// The closed form against the formulas as the page has them, and its table of degenerate geometry.
+// [docs/method/voting.md#one-vote, docs/method/voting.md#degenerate-geometry]
 #include "core/fast_math.h"
 #include "tv/tv_support.h"
 #include "tv/vote_math.h"
@@ -40,7 +41,7 @@ Mat3<double> power(const Voter& v, double exponent) {  // Sigma'^exponent
     return R * D * transpose(R);
 }
 
-/// Word for word the specification's section 3, with symmetric matrices and the angle itself.
+/// [docs/method/voting.md#one-vote] word for word, with symmetric matrices and the angle itself.
 Vec direct_plate_vote(const Voter& v, Vec receiver, double& decay) {
     const Mat3<double> M = power(v, -0.5), M_inverse = power(v, 0.5);
     const Vec d = M * (receiver - v.mean);
@@ -70,7 +71,7 @@ Voter random_voter(Random& random) {
     return v;
 }
 
-TEST(VoteMath, ClosedFormIsTheSpecificationsVote) {
+TEST(VoteMath, ClosedFormIsTheVoteOfThePage) {
     Random random(1);
     int compared = 0;
     for (int trial = 0; trial < 5000; ++trial) {

@@ -183,7 +183,7 @@ TYPED_TEST(Voting, SphereAndCylinder) {
     options.vote_map =
         VoteMap::unit;  // covariant votes of in-plane anisotropic splats look like sticks
     const FieldOnHost f = run_events<TypeParam>(ball, options, 3);
-    EXPECT_LT(median_normal_error(f, ball.means), 5);  // 3 degrees by the specification's prototype
+    EXPECT_LT(median_normal_error(f, ball.means), 5);  // a prototype in double had 3 degrees
     int plates = 0;
     for (const Vec3f l : f.eigenvalues) plates += l.y - l.z > l.x - l.y;
     EXPECT_GT(plates, 0.6 * ball.size());  // plates rather than sticks
@@ -393,8 +393,7 @@ TYPED_TEST(Voting, WithoutTargetsNoVirtualReceivers) {
 
 TYPED_TEST(Voting, BothNewKeysHelpOnFlatSplats) {
     TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
-    // The specification's table: unit votes and a flatness limit of 1 bring the targets nearer to
-    // the surface.
+    // Unit votes and a flatness limit of 1 bring the targets nearer to the surface.
     const Cloud cloud = sphere(1200, 11, 0.01f);
     const auto rms = [&](const TvOptions& options) {
         double sum = 0;

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Float64 oracle of tensor voting on Gaussian splats (docs/tensor_voting.md). Slow on purpose: one voter at a time.
+"""Float64 oracle of tensor voting on Gaussian splats (docs/method/voting.md). Slow on purpose: one voter at a time.
 
     tensor_voting.py CASE.npz                        repeat a stored case and print the largest differences
     tensor_voting.py --make CASE.npz [--shape ...]   make a splat cloud, vote, store inputs and results

@@ -1,0 +1,140 @@
+// What the sources and pages refer to is there: pages, headings, and no page that a clone lacks.
+#include <gtest/gtest.h>
+
+#include <cctype>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <regex>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+namespace {
+
+namespace fs = std::filesystem;
+const fs::path kSource = TVSGS_SOURCE_DIR;
+
+std::string contents(const fs::path& path) {
+    std::ifstream in(path);
+    std::ostringstream out;
+    out << in.rdbuf();
+    return out.str();
+}
+
+std::vector<std::smatch> matches(const std::string& text, const std::regex& pattern) {
+    return {std::sregex_iterator(text.begin(), text.end(), pattern), std::sregex_iterator()};
+}
+
+/// Whatever may cite a page, but this file.
+std::vector<fs::path> citing_files() {
+    static const std::set<std::string> kExtensions{".h",  ".cpp", ".cu",   ".py",   ".in",
+                                                   ".md", ".txt", ".json", ".cmake"};
+    std::vector<fs::path> files;
+    for (const char* folder :
+         {"src", "apps", "tests", "docs", "scripts", "configs", "matrices", "cmake"})
+        for (const auto& entry : fs::recursive_directory_iterator(kSource / folder))
+            if (entry.is_regular_file() && kExtensions.contains(entry.path().extension()) &&
+                entry.path().filename() != "test_docs.cpp")
+                files.push_back(entry.path());
+    for (const auto& entry : fs::directory_iterator(kSource))
+        if (entry.path().extension() == ".md") files.push_back(entry.path());
+    return files;
+}
+
+/// As hosts of repositories make them: lower case, hyphens for spaces, other marks left out.
+std::string anchor_of(const std::string& heading) {
+    std::string anchor;
+    for (const char c : heading) {
+        const auto letter = static_cast<unsigned char>(c);
+        if (c == ' ')
+            anchor += '-';
+        else if (std::isalnum(letter) || letter >= 128 || c == '-' || c == '_')
+            anchor += static_cast<char>(std::tolower(letter));
+    }
+    return anchor;
+}
+
+/// Of the headings of a page.
+const std::set<std::string>& anchors_in(const fs::path& page) {
+    static std::map<fs::path, std::set<std::string>> known;
+    const auto [at, is_new] = known.try_emplace(page);
+    if (!is_new) return at->second;
+    std::istringstream lines(contents(page));
+    bool code = false;
+    for (std::string line; std::getline(lines, line);) {
+        if (line.starts_with("```")) code = !code;
+        const std::size_t level = line.find_first_not_of('#');
+        if (code || level == 0 || level == std::string::npos || line[level] != ' ') continue;
+        at->second.insert(anchor_of(line.substr(level + 1)));
+    }
+    return at->second;
+}
+
+/// Empty, or what is wrong with it. `anchor`: with its '#', or empty.
+std::string fault(const fs::path& page, const std::string& anchor) {
+    if (!fs::exists(page)) return "no such file";
+    if (!anchor.empty() && !anchors_in(page).contains(anchor.substr(1))) return "no such heading";
+    return "";
+}
+
+TEST(Docs, EveryPageThatIsNamedExists) {
+    static const std::regex kPage(R"(\b(docs/[\w/.-]*\w\.md)(#[\w-]+)?)");
+    int named = 0;
+    for (const fs::path& file : citing_files()) {
+        const std::string text = contents(file);
+        for (const auto& m : matches(text, kPage)) {
+            // A link of a page below docs/ goes out from there; the next test follows it.
+            if (m.position() > 0 && text[static_cast<std::size_t>(m.position()) - 1] == '/')
+                continue;
+            EXPECT_EQ(fault(kSource / m.str(1), m.str(2)), "") << file << ": " << m.str();
+            ++named;
+        }
+    }
+    EXPECT_GE(named, 60);
+}
+
+TEST(Docs, EveryLinkLeadsSomewhere) {
+    static const std::regex kLink(R"(\]\(([^)\s#]*)(#[^)\s]+)?\))");
+    int links = 0;
+    for (const fs::path& page : citing_files()) {
+        if (page.extension() != ".md") continue;
+        const std::string text = contents(page);
+        for (const auto& m : matches(text, kLink)) {
+            if (m.str(1).find("://") != std::string::npos) continue;
+            const fs::path target =
+                m[1].length() == 0 ? page : (page.parent_path() / m.str(1)).lexically_normal();
+            EXPECT_EQ(fault(target, m.str(2)), "") << page << ": " << m.str();
+            ++links;
+        }
+    }
+    EXPECT_GE(links, 40);
+}
+
+/// The text on one line, without the marks of comments: what is said does not go by its breaks.
+std::string unbroken(const fs::path& file) {
+    std::istringstream lines(contents(file));
+    std::string text;
+    for (std::string line; std::getline(lines, line);) {
+        const std::size_t begin = line.find_first_not_of(" \t/*#");
+        if (begin != std::string::npos) text += line.substr(begin) + ' ';
+    }
+    return text;
+}
+
+// Formulas are cited from pages of ours or from papers, never from a page that no clone holds.
+TEST(Docs, NothingIsCitedThatAReaderCannotOpen) {
+    static const std::regex kElsewhere(
+        R"(\b[Ss]pecification('s|, section|, [0-9]|s, section)|\b[Tt]he specification\b|\b(specification|design), (section )?[0-9]+)");
+    for (const fs::path& file : citing_files()) {
+        const std::string text = unbroken(file);
+        for (const auto& m : matches(text, kElsewhere)) {
+            const std::size_t at = static_cast<std::size_t>(m.position());
+            ADD_FAILURE() << file << ": '" << text.substr(at > 30 ? at - 30 : 0, 80)
+                          << "': cite a page and a heading of docs/, or a paper of README.md";
+        }
+    }
+}
+
+}  // namespace
