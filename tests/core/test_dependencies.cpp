@@ -20,6 +20,9 @@ const std::map<std::string, std::set<std::string>> kMayUse{
     {"mvs", {"core"}},
     {"optim", {"core", "tv", "render"}},
     {"mesh", {"core", "tv", "render"}},
+    {"eval", {"core", "io", "render"}},
+    {"pipeline", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval"}},
+    {"report", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval", "pipeline"}},
 };
 
 TEST(Dependencies, ModulesIncludeOnlyWhatTheyMay) {
