@@ -48,6 +48,8 @@ TEST(Dependencies, ModulesIncludeOnlyWhatTheyMay) {
             EXPECT_TRUE(used == module || kMayUse.at(module).contains(used) ||
                         !kMayUse.contains(used))
                 << file << ':' << number << ": " << module << " must not use " << used;
+            EXPECT_TRUE(used == module || target.find("/internal/") == std::string::npos)
+                << file << ':' << number << ": " << target << " is internal to " << used;
             ++checked;
         }
     }

@@ -1,8 +1,8 @@
 // The closed form against the specification's own formulas, and its table of degenerate geometry.
 #include "core/fast_math.h"
+#include "tv/internal/warp.h"
 #include "tv/tv_support.h"
 #include "tv/vote_math.h"
-#include "tv/warp.h"
 
 namespace tvsgs::test {
 namespace {

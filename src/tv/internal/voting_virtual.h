@@ -4,7 +4,7 @@
 
 #include "core/abreast.h"
 #include "core/eigen.h"
-#include "tv/voting_bodies.h"
+#include "tv/internal/voting_bodies.h"
 
 namespace tvsgs::detail {
 

@@ -5,11 +5,11 @@
 #include <cstring>
 
 #include "core/parallel.h"
-#include "tv/neighbour_lists.h"
-#include "tv/neighbours.h"
-#include "tv/splats.h"
+#include "tv/internal/neighbour_lists.h"
+#include "tv/internal/neighbours.h"
+#include "tv/internal/splats.h"
+#include "tv/internal/warp.h"
 #include "tv/voting.h"
-#include "tv/warp.h"
 
 namespace tvsgs::detail {
 

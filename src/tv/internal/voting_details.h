@@ -1,7 +1,7 @@
 // What tests and reports read of an event, and lists that they set; the end of voting_impl.h.
 #pragma once
 
-#include "tv/voting_impl.h"
+#include "tv/internal/voting_impl.h"
 
 namespace tvsgs {
 namespace detail {

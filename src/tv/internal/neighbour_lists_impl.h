@@ -6,7 +6,7 @@
 #include <algorithm>
 
 #include "core/parallel.h"
-#include "tv/neighbours.h"
+#include "tv/internal/neighbours.h"
 
 namespace tvsgs::detail {
 

@@ -10,7 +10,7 @@
 
 #include "core/cuda_runtime.h"
 #include "core/parallel.h"
-#include "tv/warp.h"
+#include "tv/internal/warp.h"
 
 namespace tvsgs {
 

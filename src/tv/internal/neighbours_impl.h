@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "core/parallel.h"
-#include "tv/neighbour_lists_impl.h"
+#include "tv/internal/neighbour_lists_impl.h"
 
 namespace tvsgs::detail {
 

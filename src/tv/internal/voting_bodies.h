@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/eigen.h"
-#include "tv/voting_slots.h"
+#include "tv/internal/voting_slots.h"
 
 namespace tvsgs::detail {
 

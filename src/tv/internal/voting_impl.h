@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "tv/neighbours_impl.h"
-#include "tv/voting_virtual.h"
+#include "tv/internal/neighbours_impl.h"
+#include "tv/internal/voting_virtual.h"
 
 namespace tvsgs {
 
@@ -459,4 +459,4 @@ VotingProfile TensorVoter<Device>::profile() const {
 
 }  // namespace tvsgs
 
-#include "tv/voting_details.h"
+#include "tv/internal/voting_details.h"

@@ -5,10 +5,10 @@
 #include <functional>
 
 #include "core/buffer.h"
-#include "tv/morton_tree.h"
-#include "tv/neighbour_lists.h"
-#include "tv/splats.h"
-#include "tv/warp.h"
+#include "tv/internal/morton_tree.h"
+#include "tv/internal/neighbour_lists.h"
+#include "tv/internal/splats.h"
+#include "tv/internal/warp.h"
 
 namespace tvsgs {
 
