@@ -2,7 +2,7 @@
 #include <memory>
 #include <optional>
 
-#include "apps/eval/input.h"
+#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/local_origin.h"
 #include "core/parse_numbers.h"

@@ -1,7 +1,7 @@
 // tvsgs-eval nvs: how well a run renders its test views.
 #include <memory>
 
-#include "apps/eval/input.h"
+#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "core/device_choice.h"
 #include "eval/lpips_weights.h"

@@ -2,7 +2,7 @@
 #include <filesystem>
 #include <memory>
 
-#include "apps/eval/input.h"
+#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

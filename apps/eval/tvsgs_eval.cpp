@@ -1,5 +1,5 @@
 // tvsgs-eval: numbers out. Results go to standard output as JSON, messages to standard error.
-#include "apps/eval/input.h"
+#include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
 #include "report/run_report.h"
 

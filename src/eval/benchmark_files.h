@@ -2,10 +2,12 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "core/vec.h"
+#include "eval/dtu_protocol.h"
 #include "eval/error_colors.h"
 #include "eval/mask_cull.h"
-#include "io/config.h"
 
 namespace tvsgs {
 
@@ -35,12 +37,5 @@ void write_error_cloud(const std::string& path,
                        const MeasuredPoints& points,
                        ErrorPalette palette,
                        double full);
-
-/// Prints the report, and writes it to `out` unless that is empty.
-void put_report(const std::string& json, const std::string& out);
-
-/// The last of the files that this command has put into a run folder: its report is made anew in
-/// the end.
-std::string& result_of_run();
 
 }  // namespace tvsgs

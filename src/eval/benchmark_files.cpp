@@ -1,13 +1,10 @@
-#include "apps/eval/input.h"
+#include "eval/benchmark_files.h"
 
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/version.h"
-#include "io/atomic_file.h"
 #include "io/ply.h"
 
 namespace tvsgs {
@@ -74,19 +71,6 @@ void write_error_cloud(const std::string& path,
     }
     write_cloud_ply(path, cloud);
     spdlog::info("{}: {} points coloured by error", path, cloud.positions.size());
-}
-
-void put_report(const std::string& json, const std::string& out) {
-    const std::string text = str("{\"version\": \"", kVersion, "\", ", json.substr(1), "\n");
-    std::fputs(text.c_str(), stdout);
-    if (out.empty()) return;
-    write_text_file(out, text);
-    result_of_run() = out;
-}
-
-std::string& result_of_run() {
-    static std::string path;
-    return path;
 }
 
 }  // namespace tvsgs
