@@ -1,6 +1,6 @@
-#include "tv/neighbours.h"
+#include "tv/internal/neighbours.h"
 
-#include "tv/neighbours_impl.h"
+#include "tv/internal/neighbours_impl.h"
 
 namespace tvsgs {
 namespace detail {

@@ -1,7 +1,7 @@
-#include "tv/neighbours.h"
-#include "tv/warp_cuda.h"
+#include "tv/internal/neighbours.h"
+#include "tv/internal/warp_cuda.h"
 // After the CUDA loops and sorts that it calls.
-#include "tv/neighbours_impl.h"
+#include "tv/internal/neighbours_impl.h"
 
 namespace tvsgs {
 

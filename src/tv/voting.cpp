@@ -1,7 +1,7 @@
 #include "tv/voting.h"
 
 #include "core/log.h"
-#include "tv/voting_impl.h"
+#include "tv/internal/voting_impl.h"
 
 namespace tvsgs {
 namespace detail {

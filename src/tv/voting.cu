@@ -1,7 +1,7 @@
+#include "tv/internal/warp_cuda.h"
 #include "tv/voting.h"
-#include "tv/warp_cuda.h"
 // After the CUDA loops and sorts that it calls.
-#include "tv/voting_impl.h"
+#include "tv/internal/voting_impl.h"
 
 namespace tvsgs {
 

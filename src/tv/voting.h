@@ -9,7 +9,7 @@
 
 #include "core/gaussians.h"
 #include "core/options.h"
-#include "tv/neighbour_lists.h"
+#include "tv/internal/neighbour_lists.h"
 
 namespace tvsgs {
 

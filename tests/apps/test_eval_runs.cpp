@@ -6,8 +6,8 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "eval/lpips.h"
 #include "io/json_value.h"
-#include "mesh/lpips.h"
 #include "support/command.h"
 
 namespace tvsgs {

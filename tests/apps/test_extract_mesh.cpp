@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "io/config.h"
 #include "io/ply.h"
-#include "mesh_extraction.h"
+#include "pipeline/mesh_extraction.h"
 #include "support/command.h"
 
 namespace tvsgs {

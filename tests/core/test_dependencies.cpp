@@ -22,6 +22,9 @@ const std::map<std::string, std::set<std::string>> kMayUse{
     {"mvs", {"core"}},
     {"optim", {"core", "tv", "render"}},
     {"mesh", {"core", "tv", "render"}},
+    {"eval", {"core", "io", "render"}},
+    {"pipeline", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval"}},
+    {"report", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval", "pipeline"}},
 };
 
 TEST(Dependencies, ModulesIncludeOnlyWhatTheyMay) {
@@ -47,6 +50,8 @@ TEST(Dependencies, ModulesIncludeOnlyWhatTheyMay) {
             EXPECT_TRUE(used == module || kMayUse.at(module).contains(used) ||
                         !kMayUse.contains(used))
                 << file << ':' << number << ": " << module << " must not use " << used;
+            EXPECT_TRUE(used == module || target.find("/internal/") == std::string::npos)
+                << file << ':' << number << ": " << target << " is internal to " << used;
             ++checked;
         }
     }

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <set>
 
-#include "bench_stability_measure.h"
+#include "apps/bench/stability_measure.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

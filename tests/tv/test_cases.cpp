@@ -2,7 +2,7 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "bench_case.h"
+#include "apps/bench/case.h"
 #include "support/test_data.h"
 #include "tv/tv_support.h"
 

@@ -1,7 +1,7 @@
 // Both forms of the lists hold the same edges in the same order: all results agree bit for bit.
 #include <cstring>
 
-#include "bench_cloud.h"
+#include "apps/bench/cloud.h"
 #include "core/error.h"
 #include "core/gaussians.h"
 #include "tv/tv_support.h"

@@ -4,7 +4,7 @@
 #include <numeric>
 #include <thread>
 
-#include "tv/neighbour_lists_impl.h"
+#include "tv/internal/neighbour_lists_impl.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {

@@ -1,8 +1,8 @@
 // Exact neighbours, against brute force, for each twin.
 #include "core/error.h"
-#include "tv/neighbours.h"
+#include "tv/internal/neighbours.h"
+#include "tv/internal/voting_impl.h"
 #include "tv/tv_support.h"
-#include "tv/voting_impl.h"
 
 namespace tvsgs::test {
 namespace {

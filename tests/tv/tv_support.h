@@ -10,7 +10,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "bench_field.h"
+#include "apps/bench/field.h"
 #include "core/cuda_device.h"
 #include "core/gaussians.h"
 #include "tv/vote_math.h"
@@ -50,7 +50,7 @@ Gaussians<Device> to_gaussians(const Cloud& cloud) {
     return g;
 }
 
-/// As on Gaussians (bench_field.h).
+/// As on Gaussians (apps/bench/field.h).
 template <class Device>
 FieldOnHost run_events(const Cloud& cloud,
                        const TvOptions& options,

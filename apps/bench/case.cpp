@@ -1,0 +1,442 @@
+#include "apps/bench/case.h"
+
+#include <optional>
+#include <string_view>
+
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+Vec3<double> vec(const NpyArray& a, int i) {
+    const double* v = &a.numbers[3 * std::size_t(i)];
+    return {v[0], v[1], v[2]};
+}
+
+Sym3f sym(const NpyArray& a, int i) {
+    const double* T = &a.numbers[6 * std::size_t(i)];
+    return {float(T[0]), float(T[1]), float(T[2]), float(T[3]), float(T[4]), float(T[5])};
+}
+
+Vec3<double> scale(const VotingCase& c, int i) {
+    return vec(c.at("scales"), i);
+}
+
+/// Distances of two splats in the voter's whitened space, from the stored inputs.
+class WhitenedDistance {
+public:
+    explicit WhitenedDistance(const VotingCase& c)
+        : case_(c),
+          rule_{c.options.whiten, c.options.whiten_noise_mode == NoiseMode::per_splat,
+                c.options.flatness_limit} {
+        for (int i = 0; i < c.size(); ++i) {
+            const auto s = limit_flatness(scale(c, i), double(c.options.flatness_limit));
+            mean_trace_ += dot(s, s) / c.size();
+        }
+    }
+    double operator()(int i, std::uint32_t j) const {
+        const auto w = whitening(quat_cast<double>(case_.splats.quats[std::size_t(i)]),
+                                 scale(case_, i), rule_, kWhitenNoise * mean_trace_);
+        const Vec3<double> d = vec_cast<double>(case_.splats.means[j]) -
+                               vec_cast<double>(case_.splats.means[std::size_t(i)]);
+        return norm(whitened_from_world(w) * d);
+    }
+
+private:
+    const VotingCase& case_;
+    WhitenRule rule_;
+    double mean_trace_ = 0;
+};
+
+/// How far list `mine` of splat i is from a right one, however ties of either distance resolve: no
+/// member may lie beyond the 2k-th Euclidean neighbour, and no nearer splat may be left out that is
+/// nearer in the whitened space than the list's last.
+double list_error(const VotingCase& c,
+                  const WhitenedDistance& distance,
+                  int i,
+                  const std::vector<std::uint32_t>& mine) {
+    const std::uint32_t self = static_cast<std::uint32_t>(i);
+    std::vector<double> reach(std::size_t(c.size()));
+    for (std::uint32_t j = 0; j < reach.size(); ++j)
+        reach[j] =
+            norm(vec_cast<double>(c.splats.means[j]) - vec_cast<double>(c.splats.means[self]));
+    std::vector<double> sorted = reach;
+    const auto last =
+        sorted.begin() + std::min(2 * std::ptrdiff_t(c.options.k), std::ptrdiff_t(c.size()) - 1);
+    reach[self] = -1;  // not its own neighbour: rank 0
+    sorted[self] = -1;
+    std::nth_element(sorted.begin(), last, sorted.end());
+    const double limit = *last;
+    const auto beyond = [](double value, double bound) {
+        return value <= bound ? 0 : bound > 0 ? value / bound - 1 : 1;
+    };
+    double error = 0, farthest = 0;
+    for (const auto j : mine) {
+        error = std::max(error, j == self ? 1 : beyond(reach[j], limit));
+        farthest = std::max(farthest, distance(i, j));
+    }
+    for (std::uint32_t j = 0; j < reach.size(); ++j)
+        if (j != self && reach[j] < limit * (1 - 1e-6) &&
+            !std::binary_search(mine.begin(), mine.end(), j))
+            error = std::max(error, beyond(farthest, distance(i, j)));
+    return error;
+}
+
+/// Compares one quantity splat by splat.
+class Comparison {
+public:
+    Comparison(CaseQuantity& quantity, std::vector<bool>& excused)
+        : quantity_(quantity), excused_(excused) {}
+
+    /// `moved`: by how much the oracle moves where its inputs are off by a unit in the last place;
+    /// not known, it may be as much as the bound.
+    void add(int splat, double difference, std::optional<double> moved) const {
+        constexpr double kSlack = 10;  // of few draws the largest is below the worst case
+        ++quantity_.defined, ++quantity_.compared;
+        const double limit = std::min(kSlack * moved.value_or(quantity_.bound), quantity_.ceiling);
+        if (difference > quantity_.bound && difference <= limit) {
+            ++quantity_.excused;
+            excused_[std::size_t(splat)] = true;
+        } else if (!(difference <= quantity_.largest) && !std::isnan(quantity_.largest)) {
+            quantity_.largest = difference, quantity_.at = splat;
+        }
+    }
+    /// A result that rounding decides.
+    void add_undecided() const { ++quantity_.defined; }
+
+private:
+    CaseQuantity& quantity_;
+    std::vector<bool>& excused_;
+};
+
+class Comparer {
+public:
+    explicit Comparer(const VotingCase& c, CaseComparison& out)
+        : case_(c), out_(out), excused_(std::size_t(c.size())) {
+        find_old_statistics();
+    }
+
+    void lists(const VotingDetails& details) {
+        const WhitenedDistance distance(case_);
+        const Comparison list = quantity("list", 1e-5, 1e-5);  // ties in float distances
+        for (int i = 0; i < case_.size(); ++i) {
+            const auto mine = sorted_row(details.receivers, case_.k, i),
+                       oracles = sorted_row(case_.receivers, case_.k, i);
+            const bool same = mine == oracles;
+            out_.lists_with_ties += same ? 0 : 1;
+            const bool twice = std::adjacent_find(mine.begin(), mine.end()) != mine.end();
+            list.add(i, same ? 0 : twice ? 1 : list_error(case_, distance, i, mine), 0);
+        }
+    }
+
+    void field(const FieldOnHost& f) {
+        numbers("tau", f.details.tau, 1e-5, 1e-3, 0, false);
+        tensors(f);
+        normals(f);
+        targets(f);
+        numbers("variability", f.details.variability, 0.1 * kPi / 180, 3 * kPi / 180, -1, true);
+        numbers("strength", f.details.strength, 1e-3, 0.1, 0.01, true);
+        flag("has_tensor", [&](std::size_t i) { return (f.flags[i] & kHasTensor) != 0; });
+        flag("normal_valid", [&](std::size_t i) { return (f.flags[i] & kNormalValid) != 0; });
+        flag("position_valid", [&](std::size_t i) { return (f.flags[i] & kPositionValid) != 0; });
+        flag("left_out", [&](std::size_t i) { return f.details.left_out[i] != 0; });
+        out_.excused = static_cast<int>(std::count(excused_.begin(), excused_.end(), true));
+    }
+
+private:
+    Comparison quantity(const char* name, double bound, double ceiling) {
+        out_.quantities.push_back({name, bound, ceiling});
+        return {out_.quantities.back(), excused_};
+    }
+    double stored(const char* array, int i) const {
+        return case_.at(array).numbers[std::size_t(i)];
+    }
+    std::optional<double> moved(const std::string& array, int i, double unit) const {
+        if (!case_.has(array)) return {};
+        return stored(array.c_str(), i) / unit;
+    }
+    /// Whether an older oracle did not store it, which is noted.
+    bool missing(const char* array) {
+        if (case_.has(array)) return false;
+        out_.not_stored.emplace_back(array);
+        return true;
+    }
+    /// Whether splat i has no result to compare, or one that rounding decides, which is counted. An
+    /// older oracle went on with votes that are rounding errors, and are none here.
+    bool skips(const Comparison& result, int i, bool unambiguous_only) const {
+        const bool old = !case_.has("has_tensor");
+        const double has = !old ? stored("has_tensor", i) : stored("strength", i) < 1e-8 ? 2 : 1;
+        if (has == 2) result.add_undecided();
+        if (has != 1) return true;
+        if (!unambiguous_only) return false;
+        return old ? !(gap(i) >= kMinNormalGap) : stored("normal_valid", i) != 1;
+    }
+    /// An older oracle counted votes of strength 0 and ambiguous normals in the statistics of those
+    /// who hear or list them.
+    bool is_old_statistic(int i) const {
+        return !case_.has("has_tensor") && old_statistics_[std::size_t(i)];
+    }
+    void find_old_statistics() {
+        old_statistics_.assign(std::size_t(case_.size()), false);
+        for (int voter = 0; voter < case_.size(); ++voter)
+            for (int r = 0; r < case_.k; ++r) {
+                const auto j =
+                    case_.receivers[std::size_t(voter) * std::size_t(case_.k) + std::size_t(r)];
+                if (!(gap(voter) >= kMinVotingGap)) old_statistics_[j] = true;
+                if (!(gap(static_cast<int>(j)) > kComparedGap))
+                    old_statistics_[std::size_t(voter)] = true;
+            }
+    }
+    /// (lambda_2 - lambda_3) / lambda_1.
+    double gap(int i) const {
+        const Vec3<double> l = vec(case_.at("eigenvalues"), i);
+        return l.x > 0 ? (l.y - l.z) / l.x : 0;
+    }
+
+    /// `least`: differences are relative to a number, or to this share of the middle one if that is
+    /// more; below zero: absolute.
+    void numbers(const char* name,
+                 const std::vector<float>& mine,
+                 double bound,
+                 double ceiling,
+                 double least,
+                 bool is_statistic) {
+        const Comparison result = quantity(name, bound, ceiling);
+        const std::string moves = str("moved_", name);
+        const double middle_one = middle(case_.at(name).numbers);
+        for (int i = 0; i < case_.size(); ++i) {
+            // The two statistics of the mask are made of unambiguous normals only.
+            if (skips(result, i, is_statistic) || (is_statistic && is_old_statistic(i))) continue;
+            const double wanted = stored(name, i);
+            double unit = least < 0 ? 1 : std::max(std::abs(wanted), least * middle_one);
+            if (unit == 0) unit = 1;
+            result.add(i, std::abs(double(mine[std::size_t(i)]) - wanted) / unit,
+                       moved(moves, i, unit));
+        }
+    }
+
+    void tensors(const FieldOnHost& f) {
+        const Comparison result = quantity("tensor", kTensorBound, 0.02);
+        std::vector<double> sizes;
+        for (int i = 0; i < case_.size(); ++i)
+            sizes.push_back(frobenius(sym(case_.at("tensor"), i)));
+        const double least = 0.01 * middle(sizes);  // one far below the others counts with these
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(result, i, false)) continue;
+            const double size = std::max(sizes[std::size_t(i)], least);
+            const Sym3f off = difference(f.tensors[std::size_t(i)], sym(case_.at("tensor"), i));
+            result.add(i, frobenius(off) / size, moved("moved_tensor", i, size));
+        }
+    }
+
+    void normals(const FieldOnHost& f) {
+        const Comparison result = quantity("normal_deg", kNormalBoundDeg, 5);
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(result, i, true)) continue;
+            // The same error of a tensor turns its normal farther the smaller the gap is.
+            const double share = std::min(1.0, gap(i) / kComparedGap);
+            const double off =
+                angle_deg(vec_cast<double>(f.normals[std::size_t(i)]), vec(case_.at("normal"), i));
+            result.add(i, share * off, moved("moved_normal_deg", i, 1 / share));
+        }
+    }
+
+    /// A target is one of eleven places on the voted normal, as salient as the oracle's.
+    void targets(const FieldOnHost& f) {
+        const Comparison place = quantity("target_steps", 0.02, 0.02),
+                         saliency = quantity("target_saliency", 1e-4, 1e-2);
+        const bool no_saliency = missing("saliency");
+        for (int i = 0; i < case_.size(); ++i) {
+            if (skips(place, i, true) || !(gap(i) > kComparedGap)) continue;
+            const Vec3<double> scales = scale(case_, i), mean = vec(case_.at("means"), i),
+                               normal = vec(case_.at("normal"), i),
+                               target = vec(case_.at("target"), i);
+            const double step = double(case_.options.virtual_range) *
+                                std::max({scales.x, scales.y, scales.z}) / kSteps;
+            const Vec3<double> offset = vec_cast<double>(f.targets[std::size_t(i)]) - mean;
+            // Less what storing a point as floats rounds away; which may be all there is.
+            const double rounding = norm(mean) * 1.1e-7;
+            if (step < 2 * rounding) {
+                place.add(i, std::max(norm(offset) - kSteps * step - rounding, 0.0) / step, 0);
+                continue;
+            }
+            const double along_mine = dot(offset, normal) / step,
+                         along_oracles = dot(target - mean, normal) / step;
+            const auto is_place = [](double along) { return std::abs(along) < kSteps + 0.5; };
+            if (!is_place(along_mine) || !is_place(along_oracles)) {
+                place.add(i, std::abs(along_mine - along_oracles) + kSteps, 0);
+                continue;
+            }
+            const int chosen = static_cast<int>(std::lround(along_mine)),
+                      wanted = static_cast<int>(std::lround(along_oracles));
+            const Vec3<double> at = chosen == wanted ? target - mean : chosen * step * normal;
+            const double off = norm(offset - at) - rounding;
+            place.add(i, std::max(off, 0.0) / step, 0);
+            if (no_saliency) {
+                saliency.add(i, chosen == wanted ? 0 : 1, 0);
+                continue;
+            }
+            if (case_.has("target_decided") && stored("target_decided", i) == 2) {
+                saliency.add_undecided();
+                continue;
+            }
+            const double* all = &case_.at("saliency").numbers[std::size_t(i) * (2 * kSteps + 1)];
+            saliency.add(i, std::abs(all[place_of(wanted)] - all[place_of(chosen)]),
+                         moved("moved_saliency", i, 1));
+        }
+    }
+    static constexpr int kSteps = 5;
+    /// In the oracle's order: 0, -1, 1, -2, 2, ...
+    static int place_of(int m) { return m == 0 ? 0 : 2 * std::abs(m) - (m < 0 ? 1 : 0); }
+
+    template <class Mine>
+    void flag(const char* array, const Mine& mine) {
+        if (missing(array)) return;
+        const Comparison result = quantity(array, 0, 0);
+        for (int i = 0; i < case_.size(); ++i) {
+            const double wanted = stored(array, i);
+            if (wanted == 2)
+                result.add_undecided();
+            else
+                result.add(i, mine(std::size_t(i)) == (wanted == 1) ? 0 : 1, 0);
+        }
+    }
+
+    const VotingCase& case_;
+    CaseComparison& out_;
+    std::vector<bool> excused_, old_statistics_;
+};
+
+}  // namespace
+
+std::string CaseQuantity::fault() const {
+    if (!(largest <= bound))
+        return str(name, " of splat ", at, " differs by ", largest, ", allowed ", bound);
+    // Coordinates may be too coarse to tell any two targets apart.
+    const bool may_be_empty = std::string_view(name) == "target_saliency";
+    if (compared < kComparedShare * defined || (defined == 0 && !may_be_empty))
+        return str(name, " can be compared in ", compared, " of ", defined, " splats only, asked ",
+                   100 * kComparedShare, " %");
+    return {};
+}
+
+std::vector<std::string> CaseComparison::faults() const {
+    if (!same_length) return {"lists have another length than the oracle's"};
+    std::vector<std::string> list;
+    for (const CaseQuantity& q : quantities)
+        if (std::string text = q.fault(); !text.empty()) list.push_back(std::move(text));
+    if (excused > kExcusedShare * splats)
+        list.push_back(str(excused, " of ", splats,
+                           " splats are beyond a bound by what rounding does to them, allowed ",
+                           100 * kExcusedShare, " %"));
+    return list;
+}
+
+VotingCase read_voting_case(const std::string& path) {
+    VotingCase c;
+    c.name = path;
+    c.arrays = read_npz(path);
+    const std::vector<std::int64_t>& shape = c.at("means").shape;
+    const std::int64_t count = shape.empty() ? 0 : shape[0];
+    const auto expect_shape = [&](const char* name, std::vector<std::int64_t> wanted) {
+        if (c.at(name).shape != wanted || c.at(name).is_text)
+            throw Error(ExitCode::input,
+                        str(path, ": array '", name, "' has not the shape that belongs to ", count,
+                            " splats; expected a case of the oracle, "
+                            "tests/data/tensor_voting/tensor_voting.py --make"));
+    };
+    if (c.at("index").shape.size() == 2) c.k = static_cast<int>(c.at("index").shape[1]);
+    if (count < 2 || count > 10'000'000 || c.k < 1)
+        throw Error(ExitCode::input, str(path, ": ", count, " splats with lists of ", c.k,
+                                         "; expected a case of the oracle, tensor_voting.py "
+                                         "--make"));
+    for (const char* name : {"means", "scales", "eigenvalues", "normal", "target"})
+        expect_shape(name, {count, 3});
+    for (const char* name : {"tau", "variability", "strength", "left_out"})
+        expect_shape(name, {count});
+    // All of them, or none: an older oracle's.
+    if (c.has("has_tensor")) {
+        for (const char* name : {"has_tensor", "normal_valid", "position_valid", "target_decided",
+                                 "moved_tau", "moved_tensor", "moved_normal_deg", "moved_saliency",
+                                 "moved_variability", "moved_strength"})
+            expect_shape(name, {count});
+        expect_shape("saliency", {count, 11});
+    }
+    for (const char* name : {"k", "rounds", "whiten", "flatness_limit"}) expect_shape(name, {});
+    for (const char* name : {"flatness_limit_position", "virtual_range", "target_margin",
+                             "max_vote_angle_deg", "min_votes"})
+        if (c.has(name)) expect_shape(name, {});
+    expect_shape("quats", {count, 4});
+    expect_shape("tensor", {count, 6});
+    expect_shape("index", {count, c.k});
+
+    const auto number = [&](const char* name) { return c.at(name).numbers[0]; };
+    resize(c.splats, static_cast<int>(count), 0);
+    fill_zero(c.splats);
+    for (int i = 0; i < c.size(); ++i) {
+        const std::size_t s = std::size_t(i);
+        const double* q = &c.at("quats").numbers[4 * s];
+        const Vec3f scales = vec_cast<float>(scale(c, i));
+        c.splats.means[s] = vec_cast<float>(vec(c.at("means"), i));
+        c.splats.quats[s] = {float(q[0]), float(q[1]), float(q[2]), float(q[3])};
+        c.splats.log_scales[s] = {std::log(scales.x), std::log(scales.y), std::log(scales.z)};
+    }
+    for (const double j : c.at("index").numbers) {
+        if (!(j >= 0 && j < static_cast<double>(count)))
+            throw Error(ExitCode::input,
+                        str(path, ": array 'index' names splat ", j, " of ", count));
+        c.receivers.push_back(static_cast<std::uint32_t>(j));
+    }
+    c.options.k = static_cast<int>(number("k"));
+    c.rounds = static_cast<int>(number("rounds"));
+    if (c.options.k < 1 || c.rounds < 1)
+        throw Error(ExitCode::input, str(path, ": k ", number("k"), ", rounds ", number("rounds"),
+                                         "; expected 1 or more"));
+    // What an older oracle knew one value of only keeps that.
+    const auto number_or = [&](const char* name, double other) {
+        return c.has(name) ? number(name) : other;
+    };
+    const auto says = [&](const char* name, const char* usual, const char* choice) {
+        if (!c.has(name) || c.at(name).text == usual) return false;
+        if (c.at(name).text != choice)
+            throw Error(ExitCode::input, str(path, ": '", name, "' is '", c.at(name).text,
+                                             "'; expected ", usual, " or ", choice));
+        return true;
+    };
+    TvOptions& o = c.options;
+    o.whiten = number("whiten") != 0;
+    o.flatness_limit = static_cast<float>(number("flatness_limit"));
+    o.flatness_limit_position =
+        static_cast<float>(number_or("flatness_limit_position", number("flatness_limit")));
+    o.virtual_range = static_cast<float>(number_or("virtual_range", 1));
+    o.target_margin = static_cast<float>(number_or("target_margin", 0));
+    o.max_vote_angle_deg = static_cast<float>(number_or("max_vote_angle_deg", 90));
+    o.min_votes = static_cast<int>(number_or("min_votes", 3));
+    o.whiten_noise_mode =
+        says("mode", "global", "per_splat") ? NoiseMode::per_splat : NoiseMode::global;
+    o.vote_map = says("vote_map", "covariant", "unit") ? VoteMap::unit : VoteMap::covariant;
+    o.scale_rule = says("scale_rule", "ten_percent_at_median", "median")
+                       ? ScaleRule::median
+                       : ScaleRule::ten_percent_at_median;
+    o.curvature =
+        says("curvature", "literal", "scale_free") ? Curvature::scale_free : Curvature::literal;
+    o.strength = says("strength_rule", "relative", "literal") ? VoteStrength::literal
+                                                              : VoteStrength::relative;
+    return c;
+}
+
+CaseComparison compare_with_case(const VotingCase& c, const RunCase& run) {
+    FieldOnHost field = run({});
+    CaseComparison out;
+    out.splats = c.size();
+    out.same_length = field.details.k == c.k;
+    if (!out.same_length) return out;
+    out.quantities.reserve(16);  // they are referred to while others are added
+    Comparer compare(c, out);
+    compare.lists(field.details);
+    if (out.lists_with_ties > 0) field = run(c.receivers);
+    compare.field(field);
+    return out;
+}
+
+}  // namespace tvsgs

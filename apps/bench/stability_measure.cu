@@ -1,0 +1,9 @@
+#include "apps/bench/stability_rows.h"
+
+namespace tvsgs {
+
+std::vector<StabilityCurve> measure_stability(Cuda) {
+    return stability::measure<Cuda>();
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,27 @@
+// The list of rows.
+#pragma once
+
+#include "apps/bench/stability_adam.h"
+#include "apps/bench/stability_geometry.h"
+#include "apps/bench/stability_render.h"
+#include "apps/bench/stability_sweep.h"
+#include "apps/bench/stability_tv.h"
+
+namespace tvsgs::stability {
+
+template <class Device>
+std::vector<StabilityCurve> measure() {
+    std::vector<StabilityCurve> curves;
+    sweep_all<Device, CentreFocal, CentreDepth, CentreScale, EllipseRatio, EllipseLength,
+              EllipseSize, QuaternionNorm, StackDepth, StackOpacity, OpacityOfLogit,
+              BackwardLogScales, BackwardRotation, BackwardPlace, BackwardSize, SsimContrast>(
+        curves);
+    sweep_all<Device, WhitenedRatio, WhitenedScale, WhitenedGiant, VoteRatio, VoteScale,
+              VoteCoincident, VoteFar, EigenGap, EigenLowerGap, EigenScale, EigenNormal>(curves);
+    sweep_all<Device, DepthGrazing, DepthDistance, DepthGradient, NormalFocal, ReprojectedFocal,
+              ReprojectedScale, PatchFocal, PatchGrazing, PatchContrast, FusionDepth, FusionFocal,
+              FusionScale, FusionViews, AdamCount, AdamGradient, FarMoved, FarAsGiven>(curves);
+    return curves;
+}
+
+}  // namespace tvsgs::stability

@@ -1,0 +1,33 @@
+// tvsgs-bench: stage timings, and agreement with stored results; one class per subcommand.
+#include "apps/bench/stability.h"
+#include "apps/bench/stages.h"
+#include "apps/bench/train.h"
+#include "apps/bench/vote.h"
+#include "apps/common/command_line.h"
+
+namespace tvsgs {
+namespace {
+
+int command(int argc, char** argv) {
+    CLI::App app{"Measures the program itself.", "tvsgs-bench"};
+    app.require_subcommand(1);
+    app.set_version_flag("--version", kVersion);
+    const VoteBench vote(app);
+    const StagesBench stages(app);
+    const TrainBench train(app);
+    const StabilityBench stability(app);
+    parse_command_line(app, argc, argv);
+    init_log(vote.quiet() || stages.quiet() || train.quiet() ? Verbosity::quiet
+                                                             : Verbosity::normal);
+    return vote.parsed()        ? vote.run()
+           : stages.parsed()    ? stages.run()
+           : stability.parsed() ? stability.run()
+                                : train.run();
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

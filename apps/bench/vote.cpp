@@ -1,0 +1,338 @@
+#include "apps/bench/vote.h"
+
+#include <omp.h>
+
+#include <cmath>
+#include <cstdio>
+#include <string_view>
+
+#include "apps/bench/case.h"
+#include "apps/bench/cloud.h"
+#include "apps/bench/stats.h"
+#include "core/device_choice.h"
+#include "io/atomic_file.h"
+#include "pipeline/run_options.h"
+
+namespace tvsgs {
+namespace {
+
+/// Keys that trade memory or time against precision; --errors tries all their values.
+constexpr std::string_view kTradeKeys[] = {"tv.lists", "tv.precision"};
+
+constexpr std::string_view kRebuildStages[] = {"keys", "tree", "search", "reverse"};
+
+bool is_rebuild(const std::string& stage) {
+    return std::find(std::begin(kRebuildStages), std::end(kRebuildStages), stage) !=
+           std::end(kRebuildStages);
+}
+
+struct Measured {
+    Timings timings;
+    JsonLine counters, memory;
+};
+
+/// Waits for the device: copies to the host do.
+template <class Device>
+void wait(const TensorField<Device>& field, Buffer<std::uint8_t, Device>& fence) {
+    if (field.flags.empty()) return;
+    fence.resize(1);
+    to_host(fence);
+}
+
+void add_in_degrees(const std::vector<std::int64_t>& begin, JsonLine& counters) {
+    std::vector<double> degrees;
+    std::int64_t unheard = 0;
+    double sum = 0;
+    for (std::size_t i = 0; i + 1 < begin.size(); ++i) {
+        const std::int64_t degree = begin[i + 1] - begin[i];
+        degrees.push_back(static_cast<double>(degree));
+        sum += degrees.back();
+        unheard += degree == 0;
+    }
+    const double count = static_cast<double>(std::max<std::size_t>(degrees.size(), 1));
+    counters.add("in_degree_mean", sum / count)
+        .add("in_degree_p99", percentile(degrees, 99))
+        .add("in_degree_max", percentile(degrees, 100))
+        .add("in_degree_zero", unheard);
+}
+
+/// Times of events with and without a rebuild, first as in training, then with a wait around every
+/// stage.
+template <class Device>
+Measured measure(const Gaussians<Cpu>& cloud,
+                 const TvOptions& options,
+                 int warm_up,
+                 int repetitions) {
+    Gaussians<Device> splats;
+    copy(cloud, splats);
+    const std::int64_t before = memory_use(Device{}).current_bytes;
+    TensorVoter<Device> voter(options);
+    TensorField<Device> field;
+    Buffer<std::uint8_t, Device> fence;
+    Measured out;
+    int step = options.start;
+    const auto event = [&](bool rebuild) {
+        if (rebuild) step += options.refresh_every;  // else the lists hold
+        const Stopwatch watch;
+        voter.vote(step, splats, field);
+        wait(field, fence);
+        return watch.ms();
+    };
+    for (int i = 0; i < std::max(warm_up, 1); ++i) event(true), event(false);
+    for (int i = 0; i < repetitions; ++i) {
+        out.timings.add("rebuild and event", event(true));
+        out.timings.add("event", event(false));
+    }
+    const std::int64_t after = memory_use(Device{}).current_bytes;
+    voter.set_profiling(true);
+    VotingProfile profile;
+    for (int i = 0; i < repetitions; ++i) {
+        event(true);
+        profile = voter.profile();
+        double rebuild = 0, round = 0;
+        for (const VotingStage& stage : profile.stages) {
+            out.timings.add(stage.name, stage.ms);
+            (is_rebuild(stage.name) ? rebuild : round) += stage.ms;
+        }
+        out.timings.add("rebuild, sum of stages", rebuild);
+        out.timings.add("event, sum of stages", round);
+    }
+    out.counters.add("candidates", profile.candidates)
+        .add("leaves", profile.leaves)
+        .add("silent_voters", profile.silent_voters)
+        .add("votes", profile.votes)
+        .add("culled_votes", profile.culled_votes);
+    out.memory.add("voter_bytes", static_cast<std::int64_t>(profile.bytes));
+    add_in_degrees(voter.details().begin, out.counters);
+    out.memory.add("voter_and_field_bytes", after - before)
+        .add("peak_bytes", memory_use(Device{}).peak_bytes);
+    return out;
+}
+
+/// Angles to the reference's normals after two events, where its eigenvalue gap allows.
+template <class Device>
+JsonLine normal_errors(const Gaussians<Cpu>& cloud,
+                       const TvOptions& options,
+                       const FieldOnHost& reference) {
+    Gaussians<Device> splats;
+    copy(cloud, splats);
+    const FieldOnHost field = run_events(splats, options, 2);
+    std::vector<double> angles;
+    std::int64_t not_finite = 0;
+    for (std::size_t i = 0; i < field.normals.size(); ++i) {
+        if ((reference.flags[i] & kHasTensor) == 0 ||
+            !(relative_gap(reference.eigenvalues[i]) > kComparedGap))
+            continue;
+        const double angle = angle_deg(field.normals[i], reference.normals[i]);
+        if (angle * 0 == 0)
+            angles.push_back(angle);
+        else
+            ++not_finite;
+    }
+    JsonLine json;
+    json.add("compared", static_cast<std::int64_t>(angles.size()))
+        .add("not_finite", not_finite)
+        .add("median_deg", percentile(angles, 50))
+        .add("p90_deg", percentile(angles, 90))
+        .add("p99_deg", percentile(angles, 99))
+        .add("max_deg", percentile(angles, 100));
+    return json;
+}
+
+bool is_trade(const Option& option) {
+    return std::find(std::begin(kTradeKeys), std::end(kTradeKeys), option.key) !=
+           std::end(kTradeKeys);
+}
+
+/// Of `from` what the rules of a stored case leave open.
+void take_trades(TvOptions from, TvOptions& to) {
+    OptionTable source, target;
+    source.add("tv", from), target.add("tv", to);
+    for (const Option& option : source.options())
+        if (is_trade(option)) target.set(option.key, option.get(), "tvsgs-bench");
+}
+
+RunOptions run_options(const std::vector<std::string>& configs,
+                       const std::vector<std::string>& settings) {
+    RunOptions run;
+    OptionTable table;
+    run.add_to(table);
+    for (const std::string& path : configs) table.read_file(path);
+    table.set_all(settings);
+    return run;
+}
+
+/// The configured options, or one entry for every combination of the values of kTradeKeys.
+struct Choice {
+    std::string name;
+    TvOptions options;
+};
+std::vector<Choice> choices(RunOptions& run, bool all) {
+    OptionTable table;
+    run.add_to(table);
+    std::vector<Choice> list = {{"", run.train.tv}};
+    for (const Option& option : table.options()) {
+        if (!is_trade(option)) continue;
+        std::vector<Choice> longer;
+        for (const Choice& shorter : list)
+            for (const std::string& value :
+                 all ? option.choices : std::vector<std::string>{option.get()}) {
+                run.train.tv = shorter.options;
+                table.set(option.key, value, "tvsgs-bench");
+                longer.push_back(
+                    {str(shorter.name, shorter.name.empty() ? "" : " ", option.key, "=", value),
+                     run.train.tv});
+            }
+        list = longer;
+    }
+    return list;
+}
+
+std::string comparison_json(const VotingCase& c,
+                            const CaseComparison& result,
+                            const std::string& device) {
+    JsonLine json;
+    json.add("case", c.name)
+        .add("version", kVersion)
+        .add("device", device)
+        .add("precision",
+             c.options.precision == VotePrecision::single_precision ? "single" : "double")
+        .add("splats", c.size())
+        .add("k", c.k);
+    std::string list;
+    for (const CaseQuantity& q : result.quantities) {
+        JsonLine line;
+        line.add("largest", q.largest)
+            .add("bound", q.bound)
+            .add("at", q.at)
+            .add("defined", q.defined)
+            .add("compared", q.compared)
+            .add("excused", q.excused);
+        list += str(list.empty() ? "" : ", ", "\"", q.name, "\": ", line.text());
+    }
+    json.add_json("quantities", "{" + list + "}")
+        .add("lists_with_ties", result.lists_with_ties)
+        .add("excused", result.excused);
+    if (!result.not_stored.empty()) {
+        std::string names;
+        for (const std::string& name : result.not_stored)
+            names += str(names.empty() ? "" : ", ", "\"", name, "\"");
+        json.add_json("not_stored", "[" + names + "]");
+    }
+    json.add("met", result.faults().empty());
+    return json.text();
+}
+
+}  // namespace
+
+VoteBench::VoteBench(CLI::App& app)
+    : command_(app.add_subcommand("vote", "tensor voting: stored cases, times, errors")) {
+    CLI::App& c = *command_;
+    c.add_option("--case", cases_,
+                 "compares with a case of the oracle (.npz); exit code 8 beyond the bounds")
+        ->expected(1)
+        ->take_all();
+    c.add_option("--synthetic", synthetic_, "times rebuild and event on so many made-up splats")
+        ->check(CLI::Range(1, 100'000'000));
+    c.add_option("--shape", shape_, "of the made-up splats")
+        ->check(CLI::IsMember(bench_shapes()))
+        ->capture_default_str();
+    c.add_option("--seed", seed_, "of the made-up splats")->capture_default_str();
+    c.add_option("--repetitions", repetitions_, "timed repetitions")
+        ->check(CLI::Range(1, 100'000))
+        ->capture_default_str();
+    c.add_option("--warm-up", warm_up_, "repetitions before these")
+        ->check(CLI::Range(1, 100'000))
+        ->capture_default_str();
+    c.add_flag("--errors", errors_,
+               "also angles to the normals of the reference in double, for every way to store the "
+               "lists");
+    c.add_option("-c,--config", configs_, "JSON configuration; of it tv.* counts")
+        ->expected(1)
+        ->take_all();
+    c.add_option("--set", settings_, "KEY=VALUE, as tv.k=64")->expected(1)->take_all();
+    c.add_option("--device", device_, "auto, cpu, cuda or cuda:N")->capture_default_str();
+    add_output_flag(c, "--out", out_, "JSON file to write as well");
+    c.add_flag("--quiet", quiet_, "warnings and errors only");
+}
+
+int VoteBench::run() const {
+    if (cases_.empty() == (synthetic_ == 0))
+        throw Error(ExitCode::usage, "tvsgs-bench vote: give either --case or --synthetic");
+    return cases_.empty() ? time_synthetic() : compare_cases();
+}
+
+int VoteBench::compare_cases() const {
+    const DeviceChoice device = choose_device(device_);
+    const RunOptions run = run_options(configs_, settings_);
+    bool all_met = true;
+    std::string lines;
+    for (const std::string& path : cases_) {
+        VotingCase stored = read_voting_case(path);
+        take_trades(run.train.tv, stored.options);
+        const CaseComparison result =
+            on_device(device, [&](auto tag) { return compare_case_on(stored, tag); });
+        for (const std::string& fault : result.faults()) {
+            all_met = false;
+            spdlog::error("{}: {} (on {})", path, fault, device.description);
+        }
+        const std::string line = comparison_json(stored, result, device.description) + "\n";
+        std::fputs(line.c_str(), stdout);
+        lines += line;
+    }
+    if (!out_.empty()) write_text_file(out_, lines);
+    return static_cast<int>(all_met ? ExitCode::done : ExitCode::bound);
+}
+
+int VoteBench::time_synthetic() const {
+    RunOptions run = run_options(configs_, settings_);
+    const DeviceChoice device = choose_device(device_);
+    const Gaussians<Cpu> cloud = make_bench_cloud(shape_, synthetic_, seed_);
+    FieldOnHost reference;
+    if (errors_) {
+        TvOptions exact = run.train.tv;
+        exact.precision = VotePrecision::double_precision;
+        reference = run_events(cloud, exact, 2);
+    }
+
+    JsonLine json;
+    std::string results;
+    for (const Choice& choice : choices(run, errors_)) {
+        JsonLine result;
+        result.add("choice", choice.name);
+        const Measured m = on_device(device, [&](auto tag) {
+            using Device = decltype(tag);
+            if (errors_)
+                result.add_json("normal_error",
+                                normal_errors<Device>(cloud, choice.options, reference).text());
+            return measure<Device>(cloud, choice.options, warm_up_, repetitions_);
+        });
+        result.add("rebuild_ms", m.timings.median("rebuild, sum of stages"))
+            .add("event_ms", m.timings.median("event"))
+            .add_json("stages", m.timings.json())
+            .add_json("counters", m.counters.text())
+            .add_json("memory", m.memory.text());
+        results += (results.empty() ? "" : ", ") + result.text();
+        if (quiet_) continue;
+        std::fprintf(stderr, "%s, %d splats, k %d, %s%s%s\n", shape_.c_str(), synthetic_,
+                     choice.options.k, device.description.c_str(), choice.name.empty() ? "" : ", ",
+                     choice.name.c_str());
+        m.timings.print();
+        std::fprintf(stderr, "  counters %s\n  memory   %s\n", m.counters.text().c_str(),
+                     m.memory.text().c_str());
+    }
+    json.add("bench", "vote")
+        .add("version", kVersion)
+        .add("device", device.description)
+        .add("threads", omp_get_max_threads())
+        .add("shape", shape_)
+        .add("splats", synthetic_)
+        .add("seed", static_cast<std::int64_t>(seed_))
+        .add("k", run.train.tv.k)
+        .add_json("results", "[" + results + "]");
+    std::printf("%s\n", json.text().c_str());
+    if (!out_.empty()) write_text_file(out_, json.text() + "\n");
+    return static_cast<int>(ExitCode::done);
+}
+
+}  // namespace tvsgs

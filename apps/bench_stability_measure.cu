@@ -1,9 +1,0 @@
-#include "bench_stability_rows.h"
-
-namespace tvsgs {
-
-std::vector<StabilityCurve> measure_stability(Cuda) {
-    return stability::measure<Cuda>();
-}
-
-}  // namespace tvsgs

@@ -1,0 +1,31 @@
+// What all commands share: flags, and one place where exceptions become messages and exit codes.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "core/version.h"
+
+namespace tvsgs {
+
+/// For flags that ask for a number above 0.
+extern const CLI::Validator kPositive;
+
+/// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
+/// become Error(ExitCode::usage); an unknown flag names the nearest one.
+void parse_command_line(CLI::App& app, int argc, char** argv);
+
+/// A flag for a file to write, which may replace none but ours: said before any work is done.
+CLI::Option* add_output_flag(CLI::App& app,
+                             const std::string& names,
+                             std::string& file,
+                             const std::string& description);
+
+/// Runs a command; every exception ends as one message on standard error and the exit code of its
+/// kind.
+int run_command(const std::function<int()>& command);
+
+}  // namespace tvsgs

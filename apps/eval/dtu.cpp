@@ -1,0 +1,166 @@
+// tvsgs-eval dtu: the official DTU evaluation.  docs/evaluation.md
+#include <memory>
+#include <optional>
+
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "eval/benchmark_files.h"
+#include "eval/dtu_files.h"
+#include "eval/dtu_protocol.h"
+#include "eval/frame_check.h"
+#include "io/config.h"
+#include "io/manifest.h"
+#include "io/npz_cameras.h"
+
+namespace tvsgs {
+namespace {
+
+struct DtuArguments {
+    std::string pred, dtu, cameras, units = "auto", mode = "auto", order = "seeded", clouds,
+                                    palette, out;
+    int scan = 0;
+    DtuCulling cull;
+    double min_opacity = 0;
+    std::uint64_t seed = 0;
+    bool force = false;
+    DtuOptions options;
+    std::vector<std::string> require;
+};
+
+std::string counts_json(const Prediction& in, std::size_t culled, const DtuMetrics& m) {
+    JsonLine json;
+    json.add("vertices", static_cast<std::int64_t>(in.vertices))
+        .add("faces", static_cast<std::int64_t>(in.faces))
+        .add("dropped_not_finite", static_cast<std::int64_t>(in.dropped))
+        .add("dropped_transparent", static_cast<std::int64_t>(in.transparent))
+        .add("culled", static_cast<std::int64_t>(culled))
+        .add("sampled", m.sampled)
+        .add("thinned", m.thinned)
+        .add("in_box", m.in_box)
+        .add("observed", m.observed)
+        .add("accuracy_outliers", m.accuracy_outliers)
+        .add("gt", m.truth)
+        .add("gt_above_plane", m.truth_above)
+        .add("completeness_outliers", m.completeness_outliers);
+    return json.text();
+}
+
+int dtu(const DtuArguments& a) {
+    const std::vector<Bound> bounds = parse_bounds(a.require);
+    DtuOptions options = a.options;
+    if (a.order == "given")
+        options.seed.reset();
+    else
+        options.seed = a.seed;
+
+    // 1. Read, to millimetres, cull.
+    const DtuTruth truth = read_dtu_truth(a.dtu, a.scan);
+    Prediction in = read_prediction(a.pred, a.min_opacity);
+    const std::string camera_file = find_dtu_cameras(a.cameras, a.cull.masks);
+    std::optional<NpzCameras> cameras;
+    if (!camera_file.empty()) cameras = read_npz_cameras(camera_file);
+    const bool normalised = to_millimetres(in.mesh, cameras ? &*cameras : nullptr, a.units);
+    if (const FrameCheck frame = check_frame(in.mesh.vertices, truth.points);
+        !frame.plausible() && !a.force)
+        throw Error(ExitCode::input,
+                    str("E_DTU_FRAME: ", a.pred, " is not in the frame of scan ", a.scan, ": ",
+                        frame.text(),
+                        "; was scale_mat applied twice or not at all? (--cameras FILE --mesh-units "
+                        "normalised; --force measures regardless)"));
+    const bool culling = !a.cull.masks.empty() && a.cull.views != "none";
+    const std::size_t culled = culling ? cull_dtu(in.mesh, *cameras, a.cull) : 0;
+
+    // 2. Measure.
+    bool sample = a.mode != "points" && !in.is_splats;
+    if (sample && in.mesh.faces.empty()) {
+        if (a.mode == "mesh" || in.faces > 0)
+            spdlog::warn("{}: no face to sample; its vertices are measured as points", a.pred);
+        sample = false;
+    }
+    DtuMetrics m = evaluate_dtu(
+        sample ? sample_dtu(in.mesh.vertices, in.mesh.faces, options) : in.mesh.vertices, truth,
+        options);
+
+    // 3. Report.
+    JsonLine protocol;
+    protocol.add("measured", sample         ? "mesh"
+                             : in.is_splats ? "splat centres"
+                                            : "points")
+        .add("spacing", options.spacing)
+        .add("max_distance", options.max_distance)
+        .add("order", a.order);
+    if (options.seed) protocol.add("seed", static_cast<std::int64_t>(*options.seed));
+    protocol.add("units", normalised ? "normalised, scaled by scale_mat_0" : "mm")
+        .add("cull", culling ? a.cull.views : "none");
+    if (culling) protocol.add("cull_dilate_px", a.cull.dilate_px);
+    if (in.is_splats) protocol.add("min_opacity", a.min_opacity);
+    JsonLine inputs;
+    inputs.add("pred", a.pred).add("dtu", a.dtu).add("scan", a.scan);
+    if (cameras) inputs.add("cameras", camera_file);
+    if (culling) inputs.add("masks", a.cull.masks);
+    const std::vector<Metric> metrics = {{"accuracy", m.accuracy},
+                                         {"completeness", m.completeness},
+                                         {"chamfer", m.overall},
+                                         {"median_accuracy", m.accuracy_median},
+                                         {"median_completeness", m.completeness_median}};
+    JsonLine json;
+    for (const Metric& metric : metrics) json.add(metric.key, metric.value);
+    json.add_json("points", counts_json(in, culled, m))
+        .add_json("protocol", protocol.text())
+        .add_json("inputs", inputs.text());
+    if (!a.clouds.empty()) list_results(a.clouds, {"accuracy.ply", "completeness.ply"});
+    put_report(json.text(), a.out);
+    if (!m.undefined.empty())
+        throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
+                                         ", so that the metrics are undefined"));
+    if (!a.clouds.empty()) {
+        constexpr double kFull = 10;  // mm, as the official pictures
+        const ErrorPalette palette = find_palette(a.palette, ErrorPalette::dtu);
+        write_error_cloud(a.clouds + "/accuracy.ply", m.prediction, palette, kFull);
+        write_error_cloud(a.clouds + "/completeness.ply", m.reference, palette, kFull);
+    }
+    return check_bounds(bounds, metrics);
+}
+
+}  // namespace
+
+EvalCommand add_eval_dtu(CLI::App& app) {
+    const auto arguments = std::make_shared<DtuArguments>();
+    DtuArguments& a = *arguments;
+    CLI::App* command = app.add_subcommand("dtu", "the evaluation of the DTU benchmark, in mm");
+    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--scan", a.scan, "number of the scan")
+        ->required()
+        ->check(CLI::Range(1, 9999));
+    command->add_option("--dtu", a.dtu, "folder with Points/ and ObsMask/")->required();
+    command->add_option("--cameras", a.cameras, "cameras.npz with scale_mat_0 [beside the masks]");
+    command->add_option("--mesh-units", a.units, "auto, mm or normalised [auto]")
+        ->check(CLI::IsMember({"auto", "mm", "normalised"}));
+    command->add_option("--mode", a.mode, "auto, mesh or points [auto: by the file]")
+        ->check(CLI::IsMember({"auto", "mesh", "points"}));
+    command->add_option("--cull-masks", a.cull.masks, "cull by the object masks in this folder");
+    command->add_option("--cull", a.cull.views,
+                        "views whose masks cull: all, first:N, none or I,J,K [all]");
+    command->add_option("--cull-dilate", a.cull.dilate_px, "pixels by which the masks grow [24]")
+        ->check(CLI::Range(0, 200));
+    command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
+        ->check(CLI::Range(0.0, 1.0));
+    command->add_option("--seed", a.seed, "of the thinning's order [0]");
+    command->add_option("--order", a.order, "of the thinning: seeded or given [seeded]")
+        ->check(CLI::IsMember({"seeded", "given"}));
+    command->add_option("--spacing", a.options.spacing, "of samples and thinning, mm [0.2]")
+        ->check(kPositive);
+    command->add_option("--max-distance", a.options.max_distance, "outliers begin here, mm [20]")
+        ->check(kPositive);
+    command->add_option("--max-samples", a.options.max_samples, "of the mesh [100000000]")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
+    command->add_option("--clouds", a.clouds, "folder for clouds coloured by error");
+    command->add_option("--palette", a.palette, "of the clouds: dtu, tnt or safe [dtu]")
+        ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
+    command->add_flag("--force", a.force, "measure even what seems to be in another frame");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    add_require(*command, a.require, "chamfer<=1.5");
+    return {command, [arguments] { return dtu(*arguments); }};
+}
+
+}  // namespace tvsgs

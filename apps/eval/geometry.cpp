@@ -1,0 +1,99 @@
+// tvsgs-eval geometry: distances between a prediction and the truth in one frame.
+#include <memory>
+#include <optional>
+
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "core/local_origin.h"
+#include "core/parse_numbers.h"
+#include "eval/geometry_scores.h"
+#include "io/crop_file.h"
+#include "io/ply.h"
+
+namespace tvsgs {
+namespace {
+
+struct GeometryArguments {
+    std::string pred, gt, visible_gt, taus, crop, out;
+    double max_distance = 0;
+    std::int64_t point_samples = 0;
+    std::uint64_t seed = 0;
+    std::vector<std::string> require;
+};
+
+/// Of a frame in which float has digits left, also where the file is in UTM coordinates.
+Vec3d origin_of(const std::string& path) {
+    std::vector<Vec3d> positions = read_ply_geometry(path).positions;
+    std::erase_if(positions, [](Vec3d p) { return !is_finite(p); });
+    return local_origin(positions);
+}
+
+int geometry(const GeometryArguments& arguments) {
+    const std::vector<Bound> bounds = parse_bounds(arguments.require);
+    GeometryOptions options;
+    if (!arguments.taus.empty()) options.taus = parse_numbers("--tau", arguments.taus);
+    options.max_distance = arguments.max_distance;
+    const Crop crop = arguments.crop.empty() ? Crop{} : read_crop(arguments.crop);
+    const MeasureOptions measure{arguments.point_samples, arguments.seed, arguments.crop,
+                                 origin_of(arguments.gt)};
+    const MeasuredSurface prediction = read_measured(arguments.pred, measure, crop),
+                          truth = read_measured(arguments.gt, of_truth(measure), crop);
+    std::optional<SamplePoints> visible;
+    if (!arguments.visible_gt.empty())
+        visible = read_measured(arguments.visible_gt, of_truth(measure), crop).from;
+    const SamplePoints* const wanted = visible ? &*visible : nullptr;
+    const GeometryMetrics result = evaluate_geometry(prediction, truth, wanted, options);
+
+    std::vector<Metric> metrics = {{"accuracy", result.accuracy},
+                                   {"completeness", result.completeness},
+                                   {"chamfer", result.chamfer},
+                                   {"median_accuracy", result.median_accuracy},
+                                   {"median_completeness", result.median_completeness}};
+    for (const auto& t : result.thresholds) {
+        metrics.push_back({str("precision@", t.tau), t.precision});
+        metrics.push_back({str("recall@", t.tau), t.recall});
+        metrics.push_back({str("f1@", t.tau), t.f1});
+    }
+    JsonLine json = geometry_json(result);
+    json.add_json("points", counts_json(prediction, truth, wanted).text());
+    JsonLine inputs;
+    inputs.add("pred", arguments.pred).add("gt", arguments.gt);
+    if (!arguments.visible_gt.empty()) inputs.add("visible_gt", arguments.visible_gt);
+    if (!arguments.crop.empty()) inputs.add("crop", arguments.crop);
+    if (arguments.max_distance > 0) inputs.add("max_distance", arguments.max_distance);
+    if (arguments.point_samples > 0) inputs.add("point_samples", arguments.point_samples);
+    inputs.add("seed", static_cast<std::int64_t>(arguments.seed));
+    json.add_json("inputs", inputs.text());
+
+    put_report(json.text(), arguments.out);
+    return check_bounds(bounds, metrics);
+}
+
+}  // namespace
+
+EvalCommand add_eval_geometry(CLI::App& app) {
+    const auto arguments = std::make_shared<GeometryArguments>();
+    GeometryArguments& a = *arguments;
+    CLI::App* command =
+        app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
+    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--gt", a.gt, "mesh or cloud (PLY)")->required();
+    command->add_option("--visible-gt", a.visible_gt,
+                        "part of the truth that completeness and recall ask for");
+    command->add_option("--tau", a.taus, "thresholds T,T,... of precision, recall and F1");
+    command->add_option("--max-distance", a.max_distance, "distances are capped there")
+        ->check(kPositive);
+    command->add_option("--crop", a.crop,
+                        "selection volume, {\"box\": ...} or a scene's gt/info.json");
+    command
+        ->add_option("--point-samples", a.point_samples,
+                     "compare so many points on each mesh instead of its surface: biased, for "
+                     "figures measured that way")
+        ->check(CLI::Range(1, 100000000));
+    command->add_option("--seed", a.seed, "of the samples [0]");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    add_require(*command, a.require, "chamfer<=2 or f1@1>=0.4");
+    return {command, [arguments] { return geometry(*arguments); }};
+}
+
+}  // namespace tvsgs

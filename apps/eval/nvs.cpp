@@ -1,0 +1,122 @@
+// tvsgs-eval nvs: how well a run renders its test views.
+#include <memory>
+
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "core/device_choice.h"
+#include "eval/lpips_weights.h"
+#include "io/config.h"
+#include "io/json_value.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+#include "pipeline/view_evaluation.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct NvsArguments {
+    std::string model, scene, masks, device = "auto", quantize = "round", weights, range = "01";
+    bool masked = false;
+    std::vector<std::string> require;
+};
+
+/// results.json and per_view.json as 3DGS's metrics.py writes them.
+void write_3dgs_files(const std::string& run, const std::string& method, const ViewScores& scores) {
+    const auto named = [&](const std::string& psnr, const std::string& ssim,
+                           const std::string& lpips) {
+        JsonLine inner, outer;
+        inner.add_json("SSIM", ssim).add_json("PSNR", psnr).add_json("LPIPS", lpips);
+        return outer.add_json(method, inner.text()).text() + "\n";
+    };
+    const JsonValue views = parse_json_value(scores.per_view_json, "per view");
+    const auto column = [&](const char* key) {
+        JsonValue values = JsonValue::object();
+        for (const auto& [name, view] : views.members) values.set(name, view[key]);
+        return json_text(values);
+    };
+    write_text_file(run + "/results.json",
+                    named(json_text(scores.mean.psnr), json_text(scores.mean.ssim),
+                          json_text(scores.mean.lpips)));
+    write_text_file(run + "/per_view.json", named(column("psnr"), column("ssim"), column("lpips")));
+    result_of_run() = run + "/eval/nvs.json";
+}
+
+int nvs(const NvsArguments& arguments) {
+    const std::vector<Bound> bounds = parse_bounds(arguments.require);
+    ViewScoring scoring;
+    scoring.masked = arguments.masked;
+    scoring.quantize = arguments.quantize == "round"   ? ViewScoring::Quantize::round
+                       : arguments.quantize == "trunc" ? ViewScoring::Quantize::trunc
+                                                       : ViewScoring::Quantize::none;
+    scoring.lpips_range =
+        arguments.range == "01" ? LpipsRange::zero_one : LpipsRange::minus_one_one;
+    LpipsWeights weights;
+    if (!arguments.weights.empty())
+        weights = read_lpips_weights(arguments.weights), scoring.lpips = &weights;
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(run_config_path(arguments.model));
+    if (!arguments.scene.empty()) options.scene.path = arguments.scene;
+    if (!arguments.masks.empty()) options.scene.masks = arguments.masks;
+    options.scene.need_points = false;
+    const DeviceChoice device = choose_device(arguments.device);
+    const std::string splat_path = find_splats(arguments.model);
+    const Scene scene = read_scene_of_run(options.scene, arguments.model);
+    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
+    if (scene.test.empty())
+        throw Error(ExitCode::input,
+                    str(arguments.model, ": the run has no test views (scene ", options.scene.path,
+                        "); train with --split, --test-list or --eval to have some"));
+    spdlog::info("{}: {} splats, {} test views, on {}", splat_path, splats.size(),
+                 scene.test.size(), device.description);
+
+    const ViewScores scores = on_device(device, [&](auto tag) {
+        Gaussians<decltype(tag)> gaussians;
+        copy(splats, gaussians);
+        return evaluate_views(gaussians, scene.test, options.train, arguments.model, scoring);
+    });
+    write_3dgs_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
+                     scores);
+    std::printf("%s\n", view_scores_json(scores, scene.test.size(), scoring).text().c_str());
+    if (!scoring.lpips) spdlog::info("LPIPS: not computed: no weights given (--lpips-weights)");
+    spdlog::info("per view: {}/eval/nvs.json; renders, normal and depth maps: {}/test",
+                 arguments.model, arguments.model);
+    std::vector<Metric> metrics;
+    const auto add = [&](const ImageScores& mean, const std::string& suffix) {
+        metrics.push_back({"psnr" + suffix, mean.psnr});
+        metrics.push_back({"ssim" + suffix, mean.ssim});
+        metrics.push_back({"ssim_valid" + suffix, mean.ssim_valid});
+        if (scoring.lpips) metrics.push_back({"lpips" + suffix, mean.lpips});
+    };
+    add(scores.mean, "");
+    if (scoring.masked) add(scores.mean_masked, "_masked");
+    return check_bounds(bounds, metrics);
+}
+
+}  // namespace
+
+EvalCommand add_eval_nvs(CLI::App& app) {
+    const auto arguments = std::make_shared<NvsArguments>();
+    NvsArguments& a = *arguments;
+    CLI::App* command = app.add_subcommand("nvs", "PSNR, SSIM and LPIPS of a run's test views");
+    command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
+    command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
+    command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
+    command->add_flag("--masked", a.masked, "score the object on white as well, by its masks");
+    command->add_option("--masks", a.masks, "folder of the masks [those of the run]");
+    command->add_option("--quantize", a.quantize, "renders to 8 bits: round, trunc, none [round]")
+        ->check(CLI::IsMember({"round", "trunc", "none"}));
+    command->add_option("--lpips-weights", a.weights,
+                        "VGG's or AlexNet's and LPIPS's weights (.safetensors, .npz) [no LPIPS]");
+    command
+        ->add_option("--lpips-range", a.range,
+                     "01: colours as they are, as published with 3DGS; -11: as LPIPS means it [01]")
+        ->check(CLI::IsMember({"01", "-11"}));
+    add_require(*command, a.require, "psnr>=20");
+    return {command, [arguments] { return nvs(*arguments); }};
+}
+
+}  // namespace tvsgs

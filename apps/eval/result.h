@@ -1,0 +1,15 @@
+// Where results go.
+#pragma once
+
+#include <string>
+
+namespace tvsgs {
+
+/// Prints the report, and writes it to `out` unless that is empty.
+void put_report(const std::string& json, const std::string& out);
+
+/// The last of the files that this command has put into a run folder: its report is made anew in
+/// the end.
+std::string& result_of_run();
+
+}  // namespace tvsgs

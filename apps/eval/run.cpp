@@ -1,0 +1,177 @@
+// tvsgs-eval run: every evaluation that applies to a run folder, by the other subcommands.
+#include <filesystem>
+#include <memory>
+
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using Words = std::vector<std::string>;
+
+struct RunArguments {
+    std::string model, scene, device = "auto", gt, visible_gt, crop, tau, max_distance, dtu, scan,
+                              scene_dir, traj, tnt_tau, weights, cameras, units, masks, cull,
+                              dilate;
+    bool masked = false;
+};
+
+/// Without what is empty.
+Words flags(std::initializer_list<std::pair<const char*, std::string>> pairs) {
+    Words words;
+    for (const auto& [flag, value] : pairs)
+        if (!value.empty()) words.insert(words.end(), {flag, value});
+    return words;
+}
+
+void call(EvalCommand add(CLI::App&), Words words, const Words& more) {
+    words.insert(words.begin(), "tvsgs-eval");
+    words.insert(words.end(), more.begin(), more.end());
+    std::vector<char*> argv;
+    std::string line;
+    for (std::string& word : words) {
+        argv.push_back(word.data());
+        line += (line.empty() ? "" : " ") + word;
+    }
+    spdlog::info("{}", line);
+    CLI::App app;
+    app.require_subcommand(1);
+    const EvalCommand command = add(app);
+    parse_command_line(app, static_cast<int>(argv.size()), argv.data());
+    command.run();
+}
+
+/// What `dtu` needs of the scene; the mesh alone is culled.
+Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
+    std::string cameras = a.cameras;
+    for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
+        if (cameras.empty() && fs::is_regular_file(fs::path(scene) / name))
+            cameras = (fs::path(scene) / name).string();
+    Words words = flags({{"--cameras", cameras}, {"--mesh-units", a.units}});
+    if (of_mesh)
+        for (const std::string& word :
+             flags({{"--cull-masks", a.masks}, {"--cull", a.cull}, {"--cull-dilate", a.dilate}}))
+            words.push_back(word);
+    return words;
+}
+
+int run(const RunArguments& a) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(run_config_path(a.model));
+    const std::string scene = a.scene.empty() ? options.scene.path : a.scene,
+                      gt = a.gt.empty() ? options.eval.gt : a.gt;
+    const bool own_gt = a.gt.empty();  // with its crop and thresholds
+    const auto given = [&](const std::string& flag, const std::string& of_run) {
+        return flag.empty() && own_gt ? of_run : flag;
+    };
+    if (a.dtu.empty() != a.scan.empty())
+        throw Error(ExitCode::usage, "--dtu DIR and --scan N belong together; one is missing");
+    for (const auto& [flag, value] :
+         {std::pair("--cameras", a.cameras), std::pair("--mesh-units", a.units),
+          std::pair("--cull-masks", a.masks), std::pair("--cull", a.cull),
+          std::pair("--cull-dilate", a.dilate)})
+        if (a.dtu.empty() && !value.empty())
+            throw Error(ExitCode::usage,
+                        str(flag, " ", value, ": belongs to --dtu DIR, which is missing"));
+
+    struct Prediction {
+        std::string suffix, file;
+    };
+    std::vector<Prediction> predictions = {{"_centres", find_splats(a.model)}};
+    const std::string mesh = a.model + "/mesh/mesh.ply", alignment = a.model + "/eval/tnt";
+    if (fs::is_regular_file(mesh))
+        predictions.insert(predictions.begin(), {"", mesh});  // first: the centres take its frame
+    else
+        spdlog::info("no mesh; tvsgs-extract-mesh --model {} makes one", a.model);
+    int done = 0;
+    if (fs::is_directory(a.model + "/test")) {
+        Words words = flags({{"--model", a.model},
+                             {"--scene", a.scene},
+                             {"--device", a.device},
+                             {"--lpips-weights", a.weights}});
+        if (a.masked) words.push_back("--masked");
+        call(add_eval_nvs, {"nvs"}, words), ++done;
+    }
+    for (const auto& [suffix, file] : predictions) {
+        const auto out = [&](const char* name) {
+            return Words{"--pred", file, "--out", str(a.model, "/eval/", name, suffix, ".json")};
+        };
+        const auto samples = options.eval.point_samples;
+        if (!gt.empty()) {
+            const float cap = options.eval.max_distance;
+            Words words = flags({{"--gt", gt},
+                                 {"--visible-gt", given(a.visible_gt, options.eval.visible_gt)},
+                                 {"--crop", given(a.crop, options.eval.crop)},
+                                 {"--tau", given(a.tau, options.eval.taus)},
+                                 {"--max-distance", given(a.max_distance, cap > 0 ? str(cap) : "")},
+                                 {"--point-samples", samples > 0 ? str(samples) : ""}});
+            words.insert(words.begin(), "geometry");
+            call(add_eval_geometry, words, out("geometry")), ++done;
+        }
+        if (!a.dtu.empty()) {
+            Words words = dtu_words(a, scene, suffix.empty());
+            words.insert(words.begin(), {"dtu", "--dtu", a.dtu, "--scan", a.scan});
+            call(add_eval_dtu, words, out("dtu")), ++done;
+        }
+        if (!a.scene_dir.empty()) {
+            // The trained frame is that of the scene's own model.
+            const std::string model = scene + "/sparse/0";
+            Words words =
+                flags({{"--scene-dir", a.scene_dir},
+                       {"--traj", a.traj.empty() && fs::is_directory(model) ? model : a.traj},
+                       {"--tau", a.tnt_tau},
+                       {suffix.empty() ? "--results" : "--align-file",
+                        suffix.empty()            ? alignment
+                        : predictions.size() == 2 ? alignment + "/alignment.txt"
+                                                  : ""}});
+            words.insert(words.begin(), "tnt");
+            call(add_eval_tnt, words, out("tnt")), ++done;
+        }
+    }
+    if (done == 0)
+        throw Error(ExitCode::usage,
+                    str(a.model,
+                        ": nothing to measure: the run has no test views, and there is "
+                        "no --gt, --dtu or --scene-dir"));
+    call(add_eval_report, {"report", "--run", a.model}, flags({{"--scene", a.scene}}));
+    result_of_run().clear();
+    return 0;
+}
+
+}  // namespace
+
+EvalCommand add_eval_run(CLI::App& app) {
+    const auto arguments = std::make_shared<RunArguments>();
+    RunArguments& a = *arguments;
+    CLI::App* command = app.add_subcommand("run", "all evaluations that apply to a run folder");
+    command->add_option("-m,--model,--model-path", a.model, "run folder")->required();
+    command->add_option("-s,--scene", a.scene, "folder of the scene [that of the run]");
+    command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
+    command->add_flag("--masked", a.masked, "as nvs has it");
+    command->add_option("--lpips-weights", a.weights, "as nvs has it");
+    command->add_option("--gt", a.gt, "mesh or cloud (PLY) [what training measured against]");
+    command->add_option("--visible-gt", a.visible_gt, "as geometry has it");
+    command->add_option("--crop", a.crop, "as geometry has it");
+    command->add_option("--tau", a.tau, "as geometry has it");
+    command->add_option("--max-distance", a.max_distance, "as geometry has it");
+    command->add_option("--dtu", a.dtu, "as dtu has it, with --scan");
+    command->add_option("--scan", a.scan, "as dtu has it");
+    command->add_option("--cameras", a.cameras,
+                        "as dtu has it [cameras.npz or cameras_sphere.npz of the scene]");
+    command->add_option("--mesh-units", a.units, "as dtu has it");
+    command->add_option("--cull-masks", a.masks, "as dtu has it, for the mesh");
+    command->add_option("--cull", a.cull, "as dtu has it, for the mesh");
+    command->add_option("--cull-dilate", a.dilate, "as dtu has it, for the mesh");
+    command->add_option("--scene-dir", a.scene_dir, "as tnt has it");
+    command->add_option("--traj", a.traj, "as tnt has it [the scene's sparse/0]");
+    command->add_option("--tnt-tau", a.tnt_tau, "tnt's --tau");
+    return {command, [arguments] { return run(*arguments); }};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,78 @@
+#include "apps/eval/subcommands.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+
+namespace tvsgs {
+namespace {
+
+Bound parse_bound(const std::string& text) {
+    Bound bound{text, "", "", 0};
+    const std::size_t at = text.find_first_of("<>");
+    if (at != std::string::npos && at > 0) {
+        const std::size_t length = at + 1 < text.size() && text[at + 1] == '=' ? 2 : 1;
+        bound.key = text.substr(0, at);
+        bound.relation = text.substr(at, length);
+        bound.key.erase(bound.key.find_last_not_of(' ') + 1);
+        const std::size_t number = text.find_first_not_of(' ', at + length);
+        if (number != std::string::npos) {
+            const auto [rest, code] =
+                std::from_chars(text.data() + number, text.data() + text.size(), bound.limit);
+            if (code == std::errc{} && rest == text.data() + text.size()) return bound;
+        }
+    }
+    throw Error(ExitCode::usage,
+                str("--require ", text,
+                    ": expected KEY<=X or KEY>=X, for example chamfer<=2 or f1@1>=0.4"));
+}
+
+/// Keys with a threshold, as f1@1, compare it as a number: f1@1.0 is the same.
+bool same_key(const std::string& a, const std::string& b) {
+    const auto split = [](const std::string& key) {
+        const std::size_t at = key.find('@');
+        double tau = std::nan("");
+        if (at != std::string::npos)
+            std::from_chars(key.data() + at + 1, key.data() + key.size(), tau);
+        return std::pair{key.substr(0, at), tau};
+    };
+    const auto [name_a, tau_a] = split(a);
+    const auto [name_b, tau_b] = split(b);
+    return a == b || (name_a == name_b && tau_a == tau_b);
+}
+
+}  // namespace
+
+std::vector<Bound> parse_bounds(const std::vector<std::string>& texts) {
+    std::vector<Bound> bounds;
+    for (const std::string& text : texts) bounds.push_back(parse_bound(text));
+    return bounds;
+}
+
+int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics) {
+    bool met = true;
+    for (const Bound& bound : bounds) {
+        const auto metric = std::find_if(metrics.begin(), metrics.end(), [&](const Metric& m) {
+            return same_key(m.key, bound.key);
+        });
+        if (metric == metrics.end()) {
+            std::string known;
+            for (const Metric& m : metrics) known += (known.empty() ? "" : ", ") + m.key;
+            throw Error(ExitCode::usage, str("--require ", bound.text, ": there is no '", bound.key,
+                                             "'; there are ", known));
+        }
+        if (bound.holds(metric->value)) continue;
+        spdlog::error("required {}, but {} is {:.6g}", bound.text, bound.key, metric->value);
+        met = false;
+    }
+    return static_cast<int>(met ? ExitCode::done : ExitCode::bound);
+}
+
+void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example) {
+    command
+        .add_option("--require", require, "KEY<=X or KEY>=X, as " + example + "; else exit code 8")
+        ->expected(1)
+        ->take_all();
+}
+
+}  // namespace tvsgs

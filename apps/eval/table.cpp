@@ -1,0 +1,129 @@
+// tvsgs-eval table: the tables of several runs, and their errors over time in one plot.
+#include "report/table.h"
+
+#include <filesystem>
+#include <memory>
+
+#include "apps/eval/matrix.h"
+#include "apps/eval/subcommands.h"
+#include "io/atomic_file.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// DIR or LABEL=DIR. Nothing when the run has not finished.
+bool read_run(const std::string& text, TableRun& run) {
+    std::string folder = text;
+    std::error_code code;
+    if (const std::size_t at = text.find('='); at != std::string::npos && !fs::exists(text, code)) {
+        run.configuration = text.substr(0, at);
+        folder = text.substr(at + 1);
+    }
+    const std::string file = (fs::path(folder) / "report.json").string();
+    if (!fs::is_regular_file(file, code))
+        throw Error(ExitCode::input,
+                    str(file,
+                        ": does not exist; expected the folder of a run; for one that was "
+                        "trained by an older version: tvsgs-eval report --run ",
+                        folder));
+    run.report = parse_json_value(read_bytes(file), file);
+    if (run.report["format"].text != "tvsgs-report")
+        throw Error(ExitCode::input, str(file, ": is no report of tvsgs-train"));
+    if (run.report["summary"]["event"].text != "done") {
+        spdlog::warn("{}: this run has not finished; it is left out", folder);
+        return false;
+    }
+    const JsonValue& scene = run.report["config"]["scene"];
+    run.scene = run.report["run"]["scene"].text_or("unknown");
+    if (!scene["split"].text.empty()) run.scene += ", " + scene["split"].text;
+    if (!scene["views"].text.empty()) run.scene += ", views " + scene["views"].text;
+    if (const double n = scene["num_views"].number_or(0); n > 0)
+        run.scene += str(", ", n, " views");
+    run.seed = run.report["config"]["seed"].number_or(0);
+    return true;
+}
+
+int table(std::vector<std::string> folders,
+          const MatrixOptions& matrix,
+          const std::string& published_file,
+          const std::string& out) {
+    if (folders.empty() == matrix.file.empty())
+        throw Error(ExitCode::usage, "expected either --runs or --matrix");
+    if (matrix.file.empty() && (matrix.dry_run || !matrix.data.empty() || !matrix.scenes.empty()))
+        throw Error(ExitCode::usage, "--data, --scenes and --dry-run belong to --matrix");
+    if (!matrix.file.empty()) folders = run_matrix(matrix);
+    if (matrix.dry_run) return 0;
+    std::vector<PublishedFigure> published;
+    JsonValue file;
+    if (!published_file.empty()) {
+        file = parse_json_value(read_bytes(published_file), published_file);
+        published = parse_published(file, published_file);
+    }
+    std::vector<TableRun> runs;
+    for (const std::string& folder : folders)
+        if (TableRun run; read_run(folder, run)) runs.push_back(std::move(run));
+    if (runs.empty())
+        throw Error(ExitCode::input, "none of the runs has finished; expected at least one");
+    name_configurations(runs);
+    std::string text = str("# Results of ", runs.size(),
+                           " runs\n\nMeans over seeds \u00b1 their "
+                           "standard deviation, by ",
+                           kVersion, ".\n\n", tables_markdown(runs, published));
+    for (const auto& [name, source] : file["sources"].members)
+        if (text.find(" (" + name + ")* |") != std::string::npos)
+            text += str("Published, ", name, ": ", source.text, ".\n\n");
+    if (out.empty()) {
+        std::fputs(text.c_str(), stdout);
+        return 0;
+    }
+    const fs::path path(out), stem = fs::path(out).replace_extension();
+    for (const OverlayPlot& plot : overlay_plots(runs)) {
+        const std::string path_of_plot = str(stem.string(), "_", plot.name, ".svg");
+        write_text_file(path_of_plot, plot.svg);
+        text += str("![", plot.title, "](<", fs::path(path_of_plot).filename().string(), ">)\n\n");
+    }
+    write_text_file(stem.string() + ".csv", tables_csv(runs));
+    write_text_file(out, text);
+    spdlog::info("{}: {} runs; {}.csv has their numbers one by one", out, runs.size(),
+                 stem.string());
+    return 0;
+}
+
+}  // namespace
+
+EvalCommand add_eval_table(CLI::App& app) {
+    struct Arguments {
+        std::vector<std::string> runs;
+        std::string published, out;
+        MatrixOptions matrix;
+    };
+    const auto arguments = std::make_shared<Arguments>();
+    CLI::App* command =
+        app.add_subcommand("table", "tables of finished runs, and their errors over time");
+    command
+        ->add_option("--runs", arguments->runs,
+                     "run folders DIR or LABEL=DIR; seeds of one configuration are averaged")
+        ->take_all();
+    command->add_option("--matrix", arguments->matrix.file,
+                        "JSON file of scenes, configurations and seeds to train and measure first");
+    command->add_option("--data", arguments->matrix.data,
+                        "folder of the scenes of that file, which calls it ${data}");
+    command->add_option("--scenes", arguments->matrix.scenes, "of that file these only: A,B,C")
+        ->delimiter(',');
+    command->add_flag("--dry-run", arguments->matrix.dry_run,
+                      "with --matrix: print the commands and do nothing");
+    command->add_option("--published", arguments->published,
+                        "JSON file of figures to show where the scenes are the same "
+                        "(docs/published_figures.json)");
+    add_output_flag(*command, "-o,--out", arguments->out,
+                    "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
+    return {command, [arguments] {
+                return table(arguments->runs, arguments->matrix, arguments->published,
+                             arguments->out);
+            }};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,166 @@
+// tvsgs-eval tnt: the evaluation of Tanks and Temples.  docs/evaluation.md
+#include <cmath>
+#include <cstdio>
+#include <memory>
+
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "eval/frame_check.h"
+#include "eval/tnt_curves.h"
+#include "eval/tnt_files.h"
+#include "eval/tnt_protocol.h"
+#include "io/atomic_file.h"
+#include "io/crop_file.h"
+#include "io/manifest.h"
+#include "io/trajectory.h"
+
+namespace tvsgs {
+namespace {
+
+struct TntArguments {
+    std::string pred, scene_dir, scene_name, traj, align_file, points = "auto", results, palette,
+                                                               out;
+    double tau = 0, traj_threshold = 0.2, min_opacity = 0;
+    std::uint64_t seed = 0;
+    bool no_icp = false, icp_intended = false, force = false;
+    std::vector<std::string> require;
+};
+
+std::string matrix_text(const Affine3d& T) {
+    std::string text;
+    for (int r = 0; r < 3; ++r) {
+        char line[160];
+        std::snprintf(line, sizeof line, "%.17g %.17g %.17g %.17g\n", T.A[r][0], T.A[r][1],
+                      T.A[r][2], T.t[r]);
+        text += line;
+    }
+    return text + "0 0 0 1\n";
+}
+
+std::string matrix_json(const Affine3d& T) {
+    std::string text;
+    for (int r = 0; r < 3; ++r) {
+        char line[160];
+        std::snprintf(line, sizeof line, "[%.17g, %.17g, %.17g, %.17g], ", T.A[r][0], T.A[r][1],
+                      T.A[r][2], T.t[r]);
+        text += line;
+    }
+    return "[" + text + "[0, 0, 0, 1]]";
+}
+
+int tnt(const TntArguments& a) {
+    const std::vector<Bound> bounds = parse_bounds(a.require);
+    const TntFiles files = find_tnt_files(a.scene_dir, a.scene_name);
+    const double tau = find_tnt_tau(a.tau, files.scene);
+
+    // 1. Read.
+    const Crop crop = read_crop(files.crop);
+    const std::vector<Vec3d> truth = read_truth(files.cloud, kTntDistribution);
+    const std::vector<Vec3d> truth_cropped = cropped(truth, crop);
+    if (truth_cropped.empty())
+        throw Error(ExitCode::input, str("E_CROP: ", files.crop, ": none of the ", truth.size(),
+                                         " points of the ground truth is inside; is it the crop "
+                                         "volume of this scene?"));
+    const Prediction in = read_prediction(a.pred, a.min_opacity);
+    std::string used;
+    const std::vector<Vec3d> points = choose_tnt_points(in, a.points, a.seed, used);
+
+    // 2. Align.
+    TntAlignment alignment;
+    if (!a.align_file.empty()) {
+        alignment.start = read_transform(a.align_file);
+        alignment.how = a.align_file;
+    } else {
+        align_by_cameras(a.traj, files, a.traj_threshold, a.seed, a.force, alignment);
+    }
+    alignment.final = alignment.start;
+    if (!a.force)
+        check_tnt_overlap(transformed(points, alignment.start), truth_cropped, crop, a.pred);
+    const bool icp = !a.no_icp && a.align_file.empty();
+    if (icp) refine_tnt(points, truth_cropped, crop, tau, a.icp_intended, alignment);
+
+    // 3. Measure and report.
+    const TntMetrics m =
+        evaluate_tnt(transformed(points, alignment.final), truth_cropped, crop, tau, tau / 2);
+    const std::vector<Metric> metrics = {
+        {"precision", m.precision}, {"recall", m.recall}, {"f1", m.f1}};
+    JsonLine json, counts, inputs;
+    json.add("scene", files.scene);
+    for (const Metric& metric : metrics)
+        json.add(metric.key, m.undefined.empty() ? metric.value : std::nan(""));
+    counts.add("vertices", static_cast<std::int64_t>(in.vertices))
+        .add("faces", static_cast<std::int64_t>(in.faces))
+        .add("dropped_not_finite", static_cast<std::int64_t>(in.dropped))
+        .add("dropped_transparent", static_cast<std::int64_t>(in.transparent))
+        .add("pred", static_cast<std::int64_t>(points.size()))
+        .add("pred_cropped", m.prediction_cropped)
+        .add("pred_voxels", static_cast<std::int64_t>(m.prediction.points.size()))
+        .add("gt", static_cast<std::int64_t>(truth.size()))
+        .add("gt_cropped", m.truth_cropped)
+        .add("gt_voxels", static_cast<std::int64_t>(m.truth.points.size()));
+    alignment.json.add("by", alignment.how)
+        .add("icp", icp ? (a.icp_intended ? "intended" : "official") : "none")
+        .add_json("truth_from_prediction", matrix_json(alignment.final))
+        .add("scale", scale_of(alignment.final));
+    inputs.add("pred", a.pred).add("scene_dir", a.scene_dir).add("traj", a.traj);
+    json.add("tau", tau)
+        .add("voxel", tau / 2)
+        .add("measured", used)
+        .add_json("points", counts.text())
+        .add_json("alignment", alignment.json.text())
+        .add_json("inputs", inputs.text());
+    if (!a.results.empty()) list_results(a.results, {});
+    put_report(json.text(), a.out);
+    if (!m.undefined.empty())
+        throw Error(ExitCode::input,
+                    str("E_TNT_EMPTY: ", m.undefined, ", so that the metrics are undefined: ",
+                        check_frame(transformed(points, alignment.final), truth_cropped).text()));
+    if (!a.results.empty()) {
+        write_curves(a.results, files.scene, m, tau);
+        write_text_file(a.results + "/alignment.txt", matrix_text(alignment.final));
+        const ErrorPalette palette = find_palette(a.palette, ErrorPalette::tnt);
+        const std::string stem = a.results + "/" + files.scene;
+        write_error_cloud(stem + ".precision.ply", m.prediction, palette, 3 * tau);
+        write_error_cloud(stem + ".recall.ply", m.truth, palette, 3 * tau);
+    }
+    return check_bounds(bounds, metrics);
+}
+
+}  // namespace
+
+EvalCommand add_eval_tnt(CLI::App& app) {
+    const auto arguments = std::make_shared<TntArguments>();
+    TntArguments& a = *arguments;
+    CLI::App* command =
+        app.add_subcommand("tnt", "the evaluation of the Tanks and Temples benchmark");
+    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
+    command->add_option("--scene-dir", a.scene_dir, "folder with the scene's ground truth")
+        ->required();
+    command->add_option("--scene-name", a.scene_name, "name of the scene [that of its files]");
+    command->add_option("--traj", a.traj,
+                        "cameras in the prediction's frame: .log or COLMAP model [official log]");
+    command->add_option("--tau", a.tau, "threshold [that of the scene]")->check(kPositive);
+    command->add_option("--points", a.points,
+                        "auto, vertices, vertices+centroids or area:N [auto: the third]");
+    command->add_flag("--no-icp", a.no_icp, "align by the cameras alone");
+    command->add_flag("--icp-intended", a.icp_intended,
+                      "20 iterations, as the official script means to do");
+    command->add_option("--align-file", a.align_file,
+                        "4x4 matrix to the truth's frame, used as it is (alignment.txt of a run)");
+    command
+        ->add_option("--traj-threshold", a.traj_threshold, "within it camera centres agree [0.2]")
+        ->check(kPositive);
+    command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
+        ->check(CLI::Range(0.0, 1.0));
+    command->add_option("--seed", a.seed, "of the alignment and of area samples [0]");
+    command->add_option("--results", a.results,
+                        "folder for curves, alignment.txt and clouds coloured by error");
+    command->add_option("--palette", a.palette, "of the clouds: tnt, dtu or safe [tnt]")
+        ->check(CLI::IsMember({"dtu", "tnt", "safe"}));
+    command->add_flag("--force", a.force, "measure even what seems to be misaligned");
+    add_output_flag(*command, "--out", a.out, "JSON file to write as well");
+    add_require(*command, a.require, "f1>=0.4");
+    return {command, [arguments] { return tnt(*arguments); }};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,35 @@
+// tvsgs-eval: numbers out. Results go to standard output as JSON, messages to standard error.
+#include "apps/eval/result.h"
+#include "apps/eval/subcommands.h"
+#include "report/run_report.h"
+
+namespace tvsgs {
+namespace {
+
+int command(int argc, char** argv) {
+    bool quiet = false;
+    CLI::App app{"Measures results.", "tvsgs-eval"};
+    app.require_subcommand(1);
+    app.set_version_flag("--version", kVersion);
+    const EvalCommand commands[] = {add_eval_geometry(app), add_eval_dtu(app), add_eval_tnt(app),
+                                    add_eval_nvs(app),      add_eval_run(app), add_eval_report(app),
+                                    add_eval_table(app)};
+    for (const EvalCommand& c : commands)
+        c.command->add_flag("--quiet", quiet, "warnings and errors only");
+    parse_command_line(app, argc, argv);
+    init_log(quiet ? Verbosity::quiet : Verbosity::normal);
+    for (const EvalCommand& c : commands)
+        if (c.command->parsed()) {
+            const int code = c.run();
+            if (!result_of_run().empty()) refresh_report(result_of_run());
+            return code;
+        }
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

@@ -1,0 +1,150 @@
+// tvsgs-init: calibrated photographs in, dense coloured cloud and depth maps out; no network.
+#include <filesystem>
+
+#include "apps/common/command_line.h"
+#include "apps/common/key_flags.h"
+#include "core/device_choice.h"
+#include "io/atomic_file.h"
+#include "io/config.h"
+#include "io/image_file.h"
+#include "io/manifest.h"
+#include "io/npz.h"
+#include "io/ply.h"
+#include "io/scene_reader.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/stereo_cloud.h"
+#include "render/map_images.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+    std::string out, maps, device = "auto";
+    std::int64_t max_points = 1500000;
+    bool pictures = true, quiet = false, verbose = false, list_keys = false;
+};
+
+Arguments parse(int argc, char** argv, OptionTable& table) {
+    Arguments arguments;
+    CLI::App app{"Makes a dense cloud of calibrated photographs by multi-view stereo.",
+                 "tvsgs-init"};
+    app.get_formatter()->column_width(46);
+    std::vector<std::string> settings;
+    KeyFlags flags(app);
+    flags.add_scene();
+    const char* group = "Stereo";
+    flags.add_switch("--use-masks", "stereo.use_masks", "no points outside the masks", group);
+    flags.add("--seed", "stereo.seed", "of all random numbers", group);
+    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
+    app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
+        ->group(group)
+        ->expected(1)
+        ->take_all();
+    app.add_flag("--list-keys", arguments.list_keys,
+                 "print every key with its range, default and meaning")
+        ->group(group);
+    group = "Output";
+    app.add_option("-o,--out,--output", arguments.out, "cloud to write (PLY)")->group(group);
+    app.add_option("--maps", arguments.maps,
+                   "folder for depth, normal and confidence maps, with priors.json")
+        ->group(group);
+    app.add_flag("!--no-pictures", arguments.pictures, "no PNG pictures beside the maps")
+        ->group(group);
+    app.add_option("--max-points", arguments.max_points, "thinned to at most that many [1500000]")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}))
+        ->group(group);
+    app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
+    app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+
+    table.read_environment();
+    flags.set_keys(table);
+    table.set_all(settings);
+    return arguments;
+}
+
+/// How others are to read the maps.
+constexpr const char* kPriors = R"({
+  "version": 1,
+  "depth": {"dir": "depth", "encoding": "npy", "quantity": "depth", "geometry": "z",
+            "alignment": "metric", "invalid": [0], "producer": "tvsgs-init"},
+  "confidence": {"dir": "confidence", "encoding": "npy", "range": "unit"},
+  "normal": {"dir": "normal", "encoding": "npy", "frame": "camera_opencv", "facing": "camera",
+             "layout": "hwc", "range": "signed"}
+}
+)";
+
+void write_maps(const std::string& folder,
+                const std::vector<View>& views,
+                const std::vector<StereoMaps>& maps,
+                bool pictures) {
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const StereoMaps& map = maps[v];
+        const int width = map.camera.width_px, height = map.camera.height_px;
+        const std::string stem = fs::path(views[v].name).replace_extension().string();
+        const auto path = [&](const char* kind, const char* ending) {
+            return (fs::path(folder) / kind / (stem + ending)).string();
+        };
+        write_npy(path("depth", ".npy"), {height, width}, map.depth.data());
+        write_npy(path("confidence", ".npy"), {height, width}, map.confidence.data());
+        write_npy(path("normal", ".npy"), {height, width, 3}, &map.normals.data()->x);
+        if (!pictures) continue;
+        write_png(path("pictures", "_depth.png"), depth_image(width, height, map.depth));
+        write_png(path("pictures", "_normal.png"), normal_image(width, height, map.normals));
+    }
+    write_text_file((fs::path(folder) / "priors.json").string(), kPriors);
+}
+
+int command(int argc, char** argv) {
+    SceneOptions scene_options;
+    scene_options.min_train_views = 1;  // stereo has its own word on one view
+    scene_options.points_required = false;
+    StereoOptions stereo_options;
+    OptionTable table;
+    table.add("scene", scene_options);
+    table.add("stereo", stereo_options);
+    const Arguments arguments = parse(argc, argv, table);
+    if (arguments.list_keys) {
+        std::fputs(table.help().c_str(), stdout);
+        return 0;
+    }
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
+    if (scene_options.path.empty())
+        throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+    if (arguments.out.empty() && arguments.maps.empty())
+        throw Error(ExitCode::usage,
+                    "nothing to write; expected --out CLOUD.ply, --maps DIR or both; see --help");
+    std::error_code failure;
+    if (fs::is_directory(arguments.out, failure))
+        throw Error(ExitCode::usage,
+                    str("--out ", arguments.out, ": is a folder; expected a file name"));
+    if (!arguments.out.empty())
+        require_output(arguments.out, ".ply", "a cloud is written as PLY", scene_options);
+    if (!arguments.maps.empty())
+        list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
+    const DeviceChoice device = choose_device(arguments.device);
+    const Scene scene = read_scene(scene_options);
+    const Camera& camera = scene.train.front().camera;
+    spdlog::info("{}: {} views of {}x{}, {} sparse points, on {}", scene_options.path,
+                 scene.train.size(), camera.width_px, camera.height_px,
+                 scene.points.positions.size(), device.description);
+    const StereoResult result =
+        stereo_cloud(device, scene.train, scene.points.positions, stereo_options,
+                     static_cast<std::size_t>(arguments.max_points));
+    if (!arguments.maps.empty())
+        write_maps(arguments.maps, scene.train, result.maps, arguments.pictures);
+    if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud, scene.origin);
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

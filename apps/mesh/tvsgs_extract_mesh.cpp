@@ -1,0 +1,173 @@
+// tvsgs-extract-mesh: splats in, mesh out. Renders the depth of the training views, fuses it, and
+// cleans the surface.
+#include <filesystem>
+
+#include "apps/common/command_line.h"
+#include "apps/common/key_flags.h"
+#include "core/device_choice.h"
+#include "io/image_file.h"
+#include "io/manifest.h"
+#include "io/ply.h"
+#include "mesh/mesh_render.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+#include "report/run_report.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+    std::string model, out, device = "auto";
+    bool no_preview = false, quiet = false, verbose = false;
+};
+
+/// The run's configuration, if there is one, gives the scene; flags override it.
+Arguments parse(int argc, char** argv, RunOptions& options) {
+    Arguments arguments;
+    OptionTable table;
+    options.add_to(table);
+    std::vector<std::string> configs, settings;
+    CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
+    app.get_formatter()->column_width(46);
+    KeyFlags flags(app);
+    app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
+        ->required();
+    app.add_option("-o,--out,--output", arguments.out,
+                   "mesh to write [RUN/mesh/mesh.ply, or mesh.ply beside the splats]");
+    app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
+    app.add_option("-c,--config", configs, "JSON file over the run's configuration; later ones win")
+        ->expected(1)
+        ->take_all();
+    app.add_option("--set", settings, "KEY=VALUE, such as mesh.max_angle=80")
+        ->expected(1)
+        ->take_all();
+    CLI::Option* quiet = app.add_flag("--quiet", arguments.quiet, "warnings and errors only");
+    app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
+    flags.add_scene("Scene (default: that of the run)");
+    const char* group = "Volume";
+    flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
+              group);
+    flags.add("--mesh-resolution", "mesh.resolution",
+              "voxels along depth-max, or across the ball if unbounded [2048, fewer for small "
+              "images]",
+              group);
+    flags.add("--truncation", "mesh.truncation", "world units [mesh.truncation_voxels]", group);
+    flags.add("--depth-max", "mesh.depth_max",
+              "depths from there on are dropped [twice the distance of the cameras' focus; none if "
+              "unbounded]",
+              group);
+    flags.add("--bbox", "mesh.box", "x0,y0,z0,x1,y1,z1: surface outside is dropped", group);
+    flags.add("--alpha-min", "mesh.alpha_min", "least coverage of a pixel [0.5]; 0: any", group);
+    flags.add("--max-angle", "mesh.max_angle",
+              "degrees between ray and normal; surface seen at a larger one is dropped [90: none]",
+              group);
+    flags.add_switch("--unbounded", "mesh.unbounded",
+                     "mesh the background as well, in voxels that grow outside of a ball about "
+                     "the cameras' focus; --depth-max and --bbox still drop what is beyond them",
+                     group);
+    flags.add("--weight", "mesh.weight",
+              "unit, inv-depth2 or cos: of a pixel in the means of the voxels [unit]", group);
+    flags.add_switch("--carve", "mesh.carve",
+                     "views also clear the space before their surfaces where others have put some",
+                     group);
+    flags.add("--min-weight", "mesh.min_weight", "views that must have seen a voxel [1]", group);
+    flags.add("--clusters", "mesh.clusters", "largest components to keep [50]; 0: all", group);
+    flags.add("--memory", "mesh.memory",
+              "bytes the volume may take, as 8G or 500M: the same mesh, in parts if need be [80 % "
+              "of what is free]",
+              group);
+    bool no_masks = false;
+    app.add_flag("--no-masks", no_masks, "fuse what lies outside of the masks as well")
+        ->group(group);
+    app.add_flag("--no-preview", arguments.no_preview, "write no picture of the mesh")
+        ->group(group);
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
+
+    std::error_code failure;
+    if (!fs::exists(arguments.model, failure))
+        throw Error(
+            ExitCode::input,
+            str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
+    if (fs::is_directory(arguments.model, failure))
+        table.read_file(run_config_path(arguments.model));
+    for (const std::string& file : configs) table.read_file(file);
+    flags.set_keys(table);
+    table.set_all(settings);
+    if (no_masks) options.mesh.masks = false;
+    if (options.scene.path.empty())
+        throw Error(
+            ExitCode::usage,
+            str(arguments.model,
+                ": is no run folder, so it does not say which scene it shows; give --scene DIR"));
+    check_mesh_options(options.mesh);
+    options.scene.need_points = false;
+    options.scene.min_train_views = 1;
+    return arguments;
+}
+
+std::string default_output(const std::string& model) {
+    if (fs::is_directory(model)) return (fs::path(model) / "mesh" / "mesh.ply").string();
+    return (fs::path(model).parent_path() / "mesh.ply").string();
+}
+
+int command(int argc, char** argv) {
+    RunOptions options;
+    Arguments arguments = parse(argc, argv, options);
+    init_log(arguments.quiet     ? Verbosity::quiet
+             : arguments.verbose ? Verbosity::verbose
+                                 : Verbosity::normal);
+    if (arguments.out.empty()) arguments.out = default_output(arguments.model);
+    const std::string splat_path = find_splats(arguments.model);
+    std::error_code failure;
+    if (fs::equivalent(splat_path, arguments.out, failure))
+        throw Error(ExitCode::usage,
+                    str("--out ", arguments.out, ": is the file of the splats; name another"));
+    require_output(arguments.out, ".ply", "a mesh is written as PLY", options.scene);
+    const DeviceChoice device = choose_device(arguments.device);
+    const Scene scene = read_scene_of_run(options.scene, arguments.model);
+    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
+    spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
+                 scene.train.size(), options.scene.path, device.description);
+
+    std::string why_empty;
+    const TriangleMesh mesh = on_device(device, [&](auto tag) {
+        Gaussians<decltype(tag)> gaussians;
+        copy(splats, gaussians);
+        return extract_mesh(scene.train, gaussians, options.train, options.mesh,
+                            fs::absolute(arguments.out).parent_path().string(), spdlog::level::info,
+                            scene.origin, &why_empty);
+    });
+    if (mesh.faces.empty())
+        throw Error(ExitCode::numerical,
+                    str(arguments.out, ": not written, as the mesh is empty: ", why_empty));
+    write_mesh_ply(arguments.out, mesh, scene.origin);
+    spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
+                 mesh.faces.size());
+    // A picture of that name that we cannot know to be ours is the user's.
+    const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
+    const auto listing = folder_with_manifest(picture);
+    if (!arguments.no_preview && fs::exists(picture, failure) &&
+        !(listing && is_listed(*listing, picture))) {
+        spdlog::warn("{}: is there already and stays; there is no new picture of the mesh",
+                     picture);
+    } else if (!arguments.no_preview) {
+        const TriangleMesh none;  // with its background a scene is best seen from within
+        write_png(picture,
+                  preview_mesh(mesh, preview_camera(options.mesh.unbounded ? none : mesh,
+                                                    detail::cameras_of(scene.train), 960, 720)));
+        spdlog::info("{}: picture of the mesh", picture);
+    }
+    refresh_report(arguments.out);
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

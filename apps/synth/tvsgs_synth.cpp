@@ -1,0 +1,422 @@
+// Writes a small scene with exact ground truth: photographs, cameras, initial points, masks,
+// surface.
+#include <unistd.h>
+
+#include <CLI/CLI.hpp>
+#include <filesystem>
+#include <iomanip>
+#include <memory>
+
+#include "apps/common/command_line.h"
+#include "apps/synth/photo.h"
+#include "apps/synth/views.h"
+#include "core/scene.h"
+#include "io/atomic_file.h"
+#include "io/image_file.h"
+#include "io/manifest.h"
+#include "io/ply.h"
+#include "mesh/mesh_render.h"
+#include "pipeline/signals.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using namespace synth;
+constexpr int kSupersampling = 3;
+constexpr float kGroundRadius = 1.2f;
+constexpr float kMeshSpacing = 0.01f;  // a fifth of the texture's finest detail
+
+struct Sample {
+    Vec3f position, normal, color;
+    std::vector<int> views;
+};
+
+/// Independent points, uniform over the surface.
+std::vector<Sample> sample_surface(const TriangleMesh& mesh, int count, std::uint64_t seed) {
+    std::vector<double> area_up_to(mesh.faces.size());
+    std::vector<Vec3f> normals(mesh.faces.size());
+    double area = 0;
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        const Vec3f a = mesh.vertices[face.x];
+        const Vec3f n = cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a);
+        area_up_to[f] = area += 0.5 * static_cast<double>(norm(n));
+        normals[f] = normalize(n);
+    }
+    std::vector<Sample> samples(count);
+    parallel_for(Cpu{}, count, [&](int i) {
+        const Random4 r = random4(seed, RandomStream::sampling, i);
+        const auto at =
+            std::upper_bound(area_up_to.begin(), area_up_to.end() - 1, uniform(r.v[0]) * area);
+        const auto f = at - area_up_to.begin();
+        const float root = std::sqrt(uniform(r.v[1])), share = uniform(r.v[2]);
+        const float weights[3] = {1 - root, root * (1 - share), root * share};
+        Sample& sample = samples[i];
+        for (int c = 0; c < 3; ++c) {
+            sample.position += weights[c] * mesh.vertices[mesh.faces[f][c]];
+            sample.color += weights[c] * mesh.colors[mesh.faces[f][c]];
+        }
+        sample.normal = normals[f];
+    });
+    return samples;
+}
+
+/// Image position of a world point; false where it is behind the camera or outside the image.
+bool project(const Camera& camera, Vec3f point, Vec2f& pixel, float& depth) {
+    const Vec3f p = camera.camera_from_world * point;
+    depth = p.z;
+    pixel = {camera.fx_px * p.x / p.z + camera.cx_px, camera.fy_px * p.y / p.z + camera.cy_px};
+    return p.z > 0 && pixel.x >= 0 && pixel.y >= 0 &&
+           pixel.x < static_cast<float>(camera.width_px) &&
+           pixel.y < static_cast<float>(camera.height_px);
+}
+
+/// Z-buffer test. The farthest of 3 x 3 depths, so that slanted surfaces do not hide themselves.
+bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth) {
+    Vec2f pixel;
+    float z = 0;
+    if (!project(camera, sample.position, pixel, z)) return false;
+    if (dot(normalize(camera_centre(camera) - sample.position), sample.normal) < 0.05f)
+        return false;  // grazing
+    const int x = static_cast<int>(pixel.x), y = static_cast<int>(pixel.y);
+    float farthest = 0;
+    for (int v = std::max(0, y - 1); v <= std::min(depth.height - 1, y + 1); ++v)
+        for (int u = std::max(0, x - 1); u <= std::min(depth.width - 1, x + 1); ++u)
+            farthest = std::max(farthest, depth.at(u, v));
+    return z <= farthest + 0.1f * kMeshSpacing;
+}
+
+void mark_visible(std::vector<Sample>& samples,
+                  int view,
+                  const Camera& camera,
+                  const ImageF& depth) {
+    parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int i) {
+        if (is_visible(samples[i], camera, depth)) samples[i].views.push_back(view);
+    });
+}
+
+/// Renders and writes one photograph and its mask, and marks what the view sees.
+void write_view(const std::string& out,
+                const TriangleMesh& mesh,
+                const Highlights* highlights,
+                const SynthOptions& options,
+                const std::vector<SynthView>& views,
+                int i,
+                std::vector<Sample>& points,
+                std::vector<Sample>& truth) {
+    const Camera fine = scaled_camera(views[i].camera, options.width * kSupersampling,
+                                      options.height * kSupersampling);
+    MeshRender render = render_mesh(highlights ? highlights->seen_from(camera_centre(fine)) : mesh,
+                                    fine, {.smooth_normals = false});
+    mark_visible(points, i, fine, render.depth);
+    mark_visible(truth, i, fine, render.depth);
+
+    if (options.masks) {
+        ImageF hit(fine.width_px, fine.height_px, 1);
+        for (std::size_t k = 0; k < hit.pixels.size(); ++k)
+            hit.pixels[k] = render.face.pixels[k] >= 0;
+        ImageU8 mask = to_8bit(box_filter(hit, kSupersampling));
+        for (std::uint8_t& value : mask.pixels) value = value > 127 ? 255 : 0;
+        write_png(str(out, "/masks/", views[i].name), mask);
+    }
+    if (options.background == "sky") add_sky(render, fine, options.seed);
+    ImageF photo = box_filter(render.color, kSupersampling);
+    const auto gain = static_cast<float>(exposure_gain(options.exposure_drift, i));
+    for (float& value : photo.pixels) value *= gain;
+    add_noise(photo, static_cast<float>(options.noise), options.seed, i);
+    write_png(str(out, "/images/", views[i].name), to_8bit(photo));
+}
+
+/// COLMAP's text model. Points are seen slightly off, as triangulated ones are; their images are
+/// exact.
+void write_colmap(const std::string& folder,
+                  const std::vector<SynthView>& views,
+                  const std::vector<Sample>& points,
+                  std::uint64_t seed) {
+    std::ostringstream cameras, images, cloud;
+    cameras << std::setprecision(17) << "# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n";
+    images << std::setprecision(17) << "# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n"
+           << "# POINTS2D[] as (X, Y, POINT3D_ID)\n";
+    cloud << std::setprecision(9)
+          << "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
+
+    const Camera& camera = views.front().camera;
+    cameras << "1 PINHOLE " << camera.width_px << ' ' << camera.height_px << ' ' << camera.fx_px
+            << ' ' << camera.fy_px << ' ' << camera.cx_px << ' ' << camera.cy_px << '\n';
+
+    std::vector<std::ostringstream> observations(views.size());
+    std::vector<int> observation_count(views.size());
+    for (std::size_t k = 0; k < points.size(); ++k) {
+        const Sample& point = points[k];
+        const Vec3f p = point.position + 0.003f * normal3(random4(seed, RandomStream::init, k, 1));
+        cloud << k + 1 << ' ' << p.x << ' ' << p.y << ' ' << p.z;
+        for (int c = 0; c < 3; ++c) cloud << ' ' << std::lround(255 * point.color[c]);
+        cloud << " 0.5";
+        for (const int view : point.views) {
+            Vec2f pixel;
+            float depth = 0;
+            project(views[view].camera, point.position, pixel, depth);
+            cloud << ' ' << view + 1 << ' ' << observation_count[view]++;
+            observations[view] << (observation_count[view] > 1 ? " " : "") << pixel.x << ' '
+                               << pixel.y << ' ' << k + 1;
+        }
+        cloud << '\n';
+    }
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const SynthView& view = views[i];
+        images << i + 1 << ' ' << view.quat.w << ' ' << view.quat.x << ' ' << view.quat.y << ' '
+               << view.quat.z << ' ' << view.translation.x << ' ' << view.translation.y << ' '
+               << view.translation.z << " 1 " << view.name << '\n'
+               << observations[i].str() << '\n';
+    }
+    write_text_file(folder + "/cameras.txt", cameras.str());
+    write_text_file(folder + "/images.txt", images.str());
+    write_text_file(folder + "/points3D.txt", cloud.str());
+}
+
+/// The samples that at least two of `views` see.
+PointCloud seen_twice(const std::vector<Sample>& samples, const std::vector<int>& views) {
+    PointCloud cloud;
+    for (const Sample& sample : samples) {
+        const auto seen = std::count_if(sample.views.begin(), sample.views.end(), [&](int view) {
+            return std::binary_search(views.begin(), views.end(), view);
+        });
+        if (seen < 2) continue;
+        cloud.positions.push_back(sample.position);
+        cloud.normals.push_back(sample.normal);
+        cloud.colors.push_back(sample.color);
+    }
+    return cloud;
+}
+
+std::string info_json(const SynthOptions& options, std::size_t points, std::size_t points_train_3) {
+    std::ostringstream out;
+    out << "{\n"
+        << "  \"generator\": \"tvsgs-synth\",\n"
+        << "  \"shape\": \"" << options.shape << "\",\n"
+        << "  \"seed\": " << options.seed << ",\n"
+        << "  \"units\": \"1\",\n"
+        << "  \"crop_cylinder\": {\"center_xy\": [0, 0], \"radius\": " << kGroundRadius
+        << ", \"z_min\": -0.1, \"z_max\": 2.2},\n"
+        << "  \"ground_plane_z\": 0,\n"
+        << "  \"thresholds\": [0.01, 0.02, 0.05],\n"
+        << "  \"max_dist\": 0.2,\n"
+        << "  \"points\": " << points << ",\n"
+        << "  \"points_train_3\": " << points_train_3;
+    if (options.exposure_drift > 0) {
+        out << std::setprecision(9) << ",\n  \"exposure_gains\": [";  // in the order of the names
+        for (int i = 0; i < options.views; ++i)
+            out << (i ? ", " : "") << exposure_gain(options.exposure_drift, i);
+        out << ']';
+    }
+    out << "\n}\n";
+    return out.str();
+}
+
+std::string readme(const SynthOptions& options) {
+    return str(
+        "# Synthetic scene '", options.shape, "', written by tvsgs-synth\n\n", options.views,
+        " views, ", options.width, "x", options.height, ", arc ", options.arc_deg,
+        " degrees, seed ", options.seed, ", sensor noise ", options.noise, R"( of 255.
+Units: the object is about 2 units high; the ground is the plane z = 0, z up, the object's front looks along +x.
+)",
+        options.shininess > 0
+            ? str("Highlights of strength ", options.shininess,
+                  " move with the view point; the colours of mesh and points are without.\n")
+            : "The light is baked into the colours: they do not change with the view point.\n",
+        options.exposure_drift > 0
+            ? "The photographs are brighter and darker by `exposure_gains` of `gt/info.json`.\n"
+            : "",
+        options.texture < 1
+            ? str("The contrast of the surface's own colours is ", options.texture, ".\n")
+            : "",
+        "\n- `images/`", options.masks ? ", `masks/`" : "", " (object and ground disc against ",
+        options.background == "sky" ? "a sky infinitely far away" : "the empty background",
+        R"()
+- `sparse/0/`: COLMAP text model; exact poses, pixel centres at .5; points3D.txt are surface samples with a
+  little noise (standard deviation 0.003), their tracks the views that see them
+- `splits.json`: `train_3` (around the front), `train_9`, `train_all`, `test`; no test view is in a training list
+- `gt/mesh.ply`: the exact surface, hidden parts included (under the object)
+- `gt/points.ply`: uniform samples of what at least two views see; `gt/points_train_3.ply`: at least two of `train_3`
+- `gt/info.json`: crop cylinder for `tvsgs-eval geometry --crop`
+)");
+}
+
+void write_scene(const SynthOptions& options, const std::string& out) {
+    const Shape shape = make_shape(options.shape);
+    const TriangleMesh mesh = make_scene_mesh(shape, kGroundRadius, kMeshSpacing,
+                                              static_cast<float>(options.texture), options.seed);
+    std::unique_ptr<Highlights> highlights;
+    if (options.shininess > 0)
+        highlights =
+            std::make_unique<Highlights>(shape, mesh, static_cast<float>(options.shininess));
+    const std::vector<SynthView> views = make_views(options);
+    std::vector<Sample> points = sample_surface(mesh, options.points, options.seed);
+    std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
+    for (int i = 0; i < options.views; ++i) {
+        SignalGuard::check();
+        write_view(out, mesh, highlights.get(), options, views, i, points, truth);
+    }
+
+    std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
+    write_colmap(out + "/sparse/0", views, points, options.seed);
+    const Splits splits = make_splits(views, options.test_views);
+    write_text_file(out + "/splits.json", splits_json(splits, views));
+    std::vector<int> all(views.size());
+    for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
+    const PointCloud seen = seen_twice(truth, all), seen_3 = seen_twice(truth, splits.train_3);
+    write_mesh_ply(out + "/gt/mesh.ply", mesh);
+    write_cloud_ply(out + "/gt/points.ply", seen);
+    if (!splits.train_3.empty()) write_cloud_ply(out + "/gt/points_train_3.ply", seen_3);
+    write_text_file(out + "/gt/info.json",
+                    info_json(options, seen.positions.size(), seen_3.positions.size()));
+    write_text_file(out + "/README.md", readme(options));
+    spdlog::info("{}: {} views of {}x{}, {} initial points, {} faces", options.out, options.views,
+                 options.width, options.height, points.size(), mesh.faces.size());
+}
+
+/// All of them, relative to it.
+std::vector<fs::path> files_below(const fs::path& folder) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::recursive_directory_iterator(folder))
+        if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder));
+    return files;
+}
+
+int run(const SynthOptions& options) {
+    if (options.test_views.value_or(0) > options.views - 2)
+        throw Error(ExitCode::usage, str("--test-views ", *options.test_views, ": ", options.views,
+                                         " views leave fewer than two to train; expected at most ",
+                                         options.views - 2, ", or more --views"));
+    make_shape(options.shape);  // a wrong name is said before anything is touched
+    const fs::path out = fs::path(options.out).lexically_normal();
+    std::error_code failure;
+    if (fs::exists(out, failure) &&
+        !(fs::is_directory(out, failure) && fs::is_empty(out, failure))) {
+        if (!options.overwrite)
+            throw Error(
+                ExitCode::usage,
+                str("--out ", options.out,
+                    ": exists and is not an empty folder; choose another or pass --overwrite"));
+        if (!has_manifest(out) || !fs::exists(out / "gt/info.json") ||
+            !fs::exists(out / "splits.json"))
+            throw Error(ExitCode::usage,
+                        str("--out ", options.out,
+                            ": holds something else than a scene of tvsgs-synth; not overwritten"));
+    }
+    // The scene is complete before it gets its name.
+    std::string target = out.string();
+    while (target.size() > 1 && target.back() == '/') target.pop_back();
+    const std::string partial = str(target, ".partial-", ::getpid());
+    // What of an earlier scene the user has added stays.
+    const auto move_in_place = [&] {
+        if (has_manifest(target)) {
+            for (const fs::path& file : files_below(partial))
+                if (fs::exists(target / file, failure) && file.native() != kManifestName &&
+                    !is_listed(target, target / file))
+                    throw Error(ExitCode::usage, str(target, "/", file.string(),
+                                                     ": is there, and not written by tvsgs; move "
+                                                     "it away, or name another folder"));
+            remove_listed_files(target);
+        }
+        failure.clear();
+        if (!fs::exists(target, failure) || fs::is_empty(target, failure)) {
+            fs::remove(target, failure);
+            fs::rename(partial, target, failure);
+        } else {
+            for (const fs::path& file : files_below(partial)) {
+                fs::create_directories((target / file).parent_path(), failure);
+                if (!failure) fs::rename(partial / file, target / file, failure);
+                if (failure) break;
+            }
+        }
+        if (failure)
+            throw Error(ExitCode::io, str(target, ": cannot be written: ", failure.message()));
+        fs::remove_all(partial, failure);
+    };
+    const SignalGuard signals;
+    try {
+        fs::create_directories(partial, failure);
+        if (failure)
+            throw Error(ExitCode::io, str(partial, ": cannot be made: ", failure.message()));
+        start_manifest(partial);
+        write_scene(options, partial);
+        move_in_place();
+    } catch (...) {
+        fs::remove_all(partial, failure);
+        throw;
+    }
+    return static_cast<int>(ExitCode::done);
+}
+
+int command(int argc, char** argv) {
+    SynthOptions options;
+    bool quiet = false;
+    CLI::App app(
+        "Writes a small scene with exact ground truth: photographs, cameras, masks, surface.",
+        "tvsgs-synth");
+    app.add_option("-o,--out", options.out, "folder to write")->required();
+    app.add_option("--shape", options.shape, "bust, spheres or torus")->capture_default_str();
+    app.add_option("--views", options.views, "number of views")
+        ->check(CLI::Range(2, 9999))
+        ->capture_default_str();
+    app.add_option("--width", options.width, "pixels")
+        ->check(CLI::Range(16, 4096))
+        ->capture_default_str();
+    app.add_option("--height", options.height, "pixels")
+        ->check(CLI::Range(16, 4096))
+        ->capture_default_str();
+    app.add_option("--test-views", options.test_views,
+                   "number of --views that only test, evenly between the first and the last; "
+                   "default: every eighth view")
+        ->check(CLI::Range(0, 9997));
+    app.add_option("--arc", options.arc_deg, "degrees of azimuth covered; 360: a ring")
+        ->check(CLI::Range(1.0, 360.0))
+        ->capture_default_str();
+    app.add_option("--elevation-span", options.elevation_span_deg,
+                   "degrees between the lowest and the highest of the cameras' three elevations")
+        ->check(CLI::Range(0.0, 56.0))  // 4 to 60 degrees: above the ground disc's edge
+        ->capture_default_str();
+    app.add_option("--points", options.points,
+                   "surface samples for points3D.txt; it gets those that two views see")
+        ->check(CLI::Range(0, 2000000))
+        ->capture_default_str();
+    app.add_option("--texture", options.texture,
+                   "contrast of the surface's own colours; 0: one grey, shaded")
+        ->check(CLI::Range(0.0, 1.0))
+        ->capture_default_str();
+    app.add_option("--shininess", options.shininess,
+                   "strength of the highlights, which move with the view; 0: none, 1: up to white")
+        ->check(CLI::Range(0.0, 4.0))
+        ->capture_default_str();
+    app.add_option("--background", options.background,
+                   "empty (black), or sky: textured, infinitely far away, without points")
+        ->check(CLI::IsMember({"empty", "sky"}))
+        ->capture_default_str();
+    app.add_flag("--masks,!--no-masks", options.masks,
+                 "masks of object and ground disc; written unless --no-masks");
+    app.add_option("--exposure-drift", options.exposure_drift,
+                   "each view is brighter or darker by up to this share; gt/info.json says by how "
+                   "much")
+        ->check(CLI::Range(0.0, 0.9))
+        ->capture_default_str();
+    app.add_option("--noise", options.noise,
+                   "standard deviation of the sensor noise, in 8-bit steps")
+        ->check(CLI::Range(0.0, 100.0))
+        ->capture_default_str();
+    app.add_option("--seed", options.seed, "texture, samples and noise")->capture_default_str();
+    app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
+    app.add_flag("--quiet", quiet, "warnings and errors only");
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    init_log(quiet ? Verbosity::quiet : Verbosity::normal);
+    return run(options);
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

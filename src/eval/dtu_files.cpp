@@ -1,0 +1,195 @@
+#include "eval/dtu_files.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "eval/benchmark_files.h"
+#include "io/image_file.h"
+#include "io/mat_file.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Path of the truth below the evaluation set.
+std::string stl_name(int scan) {
+    char name[40];
+    std::snprintf(name, sizeof name, "Points/stl/stl%03d_total.ply", scan);
+    return name;
+}
+
+std::string distribution(int scan) {
+    return str("  expected DIR/", stl_name(scan), ", DIR/ObsMask/ObsMask", scan,
+               "_10.mat and DIR/ObsMask/Plane", scan,
+               ".mat\n  (or the same below 'DIR/SampleSet/MVS Data'); the benchmark distributes "
+               "them as Points.zip and SampleSet.zip at "
+               "https://roboimagedata.compute.dtu.dk/?page_id=36");
+}
+
+/// A file of the evaluation set, in one of the two places where people unpack it.
+std::string find_in(const std::string& folder, int scan, const std::string& name) {
+    for (const char* below : {"", "SampleSet/MVS Data"}) {
+        const std::string path = (fs::path(folder) / below / name).string();
+        std::error_code error;
+        if (fs::is_regular_file(path, error)) return path;
+    }
+    throw Error(ExitCode::input,
+                str((fs::path(folder) / name).string(), ": no such file\n", distribution(scan)));
+}
+
+ObservationMask read_mask(const std::string& path) {
+    const MatArray mask = read_mat_array(path, "ObsMask"), box = read_mat_array(path, "BB"),
+                   size = read_mat_array(path, "Res");
+    const bool fits = mask.shape.size() == 3 && box.shape == std::vector<std::int64_t>{2, 3} &&
+                      size.numbers.size() == 1 && size.numbers[0] > 0;
+    if (!fits)
+        throw Error(ExitCode::input, str("E_MAT: ", path,
+                                         ": expected ObsMask in three dimensions, BB 2x3 and one "
+                                         "positive number Res"));
+    ObservationMask out;
+    out.nx = static_cast<int>(mask.shape[0]), out.ny = static_cast<int>(mask.shape[1]),
+    out.nz = static_cast<int>(mask.shape[2]);
+    out.seen.resize(mask.numbers.size());
+    for (std::size_t i = 0; i < out.seen.size(); ++i) out.seen[i] = mask.numbers[i] != 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        // Column major; and rounded to float, as in the official code.
+        const auto at = 2 * static_cast<std::size_t>(axis);
+        out.lower[axis] = static_cast<double>(static_cast<float>(box.numbers[at]));
+        out.upper[axis] = static_cast<double>(static_cast<float>(box.numbers[at + 1]));
+        if (!(out.lower[axis] <= out.upper[axis]))
+            throw Error(ExitCode::input, str("E_MAT: ", path, ": BB is no box"));
+    }
+    out.voxel = size.numbers[0];
+    return out;
+}
+
+/// Indices of the views whose masks cull: "all", "first:N" or a list.
+std::vector<std::size_t> culling_views(const std::string& choice, std::size_t count) {
+    std::vector<std::size_t> views;
+    if (choice == "none") return views;
+    const bool first = choice.starts_with("first:");
+    if (choice == "all" || first) {
+        std::size_t n = count;
+        const char* const end = choice.data() + choice.size();
+        if (first) {
+            const auto [rest, code] = std::from_chars(choice.data() + 6, end, n);
+            if (code != std::errc{} || rest != end || n < 1 || n > count)
+                throw Error(ExitCode::usage,
+                            str("--cull ", choice, ": expected first:1 to first:", count));
+        }
+        for (std::size_t i = 0; i < n; ++i) views.push_back(i);
+        return views;
+    }
+    const char* at = choice.data();
+    const char* const end = at + choice.size();
+    while (at <= end) {
+        std::size_t view = 0;
+        const auto [rest, code] = std::from_chars(at, end, view);
+        if (code != std::errc{} || (rest != end && *rest != ',') || view >= count)
+            throw Error(ExitCode::usage, str("--cull ", choice,
+                                             ": expected all, first:N, none or views by number, "
+                                             "0 to ",
+                                             count - 1));
+        views.push_back(view);
+        at = rest + 1;
+    }
+    return views;
+}
+
+double diagonal(const std::vector<Vec3d>& points) {
+    Vec3d lower = points[0], upper = points[0];
+    for (const Vec3d p : points)
+        for (int axis = 0; axis < 3; ++axis) {
+            lower[axis] = std::min(lower[axis], p[axis]);
+            upper[axis] = std::max(upper[axis], p[axis]);
+        }
+    return norm(upper - lower);
+}
+
+}  // namespace
+
+DtuTruth read_dtu_truth(const std::string& folder, int scan) {
+    DtuTruth truth;
+    truth.points = read_truth(find_in(folder, scan, stl_name(scan)), distribution(scan));
+    truth.mask = read_mask(find_in(folder, scan, str("ObsMask/ObsMask", scan, "_10.mat")));
+    const std::string path = find_in(folder, scan, str("ObsMask/Plane", scan, ".mat"));
+    const MatArray plane = read_mat_array(path, "P");
+    if (plane.numbers.size() != 4)
+        throw Error(ExitCode::input, str("E_MAT: ", path, ": P has ", plane.numbers.size(),
+                                         " numbers, expected the 4 of a plane"));
+    truth.plane.emplace();
+    std::copy(plane.numbers.begin(), plane.numbers.end(), truth.plane->begin());
+    return truth;
+}
+
+std::string find_dtu_cameras(const std::string& cameras, const std::string& masks) {
+    if (!cameras.empty()) return cameras;
+    if (masks.empty()) return "";
+    for (const char* name : {"cameras.npz", "cameras_sphere.npz"})
+        for (const fs::path& folder : {fs::path(masks).parent_path(), fs::path(masks)})
+            if (fs::is_regular_file(folder / name)) return (folder / name).string();
+    throw Error(ExitCode::input, str("--cull-masks ", masks,
+                                     ": no cameras.npz or cameras_sphere.npz in or beside it; "
+                                     "name the file with --cameras"));
+}
+
+std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCulling& culling) {
+    std::vector<std::string> files;
+    std::error_code error;
+    for (const auto& entry : fs::directory_iterator(culling.masks, error))
+        if (entry.path().extension() == ".png") files.push_back(entry.path().string());
+    std::sort(files.begin(), files.end());
+    if (files.size() != cameras.views.size())
+        throw Error(ExitCode::input, str("E_MASK_COUNT: ", culling.masks, ": ", files.size(),
+                                         " PNG files for ", cameras.views.size(),
+                                         " cameras; masks and cameras must be those of one scene"));
+    std::vector<MaskView> views;
+    const std::vector<std::size_t> chosen = culling_views(culling.views, files.size());
+    for (const std::size_t i : chosen) {
+        const NpzCamera& camera = cameras.views[i];
+        views.push_back({{camera.rows[0], camera.rows[1], camera.rows[2]},
+                         camera.last,
+                         read_image(files[i], 1)});
+        const int width = views.back().mask.width;
+        if (std::abs(2 * camera.cx_px - width) > 0.2 * width)
+            throw Error(
+                ExitCode::input,
+                str("E_MASK_SIZE: ", files[i], ": ", width,
+                    " pixels wide, but the principal point of its camera is at ", camera.cx_px,
+                    "; expected masks of the size the cameras were made for"));
+    }
+    const std::size_t before = mesh.vertices.size();
+    const std::vector<std::size_t> removed = cull_by_masks(mesh, views, culling.dilate_px);
+    if (before > 0 && mesh.vertices.empty()) {
+        const auto most = std::max_element(removed.begin(), removed.end()) - removed.begin();
+        throw Error(ExitCode::input,
+                    str("E_CULL_ALL: 0 of ", before, " vertices left; view ",
+                        chosen[static_cast<std::size_t>(most)], " alone removed ",
+                        removed[static_cast<std::size_t>(most)],
+                        " (check --cameras, --mesh-units and the order of the masks)"));
+    }
+    return before - mesh.vertices.size();
+}
+
+bool to_millimetres(PreciseMesh& mesh, const NpzCameras* cameras, const std::string& units) {
+    const double size = diagonal(mesh.vertices);
+    const bool normalised =
+        units == "normalised" || (units == "auto" && cameras && size < 20 && cameras->scale > 20);
+    if (normalised && !cameras)
+        throw Error(ExitCode::usage,
+                    "--mesh-units normalised: name the file with scale_mat_0 with --cameras");
+    if (units == "auto")
+        spdlog::info("the prediction spans {:.6g} units: taken as {}", size,
+                     normalised ? "normalised, and scaled by scale_mat_0" : "millimetres");
+    if (normalised)
+        for (Vec3d& p : mesh.vertices) p = cameras->scale * p + cameras->offset;
+    return normalised;
+}
+
+}  // namespace tvsgs

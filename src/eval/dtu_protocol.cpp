@@ -1,0 +1,210 @@
+#include "eval/dtu_protocol.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "eval/mesh_metrics.h"
+#include "eval/thin_points.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+/// The lattice of one face: n1 x n2 cells along its edges from the first corner.
+struct Lattice {
+    Vec3d origin, e1, e2;
+    std::int64_t n1 = 0, n2 = 0;
+
+    Lattice(const std::vector<Vec3d>& vertices, Vec3i face, double spacing) {
+        const auto at = [&](int i) { return vertices[static_cast<std::size_t>(i)]; };
+        origin = at(face.x), e1 = at(face.y) - origin, e2 = at(face.z) - origin;
+        const double l1 = norm(e1), l2 = norm(e2), twice_area = norm(cross(e1, e2));
+        if (!(twice_area > 0 && std::isfinite(twice_area))) return;
+        const double cell = spacing * std::sqrt(l1 * l2 / twice_area);
+        constexpr double kMost = 1e9;  // beyond, the count is an error anyway
+        n1 = static_cast<std::int64_t>(std::min(std::floor(l1 / cell), kMost));
+        n2 = static_cast<std::int64_t>(std::min(std::floor(l2 / cell), kMost));
+        if (n1 == 0 || n2 == 0) n1 = n2 = 0;
+    }
+    /// Calls visit(point) for the lattice points inside the face; the last row and column lie
+    /// outside, as in the official code.
+    template <class Visit>
+    void for_each(const Visit& visit) const {
+        if (n1 == 0) return;
+        for (std::int64_t i = 0; i <= n1; ++i)
+            for (std::int64_t j = 0; j <= n2; ++j) {
+                const double s = (static_cast<double>(i) + 0.5) / static_cast<double>(n1),
+                             t = (static_cast<double>(j) + 0.5) / static_cast<double>(n2);
+                if (!(s + t < 1)) break;
+                visit(origin + s * e1 + t * e2);
+            }
+    }
+};
+
+bool in_box(const ObservationMask& mask, double patch, Vec3d p) {
+    for (int a = 0; a < 3; ++a)
+        if (!(p[a] >= mask.lower[a] - patch && p[a] < mask.upper[a] + 2 * patch)) return false;
+    return true;
+}
+
+bool is_observed(const ObservationMask& mask, Vec3d p) {
+    const int size[3] = {mask.nx, mask.ny, mask.nz};
+    std::size_t index[3];
+    for (int a = 0; a < 3; ++a) {
+        const double cell = std::nearbyint((p[a] - mask.lower[a]) / mask.voxel);  // half to even
+        if (!(cell >= 0 && cell < size[a])) return false;
+        index[a] = static_cast<std::size_t>(cell);
+    }
+    const auto nx = static_cast<std::size_t>(mask.nx), ny = static_cast<std::size_t>(mask.ny);
+    return mask.seen[(index[2] * ny + index[1]) * nx + index[0]] != 0;
+}
+
+struct Summary {
+    double mean = kNaN, median = kNaN;
+    std::int64_t outliers = 0;
+};
+
+/// Puts the distances of the points that are not excluded into place, and sums them up.
+Summary summarise(const std::vector<double>& distances, double limit, MeasuredPoints& points) {
+    std::vector<double> inliers;
+    std::size_t next = 0;
+    Summary summary;
+    for (std::size_t i = 0; i < points.points.size(); ++i) {
+        if (points.fates[i] == PointFate::excluded) continue;
+        const double d = distances[next++];
+        points.distances[i] = d;
+        if (d < limit) {
+            inliers.push_back(d);
+        } else {
+            points.fates[i] = PointFate::outlier;
+            ++summary.outliers;
+        }
+    }
+    if (inliers.empty()) return summary;
+    double partial[kSumBlocks] = {}, sum = 0;
+    const double* const values = inliers.data();
+    add_sum(
+        Cpu{}, static_cast<int>(inliers.size()), [=](int i) { return values[i]; },
+        1 / static_cast<double>(inliers.size()), {partial, kSumBlocks}, &sum);
+    summary.mean = sum;
+    summary.median = median_of(std::move(inliers));
+    return summary;
+}
+
+std::vector<Vec3d> selected(const MeasuredPoints& from) {
+    std::vector<Vec3d> out;
+    for (std::size_t i = 0; i < from.points.size(); ++i)
+        if (from.fates[i] == PointFate::measured) out.push_back(from.points[i]);
+    return out;
+}
+
+MeasuredPoints unmeasured(std::vector<Vec3d> points) {
+    const std::size_t count = points.size();
+    return {std::move(points), std::vector<double>(count, kNaN),
+            std::vector<PointFate>(count, PointFate::measured)};
+}
+
+}  // namespace
+
+std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
+                              const std::vector<Vec3i>& faces,
+                              const DtuOptions& options) {
+    // 1. Half of each lattice's cells, before anything is made: background triangles of a wrong
+    // scale ask for billions.
+    double expected = static_cast<double>(vertices.size());
+    for (const Vec3i face : faces) {
+        const Lattice lattice(vertices, face, options.spacing);
+        expected += 0.5 * static_cast<double>(lattice.n1) * static_cast<double>(lattice.n2);
+    }
+    if (expected > static_cast<double>(options.max_samples))
+        throw Error(
+            ExitCode::input,
+            str("E_DTU_SAMPLES: a sample per ", options.spacing, " mm of the mesh makes about ",
+                expected, " points, more than ", options.max_samples,
+                "; cut the background away (--cull-masks), check the units "
+                "(--mesh-units), or raise --max-samples"));
+
+    // 2. Each face writes to its own place.
+    std::vector<std::int64_t> begin(faces.size() + 1, static_cast<std::int64_t>(vertices.size()));
+    parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
+        std::int64_t count = 0;
+        Lattice(vertices, faces[static_cast<std::size_t>(f)], options.spacing).for_each([&](Vec3d) {
+            ++count;
+        });
+        begin[static_cast<std::size_t>(f) + 1] = count;
+    });
+    for (std::size_t f = 0; f < faces.size(); ++f) begin[f + 1] += begin[f];
+    std::vector<Vec3d> samples(static_cast<std::size_t>(begin.back()));
+    std::copy(vertices.begin(), vertices.end(), samples.begin());
+    parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
+        auto at = samples.begin() + begin[static_cast<std::size_t>(f)];
+        Lattice(vertices, faces[static_cast<std::size_t>(f)], options.spacing)
+            .for_each([&](Vec3d p) { *at++ = p; });
+    });
+    return samples;
+}
+
+DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
+                        const DtuTruth& truth,
+                        const DtuOptions& options) {
+    DtuMetrics m;
+    m.accuracy = m.completeness = m.overall = m.accuracy_median = m.completeness_median = kNaN;
+    m.sampled = static_cast<std::int64_t>(samples.size());
+
+    // 1. The prediction: thinned, in the box, observed.
+    std::vector<Vec3d> thinned;
+    for (const std::uint32_t i : thin_points(samples, options.spacing, options.seed))
+        thinned.push_back(samples[i]);
+    m.thinned = static_cast<std::int64_t>(thinned.size());
+    m.prediction = unmeasured(std::move(thinned));
+    std::vector<Vec3d> inside;  // what the truth is compared with, observed or not
+    for (std::size_t i = 0; i < m.prediction.points.size(); ++i) {
+        const Vec3d p = m.prediction.points[i];
+        const bool in = !truth.mask || in_box(*truth.mask, options.patch, p);
+        if (in) inside.push_back(p);
+        if (!in || (truth.mask && !is_observed(*truth.mask, p)))
+            m.prediction.fates[i] = PointFate::excluded;
+    }
+    const std::vector<Vec3d> observed = selected(m.prediction);
+    m.in_box = static_cast<std::int64_t>(inside.size());
+    m.observed = static_cast<std::int64_t>(observed.size());
+
+    // 2. The truth: above the plane.
+    m.truth = static_cast<std::int64_t>(truth.points.size());
+    m.reference = unmeasured(truth.points);
+    if (truth.plane) {
+        const auto [a, b, c, d] = *truth.plane;
+        for (std::size_t i = 0; i < truth.points.size(); ++i)
+            if (!(dot(Vec3d{a, b, c}, truth.points[i]) + d > 0))
+                m.reference.fates[i] = PointFate::excluded;
+    }
+    const std::vector<Vec3d> above = selected(m.reference);
+    m.truth_above = static_cast<std::int64_t>(above.size());
+    m.undefined = m.sampled == 0         ? "the prediction holds no points"
+                  : m.in_box == 0        ? "no point of the prediction is in the box of the mask"
+                  : m.observed == 0      ? "no point of the prediction is where the mask observes"
+                  : truth.points.empty() ? "the ground truth holds no points"
+                  : m.truth_above == 0   ? "no point of the ground truth is above the plane"
+                                         : "";
+    if (!m.undefined.empty()) return m;
+
+    // 3. Distances: observed prediction to all of the truth, truth above the plane to all of the
+    // prediction in the box.
+    const Summary accuracy =
+        summarise(nearest_distances(observed, truth.points), options.max_distance, m.prediction);
+    const Summary completeness =
+        summarise(nearest_distances(above, inside), options.max_distance, m.reference);
+    m.accuracy = accuracy.mean, m.accuracy_median = accuracy.median;
+    m.completeness = completeness.mean, m.completeness_median = completeness.median;
+    m.accuracy_outliers = accuracy.outliers, m.completeness_outliers = completeness.outliers;
+    m.overall = 0.5 * (m.accuracy + m.completeness);
+    if (!std::isfinite(m.overall))
+        m.undefined = str("all distances are ", options.max_distance, " mm or more");
+    return m;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,152 @@
+#include "eval/geometry_scores.h"
+
+#include <cmath>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "io/ply.h"
+
+namespace tvsgs {
+
+namespace {
+
+std::string box_text(const std::vector<Vec3f>& points, Vec3d origin) {
+    Vec3d lower{INFINITY, INFINITY, INFINITY}, upper = -lower;
+    for (const Vec3f p : points)
+        if (is_finite(p))
+            for (int axis = 0; axis < 3; ++axis) {
+                const double at = double(p[axis]) + origin[axis];
+                lower[axis] = std::min(lower[axis], at), upper[axis] = std::max(upper[axis], at);
+            }
+    if (!(lower.x <= upper.x)) return {};
+    return str("(", lower.x, ", ", lower.y, ", ", lower.z, ") to (", upper.x, ", ", upper.y, ", ",
+               upper.z, ")");
+}
+
+/// Says why nothing is left to measure from.
+[[noreturn]] void refuse_empty(const std::string& kind,
+                               const std::vector<Vec3f>& points,
+                               const MeasureOptions& options) {
+    const std::string box = box_text(points, options.origin);
+    if (points.empty()) throw Error(ExitCode::input, "holds no points; nothing to compare");
+    if (box.empty())
+        throw Error(ExitCode::input, str("none of its ", points.size(), " ", kind, " is finite"));
+    if (options.crop_path.empty())
+        throw Error(ExitCode::input, str("its ", kind, " have no area; they span ", box));
+    throw Error(ExitCode::input,
+                str("none of its ", kind, " is inside of ", options.crop_path, "; they span ", box,
+                    "; are frame and units those of the crop?"));
+}
+
+std::vector<Vec3f> inside_of(const Crop& crop, const std::vector<Vec3f>& points, Vec3d origin) {
+    std::vector<Vec3f> inside;
+    for (const Vec3f p : points)
+        if (is_finite(p) && contains(crop, vec_cast<double>(p) + origin)) inside.push_back(p);
+    return inside;
+}
+
+}  // namespace
+
+MeasureOptions of_truth(MeasureOptions options) {
+    if (options.point_samples == 0) options.seed += 0x9E3779B97F4A7C15ull;
+    return options;
+}
+
+MeasuredSurface measured_mesh(const TriangleMesh& mesh,
+                              const MeasureOptions& options,
+                              const Crop& crop) {
+    if (options.point_samples > 0) {
+        const std::vector<Vec3f> samples = inside_of(
+            crop,
+            sample_surface(mesh, static_cast<std::size_t>(options.point_samples), options.seed),
+            options.origin);
+        if (samples.empty()) refuse_empty("samples", mesh.vertices, options);
+        return {all_points(samples), Surface(samples)};
+    }
+    MeasuredSurface result{{}, Surface(mesh)};
+    result.from =
+        sample_by_lines(result.to.triangles(), crop, options.origin, kStandardError, options.seed);
+    if (result.from.points.empty()) refuse_empty("faces", mesh.vertices, options);
+    if (const double error = worst_standard_error(result.from); error > kStandardError)
+        spdlog::warn(
+            "so little of the surface is in the crop that {} samples were found; standard errors "
+            "of "
+            "shares are up to {:.2g}, above the {:g} meant",
+            result.from.points.size(), error, kStandardError);
+    return result;
+}
+
+MeasuredSurface measured_points(const std::vector<Vec3f>& points,
+                                const MeasureOptions& options,
+                                const Crop& crop) {
+    const std::vector<Vec3f> inside = inside_of(crop, points, options.origin);
+    if (inside.empty()) refuse_empty("points", points, options);
+    // Samples of a mesh as they are compared with: cut off at the crop, too.
+    return {all_points(inside), Surface(options.point_samples > 0 ? inside : points)};
+}
+
+MeasuredSurface read_measured(const std::string& path,
+                              const MeasureOptions& options,
+                              const Crop& crop) {
+    PlyContents ply = read_ply(path, options.origin);
+    const bool is_mesh = !ply.faces.empty();
+    MeasuredSurface result;
+    try {
+        result = is_mesh
+                     ? measured_mesh({std::move(ply.points.positions), {}, std::move(ply.faces)},
+                                     options, crop)
+                     : measured_points(ply.points.positions, options, crop);
+    } catch (const Error& error) {
+        throw Error(error.code(), str(path, ": ", error.what()));
+    }
+    spdlog::info(
+        "{}: measured from {} {}, to {}", path, result.from.points.size(),
+        is_mesh         ? "samples of the mesh"
+        : ply.is_splats ? "splat centres"
+                        : "points",
+        result.to.triangles().empty() ? "these" : str(result.to.triangles().size(), " triangles"));
+    return result;
+}
+
+std::string json_list(const std::vector<JsonLine>& items) {
+    std::string text;
+    for (const JsonLine& item : items) text += (text.empty() ? "" : ", ") + item.text();
+    return "[" + text + "]";
+}
+
+JsonLine geometry_json(const GeometryMetrics& m) {
+    JsonLine json;
+    json.add("accuracy", m.accuracy).add("completeness", m.completeness).add("chamfer", m.chamfer);
+    json.add("median_accuracy", m.median_accuracy)
+        .add("median_completeness", m.median_completeness);
+    const auto add_error = [](JsonLine& line, const char* key, double error) {
+        if (error > 0) line.add(key, error);
+    };
+    add_error(json, "accuracy_se", m.accuracy_se);
+    add_error(json, "completeness_se", m.completeness_se);
+    std::vector<JsonLine> thresholds;
+    for (const auto& t : m.thresholds) {
+        JsonLine line;
+        line.add("tau", t.tau)
+            .add("precision", t.precision)
+            .add("recall", t.recall)
+            .add("f1", t.f1);
+        add_error(line, "precision_se", t.precision_se);
+        add_error(line, "recall_se", t.recall_se);
+        add_error(line, "f1_se", t.f1_se);
+        thresholds.push_back(line);
+    }
+    return json.add_json("thresholds", json_list(thresholds));
+}
+
+JsonLine counts_json(const MeasuredSurface& prediction,
+                     const MeasuredSurface& truth,
+                     const SamplePoints* visible) {
+    JsonLine json;
+    json.add("pred", static_cast<std::int64_t>(prediction.from.points.size()))
+        .add("gt", static_cast<std::int64_t>(truth.from.points.size()));
+    if (visible) json.add("visible_gt", static_cast<std::int64_t>(visible->points.size()));
+    return json;
+}
+
+}  // namespace tvsgs

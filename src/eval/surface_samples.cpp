@@ -1,0 +1,228 @@
+#include "eval/surface_samples.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "core/rng.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kMaxCells = 4096;
+constexpr int kMaxDepth = 20;
+constexpr std::int64_t kMaxLines = 100'000'000;
+constexpr std::int64_t kVainLines =
+    4'000'000;                            // so many in a row that cut nothing: there is nothing
+constexpr std::int64_t kRound = 1 << 16;  // lines between two looks at the error
+
+/// One of the boxes that a cube-like grid of 2^depth cells a side cuts a box into.
+struct Cell {
+    std::array<std::uint32_t, 3> at;
+};
+
+struct Grid {
+    Vec3d lower, size;  // of all of it
+    int depth = 0;
+    std::vector<Cell> cells;  // those that the surface reaches into
+
+    double edge(int axis) const { return size[axis] / std::exp2(depth); }
+    Vec3d lower_of(const Cell& cell) const {
+        Vec3d p;
+        for (int axis = 0; axis < 3; ++axis) p[axis] = lower[axis] + cell.at[axis] * edge(axis);
+        return p;
+    }
+    Vec3d upper_of(const Cell& cell) const {
+        Vec3d p = lower_of(cell);
+        for (int axis = 0; axis < 3; ++axis) p[axis] += edge(axis);
+        return p;
+    }
+    /// Whether the point counts to the cell; on a side between two it counts to one of them.
+    bool holds(const Cell& cell, Vec3d p) const {
+        const double last = std::exp2(depth) - 1;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double place = std::floor((p[axis] - lower[axis]) / edge(axis));
+            if (std::clamp(place, 0.0, last) != cell.at[axis]) return false;
+        }
+        return true;
+    }
+    double face(int axis) const { return edge((axis + 1) % 3) * edge((axis + 2) % 3); }
+    double cell_area() const { return 2 * (face(0) + face(1) + face(2)); }
+    double area() const { return static_cast<double>(cells.size()) * cell_area(); }
+};
+
+/// The box of the surface in the crop, in the frame of the mesh; empty() where they do not meet.
+struct Box {
+    Vec3d lower, upper;
+    bool empty() const { return !(lower.x <= upper.x && lower.y <= upper.y && lower.z <= upper.z); }
+};
+
+Box bounds(const Crop& crop) {
+    constexpr double kFar = std::numeric_limits<double>::infinity();
+    switch (crop.kind) {
+        case Crop::Kind::everything:
+            break;
+        case Crop::Kind::box:
+            return {crop.min, crop.max};
+        case Crop::Kind::cylinder:
+            return {{crop.center_x - crop.radius, crop.center_y - crop.radius, crop.min.z},
+                    {crop.center_x + crop.radius, crop.center_y + crop.radius, crop.max.z}};
+        case Crop::Kind::prism: {
+            Box box{{kFar, kFar, kFar}, {-kFar, -kFar, -kFar}};
+            for (const Vec3d p : crop.polygon)
+                for (int axis = 0; axis < 3; ++axis) {
+                    box.lower[axis] = std::min(box.lower[axis], p[axis]);
+                    box.upper[axis] = std::max(box.upper[axis], p[axis]);
+                }
+            box.lower[crop.axis] = crop.axis_min, box.upper[crop.axis] = crop.axis_max;
+            return box;
+        }
+    }
+    return {{-kFar, -kFar, -kFar}, {kFar, kFar, kFar}};
+}
+
+Box common_box(const TriangleTree& tree, const Crop& crop, Vec3d origin) {
+    const Box cropped = bounds(crop);
+    Box box{tree.lower(), tree.upper()};
+    for (int axis = 0; axis < 3; ++axis) {
+        box.lower[axis] = std::max(box.lower[axis], cropped.lower[axis] - origin[axis]);
+        box.upper[axis] = std::min(box.upper[axis], cropped.upper[axis] - origin[axis]);
+    }
+    return box;
+}
+
+/// The cells through which the fewest lines miss the surface. A far crumb must not make nearly all
+/// of them miss.
+Grid choose_grid(const TriangleTree& tree, Box box) {
+    Vec3d size = box.upper - box.lower;
+    const double longest = std::max({size.x, size.y, size.z});
+    // Larger by odd shares: what lies in a side of a cell counts to either of two by rounding. And
+    // a box without height is met by no line.
+    constexpr double kBefore = 0.00317, kAfter = 0.00411;
+    for (int axis = 0; axis < 3; ++axis) {
+        box.lower[axis] -= kBefore * longest;
+        size[axis] += (kBefore + kAfter) * longest;
+    }
+    Grid grid{box.lower, size, 0, {{{0, 0, 0}}}};
+    Grid best = grid;
+    while (grid.depth < kMaxDepth && grid.cells.size() <= kMaxCells) {
+        Grid finer{grid.lower, grid.size, grid.depth + 1, {}};
+        for (const Cell& cell : grid.cells)
+            for (std::uint32_t child = 0; child < 8; ++child) {
+                Cell part;
+                for (std::size_t axis = 0; axis < 3; ++axis)
+                    part.at[axis] = 2 * cell.at[axis] + (child >> axis & 1);
+                if (tree.meets(finer.lower_of(part), finer.upper_of(part)))
+                    finer.cells.push_back(part);
+            }
+        grid = std::move(finer);
+        if (grid.area() < best.area()) best = grid;
+    }
+    return best;
+}
+
+double fraction(std::uint32_t bits) {
+    return (static_cast<double>(bits) + 0.5) / 4294967296.0;
+}
+
+/// Uniform among the lines that meet the cell: even over its sides, and in the cosine of the angle
+/// to them.
+Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::uint64_t index) {
+    const std::uint64_t key = (std::uint64_t(cell.at[0]) << 42) ^
+                              (std::uint64_t(cell.at[1]) << 21) ^ std::uint64_t(cell.at[2]);
+    // One stream a cell: it is the seed's and the cell's.
+    const Random4 first =
+                      random4(seed ^ key * 0x9E3779B97F4A7C15ull, RandomStream::lines, index, 0),
+                  second =
+                      random4(seed ^ key * 0x9E3779B97F4A7C15ull, RandomStream::lines, index, 1);
+    double place = fraction(first.v[0]) * 0.5 * grid.cell_area();
+    int axis = 0;
+    while (axis < 2 && place >= grid.face(axis)) place -= grid.face(axis), ++axis;
+    const int u = (axis + 1) % 3, v = (axis + 2) % 3;
+    const bool upper = (first.v[3] & 1) != 0;
+    Vec3d point = grid.lower_of(cell), direction;
+    if (upper) point[axis] += grid.edge(axis);
+    point[u] += fraction(first.v[1]) * grid.edge(u);
+    point[v] += fraction(first.v[2]) * grid.edge(v);
+    const double sine = std::sqrt(fraction(second.v[0])),
+                 angle = 2 * 3.141592653589793 * fraction(second.v[1]);
+    direction[u] = sine * std::cos(angle), direction[v] = sine * std::sin(angle);
+    direction[axis] = (upper ? -1 : 1) * std::sqrt(1 - sine * sine);
+    return {point, direction};
+}
+
+}  // namespace
+
+double worst_standard_error(const SamplePoints& sample) {
+    double squares = 0;
+    for (std::size_t d = 0; d < sample.draws.size(); ++d) {
+        const std::size_t end =
+            d + 1 < sample.draws.size() ? sample.draws[d + 1] : sample.points.size();
+        const double count = static_cast<double>(end - sample.draws[d]);
+        squares += count * count;
+    }
+    return sample.draws.empty() ? 0
+                                : std::sqrt(squares) / static_cast<double>(sample.points.size());
+}
+
+SamplePoints sample_by_lines(const TriangleTree& tree,
+                             const Crop& crop,
+                             Vec3d origin,
+                             double standard_error,
+                             std::uint64_t seed) {
+    SamplePoints sample;
+    if (tree.empty()) return sample;
+    const Box box = common_box(tree, crop, origin);
+    if (box.empty() || !tree.meets(box.lower, box.upper)) return sample;
+    const Grid grid = choose_grid(tree, box);
+    if (!(grid.cell_area() > 0)) return sample;  // all in a single point
+
+    const auto cells = static_cast<std::int64_t>(grid.cells.size());
+    const std::int64_t per_cell = (kRound + cells - 1) / cells;
+    constexpr std::int64_t kChunk = 256;  // lines that one thread goes through
+    std::int64_t lines = 0;
+    double squares = 0;
+    for (std::int64_t round = 0; lines < kMaxLines; ++round) {
+        const std::int64_t count = cells * per_cell;
+        std::vector<std::vector<Vec3d>> cuts(
+            static_cast<std::size_t>((count + kChunk - 1) / kChunk));
+        std::vector<std::vector<std::uint32_t>> begins(cuts.size());
+        parallel_for_heavy(Cpu{}, static_cast<int>(cuts.size()), [&](int chunk) {
+            auto& points = cuts[static_cast<std::size_t>(chunk)];
+            for (std::int64_t i = chunk * kChunk; i < std::min(count, (chunk + 1) * kChunk); ++i) {
+                const Cell& cell = grid.cells[static_cast<std::size_t>(i / per_cell)];
+                const Line line = line_through(
+                    grid, cell, seed, static_cast<std::uint64_t>(round * per_cell + i % per_cell));
+                const std::size_t before = points.size();
+                tree.for_each_cut(line, grid.lower_of(cell), grid.upper_of(cell), [&](Vec3d p) {
+                    if (grid.holds(cell, p) && contains(crop, p + origin)) points.push_back(p);
+                });
+                if (points.size() > before)
+                    begins[static_cast<std::size_t>(chunk)].push_back(
+                        static_cast<std::uint32_t>(before));
+            }
+        });
+        lines += count;
+        for (std::size_t chunk = 0; chunk < cuts.size(); ++chunk) {
+            const std::size_t before = sample.points.size();
+            for (std::size_t d = 0; d < begins[chunk].size(); ++d) {
+                const std::size_t begin = begins[chunk][d], end = d + 1 < begins[chunk].size()
+                                                                      ? begins[chunk][d + 1]
+                                                                      : cuts[chunk].size();
+                sample.draws.push_back(static_cast<std::uint32_t>(before + begin));
+                squares += static_cast<double>((end - begin) * (end - begin));
+            }
+            sample.points.insert(sample.points.end(), cuts[chunk].begin(), cuts[chunk].end());
+        }
+        const double points = static_cast<double>(sample.points.size());
+        if (points == 0 && lines >= kVainLines) break;
+        if (points > 0 && std::sqrt(squares) <= points * standard_error) break;
+    }
+    // A line that meets a convex body of area A cuts a surface of area S inside 2 S / A times.
+    sample.area =
+        static_cast<double>(sample.points.size()) / static_cast<double>(lines) * 0.5 * grid.area();
+    return sample;
+}
+
+}  // namespace tvsgs

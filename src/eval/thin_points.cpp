@@ -1,0 +1,196 @@
+#include "eval/thin_points.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/rng.h"
+
+namespace tvsgs {
+namespace {
+
+using Cell = std::array<std::int64_t, 3>;
+
+Vec3d lower_corner(const std::vector<Vec3d>& points) {
+    Vec3d lower = points[0];
+    for (const Vec3d p : points)
+        for (int a = 0; a < 3; ++a) lower[a] = std::min(lower[a], p[a]);
+    return lower;
+}
+
+std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::uint64_t> seed) {
+    std::vector<std::uint32_t> order(count);
+    std::iota(order.begin(), order.end(), 0u);
+    if (!seed) return order;
+    std::vector<std::uint64_t> key(count);  // drawn number above, index below: no ties
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        const Random4 r = random4(*seed, RandomStream::thinning, static_cast<std::uint64_t>(i));
+        key[static_cast<std::size_t>(i)] =
+            std::uint64_t{r.v[0]} << 32 | static_cast<std::uint32_t>(i);
+    });
+    std::sort(key.begin(), key.end());
+    for (std::size_t i = 0; i < count; ++i) order[i] = static_cast<std::uint32_t>(key[i]);
+    return order;
+}
+
+/// Kept points by cell. Cells lie in blocks of 4x4x4, so that the 27 around a point are in few
+/// places of memory.
+class KeptPoints {
+public:
+    explicit KeptPoints(std::size_t count) : next_(count, kNone) {
+        table_.assign(std::size_t{1} << 12, kNone);
+    }
+
+    /// Calls is_near(index) for kept points of the 27 cells around until it returns true.
+    template <class IsNear>
+    bool any_around(const Cell& cell, const IsNear& is_near) const {
+        std::array<std::int64_t, 3> first, last;
+        for (std::size_t a = 0; a < 3; ++a)
+            first[a] = (cell[a] - 1) >> 2, last[a] = (cell[a] + 1) >> 2;
+        for (std::int64_t bx = first[0]; bx <= last[0]; ++bx)
+            for (std::int64_t by = first[1]; by <= last[1]; ++by)
+                for (std::int64_t bz = first[2]; bz <= last[2]; ++bz) {
+                    const std::uint32_t block = find({bx, by, bz});
+                    if (block != kNone && any_in(blocks_[block], cell, is_near)) return true;
+                }
+        return false;
+    }
+
+    void add(const Cell& cell, std::uint32_t index) {
+        const Cell at{cell[0] >> 2, cell[1] >> 2, cell[2] >> 2};
+        std::uint32_t block = find(at);
+        if (block == kNone) {
+            block = static_cast<std::uint32_t>(blocks_.size());
+            blocks_.push_back({});
+            blocks_.back().at = at;
+            blocks_.back().head.fill(kNone);
+            if (2 * blocks_.size() > table_.size()) grow();
+            insert(block);
+        }
+        std::uint32_t& head = blocks_[block].head[slot(cell)];
+        next_[index] = head, head = index;
+        blocks_[block].occupied |= std::uint64_t{1} << slot(cell);
+    }
+
+private:
+    static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+    struct Block {
+        Cell at;
+        std::uint64_t occupied = 0;
+        std::array<std::uint32_t, 64> head;  // of a list through next_, per cell
+    };
+
+    static std::size_t slot(const Cell& cell) {
+        return static_cast<std::size_t>((cell[0] & 3) << 4 | (cell[1] & 3) << 2 | (cell[2] & 3));
+    }
+    static std::size_t hash(const Cell& at) {
+        std::uint64_t h = 0;
+        for (const std::int64_t c : at)
+            h = (h ^ static_cast<std::uint64_t>(c)) * 0x9E3779B97F4A7C15ull, h ^= h >> 32;
+        return static_cast<std::size_t>(h);
+    }
+    template <class IsNear>
+    bool any_in(const Block& block, const Cell& cell, const IsNear& is_near) const {
+        for (std::uint64_t left = block.occupied; left != 0; left &= left - 1) {
+            const int s = __builtin_ctzll(left);
+            const Cell at{block.at[0] * 4 + (s >> 4), block.at[1] * 4 + (s >> 2 & 3),
+                          block.at[2] * 4 + (s & 3)};
+            if (std::abs(at[0] - cell[0]) > 1 || std::abs(at[1] - cell[1]) > 1 ||
+                std::abs(at[2] - cell[2]) > 1)
+                continue;
+            for (std::uint32_t i = block.head[static_cast<std::size_t>(s)]; i != kNone;
+                 i = next_[i])
+                if (is_near(i)) return true;
+        }
+        return false;
+    }
+    std::uint32_t find(const Cell& at) const {
+        for (std::size_t i = hash(at) & (table_.size() - 1);; i = (i + 1) & (table_.size() - 1))
+            if (table_[i] == kNone || blocks_[table_[i]].at == at) return table_[i];
+    }
+    void insert(std::uint32_t block) {
+        std::size_t i = hash(blocks_[block].at) & (table_.size() - 1);
+        while (table_[i] != kNone) i = (i + 1) & (table_.size() - 1);
+        table_[i] = block;
+    }
+    void grow() {
+        table_.assign(2 * table_.size(), kNone);
+        for (std::uint32_t block = 0; block + 1 < blocks_.size(); ++block) insert(block);
+    }
+
+    std::vector<Block> blocks_;
+    std::vector<std::uint32_t> table_, next_;
+};
+
+}  // namespace
+
+std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
+                                       double radius,
+                                       std::optional<std::uint64_t> seed) {
+    std::vector<std::uint32_t> kept;
+    if (points.empty()) return kept;
+    const Vec3d lower = lower_corner(points);
+    // A little more than the radius, so that rounding cannot put two points at just that distance
+    // two cells apart.
+    const double inverse = 1 / (radius * (1 + 1e-9));
+    KeptPoints grid(points.size());
+    for (const std::uint32_t i : visiting_order(points.size(), seed)) {
+        const Vec3d p = points[i];
+        Cell cell;
+        for (int a = 0; a < 3; ++a)
+            cell[static_cast<std::size_t>(a)] =
+                static_cast<std::int64_t>(std::floor((p[a] - lower[a]) * inverse));
+        const bool taken = grid.any_around(cell, [&](std::uint32_t j) {
+            const Vec3d d = points[j] - p;
+            return dot(d, d) <= radius * radius;
+        });
+        if (taken) continue;
+        grid.add(cell, i);
+        kept.push_back(i);
+    }
+    std::sort(kept.begin(), kept.end());
+    return kept;
+}
+
+std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel) {
+    if (points.empty()) return {};
+    Vec3d origin = lower_corner(points);
+    for (int a = 0; a < 3; ++a) origin[a] -= 0.5 * voxel;
+    struct Entry {
+        std::uint64_t voxel;
+        std::uint32_t point;
+    };
+    std::vector<Entry> entries(points.size());
+    constexpr double kMaxVoxels = 1 << 21;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        std::uint64_t key = 0;
+        for (int a = 0; a < 3; ++a) {
+            const double index = std::floor((points[i][a] - origin[a]) / voxel);
+            if (!(index >= 0 && index < kMaxVoxels))
+                throw Error(
+                    ExitCode::input,
+                    str("voxels of ", voxel, " for a cloud that reaches ", points[i][a] - origin[a],
+                        " along one axis: more than 2^21 a side; crop the cloud, or is the "
+                        "unit another?"));
+            key = key << 21 | static_cast<std::uint64_t>(index);
+        }
+        entries[i] = {key, static_cast<std::uint32_t>(i)};
+    }
+    std::sort(entries.begin(), entries.end(), [](const Entry& a, const Entry& b) {
+        return a.voxel != b.voxel ? a.voxel < b.voxel : a.point < b.point;
+    });
+    std::vector<Vec3d> means;
+    for (std::size_t begin = 0, end = 0; begin < entries.size(); begin = end) {
+        Vec3d sum{};
+        for (; end < entries.size() && entries[end].voxel == entries[begin].voxel; ++end)
+            sum += points[entries[end].point];
+        means.push_back(sum / static_cast<double>(end - begin));
+    }
+    return means;
+}
+
+}  // namespace tvsgs

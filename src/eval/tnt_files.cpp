@@ -1,0 +1,185 @@
+#include "eval/tnt_files.h"
+
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <string_view>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "eval/frame_check.h"
+#include "eval/geometry_scores.h"
+#include "eval/mesh_metrics.h"
+#include "eval/tnt_protocol.h"
+#include "io/read_file.h"
+#include "io/trajectory.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+Vec3d mean_of(const std::vector<Vec3d>& points) {
+    Vec3d sum{};
+    for (const Vec3d p : points) sum += p;
+    return sum / static_cast<double>(points.size());
+}
+
+}  // namespace
+
+const char* const kTntDistribution =
+    "  expected DIR/<Scene>.ply, DIR/<Scene>.json, DIR/<Scene>_COLMAP_SfM.log and "
+    "DIR/<Scene>_trans.txt;\n  the benchmark distributes them with the training set at "
+    "https://www.tanksandtemples.org/download/";
+
+TntFiles find_tnt_files(const std::string& scene_dir, const std::string& scene_name) {
+    const fs::path folder(scene_dir);
+    std::error_code error;
+    if (!fs::is_directory(folder, error))
+        throw Error(ExitCode::input, str(scene_dir, ": no such folder\n", kTntDistribution));
+    constexpr std::string_view kLog = "_COLMAP_SfM.log";
+    std::string scene = scene_name;
+    if (scene.empty()) scene = fs::absolute(folder / ".").parent_path().filename().string();
+    if (scene_name.empty() && !fs::exists(folder / (scene + std::string(kLog)))) {
+        std::vector<std::string> found;
+        for (const auto& entry : fs::directory_iterator(folder))
+            if (const std::string name = entry.path().filename().string(); name.ends_with(kLog))
+                found.push_back(name.substr(0, name.size() - kLog.size()));
+        if (found.size() != 1)
+            throw Error(ExitCode::input,
+                        str(scene_dir, ": ", found.size(),
+                            " files *_COLMAP_SfM.log; name the scene with --scene-name\n",
+                            kTntDistribution));
+        scene = found[0];
+    }
+    const auto file = [&](const std::string& end) { return (folder / (scene + end)).string(); };
+    TntFiles files{scene, file(".ply"), file(".json"), file(std::string(kLog)), file("_trans.txt")};
+    for (const std::string& path : {files.cloud, files.crop, files.log, files.trans})
+        require_file(path, kTntDistribution);
+    return files;
+}
+
+// [TanksAndTemples: config.py], metres
+double find_tnt_tau(double given, const std::string& scene) {
+    if (given > 0) return given;
+    const std::map<std::string, double> taus = {
+        {"Barn", 0.01},      {"Caterpillar", 0.005}, {"Church", 0.025}, {"Courthouse", 0.025},
+        {"Ignatius", 0.003}, {"Meetingroom", 0.01},  {"Truck", 0.005}};
+    if (const auto tau = taus.find(scene); tau != taus.end()) return tau->second;
+    throw Error(ExitCode::usage, str("scene ", scene,
+                                     ": its threshold is not known; give it with --tau, in the "
+                                     "unit of the ground truth"));
+}
+
+void align_by_cameras(const std::string& trajectory,
+                      const TntFiles& files,
+                      double threshold,
+                      std::uint64_t seed,
+                      bool force,
+                      TntAlignment& out) {
+    const Affine3d truth_from_log = read_transform(files.trans);
+    if (trajectory.empty() ||
+        (!fs::is_directory(trajectory) && read_bytes(trajectory) == read_bytes(files.log))) {
+        out.start = truth_from_log;
+        out.how = "the frame of the official log";
+        return;
+    }
+    CentrePairs pairs = pair_trajectories(trajectory, files.log);
+    for (Vec3d& p : pairs.to) p = truth_from_log * p;
+    const CentreAlignment fit = align_centres(pairs.from, pairs.to, threshold, seed);
+    out.start = fit.to_from_from;
+    out.how = "camera centres of " + trajectory;
+    out.json.add("poses", static_cast<std::int64_t>(pairs.poses))
+        .add("log_poses", static_cast<std::int64_t>(pairs.log_poses))
+        .add("matched_by", pairs.matched_by)
+        .add("pairs", static_cast<std::int64_t>(pairs.from.size()))
+        .add("inliers", fit.inliers)
+        .add("inlier_rmse", fit.rmse)
+        .add("median_residual", fit.median_residual);
+    spdlog::info("{} of {} camera centres agree within {}; median residual {:.4g}", fit.inliers,
+                 pairs.from.size(), threshold, fit.median_residual);
+    if (2 * static_cast<std::size_t>(fit.inliers) < pairs.from.size() && !force)
+        throw Error(ExitCode::input,
+                    str("E_TNT_TRAJ_RESIDUAL: ", trajectory, ": only ", fit.inliers, " of ",
+                        pairs.from.size(), " camera centres come within ", threshold,
+                        " of those of ", files.log, " (median residual ", fit.median_residual,
+                        "): is it the trajectory of another reconstruction? (--force measures "
+                        "regardless)"));
+}
+
+void refine_tnt(const std::vector<Vec3d>& points,
+                const std::vector<Vec3d>& truth_cropped,
+                const Crop& crop,
+                double tau,
+                bool intended,
+                TntAlignment& out) {
+    const IcpRefinement icp = refine_by_icp(points, truth_cropped, crop, out.start, tau, intended);
+    out.final = icp.truth_from_prediction;
+    std::vector<JsonLine> stages;
+    for (const IcpResult& stage : icp.stages)
+        stages.push_back(JsonLine()
+                             .add("source", stage.source)
+                             .add("target", stage.target)
+                             .add("fitness", stage.fitness)
+                             .add("rmse", stage.rmse)
+                             .add("iterations", stage.iterations));
+    const MotionDifference moved = difference(out.final, out.start, mean_of(truth_cropped));
+    out.json.add_json("icp_stages", json_list(stages))
+        .add("icp_scale", moved.scale)
+        .add("icp_angle_rad", moved.angle_rad)
+        .add("icp_shift", moved.shift);
+    if (std::abs(moved.scale - 1) > 0.02 || moved.shift > 10 * tau)
+        spdlog::warn(
+            "ICP changed the scale by {:.2f} % and moved the scene by {:.3g}, {:.1f} tau: it may "
+            "have slid; compare with --no-icp",
+            100 * (moved.scale - 1), moved.shift, moved.shift / tau);
+}
+
+std::vector<Vec3d> choose_tnt_points(const Prediction& in,
+                                     const std::string& choice,
+                                     std::uint64_t seed,
+                                     std::string& used) {
+    const PreciseMesh& mesh = in.mesh;
+    used = choice != "auto" ? choice : mesh.faces.empty() ? "vertices" : "vertices+centroids";
+    if (in.is_splats) used = "splat centres";
+    if (used.starts_with("area:")) {
+        int count = 0;
+        if (!parse_number(std::string_view(used).substr(5), count) || count < 1)
+            throw Error(ExitCode::usage,
+                        str("--points ", used, ": expected area: and a positive number"));
+        TriangleMesh single{{}, {}, mesh.faces};
+        for (const Vec3d p : mesh.vertices) single.vertices.push_back(vec_cast<float>(p));
+        std::vector<Vec3d> points;
+        for (const Vec3f p : sample_surface(single, static_cast<std::size_t>(count), seed))
+            points.push_back(vec_cast<double>(p));
+        return points;
+    }
+    std::vector<Vec3d> points = mesh.vertices;
+    if (used == "vertices+centroids")
+        for (const Vec3i face : mesh.faces) {
+            const auto at = [&](int i) { return mesh.vertices[static_cast<std::size_t>(i)]; };
+            points.push_back((at(face.x) + at(face.y) + at(face.z)) / 3);
+        }
+    else if (used != "vertices" && !in.is_splats)
+        throw Error(ExitCode::usage, str("--points ", used,
+                                         ": expected auto, vertices, vertices+centroids or "
+                                         "area:N"));
+    return points;
+}
+
+void check_tnt_overlap(const std::vector<Vec3d>& moved,
+                       const std::vector<Vec3d>& truth_cropped,
+                       const Crop& crop,
+                       const std::string& name) {
+    const std::vector<Vec3d> inside = cropped(moved, crop);
+    const FrameCheck whole = check_frame(moved, truth_cropped);
+    // Far background may be there; what the crop leaves has to have the size of the scene.
+    if (!inside.empty() && !whole.apart && check_frame(inside, truth_cropped).plausible()) return;
+    throw Error(ExitCode::input,
+                str("E_TNT_FRAME: ", name, " does not lie where the ground truth does: aligned, ",
+                    whole.text(), "; ", inside.size(), " of its ", moved.size(),
+                    " points are inside of the crop volume. Is --traj the trajectory of the frame "
+                    "that it was trained in? (--force measures regardless)"));
+}
+
+}  // namespace tvsgs

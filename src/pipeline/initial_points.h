@@ -1,0 +1,55 @@
+// The points that training starts from.
+#pragma once
+
+#include "core/device_choice.h"
+#include "io/ply.h"
+#include "pipeline/run_options.h"
+#include "pipeline/stereo_cloud.h"
+
+namespace tvsgs {
+
+/// Whether the cloud of the scene gives way to one by stereo.
+inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
+    return options.scene.init_ply.empty() &&
+           scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
+}
+
+/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
+/// stereo, if that finds more.
+inline void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
+    const InitOptions& init = options.train.init;
+    const std::size_t given = scene.points.positions.size();
+    if (!options.scene.init_ply.empty()) {
+        scene.points =
+            prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
+    } else if (needs_stereo(options, scene)) {
+        spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
+                     given, init.min_points);
+        try {
+            PointCloud cloud = stereo_cloud(device, scene.train, scene.points.positions,
+                                            options.stereo, stereo_cap(init.max_points))
+                                   .cloud;
+            if (cloud.positions.size() > given) scene.points = std::move(cloud);
+        } catch (const Error& error) {
+            if (error.code() != ExitCode::input || given == 0) throw;
+            spdlog::warn("{}; training starts from the {} points of the model", error.what(),
+                         given);
+        }
+    }
+}
+
+/// The near plane's default suits scenes some units deep; in smaller ones it would hide them.
+inline void fit_near_plane(const Scene& scene, BackboneOptions& core) {
+    const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
+    if (core.near != usual || unit >= 1) return;
+    core.near = usual * unit;
+    spdlog::info("the scene is {:.3g} world units deep: core.near is {:.3g} instead of {:.3g}",
+                 unit, core.near, usual);
+}
+
+inline void read_fixed_voters(const RunOptions& options, Scene& scene) {
+    if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
+        scene.fixed_voters = read_ply(options.train.tv.fixed_voters, scene.origin).points;
+}
+
+}  // namespace tvsgs

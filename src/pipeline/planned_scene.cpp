@@ -1,0 +1,121 @@
+#include "pipeline/planned_scene.h"
+
+#include <cmath>
+
+#include "core/device_choice.h"
+#include "pipeline/built_in_configs.h"
+#include "pipeline/initial_points.h"
+
+namespace tvsgs {
+namespace {
+
+/// A built-in configuration alone.
+TrainOptions options_of(const char* config) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_text("the program", config);
+    return options.train;
+}
+
+/// Chooses the settings to start from; returns whether they are the dense ones.
+bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
+    const Decision settings = plan_settings(train_views);
+    const bool dense = settings.choice == "dense";
+    plan.apply(settings, dense ? kDenseConfig : kSparseConfig);
+    if (plan.pinned("tv.enabled") && !options.train.tv.enabled && !dense)
+        plan.apply({"voting losses",
+                    "off",
+                    "as voting is",
+                    NAN,
+                    NAN,
+                    {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
+    check_consistency(options.train);
+    return dense;
+}
+
+}  // namespace
+
+void check_consistency(const TrainOptions& options) {
+    const bool needs_votes =
+        options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
+    if (needs_votes && !options.tv.enabled)
+        throw Error(ExitCode::usage,
+                    "configuration: tv.enabled is false but loss.tv_normal.weight or "
+                    "loss.tv_position.weight is above 0; "
+                    "set both weights to 0, or tv.enabled to true");
+    make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
+}
+
+Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
+    Scene scene = read_scene(options.scene);
+    if (options.plan.until != Until::converged || !scene.test.empty()) return scene;
+    constexpr std::size_t kFew = 6;
+    if (resumed || scene.train.size() < kFew)
+        throw Error(ExitCode::usage,
+                    str("--until converged: ", scene.train.size(), " training views",
+                        resumed ? ", of which the run has seen all," : "",
+                        " and no test views; expected test views (--eval, --split or --test-list), "
+                        "or in a new run ",
+                        kFew, " training views, of which one is held out"));
+    const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
+    spdlog::info("--until converged: {} is held out", middle->name);
+    table.set("scene.held_out", middle->name, "--until converged");
+    scene.test.push_back(std::move(*middle));
+    scene.train.erase(middle);
+    return scene;
+}
+
+Scene read_and_plan(const DeviceChoice& device,
+                    bool plan_only,
+                    RunOptions& options,
+                    OptionTable& table,
+                    RunPlan& plan) {
+    if (!options.plan.enabled && !plan_only) {
+        options.scene.points_required = options.train.init.min_points == 0;
+        Scene scene = read_views(options, false, table);
+        prepare_points(device, options, scene);
+        fit_near_plane(scene, options.train.core);
+        return scene;
+    }
+    bool dense = false;
+    options.scene.points_required = false;
+    options.scene.on_split = [&](int views) { dense = plan_start(views, options, plan); };
+    Scene scene = read_views(options, false, table);
+    options.scene.on_split = nullptr;
+
+    const auto look = [&] {
+        const SceneLook seen = look_at(scene, options.train.loss.multi_view);
+        plan.note(seen);
+        return seen;
+    };
+    SceneLook seen = look();
+    if (options.scene.init_ply.empty()) plan.apply(plan_cloud(seen, dense));
+    const bool stereo = needs_stereo(options, scene);
+    if (!options.plan.enabled)
+        plan.remark(
+            "This is what a run without --config would do; the configuration given is not "
+            "planned (plan.enabled).");
+    if (plan_only && stereo) {
+        plan.remark("More is decided on the cloud that stereo makes.");
+        return scene;
+    }
+    prepare_points(device, options, scene);
+    if (scene.points.positions.empty())
+        throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
+                                         ": no initial points; pass --init-ply, or let stereo make "
+                                         "a cloud (init.min_points)"));
+    fit_near_plane(scene, options.train.core);
+    if (scene.points.positions.size() != seen.points) seen = look();
+    const TrainOptions multi_view = options_of(kDenseConfig);
+    const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
+              wanted = plan.pinned("iterations") ? options.train.iterations : 0;
+    for (const Decision& decision :
+         plan_training(seen, {dense, options.train, configured, wanted, multi_view.loss}))
+        plan.apply(decision);
+    if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
+    plan.finish();
+    return scene;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,315 @@
+#include "pipeline/run_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+#include <vector>
+
+#include "core/error.h"
+#include "io/atomic_file.h"
+#include "io/config.h"
+#include "io/manifest.h"
+#include "io/ply.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view kEntries[] = {
+    "config.json", "plan.json", "memory.json", "log.jsonl", "cameras.json", "point_cloud",
+    "checkpoints", "mesh",      "eval",        "test",      "report.json",  "report.html"};
+
+/// Whether there is a file with something in it, there or below. (A run that is killed before it
+/// has a configuration leaves an empty log.)
+bool holds_work(const fs::path& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return !fs::is_empty(path, code);
+    for (fs::recursive_directory_iterator it(path, code), end; !code && it != end;
+         it.increment(code))
+        if (it->is_regular_file(code)) return true;
+    return false;
+}
+
+/// Whether `path` is `folder` or lies in it, links followed.
+bool lies_in(const fs::path& path, const fs::path& folder) {
+    std::error_code code;
+    if (!fs::is_directory(folder, code)) return false;
+    const fs::path whole = fs::weakly_canonical(fs::absolute(path), code),
+                   outer = fs::canonical(folder, code);
+    if (code) return false;
+    return std::mismatch(outer.begin(), outer.end(), whole.begin(), whole.end()).first ==
+           outer.end();
+}
+
+void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
+    for (const std::string& name : {scene.images, scene.masks, std::string("images"),
+                                    std::string("mask"), std::string("masks")})
+        if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
+            throw Error(ExitCode::usage,
+                        str("--out ", out, ": lies among the pictures of the scene, ",
+                            (fs::path(scene.path) / name).string(), "; name another place"));
+}
+
+}  // namespace
+
+void require_output(const std::string& out,
+                    const std::string& extension,
+                    const std::string& why,
+                    const SceneOptions& scene) {
+    std::error_code code;
+    const fs::file_status status = fs::status(out, code);
+    if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status)) return;
+    if (fs::path(out).extension() != extension)
+        throw Error(ExitCode::usage,
+                    str("--out ", out, ": ", why, "; expected a name that ends in ", extension));
+    require_outside_of_pictures(out, scene);
+    require_replaceable(out);
+}
+
+void require_free_run_folder(const std::string& path,
+                             bool replace,
+                             bool go_on,
+                             const SceneOptions& scene) {
+    std::error_code code;
+    if (fs::equivalent(path, scene.path, code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the scene; name another folder for the run with --out"));
+    if (fs::equivalent(path, "/", code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the root of all folders; name another for the run with --out"));
+    require_outside_of_pictures(path, scene);
+    const std::string config = (fs::path(path) / "config.json").string();
+    if (!fs::exists(config, code)) {
+        if (has_manifest(path) && holds_listed_files(path))
+            throw Error(ExitCode::usage,
+                        str(path,
+                            ": holds something else than a run, such as a scene of tvsgs-synth; "
+                            "name another folder with --out"));
+        for (const std::string_view entry : kEntries)
+            if (holds_work(fs::path(path) / entry))
+                throw Error(ExitCode::usage,
+                            str(path, ": holds ", entry,
+                                ", which a run would replace, and no run (config.json); expected "
+                                "an empty or new folder; name another with --out"));
+        return;
+    }
+    if (!replace && !go_on)
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": holds another run (config.json); expected an empty or new folder; "
+                        "name another with --out, or replace that run with --overwrite"));
+    // What is overwritten is removed: never the work of another program.
+    if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
+        throw Error(ExitCode::usage, str(config,
+                                         ": was not written by tvsgs-train, so its folder is not "
+                                         "overwritten; name another with --out"));
+    if (replace && !has_manifest(path))
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": is a run of an earlier version, which kept no list of its files, so "
+                        "that yours cannot be told from them; remove it yourself, or name another "
+                        "with --out"));
+}
+
+namespace {
+
+/// What a process that was killed has left half written; what is not ours stays.
+void remove_leftovers(const fs::path& folder) {
+    std::error_code code;
+    std::vector<fs::path> found;
+    for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
+         it.increment(code)) {
+        const std::string name = it->path().filename().string();
+        const std::size_t mark = name.find(".tmp-");
+        const std::string_view entry = std::string_view(name).substr(0, mark);
+        if (it.depth() == 0 && std::ranges::find(kEntries, entry) == std::end(kEntries))
+            it.disable_recursion_pending();
+        else if (mark != std::string::npos)
+            found.push_back(it->path());
+    }
+    for (const fs::path& file : found) fs::remove(file, code);
+}
+
+/// The list of a run that an earlier version began, which kept none: all that a run has.
+void list_all(const fs::path& folder) {
+    start_manifest(folder);
+    std::error_code code;
+    for (const std::string_view entry : kEntries) {
+        if (fs::is_regular_file(folder / entry, code)) add_to_manifest(folder, folder / entry);
+        for (fs::recursive_directory_iterator it(folder / entry, code), end; !code && it != end;
+             it.increment(code))
+            if (it->is_regular_file(code)) add_to_manifest(folder, it->path());
+    }
+}
+
+/// Of a line of the log; 0: it has none.
+int iteration_of(std::string_view line) {
+    constexpr std::string_view key = "\"iteration\": ";
+    const std::size_t at = line.find(key);
+    int iteration = 0;
+    if (at != std::string_view::npos)
+        std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
+    return iteration;
+}
+
+/// The lines of a log up to an iteration; one that was cut off is dropped.
+std::string log_up_to(const fs::path& log, int done) {
+    std::error_code code;
+    if (!fs::is_regular_file(log, code)) return {};
+    const std::string all = read_bytes(log.string());
+    std::string kept;
+    for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(all.data() + begin, end - begin);
+        if (iteration_of(line) <= done && line.ends_with('}')) kept += std::string(line) + "\n";
+    }
+    return kept;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
+    const fs::path folder(path);
+    std::error_code code;
+    fs::create_directories(folder, code);
+    if (!code) lock_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        close(lock_);
+        throw Error(ExitCode::usage, str(path,
+                                         ": another tvsgs-train is writing there; wait for "
+                                         "it, or name another folder with --out"));
+    }
+    const bool go_on = done >= 0;
+    if (!code) remove_leftovers(folder);
+    if (!code && go_on && !has_manifest(folder)) list_all(folder);
+    if (!code && go_on) {
+        write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
+    } else if (!code) {
+        if (has_manifest(folder)) remove_listed_files(folder);
+        start_manifest(folder);
+    }
+    if (!code) add_to_manifest(folder, folder / "log.jsonl");
+    if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
+    if (log_ == nullptr)
+        throw Error(ExitCode::io, str(path, ": cannot write there: ",
+                                      code ? code.message() : std::strerror(errno),
+                                      "; name a writable folder with --out"));
+}
+
+RunFolder::~RunFolder() {
+    if (log_ != nullptr) std::fclose(log_);
+    if (lock_ >= 0) close(lock_);
+}
+
+void RunFolder::save_config(const std::string& json) const {
+    write_text_file(path_ + "/config.json", json + "\n");
+}
+
+void RunFolder::save_cameras(const Scene& scene) const {
+    std::string text = "[";
+    int id = 0;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views) {
+            const Camera& c = view.camera;
+            const Vec3d centre = vec_cast<double>(camera_centre(c)) + scene.origin;
+            const Mat3<double> R = mat_cast<double>(transpose(c.camera_from_world.R));
+            JsonLine line;
+            const int digits = norm(scene.origin) > 0 ? 15 : 9;
+            const auto row = [digits](double x, double y, double z) {
+                char numbers[96];
+                std::snprintf(numbers, sizeof numbers, "[%.*g,%.*g,%.*g]", digits, x, digits, y,
+                              digits, z);
+                return std::string(numbers);
+            };
+            line.add("id", id)
+                .add("img_name", view.name)
+                .add("width", c.width_px)
+                .add("height", c.height_px);
+            line.add_json("position", row(centre.x, centre.y, centre.z));
+            line.add_json("rotation", "[" + row(R[0][0], R[0][1], R[0][2]) + "," +
+                                          row(R[1][0], R[1][1], R[1][2]) + "," +
+                                          row(R[2][0], R[2][1], R[2][2]) + "]");
+            line.add("fy", static_cast<double>(c.fy_px)).add("fx", static_cast<double>(c.fx_px));
+            line.add("cx", static_cast<double>(c.cx_px)).add("cy", static_cast<double>(c.cy_px));
+            text += (id++ ? ",\n" : "\n") + line.text();
+        }
+    write_text_file(path_ + "/cameras.json", text + "\n]\n");
+}
+
+void RunFolder::log(const std::string& json_line) {
+    if (std::fprintf(log_, "%s\n", json_line.c_str()) < 0 || std::fflush(log_) != 0)
+        throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
+}
+
+void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const {
+    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians,
+                    origin);
+}
+
+void RunFolder::remove_splats_of_stops(int last) const {
+    const std::string log = read_bytes(path_ + "/log.jsonl");
+    std::error_code code;
+    for (std::size_t begin = 0, end; (end = log.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(log.data() + begin, end - begin);
+        if (line.find("\"event\": \"stopped\"") == std::string_view::npos) continue;
+        const int iteration = iteration_of(line);
+        if (iteration == last) continue;
+        const fs::path folder = str(path_, "/point_cloud/iteration_", iteration);
+        fs::remove(folder / "point_cloud.ply", code);
+        if (fs::is_empty(folder, code) && !code) fs::remove(folder, code);
+    }
+}
+
+std::string find_splats(const std::string& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return path;
+    const fs::path folder = fs::path(path) / "point_cloud";
+    int best = -1;
+    for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
+        const std::string name = it->path().filename().string(), prefix = "iteration_";
+        int iteration = -1;
+        if (name.starts_with(prefix))
+            std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
+        if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
+    }
+    if (best < 0)
+        throw Error(ExitCode::input,
+                    str(path,
+                        ": no splats found; expected a splat PLY or a run folder with "
+                        "point_cloud/iteration_N/point_cloud.ply"));
+    return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
+}
+
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin) {
+    Gaussians<Cpu> splats = read_splat_ply(file, origin);
+    if (splats.size() == 0)
+        throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
+    return splats;
+}
+
+std::string run_config_path(const std::string& path) {
+    const std::string config = path + "/config.json";
+    std::error_code code;
+    if (!fs::is_regular_file(config, code))
+        throw Error(
+            ExitCode::input,
+            str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
+    return config;
+}
+
+Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
+    return with_context(
+        str("looking for the scene of ", path, " (--scene DIR names another place)"),
+        [&] { return read_scene(options); });
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,38 @@
+// What a run's config.json holds: read by every command that takes a run folder.
+#pragma once
+
+#include "io/config.h"
+#include "io/scene_reader.h"
+#include "mvs/patch_match.h"
+#include "optim/train.h"
+#include "pipeline/memory_plan.h"
+#include "pipeline/mesh_extraction.h"
+#include "pipeline/run_plan.h"
+#include "pipeline/train_evaluation.h"
+
+namespace tvsgs {
+
+struct RunOptions {
+    SceneOptions scene;
+    TrainOptions train;
+    StereoOptions stereo;  // for a scene with few points
+    MeshOptions mesh;
+    EvaluationOptions eval;
+    MemoryOptions memory;
+    PlanOptions plan;
+
+    /// The table refers to this object.
+    void add_to(OptionTable& table) {
+        table.add("", train);
+        table.add("scene", scene);
+        table.add("stereo", stereo);
+        table.add("mesh", mesh);
+        table.add("eval", eval);
+        table.add("memory", memory);
+        table.add("plan", plan);
+        table.retire("eval.samples",
+                     "distances to meshes are exact; eval.point_samples is the measure it named");
+    }
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,87 @@
+#include "pipeline/run_plan.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr const char* kSource = "the plan";
+
+/// "key, key, ..." of at most three.
+std::string keys_of(const Settings& settings) {
+    std::string keys;
+    for (std::size_t i = 0; i < std::min<std::size_t>(settings.size(), 3); ++i)
+        keys += str(keys.empty() ? "" : ", ", settings[i].first);
+    return settings.size() > 3 ? keys + ", ..." : keys;
+}
+
+}  // namespace
+
+bool RunPlan::pinned(const std::string& key) const {
+    const std::string& source = table_.option(key).source;
+    return !source.empty() && source != kSource;
+}
+
+void RunPlan::apply(const Decision& decision, const char* config) {
+    if (config != nullptr) table_.read_text_below(kSource, config);
+    Line line{decision, {}};
+    line.decision.settings.clear();
+    for (const auto& [key, value] : decision.settings) {
+        if (pinned(key)) {
+            const Option& option = table_.option(key);
+            line.kept.emplace_back(key, str(option.get(), " by ", option.source));
+            continue;
+        }
+        table_.set(key, value, kSource);
+        for (Line& earlier : lines_)
+            std::erase_if(earlier.decision.settings,
+                          [&, &k = key](const auto& setting) { return setting.first == k; });
+        line.decision.settings.emplace_back(key, value);
+    }
+    lines_.push_back(std::move(line));
+}
+
+std::string RunPlan::text() const {
+    std::size_t name = 0, choice = 0;
+    for (const Line& line : lines_) {
+        name = std::max(name, line.decision.name.size());
+        choice = std::max(choice, line.decision.choice.size());
+    }
+    const auto padded = [](std::string word, std::size_t width) {
+        word.resize(std::max(width, word.size()), ' ');
+        return word + "  ";
+    };
+    std::string out;
+    if (look_) out = padded("views", name) + padded("", choice) + summary(*look_) + "\n";
+    for (const Line& line : lines_) {
+        const Decision& d = line.decision;
+        out += padded(d.name, name) + padded(d.choice, choice) + d.reason;
+        if (!d.settings.empty()) out += str("  (", keys_of(d.settings), ")");
+        for (const auto& [key, kept] : line.kept) out += str("  [", key, " stays ", kept, "]");
+        out += "\n";
+    }
+    return remark_.empty() ? out : out + remark_ + "\n";
+}
+
+std::string RunPlan::json() const {
+    const auto object = [](const Settings& settings) {
+        JsonLine json;
+        for (const auto& [key, value] : settings) json.add(key, value);
+        return json.text();
+    };
+    std::string list;
+    for (const Line& line : lines_) {
+        const Decision& d = line.decision;
+        JsonLine entry;
+        entry.add("name", d.name).add("choice", d.choice).add("reason", d.reason);
+        entry.add("measured", d.measured).add("threshold", d.threshold);
+        entry.add("source", str("docs/plan.md, ", d.name));
+        entry.add_json("settings", object(d.settings)).add_json("kept", object(line.kept));
+        list += str(list.empty() ? "" : ",\n  ", entry.text());
+    }
+    return str("{\"decisions\": [\n  ", list, "\n]}\n");
+}
+
+}  // namespace tvsgs

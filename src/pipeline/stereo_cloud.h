@@ -1,0 +1,69 @@
+// From views to an initial cloud by stereo: what tvsgs-init and tvsgs-train do alike.
+#pragma once
+
+#include <algorithm>
+#include <chrono>
+
+#include "core/device_choice.h"
+#include "core/error.h"
+#include "core/log.h"
+#include "mvs/patch_match.h"
+#include "optim/init_cloud.h"
+
+namespace tvsgs {
+
+inline constexpr std::size_t kFewStereoPoints = 2000;  // less than that hardly shows a surface
+
+/// `max_points` of an option that says 0 for any number.
+inline std::size_t stereo_cap(std::int64_t max_points) {
+    return max_points > 0 ? static_cast<std::size_t>(max_points) : std::size_t{1} << 40;
+}
+
+/// Stereo, then one point per two pixels (of the masks, where they are used) and at most
+/// `max_points`, without outliers. The cloud replaces the result's.
+inline StereoResult stereo_cloud(const DeviceChoice& device,
+                                 const std::vector<View>& views,
+                                 const std::vector<Vec3f>& points,
+                                 const StereoOptions& options,
+                                 std::size_t max_points) {
+    if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
+        throw Error(ExitCode::usage,
+                    str("stereo.min_consistent = ", options.min_consistent, ": of ", views.size(),
+                        " views a depth has ", views.size() - 1,
+                        " others to confirm it; give that at most, or 0"));
+    const auto start = std::chrono::steady_clock::now();
+    const auto seconds = [&] {
+        return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+    };
+    StereoResult result = on_device(
+        device, [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
+    const double stereo_seconds = seconds();
+    const std::size_t found = result.cloud.positions.size();
+    std::size_t pixels = 0;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        const auto& mask = views[v].mask.pixels;
+        pixels += options.use_masks && !mask.empty()
+                      ? static_cast<std::size_t>(
+                            std::count_if(mask.begin(), mask.end(), [](int m) { return m >= 128; }))
+                      : result.maps[v].depth.size();
+    }
+    result.cloud = thin_to_count(result.cloud, std::min(max_points, pixels / 2));
+    result.cloud = remove_outliers(result.cloud, 20, 2);
+    spdlog::info(
+        "stereo of {} views: {} points in {:.2f} s; {} after thinning and outliers, {:.2f} s",
+        views.size(), found, stereo_seconds, result.cloud.positions.size(),
+        seconds() - stereo_seconds);
+    if (result.cloud.positions.empty())
+        throw Error(ExitCode::input,
+                    str("stereo found no surface in ", views.size(),
+                        " views; they must overlap, show texture, and lie within the range of "
+                        "depths (stereo.depth_near, stereo.depth_far)"));
+    if (result.cloud.positions.size() < kFewStereoPoints)
+        spdlog::warn(
+            "stereo found {} points only: little overlap or texture, or a wrong range of "
+            "depths (stereo.depth_near, stereo.depth_far)",
+            result.cloud.positions.size());
+    return result;
+}
+
+}  // namespace tvsgs

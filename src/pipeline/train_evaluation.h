@@ -1,0 +1,158 @@
+// Evaluation while training: when, against what, and what it says in log.jsonl.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/crop.h"
+#include "eval/geometry_scores.h"
+#include "io/config.h"
+#include "pipeline/mesh_extraction.h"
+#include "pipeline/view_evaluation.h"
+
+namespace tvsgs {
+
+/// In the configuration, so that a run can be repeated and its report made again.
+struct EvaluationOptions {
+    std::string at, gt, visible_gt, crop, taus;
+    int every = 0;
+    float max_distance = 0;
+    std::int64_t point_samples = 0;
+    bool mesh = false;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("at", at,
+              "seconds of training after which to evaluate: 5,10,20; a last '...' goes on by the "
+              "last ratio");
+        field("every", every, {0, 1e9}, "iterations between evaluations; 0: none");
+        field("gt", gt, "mesh or cloud (PLY): the true surface, in the scene's frame");
+        field("visible_gt", visible_gt, "part of it that completeness and recall ask for");
+        field("crop", crop, "selection volume, {\"box\": ...} or a scene's gt/info.json");
+        field("taus", taus,
+              "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
+              "truth's size");
+        field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
+        field("point_samples", point_samples, {0, 1e8},
+              "0: distances to the triangles of meshes; else to so many points on each, which is "
+              "biased");
+        field("mesh", mesh, "measure the mesh as well as the centres; takes as long as making it");
+    }
+};
+
+/// Which steps are evaluated. Only a step after which `due` is asked can be.
+class EvaluationSchedule {
+public:
+    /// A run that goes on has `seconds` behind it. Throws Error(ExitCode::usage).
+    explicit EvaluationSchedule(const EvaluationOptions& options, double seconds = 0);
+
+    /// `seconds` of training have passed at the end of `step`.
+    bool due(int step, double seconds);
+
+private:
+    std::vector<double> at_;  // not yet reached, increasing
+    double ratio_ = 0;        // at_ goes on by it; 0: it ends
+    int every_;
+};
+
+/// The true surface, ready to measure against.
+struct Truth {
+    MeasureOptions measure;
+    MeasuredSurface surface;
+    std::optional<SamplePoints> visible;
+    Crop crop;
+    std::vector<double> taus;
+    double max_distance = 0;
+};
+
+/// Nothing without eval.gt. Throws Error.
+std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
+
+/// Distances of the splats' centres, or of the mesh, as `tvsgs-eval geometry` writes them, or
+/// {"error": ...} when nothing of it is in the crop. With `curve`, precision and recall at 41
+/// thresholds up to twice the largest tau, under "curve".
+struct PointScores {
+    JsonLine json;
+    double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
+};
+PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
+PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
+
+/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the
+/// same for RUN/eval/mesh.json.
+void add_centres(JsonLine& line,
+                 const std::vector<Vec3f>& centres,
+                 const Truth& truth,
+                 const std::string& run);
+void add_mesh(JsonLine& line, const TriangleMesh& mesh, const Truth& truth, const std::string& run);
+
+/// What an evaluation of the mesh needs besides the splats.
+struct MeshSource {
+    const std::vector<View>& views;
+    const MeshOptions& options;
+    std::string spill_folder;
+    Vec3d origin{};  // see depth_rules
+};
+
+/// An evaluation during training.
+struct Evaluation {
+    std::string line;  // of log.jsonl
+    double psnr = 0;   // mean over the test views
+};
+template <class Device>
+Evaluation evaluate(int step,
+                    double seconds,
+                    const Gaussians<Device>& gaussians,
+                    const std::vector<View>& views,
+                    const TrainOptions& options,
+                    const std::optional<Truth>& truth,
+                    const MeshSource* mesh = nullptr) {
+    Evaluation result;
+    JsonLine line;
+    line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
+    line.add("gaussians", gaussians.size());
+    if (!views.empty()) {
+        const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
+        const ViewScores scores = score_views(gaussians, views, options, no_pictures);
+        line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+        result.psnr = scores.mean_psnr;
+        spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
+                     scores.mean_ssim);
+    }
+    if (truth) {
+        const auto add = [&](const char* what, const PointScores& scores) {
+            line.add_json(what, scores.json.text());
+            spdlog::info("after {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
+                         scores.chamfer, scores.f1, scores.tau);
+        };
+        add("centres", score_points(to_host(gaussians.means), *truth, false));
+        if (mesh)
+            add("mesh",
+                score_mesh(extract_mesh(mesh->views, gaussians, options, mesh->options,
+                                        mesh->spill_folder, spdlog::level::debug, mesh->origin),
+                           *truth, false));
+    }
+    result.line = line.text();
+    return result;
+}
+
+/// Says when more training no longer pays: when the best is half its own time ago.
+class Convergence {
+public:
+    /// The score on views that do not train, after `seconds`.
+    void add(double seconds, double psnr) {
+        if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
+        over_ = best_at_ > 0 && seconds > 1.5 * best_at_;
+    }
+    bool over() const { return over_; }
+    double best() const { return best_; }
+    double best_at() const { return best_at_; }
+
+private:
+    static constexpr double kStep = 0.02;  // dB; less is the noise from one view to the next
+    double best_ = -1e300, best_at_ = 0;
+    bool over_ = false;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,486 @@
+#include "report/html.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "report/page.h"
+#include "report/pictures.h"
+#include "report/plot.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kTableRows = 60, kMaxBars = 40;
+
+std::vector<double> numbers(const JsonValue& list) {
+    std::vector<double> values;
+    for (const JsonValue& item : list.items) values.push_back(item.number_or(std::nan("")));
+    return values;
+}
+
+/// One number of each evaluation, found by `find`.
+template <class Find>
+std::vector<double> of_each(const JsonValue& list, Find&& find) {
+    std::vector<double> values;
+    for (const JsonValue& item : list.items) {
+        const JsonValue& found = find(item);
+        values.push_back(found.number_or(std::nan("")));
+    }
+    return values;
+}
+
+std::string table(const std::string& caption,
+                  const std::vector<std::string>& heads,
+                  const std::vector<std::vector<std::string>>& rows,
+                  const std::string& style = "") {
+    std::string text = str("<div class=\"scroll\" tabindex=\"0\"><table", style, "><caption>",
+                           escaped(caption), "</caption><thead><tr>");
+    for (const std::string& head : heads) text += "<th scope=\"col\">" + escaped(head) + "</th>";
+    text += "</tr></thead><tbody>\n";
+    for (const auto& row : rows) {
+        text += "<tr>";
+        for (const std::string& cell : row) text += "<td>" + escaped(cell) + "</td>";
+        text += "</tr>\n";
+    }
+    return text + "</tbody></table></div>\n";
+}
+
+/// Series over the same x, thinned.
+std::string plot_table(const Plot& plot) {
+    std::vector<std::string> heads{plot.x_label};
+    for (const Series& s : plot.series) heads.push_back(s.name);
+    const std::vector<double>& x = plot.series.front().x;
+    const std::size_t n = x.size(), count = std::min(n, kTableRows);
+    std::vector<std::vector<std::string>> rows;
+    for (std::size_t r = 0; r < count; ++r) {
+        const std::size_t i = count < 2 ? 0 : r * (n - 1) / (count - 1);
+        std::vector<std::string> row{short_number(x[i])};
+        for (const Series& s : plot.series)
+            row.push_back(i < s.y.size() ? short_number(s.y[i]) : "");
+        rows.push_back(std::move(row));
+    }
+    std::string caption = plot.title + ", " + plot.y_label;
+    if (count < n) caption += str("; ", count, " of ", n, " rows, report.json has them all");
+    return table(caption, heads, rows);
+}
+
+class Page {
+public:
+    explicit Page(const JsonValue& report) : report_(report) {}
+
+    std::string html() {
+        overview();
+        over_time();
+        losses();
+        sizes();
+        stages();
+        curves();
+        views();
+        viewer("points", "The splats' centres", "centres");
+        viewer("mesh_points", "The mesh", "vertices of the mesh");
+        results();
+        settings();
+        const std::string name = escaped(report_["run"]["name"].text);
+        std::string text =
+            str("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta "
+                "http-equiv=\"Content-Security-Policy\" content=\"",
+                kPagePolicy,
+                "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+                "<link rel=\"icon\" href=\"data:,\">\n<title>",
+                name, ": training report</title>\n<style>", kPlotStyle, kPageStyle,
+                "</style>\n</head>\n<body>\n<header>\n<h1>", name, "</h1>\n<p class=\"quiet\">",
+                escaped(about()), "</p>\n<nav aria-label=\"Parts of this report\"><ul>", links_,
+                "</ul></nav>\n</header>\n<main>\n");
+        text += body_ + "</main>\n<footer>Written by " +
+                escaped(report_["run"]["version"].text_or("tvsgs")) +
+                " from report.json; nothing is loaded from elsewhere.</footer>\n";
+        if (report_["points"] || report_["mesh_points"])
+            text += str("<script>", kViewerScript, "</script>\n");
+        return text + "</body>\n</html>\n";
+    }
+
+private:
+    std::string about() const {
+        const JsonValue& run = report_["run"];
+        const JsonValue& scene = report_["config"]["scene"];
+        std::string text = "Training report. Scene " + run["scene"].text_or("unknown");
+        if (!scene["split"].text.empty()) text += ", split " + scene["split"].text;
+        if (const double n = scene["num_views"].number_or(0); n > 0)
+            text += ", " + short_number(n) + " views";
+        text +=
+            str(", backbone ", report_["config"]["backbone"].text_or("unknown"), ", tensor voting ",
+                report_["config"]["tv"]["enabled"].number != 0 ? "on" : "off", ", seed ",
+                short_number(report_["config"]["seed"].number_or(0)), ", on ",
+                run["device"].text_or("unknown"), ".");
+        return text;
+    }
+
+    void heading(const std::string& id, const std::string& title) {
+        links_ += str("<li><a href=\"#", id, "\">", title, "</a></li>\n");
+        body_ += str("<h2 id=\"", id, "\">", title, "</h2>\n");
+    }
+
+    void paragraph(const std::string& text) { body_ += "<p>" + escaped(text) + "</p>\n"; }
+
+    /// The plot with its table, unless it has nothing to show.
+    std::string figure(const Plot& plot) {
+        const auto shows = [](const Series& s) {
+            return std::count_if(s.y.begin(), s.y.end(), [](double v) { return std::isfinite(v); });
+        };
+        if (std::none_of(plot.series.begin(), plot.series.end(), shows)) return "";
+        return str("<figure class=\"card\">\n", plot_svg(plot, str("plot", ++plots_)),
+                   "<details><summary>Table: ", escaped(plot.title), "</summary>", plot_table(plot),
+                   "</details></figure>\n");
+    }
+
+    void fact(std::string& list, const char* name, const std::string& value) {
+        list += str("<div><dt>", name, "</dt><dd>", escaped(value), "</dd></div>\n");
+    }
+
+    void overview() {
+        heading("overview", "Overview");
+        const JsonValue& s = report_["summary"];
+        if (s["event"].text != "done")
+            body_ +=
+                "<p class=\"notice\">This run has not finished: there is no line "
+                "&ldquo;done&rdquo; in its log.</p>\n";
+        std::string list;
+        const auto add = [&](const char* name, const JsonValue& value, const char* unit = "",
+                             int digits = 4) {
+            if (value.is(JsonValue::Kind::number))
+                fact(list, name, short_number(value.number, digits) + unit);
+        };
+        add("Iterations", s["iteration"]);
+        add("Training time", s["seconds"], " s");
+        add("Splats", s["gaussians"]);
+        if (s["peak_bytes"])
+            fact(list, "Peak memory",
+                 short_number(std::round(s["peak_bytes"].number / (1 << 20))) + " MiB");
+        add("PSNR, test views", s["psnr"], " dB");
+        add("SSIM, test views", s["ssim"]);
+        add("LPIPS, test views", report_["nvs"]["lpips"]);
+        for (const char* what : {"centres", "mesh"}) {
+            add(str("Chamfer, ", what).c_str(), s[what]["chamfer"]);
+            for (const JsonValue& t : s[what]["thresholds"].items)
+                add(str("F1 at ", short_number(t["tau"].number), ", ", what).c_str(), t["f1"], "",
+                    3);
+        }
+        body_ += "<dl class=\"facts\">\n" + list + "</dl>\n";
+    }
+
+    void over_time() {
+        const JsonValue& list = report_["evaluations"];
+        if (list.items.size() < 2) return;
+        heading("time", "Error against time");
+        paragraph("Seconds of training; the time that evaluations take is not counted.");
+        const std::vector<double> seconds =
+            of_each(list, [](const JsonValue& e) -> const JsonValue& { return e["seconds"]; });
+        const auto series = [&](const char* name, auto&& find) {
+            return Series{name, seconds, of_each(list, find), {}, {}, true};
+        };
+        body_ += "<div class=\"plots\">\n";
+        for (const char* what : {"centres", "mesh"}) {
+            const auto distance = [&](const char* name, const char* key) {
+                return series(name,
+                              [=](const JsonValue& e) -> const JsonValue& { return e[what][key]; });
+            };
+            body_ += figure({str("Distance of the ", what),
+                             "seconds",
+                             "scene units",
+                             true,
+                             true,
+                             false,
+                             {distance("Chamfer", "chamfer"), distance("accuracy", "accuracy"),
+                              distance("completeness", "completeness")},
+                             ""});
+            Plot f1{str("F1 of the ", what), "seconds", "share", true, false, true, {}, ""};
+            const auto& thresholds = list.items.back()[what]["thresholds"].items;
+            for (std::size_t t = 0; t < thresholds.size(); ++t)
+                f1.series.push_back(
+                    series(("at " + short_number(thresholds[t]["tau"].number)).c_str(),
+                           [=](const JsonValue& e) -> const JsonValue& {
+                               static const JsonValue none;
+                               const auto& items = e[what]["thresholds"].items;
+                               return t < items.size() ? items[t]["f1"] : none;
+                           }));
+            body_ += figure(f1);
+        }
+        for (const auto& [title, unit, key] :
+             {std::tuple("PSNR of the test views", "dB", "psnr"),
+              std::tuple("SSIM of the test views", "1 is equal", "ssim")})
+            body_ += figure(
+                {title,
+                 "seconds",
+                 unit,
+                 true,
+                 false,
+                 false,
+                 {series(key, [k = key](const JsonValue& e) -> const JsonValue& { return e[k]; })},
+                 ""});
+        body_ += "</div>\n";
+    }
+
+    void losses() {
+        const JsonValue& reports = report_["reports"];
+        if (reports["iteration"].items.size() < 2) return;
+        heading("losses", "Loss");
+        const std::vector<double> iterations = numbers(reports["iteration"]);
+        Plot plot{"Terms of the loss", "iterations", "weighted value", false, true, false, {}, ""};
+        plot.series.push_back({"total", iterations, numbers(reports["loss"]), {}, {}, false});
+        for (const auto& [name, values] : reports["terms"].members) {
+            Series term{name, iterations, numbers(values), {}, {}, false};
+            if (std::any_of(term.y.begin(), term.y.end(), [](double v) { return v > 0; }))
+                plot.series.push_back(std::move(term));
+        }
+        paragraph("Of the view that each reported iteration trained on.");
+        body_ += "<div class=\"plots\">\n" + figure(plot) + "</div>\n";
+    }
+
+    void sizes() {
+        const JsonValue& reports = report_["reports"];
+        if (reports["iteration"].items.size() < 2) return;
+        heading("size", "Splats and memory");
+        const std::vector<double> seconds = numbers(reports["seconds"]);
+        const auto mebibytes = [&](const char* key) {
+            std::vector<double> values = numbers(reports[key]);
+            for (double& v : values) v /= 1 << 20;
+            return values;
+        };
+        body_ += "<div class=\"plots\">\n";
+        body_ += figure({"Splats",
+                         "seconds",
+                         "count",
+                         false,
+                         false,
+                         true,
+                         {{"splats", seconds, numbers(reports["gaussians"]), {}, {}, false}},
+                         ""});
+        body_ += figure({"Memory",
+                         "seconds",
+                         "MiB of the trainer's buffers",
+                         false,
+                         false,
+                         true,
+                         {{"in use", seconds, mebibytes("bytes"), {}, {}, false},
+                          {"peak so far", seconds, mebibytes("peak_bytes"), {}, {}, false}},
+                         ""});
+        body_ += "</div>\n";
+    }
+
+    std::string bar_figure(const Bars& bars, const std::string& head) {
+        std::vector<std::vector<std::string>> rows;
+        for (std::size_t i = 0; i < bars.names.size(); ++i)
+            rows.push_back({bars.names[i], short_number(bars.values[i])});
+        Bars shown = bars;
+        if (shown.names.size() > kMaxBars) {
+            std::vector<std::size_t> order(bars.names.size());
+            for (std::size_t i = 0; i < order.size(); ++i) order[i] = i;
+            std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
+                return bars.values[a] < bars.values[b];
+            });
+            shown.title += str(", the ", kMaxBars, " lowest of ", order.size());
+            shown.names.clear(), shown.values.clear();
+            for (std::size_t i = 0; i < kMaxBars; ++i)
+                shown.names.push_back(bars.names[order[i]]),
+                    shown.values.push_back(bars.values[order[i]]);
+        }
+        return str("<figure class=\"card\">\n", bars_svg(shown, str("plot", ++plots_)),
+                   "<details><summary>Table: ", escaped(bars.title), "</summary>",
+                   table(bars.title, {head, bars.unit.empty() ? "value" : bars.unit}, rows),
+                   "</details></figure>\n");
+    }
+
+    void stages() {
+        const auto& members = report_["stages"].members;
+        if (members.empty()) return;
+        heading("stages", "Time per stage");
+        Bars bars{"Time per stage", "seconds", {}, {}};
+        for (const auto& [name, seconds] : members)
+            bars.names.push_back(name), bars.values.push_back(seconds.number_or(std::nan("")));
+        body_ += "<div class=\"plots\">\n" + bar_figure(bars, "stage") + "</div>\n";
+    }
+
+    void curves() {
+        std::string plots;
+        for (const auto& [key, what] : {std::pair("curve", "centres"), {"mesh_curve", "mesh"}}) {
+            const JsonValue& curve = report_[key];
+            if (curve["tau"].items.size() < 2) continue;
+            const std::vector<double> tau = numbers(curve["tau"]);
+            plots += figure({str("Precision and recall of the ", what),
+                             "threshold",
+                             "share",
+                             false,
+                             false,
+                             true,
+                             {{"precision", tau, numbers(curve["precision"]), {}, {}, false},
+                              {"recall", tau, numbers(curve["recall"]), {}, {}, false}},
+                             ""});
+        }
+        if (plots.empty()) return;
+        heading("curves", "Precision and recall");
+        paragraph(
+            "Precision: the share of centres, or of the mesh, closer to the true surface than the "
+            "threshold. Recall: the share of the surface closer to a centre, or to the mesh.");
+        body_ += "<div class=\"plots\">\n" + plots + "</div>\n";
+    }
+
+    void views() {
+        const auto& views = report_["views"].items;
+        if (views.empty()) return;
+        heading("views", "Test views");
+        Bars bars{"PSNR of each view", "dB", {}, {}}, ssim{"SSIM of each view", "", {}, {}};
+        for (const JsonValue& view : views) {
+            bars.names.push_back(view["name"].text);
+            bars.values.push_back(view["psnr"].number_or(std::nan("")));
+            ssim.values.push_back(view["ssim"].number_or(std::nan("")));
+        }
+        ssim.names = bars.names;
+        body_ += "<div class=\"plots\">\n" + bar_figure(bars, "view") + bar_figure(ssim, "view") +
+                 "</div>\n";
+        const auto& pictures = report_["pictures"].items;
+        if (pictures.size() < views.size())
+            paragraph(str("Pictures of ", pictures.size(), " of ", views.size(),
+                          " views, from the lowest PSNR to the highest."));
+        for (const JsonValue& view : pictures) {
+            const std::string name = view["name"].text;
+            body_ += str("<section class=\"view\"><h3>", escaped(name), ": ",
+                         short_number(view["psnr"].number_or(std::nan(""))), " dB, SSIM ",
+                         short_number(view["ssim"].number_or(std::nan("")), 3),
+                         "</h3>\n<div class=\"pictures\">\n");
+            for (const auto& [key, title] : {std::pair("photo", "Photograph"),
+                                             {"render", "Render"},
+                                             {"difference", "Difference"},
+                                             {"normal", "Normals"},
+                                             {"depth", "Depth"}})
+                picture(view[key], title, name);
+            body_ += "</div></section>\n";
+        }
+        if (!pictures.empty())
+            paragraph(
+                "Difference: dark is none, bright a quarter of the range and more. Normals: blue "
+                "faces the camera, red right, green up. Depth: near is bright.");
+    }
+
+    void picture(const JsonValue& image, const char* title, const std::string& view) {
+        // From our own encoder, or a page that somebody has changed: nothing else may be shown.
+        if (!image || !image["src"].text.starts_with("data:image/")) return;
+        body_ +=
+            str("<figure><img src=\"", escaped(image["src"].text), "\" width=\"",
+                image["width"].number, "\" height=\"", image["height"].number, "\" alt=\"", title,
+                " of view ", escaped(view), "\"><figcaption>", title, "</figcaption></figure>\n");
+    }
+
+    /// Points of the report that can be looked at from all sides.
+    void viewer(const char* key, const char* title, const char* points) {
+        const JsonValue& p = report_[key];
+        if (!p) return;
+        heading(key, title);
+        const bool errors = static_cast<bool>(p["errors"]);
+        std::string count = str(short_number(p["shown"].number_or(0)), " of ",
+                                short_number(p["of"].number_or(0)), " ", points);
+        if (p["in_crop"].number_or(0) < p["of"].number_or(0))
+            count += str(" (", short_number(p["in_crop"].number), " lie in the crop)");
+        const std::string what =
+            count +
+            (errors ? ", coloured by their distance to the true surface" : ", in their colours");
+        JsonValue data = JsonValue::object();
+        for (const char* part : {"positions", "colors", "errors", "palette", "pitch"})
+            if (p[part]) data.set(part, p[part]);
+        std::string safe = json_text(data);  // must not end the script element
+        for (std::size_t at = 0; (at = safe.find('<', at)) != std::string::npos;)
+            safe.replace(at, 1, "\\u003c");
+        body_ += "<figure class=\"viewer card\">\n";
+        picture_only(p["picture"], what);
+        body_ += str("<canvas hidden tabindex=\"0\" role=\"img\" aria-label=\"", escaped(what),
+                     ". Arrow keys turn, plus and minus zoom, 0 resets.\"></canvas>\n"
+                     "<div class=\"controls\" hidden>");
+        for (const auto& [act, label, sign] :
+             {std::tuple("left", "Turn left", "\u2190"),
+              std::tuple("right", "Turn right", "\u2192"),
+              std::tuple("up", "Look from higher", "\u2191"),
+              std::tuple("down", "Look from lower", "\u2193"), std::tuple("near", "Zoom in", "+"),
+              std::tuple("far", "Zoom out", "\u2212"),
+              std::tuple("reset", "Reset the view", "Reset")})
+            body_ += str("<button type=\"button\" data-act=\"", act, "\" aria-label=\"", label,
+                         "\" title=\"", label, "\">", sign, "</button>");
+        if (errors)
+            body_ +=
+                "<button type=\"button\" data-colors aria-pressed=\"false\">Own colours</button>";
+        body_ += "</div>\n";
+        if (errors) {
+            std::string stops;
+            for (int i = 0; i <= 8; ++i) {
+                const Rgb c = error_shade(i / 8.0);
+                stops += str(", rgb(", int{c.r}, " ", int{c.g}, " ", int{c.b}, ")");
+            }
+            body_ +=
+                str("<div class=\"scale\"><span>0</span><i "
+                    "style=\"background:linear-gradient(to right",
+                    stops, ")\"></i><span>", short_number(p["full"].number_or(0)),
+                    " and more</span></div>\n");
+        }
+        body_ +=
+            str("<figcaption>", escaped(what),
+                ". Drag, or use the arrow keys, to turn; pinch, + and &minus;, or the wheel once "
+                "the view is chosen, to zoom.</figcaption>\n"
+                "<script type=\"application/json\">",
+                safe, "</script>\n</figure>\n");
+    }
+
+    void picture_only(const JsonValue& image, const std::string& alt) {
+        if (!image["src"].text.starts_with("data:image/")) return;
+        body_ +=
+            str("<img src=\"", escaped(image["src"].text), "\" width=\"", image["width"].number,
+                "\" height=\"", image["height"].number, "\" alt=\"", escaped(alt), "\">\n");
+    }
+
+    /// What `tvsgs-eval geometry|dtu|tnt` have written beside: their numbers.
+    void results() {
+        const auto& members = report_["results"].members;
+        if (members.empty()) return;
+        heading("results", "Evaluations");
+        for (const auto& [name, result] : members) {
+            std::vector<std::vector<std::string>> rows;
+            flatten("", result, rows);
+            body_ += table(name, {"quantity", "value"}, rows);
+        }
+    }
+
+    static void flatten(const std::string& prefix,
+                        const JsonValue& value,
+                        std::vector<std::vector<std::string>>& rows) {
+        if (value.is(JsonValue::Kind::list) && value.items.size() > 12) return;  // curves
+        for (const auto& [name, member] : value.members)
+            flatten(prefix.empty() ? name : prefix + "." + name, member, rows);
+        for (std::size_t i = 0; i < value.items.size(); ++i)
+            flatten(str(prefix, "[", i, "]"), value.items[i], rows);
+        if (value.is(JsonValue::Kind::number))
+            rows.push_back({prefix, short_number(value.number, 6)});
+        if (value.is(JsonValue::Kind::boolean))
+            rows.push_back({prefix, value.number != 0 ? "true" : "false"});
+        if (value.is(JsonValue::Kind::text)) rows.push_back({prefix, value.text});
+    }
+
+    void settings() {
+        heading("settings", "Settings");
+        paragraph("Command: " + report_["run"]["command_line"].text_or("unknown"));
+        std::vector<std::vector<std::string>> rows;
+        flatten("", report_["config"], rows);
+        body_ += "<details><summary>All keys of the configuration</summary>" +
+                 table("The resolved configuration", {"key", "value"}, rows, " class=\"words\"") +
+                 "</details>\n";
+    }
+
+    const JsonValue& report_;
+    std::string links_, body_;
+    int plots_ = 0;
+};
+
+}  // namespace
+
+std::string report_html(const JsonValue& report) {
+    return Page(report).html();
+}
+
+}  // namespace tvsgs

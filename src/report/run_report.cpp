@@ -1,0 +1,49 @@
+#include "report/run_report.h"
+
+#include <filesystem>
+
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+#include "report/data.h"
+
+namespace tvsgs {
+namespace fs = std::filesystem;
+
+void make_report(const std::string& run, const std::string& scene_path) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(run_config_path(run));
+    if (!scene_path.empty()) options.scene.path = scene_path;
+    options.scene.need_points = false;
+    std::vector<View> test;
+    std::optional<Truth> truth;
+    Vec3d origin;
+    if_possible("photographs", [&] {
+        Scene scene = read_scene_of_run(options.scene, run);
+        test = std::move(scene.test), origin = scene.origin;
+    });
+    if_possible("errors of the centres", [&] { truth = read_truth(options.eval, origin); });
+    write_report(run, test, truth, origin);
+    spdlog::info("{}/report.html", run);
+}
+
+void refresh_report(const std::string& written) {
+    const fs::path folder = fs::path(written).parent_path();
+    const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
+    std::error_code code;
+    const bool is_result =
+        (folder.filename() == "mesh" && fs::path(written).filename() == "mesh.ply") ||
+        (folder.filename() == "eval" && fs::path(written).extension() == ".json");
+    if (!is_result || !fs::is_regular_file(fs::path(run) / "report.json", code) ||
+        !fs::is_regular_file(fs::path(run) / "config.json", code))
+        return;
+    try {
+        make_report(run);
+    } catch (const Error& error) {
+        spdlog::warn("{}; the report stays as it was (tvsgs-eval report --run {})", error.what(),
+                     run);
+    }
+}
+
+}  // namespace tvsgs

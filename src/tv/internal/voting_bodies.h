@@ -1,0 +1,216 @@
+// One voting event, element by element; both twins run these.  [docs/method/voting.md#one-event]
+#pragma once
+
+#include "core/eigen.h"
+#include "tv/internal/voting_slots.h"
+
+namespace tvsgs::detail {
+
+/// One receiver's sums of a round at the centres, of ball votes or of plate votes.
+template <class Real, class Lists>
+struct CentreRoundBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+    static constexpr bool kPacks = true;
+
+    Ballot<Real, Lists> ballot;
+    bool ball_round;  // only splats without a tensor cast and receive
+    Slots slots;
+    Span<const std::uint8_t> flags;
+    Span<Sym3f> sums;  // by slot, as the next two
+    Span<float> strengths, strong_votes;
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        if (ball_round && (flags[slots.splat(slot)] & kHasTensor) != 0) return;
+        using Lane = typename Warp::template Lane<Real>;
+        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[slot].v);
+        VoteSums<Lane> s;
+        ballot.template for_each_voter<Warp::kLanes>(
+            warp, slot, [&](const VoterRecord<Lane>& voter) {
+                const Vec3<Lane> d = mean - voter.mean, dw = voter.W * d;
+                add_vote(s, voter.strength,
+                         ball_round ? ball_vote<ExactMath>(voter, d, dw, ballot.rule)
+                                    : plate_vote<ExactMath>(voter, d, dw, ballot.rule));
+            });
+        const Sym3<Real> T{warp.sum(s.tensor.xx), warp.sum(s.tensor.xy), warp.sum(s.tensor.xz),
+                           warp.sum(s.tensor.yy), warp.sum(s.tensor.yz), warp.sum(s.tensor.zz)};
+        const Real squares = warp.sum(s.squares), votes = warp.sum(s.votes);
+        const Real strong = warp.sum(s.strong);
+        if (warp.lane() != 0) return;
+        sums[slot] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
+        strengths[slot] = static_cast<float>(std::sqrt(squares / (votes > 1 ? votes : Real(1))));
+        strong_votes[slot] = static_cast<float>(strong);
+    }
+};
+
+/// For reports: votes cast by plates at the centres, and those among them that are zero.
+template <class Real, class Lists>
+struct VoteCountBody {
+    static constexpr bool kPacks = true;
+
+    Ballot<Real, Lists> ballot;
+    Span<float> votes, culled;  // by slot
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+        using Lane = typename Warp::template Lane<Real>;
+        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[slot].v);
+        Lane all(0), zero(0);
+        ballot.template for_each_voter<Warp::kLanes>(
+            warp, slot, [&](const VoterRecord<Lane>& voter) {
+                const Vec3<Lane> d = mean - voter.mean;
+                const Vote<Lane> vote = plate_vote<ExactMath>(voter, d, voter.W * d, ballot.rule);
+                all += select(vote.cast, Lane(1), Lane(0));
+                zero += select(both(vote.cast, vote.decay <= Lane(0)), Lane(1), Lane(0));
+            });
+        const Real cast = warp.sum(all), culled_here = warp.sum(zero);
+        if (warp.lane() == 0)
+            votes[slot] = static_cast<float>(cast), culled[slot] = static_cast<float>(culled_here);
+    }
+};
+struct ValueTerm {
+    Span<const float> values;
+    TVSGS_HD double operator()(int i) const { return values[i]; }
+};
+struct SilentTerm {
+    Span<const float> tau;
+    TVSGS_HD double operator()(int i) const { return inverse_square_or_zero(tau[i]) > 0 ? 0 : 1; }
+};
+
+inline constexpr std::uint8_t kValidNow =
+    128;  // this round reached the splat; cleared at the end of the event
+
+/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both
+/// losses. In double on both devices: a flat voter magnifies the error of its normal a hundredfold
+/// in the next round.
+struct EigenBody {
+    bool ball_round;
+    Slots slots;
+    Span<const Sym3f> sums;
+    Span<Sym3f> tensors;
+    Span<Vec3f> eigenvalues, normals;
+    Span<std::uint8_t> flags;
+    Span<SlotVector> slot_normals;  // zero where this round left no unambiguous one
+
+    TVSGS_HD void operator()(int slot) const {
+        const int i = slots.splat(slot);
+        if (ball_round && (flags[i] & kHasTensor) != 0) return;
+        const Sym3f T = sums[slot];
+        const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
+        const double finite = (e.values.x + e.values.y + e.values.z) * 0;
+        std::uint8_t flag = flags[i] & kHasTensor;
+        if (finite == 0 && e.values.x >= kMinEigenvalue) {
+            flag = kHasTensor;
+            if ((e.values.y - e.values.z) / e.values.x >= kMinNormalGap) flag |= kNormalValid;
+            tensors[i] = T;
+            eigenvalues[i] = vec_cast<float>(e.values);
+            normals[i] = vec_cast<float>(column(e.vectors, 2));
+            flag |= kValidNow;
+        }
+        flags[i] = flag;
+        slot_normals[slot].v = (flag & kNormalValid) != 0 ? normals[i] : Vec3f{};
+    }
+};
+
+/// Root mean square angle between a splat's normal and its receivers', of which ambiguous ones,
+/// being noise, do not count. Infinite, as is the strength, where its own is ambiguous, so that
+/// both statistics sort such splats to the end.
+template <class Lists>
+struct VariabilityBody {
+    int k;
+    Lists lists;
+    Slots slots;
+    Span<const SlotVector> slot_normals;
+    Span<const std::uint8_t> flags;
+    Span<float> variability, strengths;
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int slot, void* scratch) const {
+        constexpr float kInvalid = std::numeric_limits<float>::infinity();
+        if ((flags[slots.splat(slot)] & kNormalValid) == 0) {
+            if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
+            return;
+        }
+        const Vec3f n = slot_normals[slot].v;
+        const std::uint32_t* list = lists.receivers_of(warp, slot, scratch);
+        float sum = 0, count = 0;
+        for (int r = warp.lane(); r < k; r += Warp::kLanes) {
+            const Vec3f m = slot_normals[list[r]].v;
+            // The angle from sine and cosine: arccos alone loses the small ones in float.
+            const float angle = angle_of(norm(cross(n, m)), std::abs(dot(n, m)));
+            const bool counts = dot(m, m) > 0;
+            sum += counts ? angle * angle : 0;
+            count += counts ? 1.0f : 0.0f;
+        }
+        sum = warp.sum(sum), count = warp.sum(count);
+        if (warp.lane() == 0) variability[slot] = std::sqrt(sum / (count > 1 ? count : 1));
+    }
+};
+
+/// Linear interpolation between the order statistics of the first `count` sorted values.
+TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
+    const double rank = 0.95 * (count - 1);
+    const auto low = static_cast<int>(rank), high = low + 1 < count ? low + 1 : low;
+    return static_cast<float>(sorted[low] +
+                              (double(sorted[high]) - double(sorted[low])) * (rank - low));
+}
+
+/// Who takes part in the position loss.
+struct MaskBody {
+    Slots slots;
+    float min_votes;
+    const double* valid_count;
+    Span<const float> variability, strengths, sorted_variability, sorted_strengths, strong_votes;
+    Span<std::uint8_t> flags, left_out;  // left_out: by slot
+
+    TVSGS_HD void operator()(int slot) const {
+        const int i = slots.splat(slot);
+        const std::uint8_t flag = flags[i];
+        left_out[slot] = 0;
+        if ((flag & kNormalValid) == 0) return;
+        left_out[slot] = variability[slot] > percentile95(sorted_variability, *valid_count) &&
+                                 strengths[slot] > percentile95(sorted_strengths, *valid_count)
+                             ? 1
+                             : 0;
+        if (left_out[slot] == 0 && strong_votes[slot] >= min_votes)
+            flags[i] = flag | kPositionValid;
+    }
+};
+
+/// Before an event: nothing is valid yet, and the target of a splat that takes no part is its
+/// centre.
+struct BeginBody {
+    Span<const Vec3f> means;
+    Span<std::uint8_t> flags;
+    Span<Vec3f> targets;
+    TVSGS_HD void operator()(int i) const {
+        flags[i] &= kHasTensor;
+        targets[i] = means[i];
+    }
+};
+
+/// Ends an event whose targets are the centres.
+struct AnchorBody {
+    Span<std::uint8_t> flags;
+    TVSGS_HD void operator()(int i) const {
+        flags[i] &= kHasTensor | kNormalValid | kPositionValid;
+    }
+};
+
+/// Entries of new splats from their parents; a negative parent is none.
+template <class T>
+struct InheritBody {
+    Span<const int> parents;
+    Span<const T> from;
+    Span<T> to;
+    TVSGS_HD void operator()(int i) const { to[i] = parents[i] < 0 ? T{} : from[parents[i]]; }
+};
+
+/// No splat has a target, as after an event without any, or when children may have moved: those
+/// count again after the next event, which due() orders at once.
+struct ClearPositionBody {
+    Span<std::uint8_t> flags;
+    TVSGS_HD void operator()(int i) const { flags[i] &= kHasTensor | kNormalValid; }
+};
+
+}  // namespace tvsgs::detail

@@ -1,0 +1,281 @@
+// Splats and fixed voters in the order of the lists, and the records they vote with; both twins run
+// these.  [docs/method/voting.md#one-vote]
+#pragma once
+
+#include <cstring>
+
+#include "core/parallel.h"
+#include "tv/internal/neighbour_lists.h"
+#include "tv/internal/neighbours.h"
+#include "tv/internal/splats.h"
+#include "tv/internal/warp.h"
+#include "tv/voting.h"
+
+namespace tvsgs::detail {
+
+struct NoiseTerm {  // trace of a usable splat's covariance, thin scales raised
+    SplatSpans splats;
+    float flatness_limit;
+    TVSGS_HD double operator()(int i) const {
+        if (!splats.usable(i)) return 0;
+        const Vec3<double> s = limit_flatness(splats.scales<double>(i), double(flatness_limit));
+        return dot(s, s);
+    }
+};
+
+struct UsableSplatTerm {
+    SplatSpans splats;
+    TVSGS_HD double operator()(int i) const { return splats.usable(i) ? 1 : 0; }
+};
+
+struct NoiseBody {
+    const double* count;
+    double* noise;
+    TVSGS_HD void operator()(int) const {
+        *noise = kWhitenNoise * *noise / (*count > 1 ? *count : 1);
+    }
+};
+
+/// The current splats in the slots of the last search, and the fixed voters after them.
+struct Slots {
+    Span<const TreePoint> points;
+    SplatSpans splats;
+    FixedVoterSpans fixed;
+
+    TVSGS_HD int usable() const { return points.size(); }
+    TVSGS_HD int size() const { return points.size() + fixed.size(); }
+    TVSGS_HD int splat(int slot) const { return static_cast<int>(points[slot].index); }
+    /// Splats change between searches: one may have left the finite numbers.
+    TVSGS_HD bool usable(int voter) const {
+        return voter >= usable() || splats.usable(splat(voter));
+    }
+    TVSGS_HD Vec3f mean(int voter) const {
+        return voter < usable() ? splats.means[splat(voter)] : fixed.means[voter - usable()];
+    }
+    template <class Real>
+    TVSGS_HD Whitening<Real> whitening(int voter,
+                                       const WhitenRule& rule,
+                                       const double* noise) const {
+        return voter < usable() ? splats.whitening<Real>(splat(voter), rule, *noise)
+                                : fixed.whitening<Real>(voter - usable());
+    }
+};
+
+/// In slot order what is near in space is near in memory. One 16-byte load each.
+struct alignas(16) SlotVector {
+    Vec3f v;
+};
+struct MeanBody {
+    Slots slots;
+    Span<SlotVector> means;
+    TVSGS_HD void operator()(int slot) const { means[slot].v = slots.mean(slot); }
+};
+
+#if defined(__CUDACC__)
+template <class Real>
+struct RecordWords {
+    static constexpr int kCount = sizeof(VoterRecord<Real>) / sizeof(uint4);
+    uint4 w[kCount];
+};
+#endif
+
+/// Whole records in the widest loads and stores there are: entry by entry they cost four times the
+/// traffic.
+template <class Real>
+TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
+#if defined(__CUDA_ARCH__)
+    RecordWords<Real> words;
+#pragma unroll
+    for (int i = 0; i < RecordWords<Real>::kCount; ++i)
+        words.w[i] = __ldg(reinterpret_cast<const uint4*>(&from) + i);
+    return __builtin_bit_cast(VoterRecord<Real>, words);
+#else
+    return from;
+#endif
+}
+template <class Real>
+TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
+#if defined(__CUDA_ARCH__)
+    const auto words = __builtin_bit_cast(RecordWords<Real>, record);
+#pragma unroll
+    for (int i = 0; i < RecordWords<Real>::kCount; ++i)
+        reinterpret_cast<uint4*>(&to)[i] = words.w[i];
+#else
+    to = record;
+#endif
+}
+
+/// The part of the records that TauBody reads: W, and inverse_tau2 = 0 for who cannot vote.
+template <class Real>
+struct WhiteningBody {
+    Slots slots;
+    WhitenRule rule;
+    const double* noise;
+    Span<VoterRecord<Real>> records;
+
+    TVSGS_HD void operator()(int voter) const {
+        VoterRecord<Real> record{};
+        if (slots.usable(voter)) {
+            record.mean = vec_cast<Real>(slots.mean(voter));
+            record.W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
+            record.inverse_tau2 = 1;
+        }
+        store(record, records[voter]);
+    }
+};
+
+/// Scales of voting, from the current splats.
+template <class Real, class Lists>
+struct TauBody {
+    static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
+
+    float tau_per_median;
+    int k;
+    Lists lists;
+    Span<const SlotVector> means;
+    Span<const VoterRecord<Real>> records;
+    Span<float> tau;
+
+    template <class Warp>
+    TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
+        const VoterRecord<Real> record = load(records[voter]);
+        float scale = 0;
+        if (can_vote(record)) {  // the same answer in all lanes
+            auto* values = static_cast<float*>(scratch);
+            const auto* list = lists.receivers_of(warp, voter, values + Warp::median_scratch(k));
+            scale = tau_per_median * warp.median(k, values, [&](int r) {
+                const Vec3<Real> at = vec_cast<Real>(means[list[r]].v);
+                return static_cast<float>(norm(record.W * (at - record.mean)));
+            });
+        }
+        if (warp.lane() == 0) tau[voter] = scale;
+    }
+};
+
+/// Saliency of the splats that have a tensor, and their number, for the common rescale of literal
+/// strengths.
+struct SaliencyTerm {
+    Span<const Vec3f> eigenvalues;
+    Span<const std::uint8_t> flags;
+    TVSGS_HD double operator()(int i) const {
+        return (flags[i] & kHasTensor) != 0 ? double(eigenvalues[i].y) - double(eigenvalues[i].z)
+                                            : 0;
+    }
+};
+struct SlotTensorTerm {
+    Slots slots;
+    Span<const std::uint8_t> flags;
+    TVSGS_HD double operator()(int slot) const {
+        return (flags[slots.splat(slot)] & kHasTensor) != 0 ? 1 : 0;
+    }
+};
+struct FlagTerm {
+    std::uint8_t flag;
+    Span<const std::uint8_t> flags;
+    TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
+};
+
+/// How voter i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
+/// as a ball. Whose normal rounding errors have made is silent: where nobody else votes, it would
+/// decide.
+struct OrientationBody {
+    Slots slots;
+    bool literal;
+    const double* saliency_sum;  // and the number of terms after it
+    Span<const Vec3f> eigenvalues, normals;
+    Span<const std::uint8_t> flags;
+    Span<Vec3f> voter_normals;
+    Span<float> voter_strengths;
+
+    TVSGS_HD void operator()(int voter) const {
+        if (voter >= slots.usable()) {
+            voter_normals[voter] = slots.fixed.normals[voter - slots.usable()];
+            voter_strengths[voter] = slots.fixed.weights[voter - slots.usable()];
+            return;
+        }
+        const int i = slots.splat(voter);
+        const bool has_tensor = (flags[i] & kHasTensor) != 0;
+        voter_normals[voter] = has_tensor ? normals[i] : Vec3f{};
+        voter_strengths[voter] = 1;
+        if (!has_tensor) return;
+        const Vec3<double> l = vec_cast<double>(eigenvalues[i]);
+        const double saliency = l.y - l.z;
+        const double unit =
+            literal ? saliency_sum[0] / (saliency_sum[1] > 1 ? saliency_sum[1] : 1) : l.x;
+        voter_strengths[voter] = unit > 0 && saliency >= kMinVotingGap * l.x
+                                     ? static_cast<float>(saliency / unit)
+                                     : 0.0f;
+    }
+};
+
+/// Computed in double for both kinds of record: a thin splat magnifies the rounding of its axes.
+/// Plates are silent in a ball round, and balls in a plate round.
+template <class Real>
+struct RecordBody {
+    bool ball_round;
+    Slots slots;
+    WhitenRule rule;
+    const double* noise;
+    bool scale_free;
+    double tau_per_median;
+    Span<const float> tau;
+    Span<const Vec3f> voter_normals;
+    Span<const float> voter_strengths;
+    Span<VoterRecord<Real>> records;
+
+    TVSGS_HD void operator()(int voter) const {
+        const Vec3f normal = voter_normals[voter];
+        const bool is_plate = dot(normal, normal) > 0;
+        if (!slots.usable(voter) || is_plate == ball_round) {
+            records[voter].inverse_tau2 = 0;
+            return;
+        }
+        store(record_cast<Real>(voter_record<double>(
+                  vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
+                  tau[voter], vec_cast<double>(normal), voter_strengths[voter],
+                  curvature_factor<double>(scale_free, tau[voter], tau_per_median))),
+              records[voter]);
+    }
+};
+
+/// Who receives from whom.
+template <class Real, class Lists>
+struct Ballot {
+    Span<const VoterRecord<Real>> records;
+    Span<const SlotVector> means;
+    Lists lists;
+    VoteRule rule;
+
+    /// action(record) for each of a slot's voters: number e in the lanes e, e + kStride, ... A CPU
+    /// thread gets a Pack of records at a time, the last one filled up with voters that are silent.
+    template <int kStride, class Warp, class Action>
+    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
+        if constexpr (Warp::kLanes == 1) {
+            using Lane = typename Warp::template Lane<Real>;
+            VoterRecord<Lane> pack{};
+            int filled = 0;
+            lists.template for_each_voter<1>(warp, slot, [&](std::uint32_t voter) {
+                set_lane(pack, filled, records[voter]);
+                if (++filled < Lane::kSize) return;
+                action(pack);
+                pack = {}, filled = 0;
+            });
+            if (filled > 0) action(pack);
+        } else {
+            lists.template for_each_voter<kStride>(
+                warp, slot, [&](std::uint32_t voter) { action(load(records[voter])); });
+        }
+    }
+
+private:
+    template <class Lane>
+    static void set_lane(VoterRecord<Lane>& pack, int lane, const VoterRecord<Real>& record) {
+        constexpr int kEntries = sizeof(VoterRecord<Lane>) / sizeof(Lane);
+        Real entries[kEntries];  // a record is a row of numbers
+        std::memcpy(entries, &record, sizeof entries);
+        auto* const lanes = reinterpret_cast<Lane*>(&pack);
+        for (int i = 0; i < kEntries; ++i) lanes[i].set(lane, entries[i]);
+    }
+};
+
+}  // namespace tvsgs::detail

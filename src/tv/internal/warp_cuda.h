@@ -1,0 +1,385 @@
+// CUDA twins of warp.h. For .cu files only.
+#pragma once
+
+#include <thrust/iterator/counting_iterator.h>
+#include <thrust/iterator/transform_iterator.h>
+
+#include <bit>
+#include <cub/device/device_radix_sort.cuh>
+#include <cub/device/device_scan.cuh>
+
+#include "core/cuda_runtime.h"
+#include "core/parallel.h"
+#include "tv/internal/warp.h"
+
+namespace tvsgs {
+
+/// One warp, all lanes taking part in every call. The methods compile for the host too, as the
+/// templates that use them do, but do nothing there.
+struct CudaWarp {
+    static constexpr int kLanes = 32;
+    static constexpr unsigned kAll = 0xffffffffu;
+    template <class Real>
+    using Lane = Real;
+
+    TVSGS_HD static int median_scratch(int /*count*/) { return 0; }
+
+#if defined(__CUDA_ARCH__)
+    __host__ __device__ int lane() const {
+        return static_cast<int>(threadIdx.x % 32);
+    }
+    __host__ __device__ void sync() const {
+        __syncwarp();
+    }
+    __host__ __device__ static int lowest_bit(std::uint32_t mask) {
+        return __ffs(static_cast<int>(mask)) - 1;
+    }
+    template <class T>
+    __host__ __device__ T sum(T x) const {  // the same tree, hence the same bits, in all lanes
+        for (int offset = 16; offset > 0; offset /= 2) x += __shfl_xor_sync(kAll, x, offset);
+        return x;
+    }
+    template <class T>
+    __host__ __device__ T from_lane(T x, int source) const {
+        return __shfl_sync(kAll, x, source);
+    }
+    __host__ __device__ int sum_before(int x) const {
+        int sum = x;
+        for (int offset = 1; offset < 32; offset *= 2) {
+            const int other = __shfl_up_sync(kAll, sum, offset);
+            sum += lane() >= offset ? other : 0;
+        }
+        return sum - x;
+    }
+    template <class Action>
+    __host__ __device__ void for_lanes(const Action& action) const {
+        action(lane());
+        __syncwarp();
+    }
+    template <class Value>
+    __host__ __device__ std::uint32_t smallest32(const Value& value) const {
+        return reduce_min(value(lane()));
+    }
+    __host__ __device__ void sort(std::uint32_t* keys, int count) const {
+        bitonic_sort(*this, keys, count);
+    }
+    template <class Predicate>
+    __host__ __device__ std::uint32_t ballot32(const Predicate& predicate) const {
+        return __ballot_sync(kAll, predicate(lane()));
+    }
+    template <class Key, class Accept>
+    __host__ __device__ int append32(std::uint64_t* out,
+                                     const Key& key,
+                                     const Accept& accept) const {
+        const std::uint64_t mine = key(lane());
+        const bool accepted = accept(mine);
+        return append(out, mine, accepted);
+    }
+    /// Sums over each half of the warp: lane i of a half gets those of values 2i and 2i + 1. Four
+    /// rounds in which each lane keeps the half of the values that its number asks for and gives
+    /// the other half away.
+    template <class T>
+    __host__ __device__ static void sums_to_half_lanes(T (&values)[32], T (&mine)[2]) {
+        halve<8>(values);
+        mine[0] = values[0], mine[1] = values[1];
+    }
+    __host__ __device__ std::uint64_t smallest_first(std::uint64_t* keys,
+                                                     int count,
+                                                     int wanted) const {
+        sync();
+        if (count > 512) {
+            bitonic_sort(*this, keys, count);
+            return keys[wanted - 1];
+        }
+        return count <= 256 ? select<8>(keys, count, wanted) : select<16>(keys, count, wanted);
+    }
+
+    template <class Value>
+    __host__ __device__ float median(int count, float*, const Value& value) const {
+        return count <= 128 ? median_of<4>(count, value) : median_of<16>(count, value);
+    }
+
+private:
+    template <int kPerLane, class Value>
+    __device__ float median_of(int count, const Value& value) const {
+        std::uint32_t words[kPerLane];  // numbers that are not negative order like their bits
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const int i = r * 32 + lane();
+            const float v = i < count ? value(i) : 0.0f;
+            words[r] = i >= count ? 0xffffffffu : __float_as_uint(v >= 0 ? v + 0.0f : INFINITY);
+        }
+        // Bounds that hold count / 2 of them, not more, need not be one of them.
+        const int lower = count % 2 == 1 ? count / 2 + 1 : count / 2;
+        const std::uint32_t bound = kth_word(words, lower);
+        std::uint32_t below = 0, above = 0xffffffffu;
+        int held = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const bool in = words[r] <= bound;
+            below = in ? max(below, words[r]) : below;
+            above = in ? above : min(above, words[r]);
+            held += __popc(__ballot_sync(kAll, in));
+        }
+        below = ~reduce_min(~below), above = reduce_min(above);
+        if (count % 2 == 1) return __uint_as_float(below);
+        // More than half at or below the bound: both middle ones equal it.
+        if (held > lower) above = below;
+        return (__uint_as_float(below) + __uint_as_float(above)) / 2;
+    }
+    __device__ static int append(std::uint64_t* out, std::uint64_t key, bool accepted) {
+        const unsigned mask = __ballot_sync(kAll, accepted);
+        if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
+        return __popc(mask);
+    }
+    /// Exchanges with the lane kDistance away, and so on: 4 kDistance values become 2.
+    template <int kDistance, class T>
+    __device__ __forceinline__ static void halve(T* values) {
+        const bool upper = (threadIdx.x & kDistance) != 0;
+#pragma unroll
+        for (int i = 0; i < 2 * kDistance; ++i) {
+            const T kept = upper ? values[i + 2 * kDistance] : values[i];
+            const T given = upper ? values[i] : values[i + 2 * kDistance];
+            values[i] = kept + __shfl_xor_sync(kAll, given, kDistance);
+        }
+        if constexpr (kDistance > 1) halve<kDistance / 2>(values);
+    }
+
+    /// The wanted-th smallest of the words in the lanes, by bisection of the range they span: about
+    /// ten rounds for words that differ.
+    template <int kPerLane>
+    __device__ std::uint32_t kth_word(const std::uint32_t (&words)[kPerLane], int wanted) const {
+        std::uint32_t low = 0xffffffffu, high = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) low = min(low, words[r]);
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r)  // all ones is padding
+            high = max(high, words[r] == 0xffffffffu ? 0u : words[r]);
+        low = reduce_min(low), high = ~reduce_min(~high);
+        while (low < high) {
+            const std::uint32_t middle = low + (high - low) / 2;
+            int count = 0;
+#pragma unroll
+            for (int r = 0; r < kPerLane; ++r) count += words[r] <= middle;
+            count = __reduce_add_sync(kAll, count);
+            if (count >= wanted) {
+                high = middle;
+                if (count == wanted) break;
+            } else {
+                low = middle + 1;
+            }
+        }
+        return high;
+    }
+    /// smallest_first() for keys that fit the lanes' registers.
+    template <int kPerLane>
+    __device__ std::uint64_t select(std::uint64_t* keys, int count, int wanted) const {
+        std::uint32_t high[kPerLane], low[kPerLane];
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const int i = r * 32 + lane();
+            const std::uint64_t key = i < count ? keys[i] : ~0ull;
+            high[r] = static_cast<std::uint32_t>(key >> 32);
+            low[r] = static_cast<std::uint32_t>(key);
+        }
+        sync();
+        const std::uint32_t last = kth_word(high, wanted);
+        int below = 0, equal = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            below += __popc(__ballot_sync(kAll, high[r] < last));
+            equal += __popc(__ballot_sync(kAll, high[r] == last));
+        }
+        std::uint32_t last_low = 0xffffffffu;
+        if (below + equal > wanted) {  // ties: by the low words
+            std::uint32_t tied[kPerLane];
+#pragma unroll
+            for (int r = 0; r < kPerLane; ++r) tied[r] = high[r] == last ? low[r] : 0xffffffffu;
+            last_low = kth_word(tied, wanted - below);
+        }
+        int kept = 0;
+        std::uint64_t largest = 0;
+#pragma unroll
+        for (int r = 0; r < kPerLane; ++r) {
+            const bool accepted = high[r] < last || (high[r] == last && low[r] <= last_low);
+            const std::uint64_t key = static_cast<std::uint64_t>(high[r]) << 32 | low[r];
+            const bool real = r * 32 + lane() < count;
+            kept += append(keys + kept, key, accepted && real);
+            if (accepted && real && key > largest) largest = key;
+        }
+        sync();
+        const std::uint32_t top = ~reduce_min(~static_cast<std::uint32_t>(largest >> 32));
+        const bool mine = static_cast<std::uint32_t>(largest >> 32) == top;
+        return static_cast<std::uint64_t>(top) << 32 |
+               ~reduce_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
+    }
+    __device__ static std::uint32_t reduce_min(std::uint32_t x) {
+#if __CUDA_ARCH__ >= 800
+        return __reduce_min_sync(kAll, x);
+#else
+        for (int offset = 16; offset > 0; offset /= 2) x = min(x, __shfl_xor_sync(kAll, x, offset));
+        return x;
+#endif
+    }
+
+public:
+#else
+    __host__ __device__ int lane() const {
+        return 0;
+    }
+    __host__ __device__ void sync() const {}
+    __host__ __device__ static int lowest_bit(std::uint32_t) {
+        return 0;
+    }
+    template <class T>
+    __host__ __device__ T sum(T x) const {
+        return x;
+    }
+    template <class T>
+    __host__ __device__ T from_lane(T x, int) const {
+        return x;
+    }
+    __host__ __device__ int sum_before(int) const {
+        return 0;
+    }
+    template <class Action>
+    __host__ __device__ void for_lanes(const Action&) const {}
+    template <class Value>
+    __host__ __device__ std::uint32_t smallest32(const Value&) const {
+        return 0;
+    }
+    __host__ __device__ void sort(std::uint32_t*, int) const {}
+    template <class Predicate>
+    __host__ __device__ std::uint32_t ballot32(const Predicate&) const {
+        return 0;
+    }
+    template <class Key, class Accept>
+    __host__ __device__ int append32(std::uint64_t*, const Key&, const Accept&) const {
+        return 0;
+    }
+    template <class T>
+    __host__ __device__ static void sums_to_half_lanes(T (&)[32], T (&)[2]) {}
+    __host__ __device__ std::uint64_t smallest_first(std::uint64_t*, int, int) const {
+        return 0;
+    }
+    template <class Value>
+    __host__ __device__ float median(int, float*, const Value&) const {
+        return 0;
+    }
+#endif
+};
+
+namespace detail {
+/// Blocks that should fit a multiprocessor at a time: what a body with long waits for memory asks
+/// for with kMinBlocks, at the cost of registers.
+template <class Body>
+constexpr int min_blocks() {
+    if constexpr (requires { Body::kMinBlocks; })
+        return Body::kMinBlocks;
+    else
+        return 1;
+}
+
+template <class Body>
+__global__ void __launch_bounds__(256, min_blocks<Body>())
+    warp_kernel(int count, int warp_bytes, const __grid_constant__ Body body) {
+    extern __shared__ __align__(16) unsigned char shared[];
+    const int in_block = static_cast<int>(threadIdx.x / 32);
+    const int i = static_cast<int>(blockIdx.x * (blockDim.x / 32)) + in_block;
+    if (i < count)
+        body(CudaWarp{}, i, static_cast<void*>(shared + std::size_t(in_block) * warp_bytes));
+}
+}  // namespace detail
+
+template <class Body>
+void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body) {
+    if (count <= 0) return;
+    constexpr std::size_t kBlockBytes = 32 << 10;  // below the 48 KiB that need no opting in
+    const std::size_t bytes = (scratch_bytes + 15) / 16 * 16;
+    int warps = 8;  // neighbours in space: what one reads is then in the cache of the others
+    while (warps > 1 && bytes * warps > kBlockBytes) warps /= 2;
+    detail::warp_kernel<<<(count + warps - 1) / warps, 32 * warps, bytes * warps>>>(
+        count, static_cast<int>(bytes), body);
+    check_launch();
+}
+
+inline void sort(Buffer<float, Cuda>& keys, SortScratch<Cuda>& scratch) {
+    const int count = static_cast<int>(keys.size());
+    if (count == 0) return;
+    scratch.floats.resize(keys.size());
+    cub::DoubleBuffer<float> both(keys.data(), scratch.floats.data());
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceRadixSort::SortKeys(temporary, bytes, both, count));
+    };
+    std::size_t bytes = 0;
+    run(nullptr, bytes);
+    scratch.temporary.resize(bytes);
+    run(scratch.temporary.data(), bytes);
+    if (both.Current() != keys.data()) keys.swap(scratch.floats);
+}
+
+inline void sort_by_key(Buffer<std::uint64_t, Cuda>& keys,
+                        Buffer<std::uint32_t, Cuda>& values,
+                        SortScratch<Cuda>& scratch) {
+    const int count = static_cast<int>(keys.size());
+    if (count == 0) return;
+    scratch.keys.resize(keys.size());
+    scratch.values.resize(keys.size());
+    cub::DoubleBuffer<std::uint64_t> both_keys(keys.data(), scratch.keys.data());
+    cub::DoubleBuffer<std::uint32_t> both_values(values.data(), scratch.values.data());
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(
+            cub::DeviceRadixSort::SortPairs(temporary, bytes, both_keys, both_values, count));
+    };
+    std::size_t bytes = 0;
+    run(nullptr, bytes);
+    scratch.temporary.resize(bytes);
+    run(scratch.temporary.data(), bytes);
+    if (both_keys.Current() != keys.data()) keys.swap(scratch.keys);
+    if (both_values.Current() != values.data()) values.swap(scratch.values);
+}
+
+inline void stable_order(Span<const std::uint32_t> keys,
+                         int limit,
+                         Span<std::uint32_t> sorted,
+                         Span<std::uint32_t> order,
+                         Buffer<std::uint32_t, Cuda>& spare,
+                         SortScratch<Cuda>& scratch) {
+    if (keys.empty()) return;
+    const std::size_t count = keys.count, key_bytes = count * sizeof(std::uint32_t);
+    spare.resize(2 * count);
+    detail::copy(Cuda{}, keys.data, Cuda{}, sorted.data, key_bytes);
+    parallel_for(Cuda{}, keys.size(), detail::IotaBody{order});
+    cub::DoubleBuffer<std::uint32_t> by_key(sorted.data, spare.data()),
+        places(order.data, spare.data() + count);
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceRadixSort::SortPairs(
+            temporary, bytes, by_key, places, static_cast<std::int64_t>(count), 0,
+            static_cast<int>(std::bit_width(static_cast<std::uint32_t>(limit)))));
+    };
+    std::size_t bytes = 0;
+    run(nullptr, bytes);
+    scratch.temporary.resize(bytes);
+    run(scratch.temporary.data(), bytes);
+    if (by_key.Current() != sorted.data)
+        detail::copy(Cuda{}, by_key.Current(), Cuda{}, sorted.data, key_bytes);
+    if (places.Current() != order.data)
+        detail::copy(Cuda{}, places.Current(), Cuda{}, order.data, key_bytes);
+}
+
+/// out[i] = term(0) + ... + term(i - 1).
+template <class Term>
+void exclusive_scan(const Term& term, Buffer<std::int64_t, Cuda>& out, SortScratch<Cuda>& scratch) {
+    const auto terms =
+        thrust::make_transform_iterator(thrust::make_counting_iterator<std::int64_t>(0), term);
+    const auto run = [&](void* temporary, std::size_t& bytes) {
+        check_cuda(cub::DeviceScan::ExclusiveSum(temporary, bytes, terms, out.data(),
+                                                 static_cast<std::int64_t>(out.size())));
+    };
+    std::size_t bytes = 0;
+    run(nullptr, bytes);
+    scratch.temporary.resize(bytes);
+    run(scratch.temporary.data(), bytes);
+}
+
+}  // namespace tvsgs
