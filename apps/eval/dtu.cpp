@@ -47,6 +47,7 @@ std::string counts_json(const Prediction& in, std::size_t culled, const DtuMetri
 
 int dtu(const DtuArguments& a) {
     const std::vector<Bound> bounds = parse_bounds(a.require);
+    if (!a.clouds.empty()) list_results(a.clouds, {"accuracy.ply", "completeness.ply"});
     DtuOptions options = a.options;
     if (a.order == "given")
         options.seed.reset();
@@ -108,7 +109,6 @@ int dtu(const DtuArguments& a) {
     json.add_json("points", counts_json(in, culled, m))
         .add_json("protocol", protocol.text())
         .add_json("inputs", inputs.text());
-    if (!a.clouds.empty()) list_results(a.clouds, {"accuracy.ply", "completeness.ply"});
     put_report(json.text(), a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,

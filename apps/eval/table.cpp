@@ -7,6 +7,7 @@
 #include "apps/eval/matrix.h"
 #include "apps/eval/subcommands.h"
 #include "io/atomic_file.h"
+#include "io/manifest.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -54,6 +55,7 @@ int table(std::vector<std::string> folders,
         throw Error(ExitCode::usage, "expected either --runs or --matrix");
     if (matrix.file.empty() && (matrix.dry_run || !matrix.data.empty() || !matrix.scenes.empty()))
         throw Error(ExitCode::usage, "--data, --scenes and --dry-run belong to --matrix");
+    if (!out.empty()) require_replaceable(fs::path(out).replace_extension(".csv"));
     if (!matrix.file.empty()) folders = run_matrix(matrix);
     if (matrix.dry_run) return 0;
     std::vector<PublishedFigure> published;

@@ -52,6 +52,10 @@ int tnt(const TntArguments& a) {
     const std::vector<Bound> bounds = parse_bounds(a.require);
     const TntFiles files = find_tnt_files(a.scene_dir, a.scene_name);
     const double tau = find_tnt_tau(a.tau, files.scene);
+    if (!a.results.empty())
+        list_results(a.results, {"alignment.txt", files.scene + ".precision.txt",
+                                 files.scene + ".recall.txt", files.scene + ".prf_tau_plotstr.txt",
+                                 files.scene + ".precision.ply", files.scene + ".recall.ply"});
 
     // 1. Read.
     const Crop crop = read_crop(files.crop);
@@ -109,7 +113,6 @@ int tnt(const TntArguments& a) {
         .add_json("points", counts.text())
         .add_json("alignment", alignment.json.text())
         .add_json("inputs", inputs.text());
-    if (!a.results.empty()) list_results(a.results, {});
     put_report(json.text(), a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input,

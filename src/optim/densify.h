@@ -34,7 +34,8 @@ struct DensifyOptions {
         field("every", every, {1, 1e9}, "iterations between densifications");
         field("opacity_reset_every", opacity_reset_every, {1, 1e9},
               "iterations between opacity resets");
-        field("reset_opacity", reset_opacity, {1e-6, 0.999}, "what a reset lowers opacities to");
+        // Below, splats that core.cull_alpha leaves out would not come back.
+        field("reset_opacity", reset_opacity, {0.00999, 0.999}, "what a reset lowers opacities to");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
         field("gradient_threshold", gradient_threshold, {0, 1e9},
               "mean screen gradient that grows a splat, per NDC unit");

@@ -20,7 +20,7 @@ constexpr std::int64_t kMiB = 1 << 20;
 // Measured, bytes. Splats of a view, what growth asks of them, and lists of tiles:
 constexpr std::int64_t kPerViewSplat = 190, kPerSlot = 100, kSlotsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
-constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 60, kPerNeighbourPixel = 80;
+constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerNeighbourPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 constexpr std::int64_t kProgram = 32 * kMiB;

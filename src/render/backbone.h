@@ -12,8 +12,8 @@
 
 namespace tvsgs {
 
-/// A set of maps to render. What is not asked for costs nothing: its buffers stay empty, and
-/// reading them is an error.
+/// A set of maps to render. The buffers of what is not asked for may stay empty; reading them is an
+/// error.
 enum class Maps : unsigned { none = 0, color = 1, normal = 2, depth = 4 };
 
 constexpr Maps operator|(Maps a, Maps b) {
@@ -39,8 +39,7 @@ inline Camera ray_camera(Camera camera, PixelCenter center) {
     return camera;
 }
 
-/// Images of one render, pixel (x, y) at y * width + x. A backbone may make more than it was asked
-/// for.
+/// Images of one render, pixel (x, y) at y * width + x.
 template <class Device>
 struct RenderedImages {
     int width = 0, height = 0;

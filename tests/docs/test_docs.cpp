@@ -3,7 +3,6 @@
 
 #include <cctype>
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <regex>
 #include <set>
@@ -11,21 +10,12 @@
 #include <string>
 #include <vector>
 
+#include "support/source_text.h"
+
+namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-const fs::path kSource = TVSGS_SOURCE_DIR;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
-
-std::vector<std::smatch> matches(const std::string& text, const std::regex& pattern) {
-    return {std::sregex_iterator(text.begin(), text.end(), pattern), std::sregex_iterator()};
-}
 
 /// Whatever may cite a page, but this file.
 std::vector<fs::path> citing_files() {
@@ -138,3 +128,4 @@ TEST(Docs, NothingIsCitedThatAReaderCannotOpen) {
 }
 
 }  // namespace
+}  // namespace tvsgs

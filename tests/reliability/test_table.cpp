@@ -2,27 +2,17 @@
 #include <gtest/gtest.h>
 
 #include <filesystem>
-#include <fstream>
 #include <map>
 #include <regex>
 #include <set>
 #include <sstream>
 
+#include "support/source_text.h"
+
+namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-const fs::path kSource = TVSGS_SOURCE_DIR;
-
-std::string contents(const fs::path& path) {
-    std::ifstream in(path);
-    std::ostringstream out;
-    out << in.rdbuf();
-    return out.str();
-}
-
-std::vector<std::smatch> matches(const std::string& text, const std::regex& pattern) {
-    return {std::sregex_iterator(text.begin(), text.end(), pattern), std::sregex_iterator()};
-}
 
 /// "Suite.Test" of every test in a folder.
 std::set<std::string> tests_in(const fs::path& folder) {
@@ -85,3 +75,4 @@ TEST(ReliabilityTable, EveryTestThatItNamesExists) {
 }
 
 }  // namespace
+}  // namespace tvsgs

@@ -1,0 +1,169 @@
+#include "io/load_views.h"
+
+#include <algorithm>
+#include <cmath>
+#include <exception>
+
+#include "core/log.h"
+#include "core/parallel.h"
+#include "io/image_file.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+/// Are the two sizes one image at two scales, up to a pixel of rounding?
+bool same_shape(int w, int h, int camera_w, int camera_h) {
+    return std::abs(static_cast<double>(w) * camera_h / camera_w - h) <= 1 ||
+           std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
+}
+
+void check_size(const std::string& file, ImageSize found, const Intrinsics& camera) {
+    if (same_shape(found.width, found.height, camera.width_px, camera.height_px)) return;
+    const bool turned = same_shape(found.height, found.width, camera.width_px, camera.height_px);
+    throw input_error(
+        "E_IMAGE_SIZE: ", file, ": ", found.width, "x", found.height, " pixels; its camera has ",
+        camera.width_px, "x", camera.height_px,
+        turned ? " (turned, as by EXIF orientation 6: the poses were computed on rotated pixels; "
+                 "re-encode the images)"
+               : "; pass the folder of the images that the cameras were computed for (--images)");
+}
+
+/// Masks may be smaller or larger than their images, but not of another shape.
+void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8& photo) {
+    if (same_shape(mask.width, mask.height, photo.width, photo.height)) return;
+    throw input_error("E_MASKS: ", file, ": ", mask.width, "x", mask.height,
+                      " pixels; its image has ", photo.width, "x", photo.height,
+                      "; expected that size or the same shape: make the masks from these images");
+}
+
+void threshold(ImageU8& mask) {
+    for (auto& value : mask.pixels) value = value >= 128 ? 255 : 0;
+}
+
+/// A side of the grey image: that many times the training size, no larger than the file's.
+int finer(int size_px, const SceneOptions& options, int file_px) {
+    return std::max(size_px, std::min(file_px, static_cast<int>(static_cast<float>(size_px) /
+                                                                options.grey_scale)));
+}
+
+/// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
+void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
+    const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
+    const std::size_t channels = static_cast<std::size_t>(image.channels);
+    photo = ImageU8(image.width, image.height, 3);
+    for (std::size_t i = 0; i < count; ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            photo.pixels[3 * i + c] = image.pixels[channels * i + (channels < 3 ? 0 : c)];
+    if (channels != 4) return;
+    alpha = ImageU8(image.width, image.height, 1);
+    for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
+}
+
+View load_view(const ViewSource& source, const SceneOptions& options, Vec3d origin) {
+    // 1. Pixels, and where there are masks, theirs.
+    const ImageSize file_size = read_image_size(source.file);
+    check_size(source.file, file_size, source.intrinsics);
+    ImageU8 photo, mask;
+    split_alpha(read_image(source.file), photo, mask);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !mask.empty(); ++i)
+            photo.pixels[i] = static_cast<std::uint8_t>(photo.pixels[i] * mask.pixels[i / 3] / 255);
+    if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
+        mask = {};
+    const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
+
+    // 2. Lens distortion, at the size of the file.
+    Intrinsics intrinsics = scaled(source.intrinsics, photo.width, photo.height);
+    ImageU8 valid;
+    const bool distorted = intrinsics.distortion.kind != Distortion::Kind::none;
+    if (source.mask_file) {
+        mask = read_image(*source.mask_file, 1);
+        check_mask_size(*source.mask_file, mask, photo);
+    }
+    if (distorted) {
+        if (!mask.empty())
+            mask = undistorted(intrinsics, resize_nearest(mask, photo.width, photo.height), valid);
+        photo = undistorted(intrinsics, photo, valid);
+    }
+
+    // 3. The training size.
+    View view;
+    view.name = source.image->name;
+    view.photo = resize_bicubic(photo, size.width_px, size.height_px);
+    view.reduction = static_cast<double>(photo.width) / size.width_px;
+    if (options.grey_scale < 1)
+        view.grey = grey_of(resize_bicubic(photo, finer(size.width_px, options, photo.width),
+                                           finer(size.height_px, options, photo.height)));
+    if (!mask.empty()) {
+        view.mask = source.mask_file ? resize_nearest(mask, size.width_px, size.height_px)
+                                     : resize_bicubic(mask, size.width_px, size.height_px);
+        threshold(view.mask);
+    }
+    if (distorted) {
+        valid = resize_nearest(valid, size.width_px, size.height_px);
+        if (view.mask.empty()) {
+            view.mask = std::move(valid);
+        } else {
+            for (std::size_t i = 0; i < valid.pixels.size(); ++i)
+                view.mask.pixels[i] &= valid.pixels[i];
+        }
+    }
+
+    intrinsics = scaled(intrinsics, size.width_px, size.height_px);
+    Camera& camera = view.camera;
+    camera.width_px = size.width_px, camera.height_px = size.height_px;
+    camera.fx_px = static_cast<float>(intrinsics.fx_px),
+    camera.fy_px = static_cast<float>(intrinsics.fy_px);
+    camera.cx_px = static_cast<float>(intrinsics.cx_px),
+    camera.cy_px = static_cast<float>(intrinsics.cy_px);
+    if (options.center_principal_point)
+        camera.cx_px = static_cast<float>(size.width_px) / 2,
+        camera.cy_px = static_cast<float>(size.height_px) / 2;
+    const Rigid3d& pose = source.image->camera_from_world;
+    camera.camera_from_world = {mat_cast<float>(pose.R), vec_cast<float>(pose * origin)};
+    return view;
+}
+
+}  // namespace
+
+std::vector<View> load_views(const std::vector<ViewSource>& sources,
+                             const SceneOptions& options,
+                             Vec3d origin) {
+    std::vector<View> views(sources.size());
+    std::vector<std::exception_ptr> errors(sources.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(sources.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        try {
+            views[at] = load_view(sources[at], options, origin);
+        } catch (...) {
+            errors[at] = std::current_exception();  // must not leave the parallel loop
+        }
+    });
+    for (const auto& error : errors)
+        if (error) std::rethrow_exception(error);
+    return views;
+}
+
+void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views) {
+    std::size_t masked = 0, empty = 0;
+    const ViewSource* first = nullptr;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        if (!sources[i].mask_file) continue;
+        const auto& pixels = views[i].mask.pixels;
+        ++masked;
+        if (std::any_of(pixels.begin(), pixels.end(), [](auto value) { return value > 0; }))
+            continue;
+        ++empty;
+        if (!first) first = &sources[i];
+    }
+    if (!first) return;
+    const ImageU8 mask = read_image(*first->mask_file, 1);
+    spdlog::warn(
+        "{} of {} masks have no pixel of the object, such as {}: its largest value is {}, where "
+        "255 is object, and what is below 128 is not; nothing of these views gets into a mesh",
+        empty, masked, *first->mask_file,
+        *std::max_element(mask.pixels.begin(), mask.pixels.end()));
+}
+
+}  // namespace tvsgs

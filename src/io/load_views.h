@@ -1,0 +1,32 @@
+// Photographs and masks as training wants them: undistorted, at its size.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "io/colmap.h"
+#include "io/scene_reader.h"
+
+namespace tvsgs {
+
+/// What there is to know about a view before its pixels are read.
+struct ViewSource {
+    const ColmapImage* image = nullptr;
+    Intrinsics intrinsics;
+    std::string file;
+    std::optional<std::string> mask_file;
+    bool alpha_on_black = false;
+};
+
+/// In their order; positions count from `origin`. Throws Error(ExitCode::input) where a picture or
+/// mask cannot be read, or has another shape than its camera.
+std::vector<View> load_views(const std::vector<ViewSource>& sources,
+                             const SceneOptions& options,
+                             Vec3d origin);
+
+/// Of `views` as they were loaded from `sources`: a mask without a pixel of the object is rather
+/// written in another scale than meant.
+void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views);
+
+}  // namespace tvsgs
