@@ -31,7 +31,7 @@ struct BenchIteration<Device>::Parts {
           losses(make_terms<Device>(scene, options)),
           want(needs_at(losses, options.iterations, true)),
           splats(copy_of(from)),
-          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, options.optim.adam) {
+          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats) {
         for (const auto& term : losses) stages.push_back(std::string(term->name()) + " loss");
         objective.values.resize(losses.size());
         objective.partial.resize(kSumBlocks);
@@ -65,9 +65,8 @@ void BenchIteration<Device>::run(StageClock<Device>& clock) {
     p.neighbour = !p.want.neighbour ? nullptr : clock("neighbour render", [&] {
         return p.neighbours->render(step, view.index, p.views.views(), p.splats);
     });
-    const RenderedImages<Device>& images = p.backbone->forward(
-        p.splats, view.camera, sh_degree_at(p.options.model, step), p.maps(),
-        [&](Span<const float> radii_px) { p.adam.catch_up(radii_px, p.splats); });
+    const RenderedImages<Device>& images =
+        p.backbone->forward(p.splats, view.camera, sh_degree_at(p.options.model, step), p.maps());
     clock("clear gradients", [&] {
         reset(p.objective, p.splats, p.want.splat_gradients, !p.backbone->fuses(), images);
     });

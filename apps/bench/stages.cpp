@@ -205,12 +205,7 @@ Maps maps_of(Channels channels) {
 
 /// The iteration with the photometric loss, or with given derivatives of normal and depth.
 template <class Device>
-Measured measure(const StageCase& c,
-                 Channels channels,
-                 AdamForm form,
-                 bool atomic,
-                 int warm_up,
-                 int repetitions) {
+Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up, int repetitions) {
     const Camera camera = stage_camera(c);
     const std::int64_t before = memory_use(Device{}).current_bytes;
     Gaussians<Device> splats, no_more;
@@ -232,12 +227,10 @@ Measured measure(const StageCase& c,
     const auto backbone = make_backbone<Device>("pgsr", {});
     if (atomic) backbone->use_atomic_sums();
     // At rate 0 Adam works as ever, but the view stays the same.
-    Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, form);
+    Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats);
 
     const auto iteration = [&](StageClock<Device>& clock) {
-        const auto& images =
-            backbone->forward(splats, camera, kShDegree, maps_of(channels),
-                              [&](Span<const float> radii_px) { adam.catch_up(radii_px, splats); });
+        const auto& images = backbone->forward(splats, camera, kShDegree, maps_of(channels));
         if (has_color(channels))
             clock("photometric loss", [&] {
                 dL_dimages.color.fill_zero();
@@ -254,7 +247,6 @@ Measured measure(const StageCase& c,
     return out;
 }
 
-constexpr const char* kAdamNames[] = {"dense", "lazy", "visible"};
 constexpr const char* kChannelNames[] = {"color", "color_plane", "plane"};
 
 /// Of a training whose iteration can be timed alone.
@@ -382,9 +374,6 @@ StagesBench::StagesBench(CLI::App& app)
     CLI::Option* const channels = c.add_option("--channels", channels_, "what is rendered")
                                       ->check(CLI::IsMember({"color", "color_plane", "plane"}))
                                       ->capture_default_str();
-    CLI::Option* const adam = c.add_option("--adam", adam_, "as the key optim.adam")
-                                  ->check(CLI::IsMember({"dense", "lazy", "visible"}))
-                                  ->capture_default_str();
     CLI::Option* const atomic = c.add_flag(
         "--atomic-sums", atomic_,
         "gradients summed by floating-point atomics: what the same bits every time cost");
@@ -396,7 +385,6 @@ StagesBench::StagesBench(CLI::App& app)
             ->expected(1)
             ->take_all()
             ->excludes(channels)
-            ->excludes(adam)
             ->excludes(atomic);
     c.add_option("--set", settings_, "KEY=VALUE for any key of the configuration")
         ->expected(1)
@@ -420,9 +408,6 @@ int StagesBench::run() const {
     const Channels channels = channels_ == "color"         ? Channels::color
                               : channels_ == "color_plane" ? Channels::color_plane
                                                            : Channels::plane;
-    const AdamForm form = adam_ == "dense"  ? AdamForm::dense
-                          : adam_ == "lazy" ? AdamForm::lazy
-                                            : AdamForm::visible;
     const bool training = !configs_.empty();
     const TrainOptions options =
         training ? read_configuration(configs_, settings_) : TrainOptions{};
@@ -441,7 +426,7 @@ int StagesBench::run() const {
         const Measured m = on_device(device, [&](auto tag) {
             using Device = decltype(tag);
             return training ? measure_training<Device>(c, options, warm_up_, repetitions_)
-                            : measure<Device>(c, channels, form, atomic_, warm_up_, repetitions_);
+                            : measure<Device>(c, channels, atomic_, warm_up_, repetitions_);
         });
         const std::string stages =
             m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
@@ -477,7 +462,6 @@ int StagesBench::run() const {
             .add("width", c.width)
             .add("height", c.height)
             .add("channels", kChannelNames[static_cast<int>(m.channels)])
-            .add("adam", kAdamNames[static_cast<int>(training ? options.optim.adam : form)])
             .add("atomic_sums", atomic_)
             .add_json("counters", counters.text())
             .add_json("losses", "[" + losses + "]")

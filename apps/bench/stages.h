@@ -45,7 +45,7 @@ public:
 private:
     CLI::App* command_;
     std::vector<std::string> cases_, configs_, settings_;
-    std::string device_ = "auto", channels_ = "color", adam_ = "lazy", out_;
+    std::string device_ = "auto", channels_ = "color", out_;
     int repetitions_ = 50, warm_up_ = 20;
     double scale_ = 1, splats_scale_ = 1, pixels_scale_ = 1;
     bool atomic_ = false, quiet_ = false;

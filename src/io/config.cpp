@@ -187,8 +187,16 @@ void flatten(const Json& json,
 
 }  // namespace
 
+bool OptionTable::is_retired(const std::string& key, const std::string& source) const {
+    const auto retired = retired_.find(key);
+    if (retired == retired_.end()) return false;
+    spdlog::warn("{}: key '{}' has no effect any more: {}", source, key, retired->second);
+    return true;
+}
+
 void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
     const std::string name = normalized(key);
+    if (is_retired(name, source)) return;
     Option* option = find_option(options_, name);
     if (!option) throw_unknown(options_, name, source);
     std::string text;
@@ -245,10 +253,7 @@ void OptionTable::read(const std::string& path, const std::string& text, bool be
         if (std::any_of(options_.begin(), options_.end(), in_group))
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " is a group of keys; expected an object, {...}"));
-        if (const auto retired = retired_.find(key); retired != retired_.end()) {
-            spdlog::warn("{}: key '{}' has no effect any more: {}", path, key, retired->second);
-            continue;
-        }
+        if (is_retired(key, path)) continue;
         const Option* option = find_option(options_, key);
         if (!option) throw_unknown(options_, key, path);
         if (!seen.insert(key).second)

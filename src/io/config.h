@@ -38,8 +38,7 @@ public:
         options.fields(collector);
     }
 
-    /// A key that earlier versions wrote into files: there it has no effect, and a warning says
-    /// why.
+    /// A key of earlier versions: it has no effect any more, and a warning says why.
     void retire(const std::string& key, const std::string& why) { retired_[key] = why; }
 
     /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says
@@ -78,6 +77,8 @@ public:
 
 private:
     void read(const std::string& source, const std::string& text, bool below);
+    /// Warns when it is.
+    bool is_retired(const std::string& key, const std::string& source) const;
 
     struct Collector {
         OptionTable& table;

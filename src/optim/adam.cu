@@ -25,15 +25,6 @@ __global__ void __launch_bounds__(kThreads, kBlocks) step_kernel(int count, Adam
     if (step_splat<kChannels>(step, i, sh)) sh.decay();
 }
 
-struct CatchUpBody {
-    ShAdam sh;
-    Span<const float> radii_px;
-
-    TVSGS_HD void operator()(int i) const {
-        if (radii_px.empty() || radii_px[i] > 0) sh.catch_up<kHarmonics>(i);
-    }
-};
-
 }  // namespace
 
 void update_parameters(Cuda, int count, const AdamBody& body, const int* halted) {
@@ -47,10 +38,6 @@ void take_step(Cuda, int count, const AdamStep& step) {
         step_kernel<kChannels><<<blocks, kThreads>>>(count, step);
     });
     check_launch();
-}
-
-void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px) {
-    parallel_for(Cuda{}, count, CatchUpBody{sh, radii_px});
 }
 
 }  // namespace tvsgs

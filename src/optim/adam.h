@@ -2,7 +2,6 @@
 #pragma once
 
 #include <array>
-#include <cassert>
 #include <cmath>
 
 #include "core/options.h"
@@ -62,17 +61,14 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
 template <class Device>
 class Adam {
 public:
-    Adam(const AdamOptions& options,
-         const Gaussians<Device>& gaussians,
-         AdamForm form = AdamForm::dense)
-        : options_(options), form_(form) {
+    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians) : options_(options) {
         resize(m_, gaussians.size(), gaussians.sh_degree);
         resize(v_, gaussians.size(), gaussians.sh_degree);
         fill_zero(m_);
         fill_zero(v_);
     }
 
-    /// One step of all parameters along gradients in memory, whatever the form: the plain way.
+    /// One step of all parameters along gradients in memory: the plain way.
     /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
     /// moments are zero. Where *halted (on the device; may be null) is not 0, nothing changes.
     void step(int step,
@@ -83,7 +79,6 @@ public:
               bool with_opacity,
               const int* halted = nullptr) {
         using enum ParameterGroup;
-        catch_up_all(g);
         begin_step(step, extent);
         const float none = -INFINITY;  // a bound would hide what is not finite
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
@@ -120,10 +115,6 @@ public:
               bool with_opacity,
               const int* halted = nullptr) {
         using enum ParameterGroup;
-        sh_degree_ = view.view.sh_degree;
-        if (due_ == kMostPending) catch_up_all(g);
-        prepare_lazy(g);
-        const ShAdam sh = sh_adam(g);
         begin_step(step, extent);
         take_step(Device{}, g.size(),
                   {view,
@@ -131,43 +122,26 @@ public:
                    geometry_spans(m_),
                    geometry_spans(v_),
                    geometry_spans(extra),
-                   sh,
-                   form_,
+                   {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(),
+                    sh_count(view.view.sh_degree)},
                    {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
                    {rate(sh_dc), rate(sh_rest), root_},
                    with_opacity,
                    halted});
-        if (form_ == AdamForm::lazy) ++due_;
-    }
-
-    /// Brings the harmonics of the splats with a radius up to date: before their colours are read.
-    void catch_up(Span<const float> radii_px, Gaussians<Device>& g) {
-        if (due_ > 0) tvsgs::catch_up(Device{}, g.size(), sh_adam(g), radii_px);
-    }
-
-    /// Those of all: before anything else reads or moves them. Changes no bit of what follows.
-    void catch_up_all(Gaussians<Device>& g) {
-        catch_up({}, g);
-        due_ = 0;
     }
 
     /// From now on the group's rate is `factor` x what it would have been.
     void lower_rate(ParameterGroup group, float factor) {
-        assert(due_ == 0);
         rate_factors_[static_cast<std::size_t>(group)] *= factor;
-        scales_from_ = -1;
     }
 
-    /// All have to be up to date.
     void state(StateVisitor<Device>& visit) {
-        assert(due_ == 0);
         visit.value("adam.count", count_);
         visit.value("adam.rate_factors", rate_factors_);
         visit_state(visit, "adam.m.", m_);
         visit_state(visit, "adam.v.", v_);
     }
 
-    /// All have to be up to date.
     Gaussians<Device>& first_moments() { return m_; }
     Gaussians<Device>& second_moments() { return v_; }
 
@@ -177,46 +151,19 @@ private:
         root_ = adam_scale(1, ++count_).root;
     }
 
-    /// With the bias correction of step `count`.
-    float rate(ParameterGroup group, int count) const {
+    /// With the bias correction of the step in progress.
+    float rate(ParameterGroup group) const {
         const float rates[] = {position_rate_,   options_.scale, options_.rotation,
                                options_.opacity, options_.sh_dc, options_.sh_rest};
         const auto i = static_cast<std::size_t>(group);
-        return adam_scale(rates[i] * rate_factors_[i], count).step;
-    }
-    float rate(ParameterGroup group) const { return rate(group, count_); }
-
-    /// When none waits: the scales of the steps that may have to.
-    void prepare_lazy(const Gaussians<Device>& g) {
-        if (form_ != AdamForm::lazy || due_ > 0) return;
-        taken_.resize(g.means.size());
-        taken_.fill_zero();
-        if (scales_from_ == count_) return;
-        std::vector<ShScale> scales;
-        for (int t = count_ + 1; t <= count_ + kMostPending; ++t)
-            scales.push_back({rate(ParameterGroup::sh_dc, t), rate(ParameterGroup::sh_rest, t),
-                              adam_scale(1, t).root});
-        copy(scales, scales_);
-        scales_from_ = count_;
-    }
-
-    ShAdam sh_adam(Gaussians<Device>& g) {
-        return {g.sh.data(),          m_.sh.data(),  v_.sh.data(),   g.means.size(),
-                sh_count(sh_degree_), taken_.data(), scales_.data(), due_};
+        return adam_scale(rates[i] * rate_factors_[i], count_).step;
     }
 
     AdamOptions options_;
-    AdamForm form_;
     Gaussians<Device> m_, v_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;
     float position_rate_ = 0, root_ = 1;  // of the step in progress
-
-    // Steps of the harmonics that wait, see ShAdam.
-    int due_ = 0, sh_degree_ = 0;
-    int scales_from_ = -1;  // the count before the first of scales_
-    Buffer<std::uint8_t, Device> taken_;
-    Buffer<ShScale, Device> scales_;
 };
 
 }  // namespace tvsgs

@@ -36,21 +36,11 @@ struct ShScale {
     float step_dc, step_rest, root;
 };
 
-/// Steps that the harmonics of a Gaussian may be behind: what fits the counter of each.
-inline constexpr int kMostPending = 255;
-
 /// The spherical harmonics and their moments, coefficient major as in Gaussians::sh.
-///
-/// A Gaussian that is not seen has gradient 0, but its moments decay and move it on. These steps
-/// wait until its colour is read, and are then taken one by one: the same bits as if they had been
-/// taken when they were due.
 struct ShAdam {
     Vec3f *values, *m, *v;
-    std::size_t stride;               // Gaussians
-    int coefficients;                 // in use
-    std::uint8_t* taken = nullptr;    // [N] steps taken since all were up to date; null: none waits
-    const ShScale* scales = nullptr;  // [kMostPending] of those steps
-    int due = 0;                      // how many have been due since
+    std::size_t stride;  // Gaussians
+    int coefficients;    // in use
 
     /// `kGroup` coefficients of Gaussian i, RGB side by side; absent ones count as 0.
     template <int kGroup>
@@ -88,20 +78,6 @@ struct ShAdam {
         for (int j = 0; j < 3 * kGroup; ++j)
             g.value[j] = adam_update(g.value[j], dL[j], g.m[j], g.v[j],
                                      3 * first + j < 3 ? s.step_dc : s.step_rest, s.root);
-    }
-
-    /// Takes the steps that wait.
-    template <int kGroup>
-    TVSGS_HD void catch_up(int i) const {
-        const int from = taken[i];
-        if (from == due) return;
-        const float zero[3 * kGroup]{};
-        for (int first = 0; first < coefficients; first += kGroup) {
-            Group<kGroup> g = load<kGroup>(i, first);
-            for (int t = from; t < due; ++t) step<kGroup>(g, first, zero, scales[t]);
-            store(i, first, g);
-        }
-        taken[i] = static_cast<std::uint8_t>(due);
     }
 };
 

@@ -7,13 +7,6 @@
 
 namespace tvsgs {
 
-/// How Adam treats what a view does not see.
-enum class AdamForm {
-    dense,   // all parameters of all Gaussians step
-    lazy,    // the same, bit for bit; the harmonics' steps wait until they are read
-    visible  // only Gaussians in view step
-};
-
 /// Arrays of one Gaussians object but its colours; null: there are none.
 struct GeometrySpans {
     Vec3f *means = nullptr, *log_scales = nullptr;
@@ -72,7 +65,6 @@ struct AdamStep {
     GeometrySpans values, m, v;
     GeometrySpans extra;  // gradients that losses give without the image; may be null
     ShAdam sh;
-    AdamForm form;
     GeometryScale geometry_scale;
     ShScale sh_scale;
     bool with_opacity;
@@ -80,30 +72,22 @@ struct AdamStep {
 };
 
 /// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
-/// sh_color_vjp. Returns whether these are to step without one.
+/// sh_color_vjp. Returns whether it had none to give.
 template <Channels kChannels, class Visit>
 TVSGS_HD bool step_splat(const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();
     const bool colored =
         splat_vjp<kChannels>(in.view, i, splat, gradient, visit) && has_color(kChannels);
-    if (in.form == AdamForm::lazy && colored)
-        in.sh.taken[i] = static_cast<std::uint8_t>(in.sh.due + 1);
-    const bool steps = in.form != AdamForm::visible || in.view.slot_counts[i] != 0;
-    if (steps) {
-        if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
-        SplatGeometry m = in.m.load(i), v = in.v.load(i);
-        step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
-        in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
-    }
-    return in.form != AdamForm::lazy && steps && !colored;
+    if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
+    SplatGeometry m = in.m.load(i), v = in.v.load(i);
+    step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
+    in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
+    return !colored;
 }
 
 // The twins go through the harmonics in the order that suits them: on a GPU each lane through those
 // of its Gaussian, on a CPU one coefficient after the other of some Gaussians side by side.
 void take_step(Cpu, int count, const AdamStep& step);
 void take_step(Cuda, int count, const AdamStep& step);
-/// Harmonics of the Gaussians with a radius, or of all where there are no radii.
-void catch_up(Cpu, int count, const ShAdam& sh, Span<const float> radii_px);
-void catch_up(Cuda, int count, const ShAdam& sh, Span<const float> radii_px);
 
 }  // namespace tvsgs

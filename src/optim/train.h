@@ -31,16 +31,10 @@ struct ModelOptions {
 };
 
 struct OptimOptions {
-    AdamForm adam = AdamForm::lazy;
     bool skip_step_on_structure_change = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice(
-            "adam", adam, {"dense", "lazy", "visible"},
-            "dense: every splat steps every iteration; lazy: the same bits, but colours of "
-            "splats out of view wait until they are read; visible: only splats in view "
-            "step, another optimiser");
         field("skip_step_on_structure_change", skip_step_on_structure_change,
               "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
               "the official "

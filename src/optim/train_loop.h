@@ -117,10 +117,7 @@ Gaussians<Device> train(const Scene& scene,
     DeviceViews<Device> views(scene.train, needs_of(options.loss), options.photo_bytes);
     StageClock<Device> clock(callbacks.profile);
 
-    const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& {
-        t->adam.catch_up_all(t->gaussians);
-        return t->gaussians;
-    };
+    const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& { return t->gaussians; };
 
     for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
         if (callbacks.stop_requested && callbacks.stop_requested()) {
@@ -150,9 +147,7 @@ Gaussians<Device> train(const Scene& scene,
         const LossNeeds needs = needs_at(t->losses, step, neighbour != nullptr);
         const RenderedImages<Device>& images =
             clock("forward", [&]() -> const RenderedImages<Device>& {
-                return backbone->forward(
-                    t->gaussians, view.camera, sh_degree, needs.maps,
-                    [&](Span<const float> radii_px) { t->adam.catch_up(radii_px, t->gaussians); });
+                return backbone->forward(t->gaussians, view.camera, sh_degree, needs.maps);
             });
         clock("losses", [&] {
             reset(objective, t->gaussians, needs.splat_gradients, !backbone->fuses(), images);
@@ -188,7 +183,6 @@ Gaussians<Device> train(const Scene& scene,
             write_statistics(Device{}, *fused);
 
         const auto event = clock("densify", [&] {
-            if (changes) t->adam.catch_up_all(t->gaussians);
             return t->densifier.step(
                 step, backbone->statistics(), t->gaussians, t->adam, [&](const auto& count_views) {
                     for (const auto& other : views.views()) {

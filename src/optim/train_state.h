@@ -77,7 +77,7 @@ struct TrainState {
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv),
-          adam(o.lr, gaussians, o.optim.adam),
+          adam(o.lr, gaussians),
           densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed)),
           sampler(static_cast<int>(scene.train.size()), static_cast<std::uint64_t>(o.seed)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
@@ -260,7 +260,6 @@ private:
     }
 
     SharedState capture() {
-        state_->adam.catch_up_all(state_->gaussians);
         auto state = std::make_shared<State>();
         StateVisitor<Device> visitor(*state);
         state_->visit(visitor);

@@ -114,10 +114,6 @@ struct BlendWork {
 
 struct ViewGradients;  // view_splats.h
 
-/// Called before colours are evaluated, with the radii (> 0: visible) of the splats that need one;
-/// may bring the harmonics of these up to date.
-using BeforeColors = std::function<void(Span<const float> radii_px)>;
-
 template <class Device>
 class Backbone {
 public:
@@ -128,8 +124,7 @@ public:
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                                   const Camera& camera,
                                                   int sh_degree,
-                                                  Maps maps,
-                                                  const BeforeColors& before_colors = {}) = 0;
+                                                  Maps maps) = 0;
 
     /// Gradients of the last forward(), added to `dL_dgaussians`, which has the shape already; its
     /// harmonics may be missing where no colour was rendered. Writes statistics().

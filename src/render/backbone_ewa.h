@@ -41,8 +41,7 @@ public:
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,
-                                          Maps maps,
-                                          const BeforeColors& before_colors) override {
+                                          Maps maps) override {
         camera_ = ray_camera(camera, options_.pixel_center);
         channels_ = channels_of(maps);
         grid_ = tile_grid(camera.width_px, camera.height_px);
@@ -57,9 +56,7 @@ public:
         resize_images();
         splats_.resize(gaussians.means.size());
         statistics_.radii_px.resize(gaussians.means.size());
-        with_channels(channels_, [&]<Channels kChannels>() {
-            forward_as<kChannels>(gaussians, before_colors);
-        });
+        with_channels(channels_, [&]<Channels kChannels>() { forward_as<kChannels>(gaussians); });
         return images_;
     }
 
@@ -145,7 +142,7 @@ private:
     }
 
     template <Channels kChannels>
-    void forward_as(const Gaussians<Device>& g, const BeforeColors& before_colors) {
+    void forward_as(const Gaussians<Device>& g) {
         auto& clock = this->clock();
         clock("project", [&] {
             parallel_for(
@@ -157,7 +154,6 @@ private:
         });
         if constexpr (has_color(kChannels)) {
             const Span<const float> radii = std::as_const(statistics_.radii_px).span();
-            if (before_colors) clock("catch-up", [&] { before_colors(radii); });
             clock("colours", [&] {
                 parallel_for(
                     Device{}, g.size(),

@@ -142,8 +142,7 @@ struct ProjectBody {
     }
 };
 
-/// Colours of the splats in view; a pass of its own, so that the harmonics of just these can be
-/// brought up to date before.
+/// Colours of the splats in view; a pass of its own, which maps without colour leave out.
 struct ColorBody {
     ViewParameters view;
     Span<const Vec3f> means, sh;

@@ -17,7 +17,7 @@ Scene scene_of_dots() {
     for (float angle : {-0.3f, 0.0f, 0.3f}) {
         View view;
         view.camera = test::test_camera(40, 30, angle);
-        const auto& images = backbone.forward(truth, view.camera, 0, Maps::color, {});
+        const auto& images = backbone.forward(truth, view.camera, 0, Maps::color);
         view.photo = ImageU8(40, 30, 3);
         for (std::size_t p = 0; p < images.color.size(); ++p)
             for (int c = 0; c < 3; ++c)
@@ -36,7 +36,7 @@ TEST(ToyBackbone, GradientsAreThoseOfItsImages) {
     examples::ToyBackbone backbone;
     const auto loss = [&] {
         double sum = 0;
-        for (const Vec3f& c : to_host(backbone.forward(g, camera, 0, Maps::color, {}).color))
+        for (const Vec3f& c : to_host(backbone.forward(g, camera, 0, Maps::color).color))
             sum += static_cast<double>(c.x + 2 * c.y - c.z);
         return sum;
     };

@@ -12,8 +12,7 @@ public:
     const RenderedImages<Cpu>& forward(const Gaussians<Cpu>& g,
                                        const Camera& camera,
                                        int /*sh_degree*/,
-                                       Maps /*maps*/,
-                                       const BeforeColors& before_colors) override {
+                                       Maps /*maps*/) override {
         const auto pixels = static_cast<std::size_t>(camera.width_px * camera.height_px);
         images_.width = camera.width_px, images_.height = camera.height_px;
         images_.camera = camera;
@@ -31,7 +30,6 @@ public:
                               camera.fy_px * p.y / p.z + camera.cy_px}});
             statistics_.radii_px[at] = kRadius;
         }
-        if (before_colors) before_colors(std::as_const(statistics_.radii_px).span());
         for_pixels([&](const Dot& dot, std::size_t pixel, float weight) {
             images_.color[pixel] += weight * opacity(g, dot.splat) * color(g, dot.splat);
         });

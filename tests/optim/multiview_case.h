@@ -49,8 +49,10 @@ template <class Device>
 class PreparedImages final : public Backbone<Device> {
 public:
     explicit PreparedImages(const ViewMaps& v) : images_(upload_maps<Device>(v)) {}
-    const RenderedImages<Device>& forward(
-        const Gaussians<Device>&, const Camera&, int, Maps, const BeforeColors&) override {
+    const RenderedImages<Device>& forward(const Gaussians<Device>&,
+                                          const Camera&,
+                                          int,
+                                          Maps) override {
         return images_;
     }
     void backward(const Gaussians<Device>&,

@@ -134,21 +134,15 @@ struct Stepped {
 
 enum class Way { in_memory, fused };
 
-/// `seen(t)`: the view of step t. With `look_every` all harmonics are brought up to date now and
-/// then, as evaluations and checkpoints do.
+/// A view after the other.
 template <class Device>
-Stepped step_views(Way way,
-                   AdamForm form,
-                   int steps,
-                   const std::function<int(int)>& seen,
-                   int look_every = 0,
-                   bool with_extra = true) {
+Stepped step_views(Way way, int steps, bool with_extra = true) {
     Gaussians<Device> g, extra, gradients;
     copy(test::random_gaussians(120, 7, 0.05), g);
     const auto backbone = make_backbone<Device>("pgsr", {});
     AdamOptions options;
     options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
-    Adam<Device> adam(options, g, form);
+    Adam<Device> adam(options, g);
     Stepped out;
     for (int t = 1; t <= steps; ++t) {
         const int degree = std::min(3, t / 8);
@@ -162,8 +156,7 @@ Stepped step_views(Way way,
             host.sh.resize(0);
             copy(host, extra);
         }
-        backbone->forward(g, narrow_camera(seen(t)), degree, Maps::color,
-                          [&](Span<const float> radii_px) { adam.catch_up(radii_px, g); });
+        backbone->forward(g, narrow_camera(t % 3), degree, Maps::color);
         if (way == Way::fused) {
             adam.step(t, 1, *backbone->blend_backward(dL_dimages), extra, g, true);
         } else {
@@ -177,9 +170,7 @@ Stepped step_views(Way way,
             backbone->backward(g, dL_dimages, gradients);
             adam.step(t, 1, degree, gradients, g, true);
         }
-        if (look_every > 0 && t % look_every == 0) adam.catch_up_all(g);
     }
-    adam.catch_up_all(g);
     copy(g, out.g), copy(adam.first_moments(), out.m), copy(adam.second_moments(), out.v);
     return out;
 }
@@ -197,64 +188,18 @@ bool same_bits(const Stepped& a, const Stepped& b) {
     return same_bits(a.g, b.g) && same_bits(a.m, b.m) && same_bits(a.v, b.v);
 }
 
-int in_turn(int t) {
-    return t % 3;
-}
-/// The first view returns after more steps than may wait.
-int seldom(int t) {
-    return t < 10 ? 0 : t < 290 ? 1 : 0;
-}
-
-template <class Device>
-void lazy_steps_are_dense_steps() {
-    for (const auto& seen : {in_turn, seldom}) {
-        const int steps = seen == in_turn ? 40 : 300;
-        const Stepped dense = step_views<Device>(Way::fused, AdamForm::dense, steps, seen);
-        EXPECT_TRUE(same_bits(dense, step_views<Device>(Way::fused, AdamForm::lazy, steps, seen)));
-        EXPECT_TRUE(
-            same_bits(dense, step_views<Device>(Way::fused, AdamForm::lazy, steps, seen, 7)));
-        EXPECT_FALSE(
-            same_bits(dense, step_views<Device>(Way::fused, AdamForm::visible, steps, seen)));
-    }
-}
-
-TEST(AdamForms, LazyStepsAreDenseStepsBitForBit) {
-    lazy_steps_are_dense_steps<Cpu>();
-}
-
-TEST(AdamForms, WithoutGradientsInMemoryTheBitsAreTheSame) {
+TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
 #if defined(__FMA__)
     GTEST_SKIP() << "built for a processor on which the compiler fuses as it likes";
 #endif
-    const Stepped plain = step_views<Cpu>(Way::in_memory, AdamForm::dense, 40, in_turn);
-    EXPECT_TRUE(same_bits(plain, step_views<Cpu>(Way::fused, AdamForm::dense, 40, in_turn)));
-    EXPECT_TRUE(same_bits(plain, step_views<Cpu>(Way::fused, AdamForm::lazy, 40, in_turn)));
+    EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40), step_views<Cpu>(Way::fused, 40)));
 }
 
-TEST(AdamForms, VisibleLeavesTheRestAlone) {
-    const Gaussians<Cpu> before = test::random_gaussians(120, 7, 0.05);
-    const auto only_first = [](int) { return 0; };
-    const Stepped dense = step_views<Cpu>(Way::fused, AdamForm::dense, 1, only_first),
-                  visible = step_views<Cpu>(Way::fused, AdamForm::visible, 1, only_first);
-    const auto backbone = make_backbone<Cpu>("3dgs", {});
-    backbone->forward(before, narrow_camera(0), 0, Maps::color);
-    int seen = 0;
-    for (std::size_t i = 0; i < 120; ++i) {
-        const bool in_view = backbone->statistics().radii_px[i] > 0;
-        seen += in_view;
-        EXPECT_EQ(visible.g.means[i].x, (in_view ? dense.g : before).means[i].x) << i;
-        EXPECT_EQ(visible.g.sh[i].x, (in_view ? dense.g : before).sh[i].x) << i;
-        EXPECT_EQ(visible.v.means[i].x != 0, in_view && dense.v.means[i].x != 0) << i;
-    }
-    EXPECT_GT(seen, 12);
-    EXPECT_LT(seen, 108);
-}
-
-TEST(AdamForms, AHaltedStepChangesNothing) {
+TEST(FusedStep, AHaltedStepChangesNothing) {
     Gaussians<Cpu> g = test::random_gaussians(50, 7, 0.05), none, before;
     copy(g, before);
     const auto backbone = make_backbone<Cpu>("3dgs", {});
-    Adam<Cpu> adam({}, g, AdamForm::lazy);
+    Adam<Cpu> adam({}, g);
     backbone->forward(g, narrow_camera(0), 3, Maps::color);
     ImageGradients<Cpu> dL_dimages;
     copy(std::vector<Vec3f>(24 * 16, {1, 1, 1}), dL_dimages.color);
@@ -263,26 +208,19 @@ TEST(AdamForms, AHaltedStepChangesNothing) {
     EXPECT_TRUE(same_bits(g, before));
 }
 
-TEST(AdamTwins, CudaLazyIsCudaDense) {
-    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) lazy_steps_are_dense_steps<Cuda>();
-}
-
 /// One step from the same start; later ones part, as Adam takes the full step whatever is left of a
 /// gradient after rounding.
 TEST(AdamTwins, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
-        for (const AdamForm form : {AdamForm::dense, AdamForm::lazy, AdamForm::visible}) {
-            const Stepped a = step_views<Cpu>(Way::fused, form, 1, in_turn, 0, false),
-                          b = step_views<Cuda>(Way::fused, form, 1, in_turn, 0, false);
-            for (std::size_t i = 0; i < 120; ++i) {
-                // Gradients are sums over pixels whose alphas differ by 1e-6 of themselves.
-                EXPECT_TRUE(close(a.m.means[i].x, b.m.means[i].x, 1e-3, 1e-4)) << i;
-                EXPECT_TRUE(close(a.m.opacity_logits[i], b.m.opacity_logits[i], 1e-3, 1e-4)) << i;
-                EXPECT_TRUE(close(a.m.sh[i].y, b.m.sh[i].y, 1e-3, 1e-4)) << i;
-                EXPECT_NEAR(std::abs(a.g.sh[i].y), std::abs(b.g.sh[i].y), 5.1e-3) << i;
-            }
+        const Stepped a = step_views<Cpu>(Way::fused, 1, false),
+                      b = step_views<Cuda>(Way::fused, 1, false);
+        for (std::size_t i = 0; i < 120; ++i) {
+            // Gradients are sums over pixels whose alphas differ by 1e-6 of themselves.
+            EXPECT_TRUE(close(a.m.means[i].x, b.m.means[i].x, 1e-3, 1e-4)) << i;
+            EXPECT_TRUE(close(a.m.opacity_logits[i], b.m.opacity_logits[i], 1e-3, 1e-4)) << i;
+            EXPECT_TRUE(close(a.m.sh[i].y, b.m.sh[i].y, 1e-3, 1e-4)) << i;
+            EXPECT_NEAR(std::abs(a.g.sh[i].y), std::abs(b.g.sh[i].y), 5.1e-3) << i;
         }
     }
 }

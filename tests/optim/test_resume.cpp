@@ -138,22 +138,6 @@ TEST(Repeat, PhotographsFromTheHostChangeNothing) {
     photographs_from_the_host_change_nothing<Cpu>();
 }
 
-template <class Device>
-void lazy_training_is_dense_training() {
-    const Scene scene = rendered_scene();
-    TrainOptions options = everything_on(120);
-    ASSERT_EQ(options.optim.adam, AdamForm::lazy);
-    const Outcome lazy = run<Device>(scene, options);
-    options.optim.adam = AdamForm::dense;
-    EXPECT_TRUE(same_bits(lazy.gaussians, run<Device>(scene, options).gaussians));
-    options.optim.adam = AdamForm::visible;
-    EXPECT_FALSE(same_bits(lazy.gaussians, run<Device>(scene, options).gaussians));
-}
-
-TEST(Repeat, LazyTrainingIsDenseTraining) {
-    lazy_training_is_dense_training<Cpu>();
-}
-
 TEST(Resume, TwiceSixtyAre120) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(120);
@@ -327,10 +311,6 @@ TEST(RepeatTwins, CudaThreeHundredIterations) {
 TEST(RepeatTwins, CudaPhotographsFromTheHostChangeNothing) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) photographs_from_the_host_change_nothing<Cuda>();
-}
-TEST(RepeatTwins, CudaLazyTrainingIsDenseTraining) {
-    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) lazy_training_is_dense_training<Cuda>();
 }
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
