@@ -25,11 +25,11 @@ public:
     /// What the backbone of the view does is timed by the backbone's own clock.
     void run(StageClock<Device>& clock);
 
-    Backbone<Device>& backbone();  // of the view, not of its neighbour
+    Backbone<Device>& backbone();  // of the view, not of others
     Maps maps() const;             // of the view
 
     /// Of the last run(): weighted values of the losses, and how many pixels could be compared with
-    /// the neighbour (0 without one).
+    /// another one (0 without).
     std::vector<std::pair<std::string, double>> losses() const;
     int compared_pixels() const;
 

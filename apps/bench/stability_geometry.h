@@ -124,7 +124,7 @@ struct Reprojected {
     static constexpr int kIn = 18, kOut = 1;
 
     static void make(Case& make, double focal, double depth, double cosine) {
-        // The neighbour looks at the same point from `cosine` off the surface.
+        // The other view looks at the same point from `cosine` off the surface.
         const double angle = make.uniform(0.1, 0.4), base = depth * angle;
         const Mat3<double> R = rotation(normalize(Quat<double>{1, 0, -angle / 2, 0}));
         const Vec3d p{0, 0, depth};
@@ -136,10 +136,10 @@ struct Reprojected {
     template <class Real>
     TVSGS_HD static ViewPair<Real> pair(Feed<Real>& in) {
         ViewPair<Real> pair{};
-        pair.neighbour_from_reference.R = in.mat3();
-        pair.neighbour_from_reference.t = in.vec3();
+        pair.other_from_reference.R = in.mat3();
+        pair.other_from_reference.t = in.vec3();
         const Real focal = in.number();
-        pair.reference = pair.neighbour = {focal, focal, 1000, 800, 2000, 1600};
+        pair.reference = pair.other = {focal, focal, 1000, 800, 2000, 1600};
         return pair;
     }
     template <class Real>
@@ -149,12 +149,12 @@ struct Reprojected {
         const Real depth = in.number(), slope = in.number();
         in.number();
         const Vec3<Real> ray{in.number(), in.number(), 1};
-        // The neighbour's depths: near to the true one, with a slope across its image.
-        const Real there = (views.neighbour_from_reference * (depth * ray)).z;
-        const auto neighbour_depth = [&](int pixel) {
+        // The other view's depths: near to the true one, with a slope across its image.
+        const Real there = (views.other_from_reference * (depth * ray)).z;
+        const auto other_depth = [&](int pixel) {
             return there * (1 + slope * Real(pixel % 2000 - 1000) / 1000);
         };
-        const Reprojection<Real> r = reproject(views, ray, depth, neighbour_depth);
+        const Reprojection<Real> r = reproject(views, ray, depth, other_depth);
         out[0] = r.valid ? r.distance : 0;
     }
     static double size(const double*, const double*) { return 1; }
@@ -163,7 +163,7 @@ struct Reprojected {
         const auto views = pair(in);
         const double z = in.number(), f = views.reference.fx;
         // Two motions and two projections, each rounding points of about depth + baseline.
-        return kRounding * (8 * f * (z + norm(views.neighbour_from_reference.t)) / z + 4 * 2000);
+        return kRounding * (8 * f * (z + norm(views.other_from_reference.t)) / z + 4 * 2000);
     }
 };
 struct ReprojectedFocal : Reprojected {
@@ -231,7 +231,7 @@ struct PatchNcc {
     static double size(const double*, const double*) { return 1; }
     static double bound(const double* numbers, const double*) {
         const auto p = parts(numbers);
-        // The neighbour's samples move by this many px; per px the pattern changes by at most half
+        // The other view's samples move by this many px; per px the pattern changes by at most half
         // its deviation. Intensities lie near 1/2.
         const double px = kRounding * (p.views.reference.fx / -p.normal.z + 2000);
         return std::min(kMaxPatchError, 2 * px + 8 * kRounding / p.contrast);

@@ -22,37 +22,37 @@ namespace {
 constexpr int kShDegree = 3;
 
 /// Shortest times that an H200's memory, arithmetic and shuffles allow for w540 and w1200 at full
-/// size, ms, with channels color; with color_plane; in PGSR's iteration with a neighbour. 0: not
+/// size, ms, with channels color; with color_plane; in PGSR's iteration with another view. 0: not
 /// counted.
 struct Floor {
     const char* stage;
-    double color[2], plane[2], neighbour[2];
+    double color[2], plane[2], pair[2];
 };
 constexpr Floor kFloors[] = {
     {"all, one wait", {0.66, 1.06}, {}, {0.94, 1.78}},
-    {"neighbour render", {}, {}, {0.115, 0.212}},  // as project without colours, tile lists, blend
+    {"other views, forward",
+     {},
+     {},
+     {0.115, 0.212}},  // as project without colours, tile lists, blend
     {"project", {0.130, 0.130}, {0.130, 0.130}, {0.130, 0.130}},
     {"tile lists", {0.040, 0.054}, {0.040, 0.054}, {0.040, 0.054}},
     {"blend", {0.045, 0.127}, {0.049, 0.139}, {0.049, 0.139}},
     {"photometric loss", {0.014, 0.051}, {0.014, 0.051}, {0.014, 0.051}},
     // As blend backward, then 132 bytes of geometry and its gradients per splat in view.
-    {"neighbour backward", {}, {}, {0.140, 0.411}},
+    {"other views, backward", {}, {}, {0.140, 0.411}},
     // With the sums over each splat's slots.
     {"blend backward", {0.117, 0.388}, {0.117, 0.388}, {0.117, 0.388}},
-    // With a neighbour 44 bytes more per splat.
+    // With another view 44 bytes more per splat.
     {"project backward and Adam", {0.313, 0.313}, {0.313, 0.313}, {0.328, 0.328}},
 };
 
 /// 0 where none is known.
-double floor_ms(const std::string& stage,
-                const std::string& name,
-                Channels channels,
-                bool neighbour) {
+double floor_ms(const std::string& stage, const std::string& name, Channels channels, bool pair) {
     if (channels == Channels::plane || (!name.starts_with("w540") && !name.starts_with("w1200")))
         return 0;
     for (const Floor& f : kFloors)
         if (stage == f.stage)
-            return (neighbour             ? f.neighbour
+            return (pair                  ? f.pair
                     : has_plane(channels) ? f.plane
                                           : f.color)[name.starts_with("w540") ? 0 : 1];
     return 0;
@@ -120,7 +120,7 @@ struct Measured {
     BlendWork work;
     std::int64_t bytes;
     std::vector<std::pair<std::string, double>> losses{};  // of a configuration's
-    int compared_pixels = 0;                               // with the neighbour
+    int compared_pixels = 0;                               // with the other view
     Channels channels{};
 };
 
@@ -179,7 +179,7 @@ Measured measure_training(const StageCase& c,
         Gaussians<Device> shown;
         copy(splats, shown);
         const auto backbone = make_backbone<Device>(options.backbone, options.core);
-        for (const Camera& camera : {stage_camera(c), stage_neighbour(c)}) {
+        for (const Camera& camera : {stage_camera(c), stage_other_view(c)}) {
             const auto& images = backbone->forward(shown, camera, kShDegree, Maps::color);
             scene.train.push_back({std::to_string(scene.train.size()),
                                    camera,
@@ -296,7 +296,7 @@ Camera stage_camera(const StageCase& c) {
     return camera;  // at the origin, looking along z
 }
 
-Camera stage_neighbour(const StageCase& c) {
+Camera stage_other_view(const StageCase& c) {
     Camera camera = stage_camera(c);
     const float cosine = std::cos(0.14f), sine = std::sin(0.14f);
     camera.camera_from_world.R = {{{cosine, 0, sine}, {0, 1, 0}, {-sine, 0, cosine}}};

@@ -30,7 +30,7 @@ const std::vector<StageCase>& stage_cases();
 Gaussians<Cpu> make_stage_splats(const StageCase& c);
 Camera stage_camera(const StageCase& c);
 /// Of a second view, 8 degrees around what the first one looks at.
-Camera stage_neighbour(const StageCase& c);
+Camera stage_other_view(const StageCase& c);
 
 class StagesBench {
 public:

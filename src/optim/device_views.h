@@ -11,13 +11,16 @@
 
 namespace tvsgs {
 
-/// With `budget` bytes for all photographs, or no budget (0), they stay on the device. Else four
-/// views have theirs there: those of this iteration and of the next, as each may have a neighbour.
+/// How many views one iteration and the next look at.
+inline int views_at_hand(const LossNeeds& needs) {
+    return 2 * (1 + needs.other_views);
+}
+
+/// With `budget` bytes for all photographs, or no budget (0), they stay on the device. Else
+/// views_at_hand() have theirs there.
 template <class Device>
 class DeviceViews {
 public:
-    static constexpr int kSlots = 4;
-
     /// `views` have to outlive this.
     DeviceViews(const std::vector<View>& views, const LossNeeds& needs, std::int64_t budget)
         : hosts_(views.size()), views_(views.size()) {
@@ -29,13 +32,14 @@ public:
             most_grey = std::max(most_grey, hosts_[i].grey->size());
             views_[i].index = static_cast<int>(i);
         }
-        if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) || views.size() <= kSlots) {
+        if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
+            views.size() <= static_cast<std::size_t>(views_at_hand(needs))) {
             for (std::size_t i = 0; i < views.size(); ++i)
                 copy(*hosts_[i].photo, views_[i].photo), copy(*hosts_[i].grey, views_[i].grey);
             hosts_.clear();
             return;
         }
-        for (int s = 0; s < kSlots; ++s) {
+        for (int s = 0; s < views_at_hand(needs); ++s) {
             slots_.push_back({CopyLane<Device>(most_photo), CopyLane<Device>(most_grey), {}, {}});
             slots_.back().photo.resize(most_photo), slots_.back().grey.resize(most_grey);
         }
@@ -48,7 +52,7 @@ public:
     /// Their cameras; photographs may be missing.
     const std::vector<DeviceView<Device>>& views() const { return views_; }
 
-    /// With its photographs; two more views may be asked for and two prefetched before they go.
+    /// With its photographs; they go when as many others as there are at hand have been asked for.
     const DeviceView<Device>& get(int view) {
         if (!all_resident()) {
             Slot& slot = bring(view);

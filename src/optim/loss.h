@@ -1,6 +1,7 @@
 // The objective and its terms.
 #pragma once
 
+#include <algorithm>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,7 +10,7 @@
 #include "core/parallel.h"
 #include "core/state.h"
 #include "optim/device_view.h"
-#include "optim/neighbour_view.h"
+#include "optim/other_views.h"
 #include "render/backbone.h"
 #include "tv/voting.h"
 
@@ -33,21 +34,25 @@ struct LossInputs {
     const TensorField<Device>& field;
     Span<const float> radii_px;  // [N] > 0: visible in this view
     int step;
-    NeighbourView<Device>* neighbour = nullptr;  // of the view; null: none was rendered
+    OtherViews<Device>* others = nullptr;  // at least one; null: the view has none
 };
 
 /// What a term wants beside the colours of the render.
 struct LossNeeds {
     Maps maps = Maps::none;  // of the view's render
-    bool neighbour = false;  // another view, rendered and compared; `maps` only where there is one
-    bool edges = false;      // of the photographs: DeviceView::edge_min, edge_max
-    bool grey = false;       // of the photographs: DeviceView::grey
-    bool targets = false;    // of the tensor field
+    /// At most so many other views; where a view has none, the term does not act. The first
+    /// `rendered_views` of them are rendered and compared.
+    int other_views = 0, rendered_views = 0;
+    bool edges = false;            // of the photographs: DeviceView::edge_min, edge_max
+    bool grey = false;             // of the photographs: DeviceView::grey
+    bool targets = false;          // of the tensor field
     bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.maps |= b.maps;
-    a.neighbour |= b.neighbour, a.edges |= b.edges, a.grey |= b.grey;
+    a.other_views = std::max(a.other_views, b.other_views);
+    a.rendered_views = std::max(a.rendered_views, b.rendered_views);
+    a.edges |= b.edges, a.grey |= b.grey;
     a.targets |= b.targets, a.splat_gradients |= b.splat_gradients;
     return a;
 }
@@ -127,7 +132,7 @@ struct LossOptions {
     PhotometricOptions photometric;
     ScheduledOptions flatten;
     ScheduledOptions normal{0, 7001}, multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
-    NeighbourOptions multi_view;
+    ViewPairOptions multi_view;
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
@@ -141,9 +146,9 @@ struct LossOptions {
         visit("normal", o.normal,
               "blended normals against normals of the depth map, PGSR single view");
         visit("multi_view_geometry", o.multi_view_geometry,
-              "depth maps of neighbouring views against each other, PGSR");
+              "depth maps of two views against each other, PGSR");
         visit("multi_view_ncc", o.multi_view_ncc,
-              "patches of photographs against neighbouring views, PGSR");
+              "patches of photographs against those of another view, PGSR");
         visit("tv_normal", o.tv_normal, "splat normals against voted normals");
         visit("tv_position", o.tv_position, "splat centres against voted positions");
     }
@@ -152,7 +157,8 @@ struct LossOptions {
     void fields(Visitor& field) {
         terms(*this,
               [&](const char* key, auto& term, const char* what) { field.group(key, term, what); });
-        field.group("multi_view", multi_view, "neighbours for the terms that compare views");
+        field.group("multi_view", multi_view,
+                    "which views are paired, for the terms that compare views");
         field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
                      "how the two voting terms add up splats");
         field.choice("length_unit", length_unit, {"world", "depth"},

@@ -26,7 +26,7 @@ struct PatchBody {
     ViewPair<float> pair;  // lenses of the grey images
     Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
     Camera camera;       // of the render
-    GreyBytes reference, neighbour;
+    GreyBytes reference, other;
     Span<const Vec3f> normal;
     Span<const float> depth, pixel_weight;
     Span<const int> pixels;
@@ -45,7 +45,7 @@ struct PatchBody {
             // The plane with this normal through the surface point.
             const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, x, y);
             const auto score =
-                patch_score(pair, centre, n, -dot(n, point), reference, neighbour, shift);
+                patch_score(pair, centre, n, -dot(n, point), reference, other, shift);
             const float w = pixel_weight[at];
             if (score.valid)
                 term = {at, w * score.error,
@@ -91,8 +91,11 @@ struct PatchGradientBody {
 template <class Device>
 class MultiViewNccLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{
-        .maps = kGeometryMaps, .neighbour = true, .grey = true, .splat_gradients = true};
+    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
+                                      .other_views = 1,
+                                      .rendered_views = 1,
+                                      .grey = true,
+                                      .splat_gradients = true};
 
     MultiViewNccLoss(const ScheduledOptions& options,
                      int samples,
@@ -107,37 +110,36 @@ public:
     void add_to(Objective<Device>& objective,
                 double* value,
                 const LossInputs<Device>& in) override {
-        if (!in.neighbour) return;
-        const NeighbourView<Device>& neighbour = *in.neighbour;
+        if (in.others == nullptr) return;
+        const OtherView<Device>& other = (*in.others)[0];
         const auto& images = in.images;
         const int all = static_cast<int>(images.depth.size());
         pixels_.resize(images.depth.size());
-        exclusive_scan(neighbour.valid(), place_, scratch_);
+        exclusive_scan(other.valid(), place_, scratch_);
         parallel_for(Device{}, all,
-                     ListValidBody{neighbour.valid().span(), place_.span(), pixels_.span()});
+                     ListValidBody{other.valid().span(), place_.span(), pixels_.span()});
 
         const int samples = samples_ < all ? samples_ : all;
         terms_.resize(static_cast<std::size_t>(samples));
-        const DeviceView<Device>&a = in.view, &b = neighbour.view();
+        const DeviceView<Device>&a = in.view, &b = other.view();
         const Buffer<PatchTerm, Device>& terms = terms_;
         parallel_for(
             Device{}, samples,
-            PatchBody{
-                view_pair(scaled_camera(images.camera, a.grey_width, a.grey_height),
-                          scaled_camera(neighbour.images().camera, b.grey_width, b.grey_height),
-                          neighbour.pair().min_depth),
-                scale_of(a),
-                shift_of(a),
-                images.camera,
-                {a.grey.data(), a.grey_width, a.grey_height},
-                {b.grey.data(), b.grey_width, b.grey_height},
-                images.normal.span(),
-                images.depth.span(),
-                neighbour.weight(),
-                pixels_.span(),
-                neighbour.valid_count(),
-                random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
-                terms_.span()});
+            PatchBody{view_pair(scaled_camera(images.camera, a.grey_width, a.grey_height),
+                                scaled_camera(other.images().camera, b.grey_width, b.grey_height),
+                                other.pair().min_depth),
+                      scale_of(a),
+                      shift_of(a),
+                      images.camera,
+                      {a.grey.data(), a.grey_width, a.grey_height},
+                      {b.grey.data(), b.grey_width, b.grey_height},
+                      images.normal.span(),
+                      images.depth.span(),
+                      other.weight(),
+                      pixels_.span(),
+                      other.valid_count(),
+                      random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
+                      terms_.span()});
         objective.count.fill_zero();
         add_sum(Device{}, samples, PatchPasses{terms.span()}, 1, objective.partial.span(),
                 objective.count.data());

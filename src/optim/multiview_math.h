@@ -43,52 +43,52 @@ TVSGS_HD Vec3<Real> project_vjp(const Lens<Real>& l, Vec3<Real> p, Vec2<Real> dL
 /// A view and another one that looks at the same surface.
 template <class Real>
 struct ViewPair {
-    Lens<Real> reference, neighbour;
-    Rigid3<Real> neighbour_from_reference;
-    Real min_depth;  // nearer to the neighbour than this nothing is compared, world units
+    Lens<Real> reference, other;
+    Rigid3<Real> other_from_reference;
+    Real min_depth;  // nearer to the other view than this nothing is compared, world units
 };
 
 template <class Real>
-ViewPair<Real> view_pair(const Camera& reference, const Camera& neighbour, Real min_depth) {
+ViewPair<Real> view_pair(const Camera& reference, const Camera& other, Real min_depth) {
     const auto pose = [](const Camera& c) {
         return Rigid3d{mat_cast<double>(c.camera_from_world.R),
                        vec_cast<double>(c.camera_from_world.t)};
     };
-    const Rigid3d relative = pose(neighbour) * inverse(pose(reference));
+    const Rigid3d relative = pose(other) * inverse(pose(reference));
     return {lens<Real>(reference),
-            lens<Real>(neighbour),
+            lens<Real>(other),
             {mat_cast<Real>(relative.R), vec_cast<Real>(relative.t)},
             min_depth};
 }
 
-/// Where a pixel comes back to when it is carried to the neighbour by its own depth, and back by
-/// the neighbour's.
+/// Where a pixel comes back to when it is carried to the other view by its own depth, and back by
+/// the other view's.
 template <class Real>
 struct Reprojection {
-    bool valid = false;  // both depths exist, inside the neighbour's image, off by less than 1 px
+    bool valid = false;  // both depths exist, inside the other view's image, off by less than 1 px
     Real distance = 0;   // from the pixel to where it comes back, px
-    Real depth = 0;      // the neighbour's, bilinear between four pixels
+    Real depth = 0;      // the other view's, bilinear between four pixels
     int at[4] = {};      // these pixels
     Real share[4] = {};  // and their weights
     Vec2<Real> error{};  // px
-    Vec2<Real> slope{};  // d depth / d point of the neighbour's image
-    Vec3<Real> there{};  // the surface point of the pixel in the neighbour's frame
-    Vec3<Real> returned{};  // the neighbour's surface point in the reference's frame
+    Vec2<Real> slope{};  // d depth / d point of the other view's image
+    Vec3<Real> there{};  // the surface point of the pixel in the other view's frame
+    Vec3<Real> returned{};  // the other view's surface point in the reference's frame
 };
 
-/// `neighbour_depth(i)` reads pixel i; 0 means that there is none. Bilinear samples between pixel
+/// `other_depth(i)` reads pixel i; 0 means that there is none. Bilinear samples between pixel
 /// centres, clamped at the border.
 template <class Real, class ReadDepth>
 TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
                                       Vec3<Real> ray,
                                       Real depth,
-                                      const ReadDepth& neighbour_depth) {
+                                      const ReadDepth& other_depth) {
     Reprojection<Real> r;
     if (!(depth > 0)) return r;
-    r.there = pair.neighbour_from_reference * (depth * ray);
+    r.there = pair.other_from_reference * (depth * ray);
     if (!(r.there.z > pair.min_depth)) return r;
-    const Vec2<Real> q = project(pair.neighbour, r.there) - Vec2<Real>{Real(0.5), Real(0.5)};
-    const int w = pair.neighbour.width, h = pair.neighbour.height;
+    const Vec2<Real> q = project(pair.other, r.there) - Vec2<Real>{Real(0.5), Real(0.5)};
+    const int w = pair.other.width, h = pair.other.height;
     if (!(q.x > 0) || !(q.x < static_cast<Real>(w)) || !(q.y > 0) || !(q.y < static_cast<Real>(h)))
         return r;
 
@@ -100,7 +100,7 @@ TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
     r.share[3] = u * v;
     Real d[4];
     for (int i = 0; i < 4; ++i) {
-        d[i] = neighbour_depth(r.at[i]);
+        d[i] = other_depth(r.at[i]);
         if (!(d[i] > 0)) return r;
         r.depth += r.share[i] * d[i];
     }
@@ -108,8 +108,7 @@ TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
                (1 - u) * (d[2] - d[0]) + u * (d[3] - d[1])};
 
     const Vec3<Real> point = (r.depth / r.there.z) * r.there;
-    r.returned =
-        transpose_times(pair.neighbour_from_reference.R, point - pair.neighbour_from_reference.t);
+    r.returned = transpose_times(pair.other_from_reference.R, point - pair.other_from_reference.t);
     if (!(r.returned.z > 0)) return r;
     r.error = {pair.reference.fx * (r.returned.x / r.returned.z - ray.x),
                pair.reference.fy * (r.returned.y / r.returned.z - ray.y)};
@@ -120,8 +119,8 @@ TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
 
 template <class Real>
 struct ReprojectionGradients {
-    Real dL_ddepth;            // of the reference's pixel
-    Real dL_dneighbour_depth;  // of the bilinear sample; pixel at[i] gets share[i] of it
+    Real dL_ddepth;        // of the reference's pixel
+    Real dL_dother_depth;  // of the bilinear sample; pixel at[i] gets share[i] of it
 };
 
 /// Only where the reprojection is valid. The bilinear position moves with the reference's depth.
@@ -132,13 +131,13 @@ TVSGS_HD ReprojectionGradients<Real> reproject_vjp(const ViewPair<Real>& pair,
                                                    Real dL_ddistance) {
     if (!(r.distance > 0)) return {0, 0};  // the tip of the cone
     const Vec2<Real> dL_derror = (dL_ddistance / r.distance) * r.error;
-    const Mat3<Real>& R = pair.neighbour_from_reference.R;
+    const Mat3<Real>& R = pair.other_from_reference.R;
     const Vec3<Real> dL_dpoint = R * project_vjp(pair.reference, r.returned, dL_derror);
     // point = depth / z * there
     const Real dL_dsample = dot(dL_dpoint, r.there) / r.there.z;
     Vec3<Real> dL_dthere = (r.depth / r.there.z) * dL_dpoint;
     dL_dthere.z -= r.depth * dL_dsample / r.there.z;
-    dL_dthere += project_vjp(pair.neighbour, r.there, dL_dsample * r.slope);
+    dL_dthere += project_vjp(pair.other, r.there, dL_dsample * r.slope);
     return {dot(transpose_times(R, dL_dthere), ray), dL_dsample};
 }
 
@@ -177,7 +176,7 @@ struct GreyBytes {
 inline constexpr int kPatchRadius = 3;         // 7 x 7
 inline constexpr double kMaxPatchError = 0.9;  // patches that agree less say nothing
 
-/// How far a patch and its image in the neighbour are from agreeing, and what changes that.
+/// How far a patch and its image in the other view are from agreeing, and what changes that.
 template <class Real>
 struct PatchScore {
     bool valid = false;         // error below kMaxPatchError
@@ -198,12 +197,12 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
                                       Vec3<Real> normal,
                                       Real distance,
                                       const Image& reference,
-                                      const Image& neighbour,
+                                      const Image& other,
                                       Vec2<Real> shift) {
     PatchScore<Real> score{};
     if (!(distance > 0)) return score;
-    const Mat3<Real>& R = pair.neighbour_from_reference.R;
-    const Vec3<Real> t = pair.neighbour_from_reference.t, plane = normal / distance;
+    const Mat3<Real>& R = pair.other_from_reference.R;
+    const Vec3<Real> t = pair.other_from_reference.t, plane = normal / distance;
     // The warped ray is linear in the patch's coordinates.
     const auto warped = [&](Vec3<Real> ray) { return R * ray - dot(plane, ray) * t; };
     const Vec3<Real> ray0 = ray_through(pair.reference, centre), p0 = warped(ray0);
@@ -214,7 +213,7 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     // Intensities count from those at the centre: the covariances do not change, and little
     // cancels.
     const Real a0 = bilinear(reference, centre - shift).value,
-               b0 = bilinear(neighbour, project(pair.neighbour, p0) - shift).value;
+               b0 = bilinear(other, project(pair.other, p0) - shift).value;
     constexpr Real kTaps = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
     Real sum_a = 0, sum_b = 0, sum_aa = 0, sum_bb = 0, sum_ab = 0;
     Vec3<Real> slope{}, slope_a{}, slope_b{};  // sums of db/d(plane . ray) x ray, times 1, a, b
@@ -224,10 +223,10 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
             const Vec3<Real> p = p0 + dx * px + dy * py;
             if (!(p.z > Real(1e-6))) return score;
             const Real a = bilinear(reference, centre + Vec2<Real>{dx, dy} - shift).value - a0;
-            const auto sample = bilinear(neighbour, project(pair.neighbour, p) - shift);
+            const auto sample = bilinear(other, project(pair.other, p) - shift);
             const Real b = sample.value - b0;
             sum_a += a, sum_b += b, sum_aa += a * a, sum_bb += b * b, sum_ab += a * b;
-            const Real s = -dot(project_vjp(pair.neighbour, p, sample.slope), t);
+            const Real s = -dot(project_vjp(pair.other, p, sample.slope), t);
             const Vec3<Real> g = s * Vec3<Real>{ray0.x + dx * step_x, ray0.y + dy * step_y, 1};
             slope += g, slope_a += a * g, slope_b += b * g;
         }

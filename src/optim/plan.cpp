@@ -9,8 +9,8 @@
 #include <optional>
 
 #include "core/error.h"
-#include "optim/neighbours.h"
 #include "optim/schedule.h"
+#include "optim/view_pairs.h"
 
 namespace tvsgs {
 namespace {
@@ -88,7 +88,7 @@ std::vector<int> nearest_views(const Scene& scene) {
 
 }  // namespace
 
-SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
+SceneLook look_at(const Scene& scene, const ViewPairOptions& limits) {
     const std::vector<Vec3f>& points = scene.points.positions;
     constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
     const std::size_t stride = 1 + points.size() / kSample;
@@ -124,11 +124,11 @@ SceneLook look_at(const Scene& scene, const NeighbourOptions& limits) {
     look.pixels = median(pixels);
     look.points_per_pixel = median(per_pixel);
     look.reduction = median(reductions);
-    NeighbourOptions relative = limits;
-    relative.limits = NeighbourLimits::relative;  // these hold in any unit
-    look.views_with_neighbour = share_with_neighbour(scene, relative);
+    ViewPairOptions relative = limits;
+    relative.limits = PairLimits::relative;  // these hold in any unit
+    look.views_in_pairs = share_with_pair(scene, relative);
     relative.max_angle_deg = std::max(relative.max_angle_deg, kWideAngleDeg);
-    look.views_with_wide_neighbour = share_with_neighbour(scene, relative);
+    look.views_in_wide_pairs = share_with_pair(scene, relative);
     return look;
 }
 
@@ -261,16 +261,16 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                  {{"tv.refresh_every", std::to_string(kRefreshEvery)}});
     }
     if (in.dense || covered) {
-        const bool near = look.views_with_neighbour >= kPaired,
-                   on = near || look.views_with_wide_neighbour >= kPaired;
-        const double share = near ? look.views_with_neighbour : look.views_with_wide_neighbour;
+        const bool near = look.views_in_pairs >= kPaired,
+                   on = near || look.views_in_wide_pairs >= kPaired;
+        const double share = near ? look.views_in_pairs : look.views_in_wide_pairs;
         // Until the splats are opaque, the depths compared are means of near and far ones. That
         // takes as many iterations however long the training is; a short one cannot wait.
         const std::string start =
             std::to_string(std::clamp(iterations / kOpaqueShare, 1, kOpaqueAfter));
         Settings settings, starts;
         for (const TermOnList& term : terms_on_list(in.multi_view)) {
-            if (!term.needs.neighbour) continue;
+            if (term.needs.other_views == 0) continue;
             settings.emplace_back(str("loss.", term.key, ".weight"),
                                   on ? number(static_cast<double>(term.weight)) : "0");
             starts.emplace_back(str("loss.", term.key, ".start"), start);
@@ -279,7 +279,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
         if (on && covered) settings.insert(settings.end(), starts.begin(), starts.end());
         const float widest = std::max(in.options.loss.multi_view.max_angle_deg, kWideAngleDeg);
-        const std::string of = near ? str("views with a neighbour: ")
+        const std::string of = near ? str("views in a pair: ")
                                     : str("views with one up to ", widest, " degrees away: ");
         plan.push_back({"multi-view",
                         !on    ? "off"

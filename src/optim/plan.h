@@ -16,17 +16,17 @@ inline constexpr float kWideAngleDeg = 37;
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
     int train_views = 0, test_views = 0;
-    std::size_t points = 0;                // of the initial cloud
-    double pixels = 0;                     // of a view, median
-    double points_per_pixel = 0;           // initial points in a view over its pixels, median
-    double reduction = 1;                  // of the photographs, median: files over views, in width
-    double views_with_neighbour = 0;       // share within loss.multi_view's relative limits
-    double views_with_wide_neighbour = 0;  // the same up to kWideAngleDeg
+    std::size_t points = 0;          // of the initial cloud
+    double pixels = 0;               // of a view, median
+    double points_per_pixel = 0;     // initial points in a view over its pixels, median
+    double reduction = 1;            // of the photographs, median: files over views, in width
+    double views_in_pairs = 0;       // share within loss.multi_view's relative limits
+    double views_in_wide_pairs = 0;  // the same up to kWideAngleDeg
     double exposure_drift =
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown
 };
-SceneLook look_at(const Scene& scene, const NeighbourOptions& limits);
+SceneLook look_at(const Scene& scene, const ViewPairOptions& limits);
 
 /// What was measured, for people.
 std::string summary(const SceneLook& look);

@@ -6,6 +6,7 @@
 #include "core/error.h"
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
+#include "optim/iteration.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -25,6 +26,9 @@ public:
         ++drawn_;
         return order_[at];
     }
+
+    /// What next() will give.
+    int peek() const { return ViewSampler(*this).next(); }
 
     /// As after `drawn` calls of next().
     void skip_to(int drawn) {
@@ -188,6 +192,7 @@ public:
     }
 
     TrainState<Device>* operator->() { return state_.get(); }
+    const TrainState<Device>& state() const { return *state_; }
 
     void vote(int step) {
         TrainState<Device>& s = *state_;
@@ -209,6 +214,15 @@ public:
     }
 
     const int* halted() const { return guard_.halted(); }
+
+    /// Growth, trims and resets where they are due, and what follows from them.
+    void grow(int step, Iteration<Device>& iteration) {
+        TrainState<Device>& s = *state_;
+        const auto event = s.densifier.step(
+            step, iteration.backbone().statistics(), s.gaussians, s.adam,
+            [&](const auto& count_views) { iteration.observe(s.gaussians, count_views); });
+        if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
+    }
 
     void step_done(int step) {
         state_->done = step;

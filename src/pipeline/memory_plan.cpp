@@ -20,7 +20,7 @@ constexpr std::int64_t kMiB = 1 << 20;
 // Measured, bytes. Splats of a view, what growth asks of them, and lists of tiles:
 constexpr std::int64_t kPerViewSplat = 190, kPerSlot = 100, kSlotsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
-constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerNeighbourPixel = 84;
+constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 constexpr std::int64_t kProgram = 32 * kMiB;
@@ -72,10 +72,10 @@ MemoryPlan estimate_memory(const Scene& scene,
                            bool cuda) {
     const bool grows = o.densify.enabled && o.iterations > o.densify.from;
     const LossNeeds needs = needs_of(o.loss);
-    const bool neighbour = needs.neighbour, plane = has(needs.maps, kGeometryMaps);
+    const bool plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
     const std::int64_t parameters = 4 * (11 + 3 * sh_count(o.model.sh_degree));
-    const std::int64_t renders = neighbour ? 2 : 1;
+    const std::int64_t renders = 1 + needs.rendered_views;
 
     MemoryPlan plan;
     plan.first = splats;
@@ -88,11 +88,11 @@ MemoryPlan estimate_memory(const Scene& scene,
             kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);
     if (grows) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
-        kPerColorPixel + (plane ? kPerPlanePixel : 0) + (neighbour ? kPerNeighbourPixel : 0);
+        kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = photo_bytes(scene.train);
     const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
     // Else colours and grey of a few.
-    buffers.fixed = (all ? photos : DeviceViews<Cpu>::kSlots * 4 * largest_view(scene)) +
+    buffers.fixed = (all ? photos : views_at_hand(needs) * 4 * largest_view(scene)) +
                     per_pixel * largest_view(scene);
 
     // A checkpoint is held until the next one is, and both meanwhile.

@@ -23,7 +23,7 @@ struct ViewMaps {
 };
 
 struct MultiViewCase {
-    ViewMaps reference, neighbour;
+    ViewMaps reference, other;
     int samples = 102400;
     PixelCenter pixel_center = PixelCenter::exact;
 };
@@ -32,7 +32,7 @@ struct MultiViewResult {
     double value = 0, valid = 0;
     std::vector<float> weight;
     std::vector<Vec3f> dL_dnormal;
-    std::vector<float> dL_ddepth, dL_dneighbour_depth;  // of the neighbour: may be empty
+    std::vector<float> dL_ddepth, dL_dother_depth;  // of the other view: may be empty
 };
 
 template <class Device>
@@ -90,12 +90,14 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     resize(gaussians, 1, 0);
     std::vector<DeviceView<Device>> views;
     views.push_back(upload_view<Device>(c.reference, 0));
-    views.push_back(upload_view<Device>(c.neighbour, 1));
-    NeighbourView<Device> neighbour({{{1}, {0}}, 0.1f},
-                                    std::make_unique<PreparedImages<Device>>(c.neighbour), 5);
+    views.push_back(upload_view<Device>(c.other, 1));
+    std::vector<std::unique_ptr<Backbone<Device>>> backbones;
+    backbones.push_back(std::make_unique<PreparedImages<Device>>(c.other));
+    OtherViews<Device> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
     const RenderedImages<Device> images = upload_maps<Device>(c.reference);
-    if (!neighbour.render(1, 0, views, gaussians)) return {};
-    neighbour.compare(images);
+    others.begin(1, 0, views, gaussians);
+    others.compare(images);
+    const OtherView<Device>& other = others[0];
 
     Objective<Device> objective;
     objective.dL_dimages.normal.resize(c.reference.normal.size());
@@ -108,17 +110,17 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
     const TensorField<Device> field;
     for (int i = 0; i < terms; ++i)
         loss->add_to(objective, objective.values.data(),
-                     {gaussians, images, views[0], field, {}, 1, &neighbour});
+                     {gaussians, images, views[0], field, {}, 1, &others});
 
     MultiViewResult result;
     result.value = to_host(objective.values)[0] - 2;
-    for (int v : to_host(neighbour.valid())) result.valid += v;
+    for (int v : to_host(other.valid())) result.valid += v;
     result.weight.resize(c.reference.normal.size());
-    detail::copy(Device{}, neighbour.weight().data, Cpu{}, result.weight.data(),
+    detail::copy(Device{}, other.weight().data, Cpu{}, result.weight.data(),
                  result.weight.size() * sizeof(float));
     result.dL_dnormal = to_host(objective.dL_dimages.normal);
     result.dL_ddepth = to_host(objective.dL_dimages.depth);
-    result.dL_dneighbour_depth = to_host(neighbour.dL_dimages().depth);
+    result.dL_dother_depth = to_host(other.dL_dimages().depth);
     return result;
 }
 

@@ -317,7 +317,7 @@ TEST(LossList, HasATermForAllOptions) {
     EXPECT_TRUE(needs_of(options).grey);
     options.multi_view_ncc.weight = 0;
     EXPECT_FALSE(needs_of(options).grey);
-    EXPECT_TRUE(needs_of(options).neighbour);
+    EXPECT_EQ(needs_of(options).other_views, 1);
 }
 
 TEST(LossList, MultiViewTermsStartWithTheGeometry) {
@@ -330,9 +330,9 @@ TEST(LossList, MultiViewTermsStartWithTheGeometry) {
         EXPECT_FALSE(loss->active(7000));
         EXPECT_TRUE(loss->active(7001));
     }
-    EXPECT_FALSE(losses[0]->needs().neighbour);
-    EXPECT_TRUE(losses[1]->needs().neighbour);
-    EXPECT_TRUE(losses[2]->needs().neighbour);
+    EXPECT_EQ(losses[0]->needs().other_views, 0);
+    EXPECT_EQ(losses[1]->needs().rendered_views, 1);
+    EXPECT_EQ(losses[2]->needs().rendered_views, 1);
 }
 
 template <class T>

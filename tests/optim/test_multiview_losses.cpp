@@ -1,6 +1,7 @@
 // The multi-view terms and the exposures as losses: values and derivatives against their definition
 // in double, over whole images, and the twins against each other.
 #include <cstring>
+#include <set>
 
 #include "multiview_case.h"
 #include "optim/adam.h"
@@ -59,7 +60,7 @@ ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
 MultiViewCase plane_case(double noise = 0.02, int fineness = 1) {
     MultiViewCase c;
     c.reference = plane_view(0, 1, noise, fineness);
-    c.neighbour = plane_view(0.2f, 2, noise, fineness);
+    c.other = plane_view(0.2f, 2, noise, fineness);
     return c;
 }
 
@@ -84,13 +85,13 @@ double geometry_in_double(const MultiViewCase& c,
                           const MapsD& a,
                           const MapsD& b,
                           const MultiViewResult& r) {
-    const auto pair = view_pair<double>(c.reference.camera, c.neighbour.camera, 0.1);
+    const auto pair = view_pair<double>(c.reference.camera, c.other.camera, 0.1);
     double sum = 0;
     for (int at = 0; at < kWidth * kHeight; ++at) {
         const double w = r.weight[static_cast<std::size_t>(at)];
         if (w == 0) continue;
         sum += w * reproject(pair, ray_d(c.reference.camera, at), depth_of(c.reference, a, at),
-                             [&](int i) { return depth_of(c.neighbour, b, i); })
+                             [&](int i) { return depth_of(c.other, b, i); })
                        .distance;
     }
     return kWeight * sum / r.valid;
@@ -104,7 +105,7 @@ double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResu
     const auto scaled = [](const ViewMaps& v) {
         return scaled_camera(v.camera, v.grey_width, v.grey_height);
     };
-    const auto pair = view_pair<double>(scaled(c.reference), scaled(c.neighbour), 0.1);
+    const auto pair = view_pair<double>(scaled(c.reference), scaled(c.other), 0.1);
     const double s = c.reference.grey_width / kWidth;
     const double shift = c.pixel_center == PixelCenter::exact ? 0.5 : 0.5 * s;
     double sum = 0, count = 0;
@@ -114,7 +115,7 @@ double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResu
         const auto score = patch_score<double>(
             pair, {s * (at % kWidth + 0.5), s * (at / kWidth + 0.5)}, a.normal[i],
             -a.depth[i] * dot(a.normal[i], ray_d(c.reference.camera, at)), grey(c.reference),
-            grey(c.neighbour), {shift, shift});
+            grey(c.other), {shift, shift});
         if (score.valid) sum += r.weight[i] * score.error, ++count;
     }
     return kWeight * sum / count;
@@ -123,7 +124,7 @@ double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResu
 TEST(MultiViewGeometryLoss, ValueAndGradient) {
     const MultiViewCase c = plane_case();
     const MultiViewResult r = evaluate<Cpu>(c, true, kWeight);
-    MapsD a = maps_of(c.reference), b = maps_of(c.neighbour);
+    MapsD a = maps_of(c.reference), b = maps_of(c.other);
     EXPECT_GT(r.valid, 0.4 * kWidth * kHeight);
     EXPECT_GT(r.value, 0.001);
     // Distances of a tenth of a pixel at coordinates of tens: five digits of seven are left.
@@ -131,8 +132,8 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
     test::Random random(6);
     int checked = 0;
     for (int trial = 0; trial < 300; ++trial) {
-        const bool of_neighbour = trial % 2;
-        MapsD& maps = of_neighbour ? b : a;
+        const bool of_other = trial % 2;
+        MapsD& maps = of_other ? b : a;
         const auto at = static_cast<std::size_t>(random.uniform(0, kWidth * kHeight));
         double& number = maps.depth[at];
         const double middle = number;
@@ -147,7 +148,7 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
                      check = central_difference(around, 3e-7);
         if (std::abs(expected - check) > 1e-6) continue;
         ++checked;
-        const auto& depths = of_neighbour ? r.dL_dneighbour_depth : r.dL_ddepth;
+        const auto& depths = of_other ? r.dL_dother_depth : r.dL_ddepth;
         const float got = depths[at];
         // The direction of an error of 0.01 px has three digits in float.
         EXPECT_TRUE(close(got, expected, 2e-3, 1e-3)) << trial;
@@ -159,29 +160,29 @@ TEST(MultiViewGeometryLoss, TermsAddUpInTheNeighbour) {
     const MultiViewCase c = plane_case();
     const MultiViewResult one = evaluate<Cpu>(c, true, kWeight),
                           two = evaluate<Cpu>(c, true, kWeight, 2);
-    ASSERT_FALSE(one.dL_dneighbour_depth.empty());
-    for (std::size_t i = 0; i < one.dL_dneighbour_depth.size(); ++i)
-        ASSERT_EQ(two.dL_dneighbour_depth[i], 2 * one.dL_dneighbour_depth[i]);
+    ASSERT_FALSE(one.dL_dother_depth.empty());
+    for (std::size_t i = 0; i < one.dL_dother_depth.size(); ++i)
+        ASSERT_EQ(two.dL_dother_depth[i], 2 * one.dL_dother_depth[i]);
 }
 
 TEST(MultiViewGeometryLoss, RisesAwayFromTheTruth) {
     const double truth = evaluate<Cpu>(plane_case(0), true, 1).value;
     EXPECT_LT(truth, 2e-3);
     MultiViewCase c = plane_case(0);
-    for (float& d : c.neighbour.depth) d *= 1.01f;
+    for (float& d : c.other.depth) d *= 1.01f;
     EXPECT_GT(evaluate<Cpu>(c, true, 1).value, 20 * truth);
 }
 
 TEST(MultiViewGeometryLoss, NothingComparableAddsNothing) {
     MultiViewCase c = plane_case();
-    std::fill(c.neighbour.depth.begin(), c.neighbour.depth.end(), 0.0f);
+    std::fill(c.other.depth.begin(), c.other.depth.end(), 0.0f);
     for (bool geometry : {true, false}) {
         const MultiViewResult r = evaluate<Cpu>(c, geometry, kWeight);
         EXPECT_EQ(r.valid, 0);
         EXPECT_EQ(r.value, 0);
         for (const Vec3f& g : r.dL_dnormal) ASSERT_EQ(norm(g), 0);
         for (float g : r.dL_ddepth) ASSERT_EQ(g, 0);
-        for (float g : r.dL_dneighbour_depth) ASSERT_EQ(g, 0);
+        for (float g : r.dL_dother_depth) ASSERT_EQ(g, 0);
     }
 }
 
@@ -197,7 +198,7 @@ TEST_P(MultiViewNcc, ValueAndGradient) {
         EXPECT_GT(r.value, 1e-4);
         // Intensities are float either way; errors down to 1e-3 come of 1 - NCC^2.
         EXPECT_TRUE(close(r.value, ncc_in_double(c, a, r), 1e-3));
-        EXPECT_TRUE(r.dL_dneighbour_depth.empty());
+        EXPECT_TRUE(r.dL_dother_depth.empty());
         test::Random random(6);
         int checked = 0;
         for (int trial = 0; trial < 32; ++trial) {
@@ -244,7 +245,7 @@ TEST(MultiViewNccLoss, RisesAwayFromTheTruth) {
     // Patches that an image border cuts off do not match, truth or not: without depth there they
     // are not compared.
     MultiViewCase c = plane_case(0, 2);
-    for (auto* v : {&c.reference, &c.neighbour})
+    for (auto* v : {&c.reference, &c.other})
         for (int at = 0; at < kWidth * kHeight; ++at)
             if (at % kWidth < 4 || at % kWidth >= kWidth - 4 || at / kWidth < 4 ||
                 at / kWidth >= kHeight - 4)
@@ -254,7 +255,7 @@ TEST(MultiViewNccLoss, RisesAwayFromTheTruth) {
     EXPECT_LT(truth.value, 2e-3);
     for (float scale : {0.98f, 1.02f}) {
         MultiViewCase off = c;
-        for (auto* v : {&off.reference, &off.neighbour})
+        for (auto* v : {&off.reference, &off.other})
             for (float& d : v->depth) d *= scale;
         const MultiViewResult r = evaluate<Cpu>(off, false, 1);
         EXPECT_GT(r.value, 3 * truth.value);
@@ -272,7 +273,7 @@ bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
 TEST(MultiViewLosses, TheSameBitsTwice) {
     const MultiViewCase c = plane_case();
     const MultiViewResult a = evaluate<Cpu>(c, true, 1), b = evaluate<Cpu>(c, true, 1);
-    EXPECT_TRUE(same_bits(a.dL_dneighbour_depth, b.dL_dneighbour_depth));
+    EXPECT_TRUE(same_bits(a.dL_dother_depth, b.dL_dother_depth));
 }
 
 /// Opaque discs on the plane of plane_view(), moved off it by `offset` along its normal.
@@ -327,8 +328,9 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     ASSERT_NEAR(off_plane(g).distance, 0.05, 1e-6);
     ASSERT_LT(off_plane(g).tilt, 1e-6);
     auto backbone = make_backbone<Cpu>("pgsr", {});
-    NeighbourView<Cpu> neighbours({{{1, 2}, {0, 2}, {0, 1}}, 0.1f}, make_backbone<Cpu>("pgsr", {}),
-                                  5);
+    std::vector<std::unique_ptr<Backbone<Cpu>>> backbones;
+    backbones.push_back(make_backbone<Cpu>("pgsr", {}));
+    OtherViews<Cpu> others({{{1, 2}, {0, 2}, {0, 1}}, 0.1f}, std::move(backbones), 5);
     LossOptions options;
     options.photometric.weight = 0;
     options.multi_view_geometry = {0.03f, 1};
@@ -344,9 +346,9 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     const TensorField<Cpu> field;
     for (int step = 1; step <= 40; ++step) {
         const auto& view = views[static_cast<std::size_t>(step % 3)];
-        NeighbourView<Cpu>* neighbour = neighbours.render(step, view.index, views, g);
+        others.begin(step, view.index, views, g);
         const auto& images = backbone->forward(g, view.camera, 0, Maps::color | kGeometryMaps);
-        neighbour->compare(images);
+        others.compare(images);
         copy(std::vector<double>{0, 0}, objective.values);
         objective.dL_dimages.normal.resize(images.normal.size());
         objective.dL_dimages.normal.fill_zero();
@@ -356,14 +358,71 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
         fill_zero(objective.dL_dgaussians);
         for (std::size_t i = 0; i < losses.size(); ++i)
             losses[i]->add_to(objective, objective.values.data() + i,
-                              {g, images, view, field, {}, step, neighbour});
+                              {g, images, view, field, {}, step, &others});
         backbone->backward(g, objective.dL_dimages, objective.dL_dgaussians);
-        neighbour->backward(g, objective.dL_dgaussians);
+        others.backward(g, objective.dL_dgaussians);
         adam.step(step, 1, 0, objective.dL_dgaussians, g, true);
     }
     // Adam's last steps are as long as its first: 0.002. A tenth of the way may be left beside.
     EXPECT_LT(off_plane(g).distance, 0.007);
     EXPECT_LT(off_plane(g).tilt, 0.005);
+}
+
+/// Says which depth it renders, if it does.
+class CountingBackbone final : public Backbone<Cpu> {
+public:
+    explicit CountingBackbone(int& forwards) : forwards_(forwards) {}
+    const RenderedImages<Cpu>& forward(const Gaussians<Cpu>&,
+                                       const Camera& camera,
+                                       int,
+                                       Maps) override {
+        ++forwards_;
+        const std::size_t pixels = std::size_t(camera.width_px) * std::size_t(camera.height_px);
+        copy(std::vector<float>(pixels, 2), images_.depth);
+        images_.camera = camera;
+        return images_;
+    }
+    void backward(const Gaussians<Cpu>&, const ImageGradients<Cpu>&, Gaussians<Cpu>&) override {}
+    const ScreenStatistics<Cpu>& statistics() const override { return statistics_; }
+
+private:
+    int& forwards_;
+    RenderedImages<Cpu> images_;
+    ScreenStatistics<Cpu> statistics_;
+};
+
+/// Three asked for, the first of them rendered; views are paired with four, one and no others.
+TEST(OtherViews, AreDifferentAndOnlyRenderedWhereAsked) {
+    std::vector<DeviceView<Cpu>> views(5);
+    for (int i = 0; i < 5; ++i) {
+        views[static_cast<std::size_t>(i)].index = i;
+        views[static_cast<std::size_t>(i)].camera = test::test_camera(8, 6);
+    }
+    int forwards = 0;
+    std::vector<std::unique_ptr<Backbone<Cpu>>> backbones(3), one(1);
+    backbones[0] = std::make_unique<CountingBackbone>(forwards);
+    const ViewPairs pairs{{{1, 2, 3, 4}, {0}, {}}, 0.1f};
+    OtherViews<Cpu> three(pairs, std::move(backbones), 7), single(pairs, std::move(one), 7);
+    std::set<std::vector<int>> seen;
+    const Gaussians<Cpu> none;
+    for (int step = 1; step <= 200; ++step) {
+        const std::vector<int> chosen = three.choose(step, 0);
+        ASSERT_EQ(chosen.size(), 3u);
+        ASSERT_EQ(std::set<int>(chosen.begin(), chosen.end()).size(), 3u);
+        ASSERT_EQ(single.choose(step, 0).at(0), chosen[0]) << "more of them change the first";
+        seen.insert(chosen);
+        three.begin(step, 0, views, none);
+        ASSERT_EQ(three.count(), 3);
+        ASSERT_EQ(forwards, step);
+        for (int i = 0; i < 3; ++i) {
+            EXPECT_EQ(three[i].view().index, chosen[static_cast<std::size_t>(i)]);
+            EXPECT_EQ(three[i].rendered(), i == 0);
+        }
+    }
+    EXPECT_EQ(seen.size(), 24u) << "all orders of three out of four";
+    EXPECT_EQ(three.choose(1, 1), std::vector<int>{0});
+    three.begin(1, 2, views, none);
+    EXPECT_EQ(three.count(), 0);
 }
 
 /// A photograph of the render at another exposure: photo = gain x render + offset.
@@ -453,11 +512,11 @@ TEST(MultiViewTwins, CpuAgainstCuda) {
                 };
                 compare(a.dL_dnormal, b.dL_dnormal);
                 compare(a.dL_ddepth, b.dL_ddepth);
-                compare(a.dL_dneighbour_depth, b.dL_dneighbour_depth);
+                compare(a.dL_dother_depth, b.dL_dother_depth);
                 // As a whole: single pixels near an error of 0 have no direction to agree on.
                 EXPECT_LT(std::sqrt(difference / size), 0.02);
                 EXPECT_TRUE(same_bits(b.dL_dnormal, again.dL_dnormal));
-                EXPECT_TRUE(same_bits(b.dL_dneighbour_depth, again.dL_dneighbour_depth));
+                EXPECT_TRUE(same_bits(b.dL_dother_depth, again.dL_dother_depth));
             }
     }
 }

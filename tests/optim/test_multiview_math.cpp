@@ -93,12 +93,12 @@ struct Errors {
     int count = 0;
 };
 
-/// Reprojection distances where the neighbour's depth is known around the sample.
-Errors reprojection_errors(const Surface& seen_by_reference, const Surface& seen_by_neighbour) {
+/// Reprojection distances where the other view's depth is known around the sample.
+Errors reprojection_errors(const Surface& seen_by_reference, const Surface& seen_by_other) {
     const Camera a = view_camera(0), b = view_camera(0.25f);
     const auto pair = view_pair<double>(a, b, 0.1);
     const std::vector<double> da = depth_map(a, seen_by_reference),
-                              db = depth_map(b, seen_by_neighbour);
+                              db = depth_map(b, seen_by_other);
     Errors e;
     for (int at = 0; at < kWidth * kHeight; ++at) {
         const auto r = reproject(pair, pixel_ray_d(a, at % kWidth, at / kWidth),
@@ -159,7 +159,7 @@ TEST(Reprojection, WhatCannotBeComparedIsNotValid) {
     EXPECT_FALSE(reproject(pair, ray, 0.0, read).valid) << "no depth here";
     EXPECT_FALSE(reproject(pair, ray, -depth, read).valid);
     EXPECT_FALSE(reproject(pair, ray, std::nan(""), read).valid);
-    EXPECT_FALSE(reproject(pair, ray, 100 * depth, read).valid) << "outside of the neighbour";
+    EXPECT_FALSE(reproject(pair, ray, 100 * depth, read).valid) << "outside of the other view";
     EXPECT_FALSE(
         reproject(pair, ray, depth, [&](int i) { return i == r.at[2] ? 0 : read(i); }).valid)
         << "no depth there";
@@ -167,7 +167,7 @@ TEST(Reprojection, WhatCannotBeComparedIsNotValid) {
         << "more than a pixel off";
     auto strict = pair;
     strict.min_depth = 5;
-    EXPECT_FALSE(reproject(strict, ray, depth, read).valid) << "too near to the neighbour";
+    EXPECT_FALSE(reproject(strict, ray, depth, read).valid) << "too near to the other view";
 }
 
 TEST(Reprojection, DerivativesAgreeWithDifferences) {
@@ -185,7 +185,7 @@ TEST(Reprojection, DerivativesAgreeWithDifferences) {
         const auto r = reproject(pair, ray, depth, read);
         if (!r.valid || r.distance < 0.05 || r.distance > 0.9) continue;
         const auto g = reproject_vjp(pair, ray, r, 1.3);
-        // Steps that cross into the next pixel of the neighbour change the slope.
+        // Steps that cross into the next pixel of the other view change the slope.
         const auto moved = reproject(pair, ray, depth * (1 + 1e-5), read);
         if (moved.at[0] != r.at[0]) continue;
         ++checked;
@@ -203,7 +203,7 @@ TEST(Reprojection, DerivativesAgreeWithDifferences) {
             double share = 0;  // at the border a pixel may be there twice
             for (int j = 0; j < 4; ++j)
                 if (r.at[j] == r.at[k]) share += r.share[j];
-            EXPECT_TRUE(close(share * g.dL_dneighbour_depth, by_there, 1e-5, 1)) << at << ' ' << k;
+            EXPECT_TRUE(close(share * g.dL_dother_depth, by_there, 1e-5, 1)) << at << ' ' << k;
         }
     }
     EXPECT_GT(checked, 30);

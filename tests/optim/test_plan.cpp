@@ -81,7 +81,7 @@ bool sets(const Settings& settings, const std::string& key, const std::string& v
 }
 
 SceneLook look_of(const Scene& scene) {
-    return look_at(scene, NeighbourOptions{});
+    return look_at(scene, ViewPairOptions{});
 }
 
 TEST(PlanLook, MeasuresWhatTheSceneWasMadeWith) {
@@ -89,7 +89,7 @@ TEST(PlanLook, MeasuresWhatTheSceneWasMadeWith) {
     EXPECT_EQ(look.train_views, 5);
     EXPECT_EQ(look.pixels, 8000);
     EXPECT_NEAR(look.points_per_pixel, 1600 / 8000., 1e-12) << "all points lie in all views";
-    EXPECT_EQ(look.views_with_neighbour, 1);
+    EXPECT_EQ(look.views_in_pairs, 1);
     EXPECT_NEAR(look.exposure_drift, 0, 0.01) << "as below";
 }
 
@@ -374,7 +374,7 @@ TEST(WhatIsOff, IsNeitherRunNorAllocated) {
         const StateArray* const array = state->find(name);
         return array == nullptr ? std::size_t{0} : array->count();
     };
-    const char* const parts[] = {"voting", "neighbour", "tv_normal", "multi_view_ncc", "normal"};
+    const char* const parts[] = {"voting", "other views", "tv_normal", "multi_view_ncc", "normal"};
     TrainOptions bare = o;
     bare.tv.enabled = bare.densify.enabled = bare.loss.photometric.exposure = false;
     bare.loss.tv_normal.weight = bare.loss.tv_position.weight = bare.loss.normal.weight = 0;

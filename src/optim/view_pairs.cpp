@@ -1,4 +1,4 @@
-#include "optim/neighbours.h"
+#include "optim/view_pairs.h"
 
 #include <algorithm>
 #include <cmath>
@@ -60,19 +60,19 @@ std::vector<Candidate> sorted_others(const Scene& scene, int i, double unit) {
     return others;
 }
 
-/// The neighbours, and what to say of the views that have none.
+/// The pairs, and what to say of the views that have none.
 struct Found {
-    Neighbourhood result;
+    ViewPairs result;
     int lonely = 0, without_depth = 0;
     double least_distance = 1e300, most_distance = 0, least_angle = 180, most_angle = 0;
 };
 
-Found find_neighbours(const Scene& scene, const NeighbourOptions& options) {
-    const bool relative = options.limits == NeighbourLimits::relative;
+Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
+    const bool relative = options.limits == PairLimits::relative;
     const double low = static_cast<double>(relative ? options.min_baseline : options.min_distance),
                  high = static_cast<double>(relative ? options.max_baseline : options.max_distance);
     Found found;
-    Neighbourhood& result = found.result;
+    ViewPairs& result = found.result;
     result.of_view.resize(scene.train.size());
     std::vector<double> depths;
     for (const View& view : scene.train)
@@ -116,20 +116,20 @@ Vec3d optical_axis(const Camera& camera) {
     return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
 }
 
-double share_with_neighbour(const Scene& scene, const NeighbourOptions& options) {
-    return 1 - find_neighbours(scene, options).lonely / static_cast<double>(scene.train.size());
+double share_with_pair(const Scene& scene, const ViewPairOptions& options) {
+    return 1 - find_view_pairs(scene, options).lonely / static_cast<double>(scene.train.size());
 }
 
-Neighbourhood select_neighbours(const Scene& scene, const NeighbourOptions& options, bool quiet) {
-    const bool relative = options.limits == NeighbourLimits::relative;
+ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, bool quiet) {
+    const bool relative = options.limits == PairLimits::relative;
     const int views = static_cast<int>(scene.train.size());
-    const Found found = find_neighbours(scene, options);
+    const Found found = find_view_pairs(scene, options);
     if (quiet) return found.result;
     const char* unit = relative ? "depths" : "world units";
     if (found.lonely == 0) {
         std::size_t pairs = 0;
         for (const auto& chosen : found.result.of_view) pairs += chosen.size();
-        spdlog::info("multi-view losses: {:.1f} neighbours per training view",
+        spdlog::info("multi-view losses: {:.1f} other views per training view",
                      static_cast<double>(pairs) / views);
     } else {
         spdlog::warn(

@@ -1,7 +1,7 @@
 // Which views are compared with which, by the official rule and by the one without units.
 #include <gtest/gtest.h>
 
-#include "optim/neighbours.h"
+#include "optim/view_pairs.h"
 
 namespace tvsgs {
 namespace {
@@ -36,7 +36,7 @@ TEST(Neighbours, TheOfficialRule) {
                    view_at({0.4f, 0, 0}),  view_at({0.3f, 0, 0}, 31),  // turned too far
                    view_at({1.6f, 0, 0}),                              // too far from the first
                    view_at({0.005f, 0, 0})};                           // too near to the first
-    const Neighbourhood n = select_neighbours(scene, {});
+    const ViewPairs n = select_view_pairs(scene, {});
     EXPECT_EQ(n.of_view[0], (std::vector<int>{2, 1}));
     EXPECT_EQ(n.of_view[4], (std::vector<int>{1, 2}));
     EXPECT_TRUE(n.of_view[3].empty());
@@ -48,16 +48,16 @@ TEST(Neighbours, AtMostTheNearestAndTiesByAngle) {
     scene.train = {view_at({0, 0, 0}), view_at({0.5f, 0, 0}, 20), view_at({-0.5f, 0, 0}, 10)};
     for (int i = 0; i < 12; ++i)
         scene.train.push_back(view_at({0, 0.6f + 0.01f * static_cast<float>(i), 0}));
-    const Lists lists = select_neighbours(scene, {}).of_view;
+    const Lists lists = select_view_pairs(scene, {}).of_view;
     EXPECT_EQ(lists[0], (std::vector<int>{2, 1, 3, 4, 5, 6, 7, 8}));
-    NeighbourOptions options;
+    ViewPairOptions options;
     options.count = 3;
-    EXPECT_EQ(select_neighbours(scene, options).of_view[0], (std::vector<int>{2, 1, 3}));
+    EXPECT_EQ(select_view_pairs(scene, options).of_view[0], (std::vector<int>{2, 1, 3}));
 }
 
 TEST(Neighbours, TheRelativeRuleDoesNotKnowUnits) {
-    NeighbourOptions options;
-    options.limits = NeighbourLimits::relative;
+    ViewPairOptions options;
+    options.limits = PairLimits::relative;
     options.max_baseline = 0.5f;  // of a depth of 3
     Lists first;
     float min_depth = 0;
@@ -66,7 +66,7 @@ TEST(Neighbours, TheRelativeRuleDoesNotKnowUnits) {
         scene.train = {view_at(unit * Vec3f{0, 0, 0}), view_at(unit * Vec3f{1, 0, 0}),
                        view_at(unit * Vec3f{2, 0, 0}, 5), view_at(unit * Vec3f{0.001f, 0, 0})};
         scene.points = wall(unit);
-        const Neighbourhood n = select_neighbours(scene, options);
+        const ViewPairs n = select_view_pairs(scene, options);
         if (first.empty()) {
             first = n.of_view, min_depth = n.min_depth;
             EXPECT_EQ(first[0], std::vector<int>{1});
@@ -76,7 +76,7 @@ TEST(Neighbours, TheRelativeRuleDoesNotKnowUnits) {
         EXPECT_EQ(n.of_view, first) << unit;
         EXPECT_NEAR(n.min_depth / unit, min_depth, 0.02 * static_cast<double>(min_depth));
         // The official rule sees nothing in millimetres or in kilometres.
-        const Lists official = select_neighbours(scene, {}).of_view;
+        const Lists official = select_view_pairs(scene, {}).of_view;
         EXPECT_EQ(official[1].empty(), unit != 1) << unit;
     }
 }
@@ -84,9 +84,9 @@ TEST(Neighbours, TheRelativeRuleDoesNotKnowUnits) {
 TEST(Neighbours, WithoutPointsThereIsNoRelativeDistance) {
     Scene scene;
     scene.train = {view_at({0, 0, 0}), view_at({1, 0, 0})};
-    NeighbourOptions options;
-    options.limits = NeighbourLimits::relative;
-    EXPECT_EQ(select_neighbours(scene, options).of_view, (Lists{{}, {}}));
+    ViewPairOptions options;
+    options.limits = PairLimits::relative;
+    EXPECT_EQ(select_view_pairs(scene, options).of_view, (Lists{{}, {}}));
 }
 
 TEST(Neighbours, ParallelCamerasCount) {
@@ -96,7 +96,7 @@ TEST(Neighbours, ParallelCamerasCount) {
     View other = one;
     other.camera.camera_from_world.t.x += 0.2f;
     scene.train = {one, other};
-    EXPECT_EQ(select_neighbours(scene, {}).of_view, (Lists{{1}, {0}}));
+    EXPECT_EQ(select_view_pairs(scene, {}).of_view, (Lists{{1}, {0}}));
 }
 
 }  // namespace

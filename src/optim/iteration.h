@@ -1,0 +1,200 @@
+// One iteration, from a view to gradients and a step: what training and its benchmark share.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/stage_clock.h"
+#include "optim/adam.h"
+#include "optim/device_views.h"
+#include "optim/train.h"
+
+namespace tvsgs {
+
+/// What the terms that act at a step want, of a view that has other views to look at or has none.
+template <class Device>
+LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                   int step,
+                   bool has_others) {
+    LossNeeds all;
+    for (const auto& term : losses)
+        if (const LossNeeds needs = term->needs();
+            term->active(step) && (has_others || needs.other_views == 0))
+            all |= needs;
+    all.maps |= Maps::color;
+    return all;
+}
+
+/// Null when no term looks at other views: then no pairs are chosen, allocated or said.
+template <class Device>
+std::unique_ptr<OtherViews<Device>> make_other_views(const Scene& scene,
+                                                     const TrainOptions& options,
+                                                     bool quiet) {
+    const LossNeeds needs = needs_of(options.loss);
+    if (needs.other_views == 0) return nullptr;
+    std::vector<std::unique_ptr<Backbone<Device>>> backbones(
+        static_cast<std::size_t>(needs.other_views));
+    for (int i = 0; i < needs.rendered_views; ++i)
+        backbones[static_cast<std::size_t>(i)] =
+            make_backbone<Device>(options.backbone, options.core);
+    return std::make_unique<OtherViews<Device>>(
+        select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
+        static_cast<std::uint64_t>(options.seed));
+}
+
+template <class Device>
+class Iteration {
+public:
+    using Losses = std::vector<std::unique_ptr<Loss<Device>>>;
+
+    /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
+    Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
+        : backbone_(make_backbone<Device>(options.backbone, options.core)),
+          others_(make_other_views<Device>(scene, options, quiet)),
+          views_(scene.train, needs_of(options.loss), options.photo_bytes),
+          model_(options.model),
+          extent_(scene.extent) {
+        for (const TermOnList& term : terms_on_list(options.loss))
+            if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
+        objective_.values.resize(loss_stages_.size());
+        objective_.partial.resize(kSumBlocks);
+        objective_.count.resize(1);
+    }
+
+    /// The view with its photograph. `next`: the view of the step after this one, whose photographs
+    /// then come while the device works; -1: none.
+    const DeviceView<Device>& fetch(int step, int view, int next, const Losses& losses) {
+        const bool looks_around = needs_at(losses, step, true).other_views > 0;
+        const DeviceView<Device>& here = views_.get(view);
+        if (views_.all_resident()) return here;
+        if (looks_around)
+            for (const int other : others_->choose(step, view)) views_.get(other);
+        if (next < 0) return here;
+        views_.prefetch(next);
+        if (looks_around)
+            for (const int other : others_->choose(step + 1, next)) views_.prefetch(other);
+        return here;
+    }
+
+    /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or
+    /// half of the way where the backbone fuses the rest with Adam's step. `watch(values)` is given
+    /// the losses. Without `for_step` only the statistics of the screen are asked for.
+    template <class Watch>
+    void propagate(int step,
+                   const DeviceView<Device>& view,
+                   const Gaussians<Device>& gaussians,
+                   const Losses& losses,
+                   const TensorField<Device>& field,
+                   bool for_step,
+                   const Watch& watch) {
+        sh_degree_ = sh_degree_at(model_, step);
+        OtherViews<Device>* others = nullptr;
+        if (needs_at(losses, step, true).other_views > 0)
+            clock("other views", [&] {
+                details("other views, forward", [&] {
+                    others_->begin(step, view.index, views_.views(), gaussians);
+                    if (others_->count() > 0) others = others_.get();
+                });
+            });
+        const LossNeeds needs = needs_at(losses, step, others != nullptr);
+        const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
+            return backbone_->forward(gaussians, view.camera, sh_degree_, needs.maps);
+        });
+        clock("losses", [&] {
+            details("clear gradients", [&] { clear(gaussians, needs.splat_gradients, images); });
+            if (others) details("compare views", [&] { others->compare(images); });
+            for (std::size_t i = 0; i < losses.size(); ++i)
+                if (losses[i]->active(step))
+                    details(loss_stages_[i].c_str(), [&] {
+                        losses[i]->add_to(objective_, objective_.values.data() + i,
+                                          {gaussians, images, view, field,
+                                           backbone_->statistics().radii_px.span(), step, others});
+                    });
+            details("watch losses", [&] { watch(objective_.values); });
+        });
+        clock("backward", [&] {
+            if (others && for_step)
+                details("other views, backward",
+                        [&] { others->backward(gaussians, objective_.dL_dgaussians); });
+            fused_ = nullptr;
+            if (backbone_->fuses())
+                fused_ = backbone_->blend_backward(objective_.dL_dimages);
+            else
+                backbone_->backward(gaussians, objective_.dL_dimages, objective_.dL_dgaussians);
+        });
+    }
+
+    /// Adam's step along what propagate() gave.
+    void descend(int step,
+                 Adam<Device>& adam,
+                 Gaussians<Device>& gaussians,
+                 bool with_opacity,
+                 const int* halted) {
+        Gaussians<Device>& gradients = objective_.dL_dgaussians;
+        clock("adam", [&] {
+            details("project backward and Adam", [&] {
+                if (fused_ != nullptr)
+                    adam.step(step, extent_, *fused_, gradients, gaussians, with_opacity, halted);
+                else
+                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity,
+                              halted);
+            });
+        });
+    }
+
+    /// In the place of descend(): the statistics that its second half of the way would write.
+    void finish_statistics() {
+        if (fused_ != nullptr) write_statistics(Device{}, *fused_);
+    }
+
+    /// visit(statistics) of what each training view sees of the splats.
+    template <class Visit>
+    void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
+        for (const auto& view : views_.views()) {
+            backbone_->forward(gaussians, view.camera, 0, kGeometryMaps);
+            backbone_->observe(gaussians);
+            visit(backbone_->statistics());
+        }
+    }
+
+    Backbone<Device>& backbone() { return *backbone_; }
+    OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
+    const Objective<Device>& objective() const { return objective_; }
+
+    // Times, unless switched on not taken: the parts of a training, and the parts of these.
+    StageClock<Device> clock, details;
+
+private:
+    /// Sizes and clears what the terms add to.
+    void clear(const Gaussians<Device>& gaussians,
+               bool splat_gradients,
+               const RenderedImages<Device>& images) {
+        ImageGradients<Device>& by_image = objective_.dL_dimages;
+        by_image.color.resize(images.color.size());
+        by_image.normal.resize(images.normal.size());
+        by_image.depth.resize(images.depth.size());
+        by_image.color.fill_zero();
+        by_image.normal.fill_zero();
+        by_image.depth.fill_zero();
+        Gaussians<Device>& by_splat = objective_.dL_dgaussians;
+        if (backbone_->fuses())
+            resize_geometry(by_splat, splat_gradients ? gaussians.size() : 0);
+        else
+            resize(by_splat, gaussians.size(), gaussians.sh_degree);
+        fill_zero(by_splat);
+        objective_.values.fill_zero();
+    }
+
+    std::unique_ptr<Backbone<Device>> backbone_;
+    std::unique_ptr<OtherViews<Device>> others_;
+    DeviceViews<Device> views_;
+    ModelOptions model_;
+    float extent_;
+    Objective<Device> objective_;
+    std::vector<std::string> loss_stages_;
+    int sh_degree_ = 0;                     // of the last propagate()
+    const ViewGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
+};
+
+}  // namespace tvsgs
