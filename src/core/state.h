@@ -94,11 +94,14 @@ private:
 
 template <class Device>
 void visit_state(StateVisitor<Device>& visit, const std::string& prefix, Gaussians<Device>& g) {
-    visit(prefix + "means", g.means);
-    visit(prefix + "log_scales", g.log_scales);
-    visit(prefix + "quats", g.quats);
-    visit(prefix + "opacity_logits", g.opacity_logits);
-    visit(prefix + "sh", g.sh);
+    for_each_array(
+        [&](const SplatArray& array, auto& values) {
+            if (!array.optional)
+                visit(prefix + array.name, values);
+            else if (visit.loading() || !values.empty())
+                visit.optional(prefix + array.name, values);
+        },
+        g);
     visit.value(prefix + "sh_degree", g.sh_degree);
 }
 

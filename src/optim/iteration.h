@@ -57,6 +57,7 @@ public:
           extent_(scene.extent) {
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
+        for (const View& view : scene.train) cameras_.push_back(view.camera);
         objective_.values.resize(loss_stages_.size());
         objective_.partial.resize(kSumBlocks);
         objective_.count.resize(1);
@@ -148,6 +149,11 @@ public:
         if (fused_ != nullptr) write_statistics(Device{}, *fused_);
     }
 
+    /// Before the first step, and after each; see Backbone::prepare().
+    void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
+        backbone_->prepare(step, changed, cameras_, gaussians);
+    }
+
     /// visit(statistics) of what each training view sees of the splats.
     template <class Visit>
     void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
@@ -189,6 +195,7 @@ private:
     std::unique_ptr<Backbone<Device>> backbone_;
     std::unique_ptr<OtherViews<Device>> others_;
     DeviceViews<Device> views_;
+    std::vector<Camera> cameras_;  // of the training views
     ModelOptions model_;
     float extent_;
     Objective<Device> objective_;

@@ -50,12 +50,12 @@ template <class Device>
 void sort_by_place(Gaussians<Device>& g) {
     Buffer<int, Device> order;
     morton_order(g.means.span(), order);
-    const auto move = [&]<class T>(Buffer<T, Device>& values, int planes = 1) {
-        Buffer<T, Device> scratch;
-        gather(order.span(), {}, values, scratch, planes);
-    };
-    move(g.means), move(g.log_scales), move(g.quats), move(g.opacity_logits);
-    move(g.sh, sh_count(g.sh_degree));
+    for_each_array(
+        [&]<class T>(const SplatArray& array, Buffer<T, Device>& values) {
+            Buffer<T, Device> scratch;
+            if (!values.empty()) gather(order.span(), {}, values, scratch, array.planes);
+        },
+        g);
 }
 
 }  // namespace tvsgs

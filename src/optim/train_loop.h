@@ -36,6 +36,7 @@ Gaussians<Device> train(const Scene& scene,
             break;
         }
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
+        if (step == 1) iteration.prepare(0, true, t->gaussians);
         const int drawn = t->sampler.next();
         const DeviceView<Device>& view = iteration.fetch(step, drawn, t->sampler.peek(), t->losses);
         if (t->voter.due(step)) iteration.clock("voting", [&] { t.vote(step); });

@@ -105,9 +105,11 @@ struct TrainState {
         visit.value("tv.changed", progress.changed);
         if (!visit.loading() && progress.searched_at < 0) resize(searched, 0, 0);
         // The lists are a pure function of the splats searched, and many times as large.
-        visit("tv.searched.means", searched.means);
-        visit("tv.searched.log_scales", searched.log_scales);
-        visit("tv.searched.quats", searched.quats);
+        for_each_array(
+            [&](const SplatArray& array, auto& values) {
+                if (array.shape) visit(str("tv.searched.", array.name), values);
+            },
+            searched);
         if (visit.loading()) voter.restore(progress, searched);
     }
 
@@ -150,19 +152,26 @@ private:
                 throw Error(ExitCode::input, str("the checkpoint's '", name, "' has ", count,
                                                  " elements; expected ", n * each));
         };
-        for (const std::string prefix : {"", "adam.m.", "adam.v."}) {
-            for (const char* name : {"means", "log_scales", "quats", "opacity_logits"})
-                expect(prefix + name, 1, false);
-            expect(prefix + "sh", static_cast<std::size_t>(sh_count(degree)), false);
-        }
+        Gaussians<Cpu> shapes;
+        shapes.sh_degree = degree;
+        for (const std::string prefix : {"", "adam.m.", "adam.v."})
+            for_each_array(
+                [&](const SplatArray& array, const auto&) {
+                    expect(prefix + array.name, static_cast<std::size_t>(array.planes),
+                           array.optional);
+                },
+                shapes);
         expect("densify.statistics", 1, true);
         const bool voted = count_of("tv.flags") > 0;
         for (const char* name : {"tensors", "eigenvalues", "normals", "targets", "flags"})
             expect(str("tv.", name), 1, !voted);
         int searched_at = 0;
         visitor.value("tv.searched_at", searched_at);
-        for (const char* name : {"means", "log_scales", "quats"})
-            expect(str("tv.searched.", name), 1, searched_at < 0);
+        for_each_array(
+            [&](const SplatArray& array, const auto&) {
+                if (array.shape) expect(str("tv.searched.", array.name), 1, searched_at < 0);
+            },
+            shapes);
         int done = -1;
         visitor.value("iterations", done);
         if (n == 0 || done < 0)
@@ -202,9 +211,11 @@ public:
         s.voter.vote(step, s.gaussians, s.field,
                      std::any_of(s.losses.begin(), s.losses.end(), targets_read));
         if (!callbacks_.on_save || s.voter.progress().searched_at != step) return;
-        copy(s.gaussians.means, s.searched.means);
-        copy(s.gaussians.log_scales, s.searched.log_scales);
-        copy(s.gaussians.quats, s.searched.quats);
+        for_each_array(
+            [](const SplatArray& array, const auto& values, auto& searched) {
+                if (array.shape) copy(values, searched);
+            },
+            s.gaussians, s.searched);
     }
 
     void watch(int step, int view, Buffer<double, Device>& values) {
@@ -222,6 +233,7 @@ public:
             step, iteration.backbone().statistics(), s.gaussians, s.adam,
             [&](const auto& count_views) { iteration.observe(s.gaussians, count_views); });
         if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
+        iteration.prepare(step, event.structure_changed, s.gaussians);
     }
 
     void step_done(int step) {

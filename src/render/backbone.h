@@ -119,6 +119,15 @@ class Backbone {
 public:
     virtual ~Backbone() = default;
 
+    /// Before the first step of a training (`step` is 0) and after each: brings up to date what the
+    /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: splats came, went or
+    /// moved in memory in that step; what they had moved with them. `cameras`: those that train.
+    /// What it writes is saved with the splats; it must keep nothing else from step to step.
+    virtual void prepare(int /*step*/,
+                         bool /*changed*/,
+                         const std::vector<Camera>& /*cameras*/,
+                         Gaussians<Device>& /*gaussians*/) {}
+
     /// Renders; the result stays valid until the next call. `sh_degree` is the degree in use, at
     /// most the stored one.
     virtual const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,

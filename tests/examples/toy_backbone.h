@@ -7,7 +7,7 @@
 
 namespace tvsgs::examples {
 
-class ToyBackbone final : public Backbone<Cpu> {
+class ToyBackbone : public Backbone<Cpu> {
 public:
     const RenderedImages<Cpu>& forward(const Gaussians<Cpu>& g,
                                        const Camera& camera,
