@@ -10,6 +10,7 @@
 #include "core/rng.h"
 #include "core/scan.h"
 #include "optim/adam.h"
+#include "optim/growth_rules.h"
 #include "optim/splat_order.h"
 #include "render/backbone.h"
 
@@ -17,10 +18,12 @@ namespace tvsgs {
 
 struct DensifyOptions {
     bool enabled = true;
+    GrowthRule rule = GrowthRule::thresholds;
     int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000,
         prune_large_after = 3000;
     float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
-          reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f;
+          reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f,
+          abs_radius_px = 20;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -29,6 +32,8 @@ struct DensifyOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("enabled", enabled, "grow and prune at all");
+        field.choice("rule", rule, {"thresholds"},
+                     "which splats grow; thresholds: those of mean screen gradients");
         field("from", from, {0, 1e9}, "no densification up to and including this iteration");
         field("until", until, {0, 1e9}, "none from this iteration on");
         field("every", every, {1, 1e9}, "iterations between densifications");
@@ -48,6 +53,8 @@ struct DensifyOptions {
               "no such pruning up to and including this iteration");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
               "mean absolute screen gradient that splits a large splat");
+        field("abs_radius_px", abs_radius_px, {0, 1e6},
+              "largest radius on the screen above which it does, px");
         field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
         field("trim_min_views", trim_min_views, {0, 1e6},
               "splats in front in fewer training views are trimmed; 0: no trim");
@@ -58,11 +65,6 @@ struct DensifyOptions {
         field("max_per_pixel", max_per_pixel, {0, 1e6},
               "growth stops at so many splats per pixel of the training views; 0: not");
     }
-};
-
-/// Running sums of what decides about growth.
-struct GrowthStatistics {
-    float gradient, abs_gradient, views, max_radius_px;
 };
 
 struct AccumulateBody {
@@ -78,31 +80,6 @@ struct AccumulateBody {
         s.abs_gradient += std::sqrt(dot(abs_gradient[i], abs_gradient[i]));
         s.views += 1;
         if (front_pixels[i] > 0 && radii_px[i] > s.max_radius_px) s.max_radius_px = radii_px[i];
-    }
-};
-
-enum class Growth : std::uint8_t { none, clone, split, abs_split };
-
-/// Proposes a growth per splat and the score by which a quota would choose.
-struct ProposeBody {
-    Span<const GrowthStatistics> statistics;
-    Span<const Vec3f> log_scales;
-    float gradient_threshold, abs_threshold, size_threshold;
-    Span<Growth> growth;
-    Span<float> score;
-
-    TVSGS_HD void operator()(int i) const {
-        const GrowthStatistics& s = statistics[i];
-        const float gradient = s.views > 0 ? s.gradient / s.views : 0,
-                    abs = s.views > 0 ? s.abs_gradient / s.views : 0;
-        const Vec3f l = log_scales[i];
-        const float largest =
-            std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
-        const bool large = largest > size_threshold;
-        growth[i] = gradient >= gradient_threshold ? (large ? Growth::split : Growth::clone)
-                    : large && s.max_radius_px > 20 && abs >= abs_threshold ? Growth::abs_split
-                                                                            : Growth::none;
-        score[i] = growth[i] == Growth::none ? 0 : growth[i] == Growth::abs_split ? abs : gradient;
     }
 };
 
@@ -275,11 +252,12 @@ private:
     void grow_and_prune(int step, const Gaussians<Device>& g) {
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
-        parallel_for(
-            Device{}, g.size(),
-            ProposeBody{statistics_.span(), g.log_scales.span(), options_.gradient_threshold,
-                        options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-                        options_.percent_dense * extent_, growth_.span(), score_.span()});
+        propose_growth<Device>(
+            options_.rule,
+            {statistics_.span(), g, options_.gradient_threshold,
+             options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
+             options_.percent_dense * extent_, options_.abs_radius_px},
+            growth_.span(), score_.span());
         apply_quotas(g.size());
         const float infinite = 3e38f;
         parallel_for(
@@ -370,15 +348,30 @@ private:
     void gather_shapes(Span<const int> from,
                        Span<const std::uint8_t> cleared,
                        Gaussians<Device>& g) {
-        gather(from, cleared, g.means, scratch3_);
-        gather(from, cleared, g.log_scales, scratch3_);
-        gather(from, cleared, g.quats, scratch4_);
+        gather_arrays(true, from, cleared, g);
+    }
+    void gather_rest(Span<const std::uint8_t> cleared, Gaussians<Device>& g) {
+        gather_arrays(false, parents_.span(), cleared, g);
+    }
+    void gather_arrays(bool shapes,
+                       Span<const int> from,
+                       Span<const std::uint8_t> cleared,
+                       Gaussians<Device>& g) {
+        for_each_array(
+            [&](const SplatArray& array, auto& values) {
+                if (array.shape == shapes && !values.empty())
+                    gather(from, cleared, values, scratch_of(array, values), array.planes);
+            },
+            g);
     }
 
-    void gather_rest(Span<const std::uint8_t> cleared, Gaussians<Device>& g) {
-        gather(parents_.span(), cleared, g.opacity_logits, scratch1_);
-        gather(parents_.span(), cleared, g.sh, scratch_sh_, sh_count(g.sh_degree));
+    /// One for each type, as gather() swaps it with what it moves; the harmonics have their own,
+    /// else small arrays would end up in memory of their size.
+    auto& scratch_of(const SplatArray& array, const Buffer<Vec3f, Device>&) {
+        return array.planes > 1 ? scratch_sh_ : scratch3_;
     }
+    auto& scratch_of(const SplatArray&, const Buffer<Quatf, Device>&) { return scratch4_; }
+    auto& scratch_of(const SplatArray&, const Buffer<float, Device>&) { return scratch1_; }
 
     /// parents_ <- before[parents_]: two changes of structure in one step read as one.
     void chain_parents(Buffer<int, Device>& before, bool trimmed) {
