@@ -224,7 +224,7 @@ Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up
         copy(std::vector<Vec3f>(pixels, {share, share, -share}), dL_dimages.normal);
         copy(std::vector<float>(pixels, share), dL_dimages.depth);
     }
-    const auto backbone = make_backbone<Device>("pgsr", {});
+    const auto backbone = make_backbone<Device>(TrainOptions{}.backbone, {});
     if (atomic) backbone->use_atomic_sums();
     // At rate 0 Adam works as ever, but the view stays the same.
     Adam<Device> adam({0, 0, 1, 0, 0, 0, 0, 0}, splats);

@@ -45,7 +45,7 @@ struct OptimOptions {
 struct TrainOptions {
     int iterations = 30000;
     std::int64_t seed = 0, photo_bytes = 0;
-    std::string backbone = "3dgs";
+    std::string backbone = "ewa";
     ModelOptions model;
     BackboneOptions core;
     AdamOptions lr;
@@ -62,7 +62,7 @@ struct TrainOptions {
         field("photo_bytes", photo_bytes, {0, 9e15},
               "photographs to hold on the device, bytes; where there are more, they come from the "
               "host while it works, with the same results; 0: all");
-        field("backbone", backbone, "3dgs or pgsr");
+        field("backbone", backbone, "the rasteriser: ewa");
         field.group("model", model, "the Gaussians");
         field.group("core", core, "the rasteriser");
         field.group("lr", lr, "learning rates");

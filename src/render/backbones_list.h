@@ -23,13 +23,28 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make) {
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
-    if (name == "3dgs" || name == "pgsr") return std::make_unique<EwaBackbone<Device>>(options);
-    std::string known = "3dgs and pgsr";
-    for (const auto& [added, make] : added_backbones<Device>()) {
-        if (added == name) return make(options);
-        known = added + ", " + known;
+    struct Entry {
+        const char* name;
+        std::unique_ptr<Backbone<Device>> (*make)(const BackboneOptions&);
+    };
+    static constexpr Entry kBackbones[] = {
+        {"ewa",
+         [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+             return std::make_unique<EwaBackbone<Device>>(o);
+         }},
+    };
+    // As earlier versions called it, after the methods that it serves.
+    const std::string now = name == "3dgs" || name == "pgsr" ? "ewa" : name;
+    std::string known;
+    for (const Entry& entry : kBackbones) {
+        if (entry.name == now) return entry.make(options);
+        known += str(known.empty() ? "" : ", ", entry.name);
     }
-    throw Error(ExitCode::usage, str("backbone '", name, "' is not known; there are ", known));
+    for (const auto& [added, make] : added_backbones<Device>()) {
+        if (added == now) return make(options);
+        known += ", " + added;
+    }
+    throw Error(ExitCode::usage, str("backbone '", name, "' is not known; there are: ", known));
 }
 
 }  // namespace tvsgs

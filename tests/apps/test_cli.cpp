@@ -75,7 +75,7 @@ TEST_F(Cli, RunFolderIsComplete) {
     const fs::path run = folder_ / "run";
     const json config = json::parse(contents(run / "config.json"));
     EXPECT_EQ(config.at("iterations"), kIterations);
-    EXPECT_EQ(config.at("backbone"), "pgsr");
+    EXPECT_EQ(config.at("backbone"), "ewa");
     EXPECT_EQ(config.at("loss").at("normal").at("start"), 20);
     EXPECT_EQ(config.at("scene").at("split"), "train_3");
     EXPECT_TRUE(config.at("info").contains("version"));
@@ -141,7 +141,7 @@ TEST_F(Cli, UsageErrorsNameTheNearest) {
     expect_refused("--scene scene --set tv.k=0", 2, "tv.k");
     std::ofstream(folder_ / "bad.json") << R"({"tv": {"vote_evry": 3}})";
     expect_refused("--scene scene --config bad.json", 2, "tv.vote_every");
-    expect_refused("--scene scene --set backbone=pgrs", 2, "pgsr");
+    expect_refused("--scene scene --set backbone=ewas", 2, "ewa");
     expect_refused("", 2, "--scene");
     EXPECT_EQ(call("train", "--help").code, 0);
     EXPECT_EQ(call("train", "--version").code, 0);

@@ -139,7 +139,7 @@ template <class Device>
 Stepped step_views(Way way, int steps, bool with_extra = true) {
     Gaussians<Device> g, extra, gradients;
     copy(test::random_gaussians(120, 7, 0.05), g);
-    const auto backbone = make_backbone<Device>("pgsr", {});
+    const auto backbone = make_backbone<Device>("ewa", {});
     AdamOptions options;
     options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
     Adam<Device> adam(options, g);
@@ -198,7 +198,7 @@ TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
 TEST(FusedStep, AHaltedStepChangesNothing) {
     Gaussians<Cpu> g = test::random_gaussians(50, 7, 0.05), none, before;
     copy(g, before);
-    const auto backbone = make_backbone<Cpu>("3dgs", {});
+    const auto backbone = make_backbone<Cpu>("ewa", {});
     Adam<Cpu> adam({}, g);
     backbone->forward(g, narrow_camera(0), 3, Maps::color);
     ImageGradients<Cpu> dL_dimages;

@@ -327,9 +327,9 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
     Gaussians<Cpu> g = plane_of_discs(0.05), gradients;
     ASSERT_NEAR(off_plane(g).distance, 0.05, 1e-6);
     ASSERT_LT(off_plane(g).tilt, 1e-6);
-    auto backbone = make_backbone<Cpu>("pgsr", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     std::vector<std::unique_ptr<Backbone<Cpu>>> backbones;
-    backbones.push_back(make_backbone<Cpu>("pgsr", {}));
+    backbones.push_back(make_backbone<Cpu>("ewa", {}));
     OtherViews<Cpu> others({{{1, 2}, {0, 2}, {0, 1}}, 0.1f}, std::move(backbones), 5);
     LossOptions options;
     options.photometric.weight = 0;

@@ -10,7 +10,7 @@ namespace tvsgs::test {
 inline Scene rendered_scene() {
     const Gaussians<Cpu> truth = random_gaussians(150, 21, 0.15, 0);
     Scene scene;
-    auto backbone = make_backbone<Cpu>("3dgs", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     for (float angle : {-0.4f, 0.0f, 0.4f}) {
         View view;
         view.camera = test_camera(40, 30, angle);
@@ -33,7 +33,7 @@ inline Scene rendered_scene() {
 inline TrainOptions everything_on(int iterations) {
     TrainOptions o;
     o.iterations = iterations;
-    o.backbone = "pgsr";
+    o.backbone = "ewa";
     o.loss.flatten.weight = 1;
     o.loss.normal = {0.015f, 5};
     o.loss.multi_view_geometry = {0.03f, 7};

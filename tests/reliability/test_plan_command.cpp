@@ -82,7 +82,7 @@ TEST_F(PlanCommand, IsKeptWithTheRunWhichItsConfigurationRepeats) {
             EXPECT_EQ(found.is_string() ? found.get<std::string>() : found.dump(), value) << key;
         }
     EXPECT_EQ(resolved("planned")["plan"]["enabled"], false);
-    EXPECT_EQ(resolved("planned")["backbone"], "pgsr");
+    EXPECT_EQ(resolved("planned")["backbone"], "ewa");
     ASSERT_EQ(call("train", "--config planned/config.json --device cpu --out again").code, 0);
     EXPECT_FALSE(fs::exists(folder_ / "again/plan.json"));
     EXPECT_EQ(splats("planned"), splats("again"));

@@ -127,7 +127,7 @@ ImageGradients<Device> weight_images(int pixels) {
 TEST(Render, AgainstBruteForceInDouble) {
     const auto g = random_gaussians(300, 7, 0.08);
     const Camera camera = test_camera(45, 37);  // no multiple of the tile size
-    auto backbone = make_backbone<Cpu>("pgsr", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images = backbone->forward(g, camera, 3, Maps::color | kGeometryMaps);
     const auto reference = Reference(g).render(camera);
     for (std::size_t p = 0; p < reference.size(); ++p) {
@@ -152,7 +152,7 @@ TEST(Render, AgainstBruteForceInDouble) {
 TEST(Render, BackwardAgainstDifferencesOfBruteForce) {
     const auto g = random_gaussians(40, 8, 0.1);
     const Camera camera = test_camera(32, 32);
-    auto backbone = make_backbone<Cpu>("pgsr", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images = backbone->forward(g, camera, 3, Maps::color | kGeometryMaps);
     // Depth where it is well defined: grazing planes and almost empty pixels differ as a whole.
     std::vector<char> with_depth;
@@ -222,7 +222,7 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
     }
     Camera camera = test_camera(80, 60);
     camera.camera_from_world = {};
-    auto backbone = make_backbone<Cpu>("pgsr", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images = backbone->forward(g, camera, 0, kGeometryMaps);
     int covered = 0;
     for (int y = 0; y < 60; ++y)
@@ -240,7 +240,7 @@ TEST(Render, PlaneOfSplatsHasExactDepthAndNormal) {
     // Official rays pass half a pixel up and left of the centres: the same plane, another depth.
     BackboneOptions options;
     options.pixel_center = PixelCenter::official;
-    auto official = make_backbone<Cpu>("pgsr", options);
+    auto official = make_backbone<Cpu>("ewa", options);
     const auto& shifted = official->forward(g, camera, 0, kGeometryMaps);
     for (int at = 30 * 80 + 20; at < 30 * 80 + 60; ++at) {
         const std::size_t p = static_cast<std::size_t>(at);
@@ -264,7 +264,7 @@ TEST(Render, OneOpaqueSplat) {
     Camera camera = test_camera(33, 33);
     camera.cx_px = camera.cy_px = 16.5f;  // the centre of pixel 16
     camera.camera_from_world = {{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}, {0, 0, 4}};
-    auto backbone = make_backbone<Cpu>("3dgs", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images = backbone->forward(g, camera, 3, Maps::color);
     EXPECT_NEAR(images.color[16 * 33 + 16].x, 0.99f, 1e-6f);
     EXPECT_NEAR(images.transmittance[16 * 33 + 16], 0.01f, 1e-6f);
@@ -289,7 +289,7 @@ TEST(Render, CulledAndBrokenSplatsDrawNothing) {
     g.log_scales[3] = {NAN, 0, 0};
     g.log_scales[4] = {80, 80, 80};  // overflows
     g.opacity_logits[5] = -10;       // below 1/255
-    auto backbone = make_backbone<Cpu>("pgsr", {});
+    auto backbone = make_backbone<Cpu>("ewa", {});
     const auto& images =
         backbone->forward(g, test_camera(20, 20, 0), 3, Maps::color | kGeometryMaps);
     for (std::size_t p = 0; p < 400; ++p) {
@@ -305,7 +305,7 @@ TEST(Render, BitIdenticalForAnyNumberOfThreads) {
     const Camera camera = test_camera(64, 48);
     const auto run = [&](int threads) {
         omp_set_num_threads(threads);
-        auto backbone = make_backbone<Cpu>("pgsr", {});
+        auto backbone = make_backbone<Cpu>("ewa", {});
         backbone->forward(g, camera, 3, Maps::color | kGeometryMaps);
         Gaussians<Cpu> dL;
         resize(dL, g.size(), 3);
@@ -323,8 +323,10 @@ TEST(Backbones, UnknownNameListsTheKnownOnes) {
         make_backbone<Cpu>("4dgs", {});
         FAIL();
     } catch (const std::exception& error) {
-        EXPECT_NE(std::string(error.what()).find("pgsr"), std::string::npos);
+        EXPECT_NE(std::string(error.what()).find("ewa"), std::string::npos);
     }
+    for (const char* earlier : {"3dgs", "pgsr"})
+        EXPECT_NE(make_backbone<Cpu>(earlier, {}), nullptr);
 }
 
 /// sqrt(sum (a-b)^2 / sum a^2) over all floats.
@@ -353,7 +355,7 @@ template <class Device>
 Outcome<Device> run(const Gaussians<Cpu>& host, const Camera& camera, Maps maps) {
     Gaussians<Device> g, dL;
     copy(host, g);
-    auto backbone = make_backbone<Device>("pgsr", {});
+    auto backbone = make_backbone<Device>("ewa", {});
     const auto& images = backbone->forward(g, camera, 3, maps);
     resize(dL, g.size(), 3);
     fill_zero(dL);
@@ -418,7 +420,7 @@ template <class Device>
 BlendWork work_of(const Gaussians<Cpu>& host, const Camera& camera) {
     Gaussians<Device> g;
     copy(host, g);
-    const auto backbone = make_backbone<Device>("3dgs", {});
+    const auto backbone = make_backbone<Device>("ewa", {});
     backbone->forward(g, camera, 3, Maps::color);
     return backbone->blend_work();
 }
@@ -466,7 +468,7 @@ TEST(CullAlpha, LeavesOutOnlyWhatIsFainter) {
     const auto transmittance = [&](float cull_alpha) {
         BackboneOptions options;
         options.cull_alpha = cull_alpha;
-        const auto backbone = make_backbone<Cpu>("3dgs", options);
+        const auto backbone = make_backbone<Cpu>("ewa", options);
         return to_host(backbone->forward(g, camera, 3, Maps::color).transmittance);
     };
     const float alpha = 0.05f;
