@@ -9,14 +9,23 @@
 
 namespace tvsgs {
 
+/// What is known of a view beside its photograph, per pixel: a prior depth, normals, features. Its
+/// size need not be the photograph's.
+struct ViewMap {
+    std::string name;  // what terms ask for; "mask" is View::mask
+    int width_px = 0, height_px = 0, channels = 1;
+    std::vector<float> values{};  // [height width channels]
+};
+
 /// One photograph with its camera; photo and mask have its size.
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
-    ImageU8 photo;         // [H, W, 3]
-    ImageU8 mask;          // [H, W, 1], 255 = object; empty: none
-    ImageU8 grey;          // [H', W', 1] finer than the photo, for matching patches; empty: none
-    double reduction = 1;  // width of the photograph's file over that of the photo
+    ImageU8 photo;  // [H, W, 3]
+    ImageU8 mask;   // [H, W, 1], 255 = object; empty: none
+    ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
+    std::vector<ViewMap> maps{};  // of different names
+    double reduction = 1;         // width of the photograph's file over that of the photo
 };
 
 struct PointCloud {

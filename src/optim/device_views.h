@@ -2,12 +2,13 @@
 #pragma once
 
 #include <algorithm>
+#include <string>
 #include <vector>
 
 #include "core/copy_lane.h"
 #include "core/scene.h"
+#include "optim/edge_strength.h"
 #include "optim/loss.h"
-#include "optim/loss_normal.h"
 
 namespace tvsgs {
 
@@ -16,48 +17,56 @@ inline int views_at_hand(const LossNeeds& needs) {
     return 2 * (1 + needs.other_views);
 }
 
-/// With `budget` bytes for all photographs, or no budget (0), they stay on the device. Else
-/// views_at_hand() have theirs there.
+/// With `budget` bytes for all photographs and maps, or no budget (0), they stay on the device.
+/// Else views_at_hand() have theirs there.
 template <class Device>
 class DeviceViews {
 public:
     /// `views` have to outlive this.
     DeviceViews(const std::vector<View>& views, const LossNeeds& needs, std::int64_t budget)
         : hosts_(views.size()), views_(views.size()) {
-        std::size_t bytes = 0, most_photo = 0, most_grey = 0;
+        std::size_t bytes = 0;
+        std::vector<std::size_t> most;  // of each array
         for (std::size_t i = 0; i < views.size(); ++i) {
-            describe(views[i], needs, views_[i], hosts_[i]);
-            bytes += hosts_[i].photo->size() + hosts_[i].grey->size();
-            most_photo = std::max(most_photo, hosts_[i].photo->size());
-            most_grey = std::max(most_grey, hosts_[i].grey->size());
             views_[i].index = static_cast<int>(i);
+            describe(views[i], needs, views_[i], hosts_[i]);
+            const auto& arrays = hosts_[i].arrays;
+            most.resize(arrays.size());
+            for (std::size_t a = 0; a < arrays.size(); ++a)
+                bytes += arrays[a].bytes, most[a] = std::max(most[a], arrays[a].bytes);
         }
         if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
             views.size() <= static_cast<std::size_t>(views_at_hand(needs))) {
             for (std::size_t i = 0; i < views.size(); ++i)
-                copy(*hosts_[i].photo, views_[i].photo), copy(*hosts_[i].grey, views_[i].grey);
+                for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
+                    const Array& from = hosts_[i].arrays[a];
+                    set_bytes(buffer, from.bytes);
+                    detail::copy(Cpu{}, from.data, Device{}, buffer.data(), from.bytes);
+                });
             hosts_.clear();
             return;
         }
-        for (int s = 0; s < views_at_hand(needs); ++s) {
-            slots_.push_back({CopyLane<Device>(most_photo), CopyLane<Device>(most_grey), {}, {}});
-            slots_.back().photo.resize(most_photo), slots_.back().grey.resize(most_grey);
+        uploads_.resize(static_cast<std::size_t>(views_at_hand(needs)));
+        for (Upload& upload : uploads_) {
+            upload.memory.maps.resize(needs_maps(needs));
+            for_each_buffer(upload.memory, [&](std::size_t a, auto& buffer) {
+                upload.lanes.emplace_back(most[a]);
+                set_bytes(buffer, most[a]);
+            });
         }
     }
     DeviceViews(const DeviceViews&) = delete;
     DeviceViews& operator=(const DeviceViews&) = delete;
 
-    bool all_resident() const { return slots_.empty(); }
+    bool all_resident() const { return uploads_.empty(); }
 
-    /// Their cameras; photographs may be missing.
+    /// Their cameras; photographs and maps may be missing.
     const std::vector<DeviceView<Device>>& views() const { return views_; }
 
     /// With its photographs; they go when as many others as there are at hand have been asked for.
     const DeviceView<Device>& get(int view) {
-        if (!all_resident()) {
-            Slot& slot = bring(view);
-            slot.photo_lane.wait(), slot.grey_lane.wait();
-        }
+        if (!all_resident())
+            for (CopyLane<Device>& lane : bring(view).lanes) lane.wait();
         return views_[static_cast<std::size_t>(view)];
     }
 
@@ -67,16 +76,41 @@ public:
     }
 
 private:
-    struct Host {
-        const std::vector<std::uint8_t>*photo, *grey;
-        std::vector<std::uint8_t> own_grey;
+    struct Array {
+        const void* data;
+        std::size_t bytes;
     };
-    struct Slot {
-        CopyLane<Device> photo_lane, grey_lane;
-        Buffer<std::uint8_t, Device> photo, grey;  // with the view while it has one
+    struct Host {
+        std::vector<Array> arrays;  // in the order of for_each_buffer()
+        std::vector<std::uint8_t> own_grey;
+        std::vector<float> own_mask;
+    };
+    struct Upload {
+        DeviceView<Device> memory;  // its buffers are with the view while it has one
+        std::vector<CopyLane<Device>> lanes;
         int view = -1;
         std::int64_t asked = 0;
     };
+
+    /// visit(number, buffer) for each buffer that comes from the host.
+    template <class Visit>
+    static void for_each_buffer(DeviceView<Device>& view, const Visit& visit) {
+        std::size_t a = 0;
+        visit(a++, view.photo), visit(a++, view.grey);
+        for (DeviceMap<Device>& map : view.maps) visit(a++, map.values);
+    }
+    template <class T>
+    static void set_bytes(Buffer<T, Device>& buffer, std::size_t bytes) {
+        buffer.resize(bytes / sizeof(T));
+    }
+    static std::size_t needs_maps(const LossNeeds& needs) {
+        return static_cast<std::size_t>(needs.view_maps.end() - needs.view_maps.begin());
+    }
+
+    template <class T>
+    static Array array_of(const std::vector<T>& values) {
+        return {values.data(), values.size() * sizeof(T)};
+    }
 
     static void describe(const View& from,
                          const LossNeeds& needs,
@@ -84,7 +118,7 @@ private:
                          Host& host) {
         const ImageU8& photo = from.photo;
         to.camera = from.camera;
-        host.photo = &photo.pixels, host.grey = &host.own_grey;
+        host.arrays.push_back(array_of(photo.pixels));
         if (needs.edges) {
             float low = 1, high = 0;
             for (int y = 1; y + 1 < photo.height; ++y)
@@ -94,44 +128,82 @@ private:
                 }
             to.edge_min = low, to.edge_max = std::max(low, high);
         }
-        if (!needs.grey) return;
+        describe_grey(from, needs.grey, to, host);
+        for (const std::string_view name : needs.view_maps) describe_map(from, name, to, host);
+    }
+
+    static void describe_grey(const View& from, bool needed, DeviceView<Device>& to, Host& host) {
         const bool given = !from.grey.empty();
-        ImageU8 made = given ? ImageU8{} : grey_of(photo);
-        const ImageU8& grey = given ? from.grey : made;
-        to.grey_width = grey.width, to.grey_height = grey.height;
-        if (!given) host.own_grey = std::move(made.pixels);
-        if (given) host.grey = &from.grey.pixels;
-    }
-
-    /// The slot that has the view or is about to: else the one that was asked for longest ago.
-    Slot& bring(int view) {
-        auto slot = std::find_if(slots_.begin(), slots_.end(),
-                                 [view](const Slot& s) { return s.view == view; });
-        if (slot == slots_.end()) {
-            slot = std::min_element(slots_.begin(), slots_.end(),
-                                    [](const Slot& a, const Slot& b) { return a.asked < b.asked; });
-            if (slot->view >= 0) exchange(*slot);
-            slot->view = view;
-            exchange(*slot);
-            const Host& host = hosts_[static_cast<std::size_t>(view)];
-            DeviceView<Device>& to = views_[static_cast<std::size_t>(view)];
-            // Shrinking keeps the memory, and no view is larger than it.
-            to.photo.resize(host.photo->size()), to.grey.resize(host.grey->size());
-            slot->photo_lane.start(host.photo->data(), to.photo.data(), to.photo.size());
-            slot->grey_lane.start(host.grey->data(), to.grey.data(), to.grey.size());
+        if (needed) {
+            ImageU8 made = given ? ImageU8{} : grey_of(from.photo);
+            const ImageU8& grey = given ? from.grey : made;
+            to.grey_width = grey.width, to.grey_height = grey.height;
+            host.own_grey = std::move(made.pixels);
         }
-        slot->asked = ++asked_;
-        return *slot;
+        host.arrays.push_back(array_of(needed && given ? from.grey.pixels : host.own_grey));
     }
 
-    void exchange(Slot& slot) {
-        DeviceView<Device>& view = views_[static_cast<std::size_t>(slot.view)];
-        slot.photo.swap(view.photo), slot.grey.swap(view.grey);
+    /// Nothing where the view has no such map.
+    static void describe_map(const View& from,
+                             std::string_view name,
+                             DeviceView<Device>& to,
+                             Host& host) {
+        DeviceMap<Device>& map = to.maps.emplace_back();
+        map.name = name;
+        if (name == "mask") {
+            map.width_px = from.mask.width, map.height_px = from.mask.height;
+            for (const std::uint8_t value : from.mask.pixels)
+                host.own_mask.push_back(static_cast<float>(value) / 255);
+            host.arrays.push_back(array_of(host.own_mask));
+            return;
+        }
+        const auto found = std::find_if(from.maps.begin(), from.maps.end(),
+                                        [&](const ViewMap& m) { return m.name == name; });
+        if (found == from.maps.end()) {
+            host.arrays.push_back({nullptr, 0});
+            return;
+        }
+        map.width_px = found->width_px, map.height_px = found->height_px;
+        map.channels = found->channels;
+        host.arrays.push_back(array_of(found->values));
+    }
+
+    /// The upload that has the view or is about to: else the one that was asked for longest ago.
+    Upload& bring(int view) {
+        auto upload = std::find_if(uploads_.begin(), uploads_.end(),
+                                   [view](const Upload& u) { return u.view == view; });
+        if (upload == uploads_.end()) {
+            upload = std::min_element(
+                uploads_.begin(), uploads_.end(),
+                [](const Upload& a, const Upload& b) { return a.asked < b.asked; });
+            if (upload->view >= 0) exchange(*upload);
+            upload->view = view;
+            exchange(*upload);
+            const Host& host = hosts_[static_cast<std::size_t>(view)];
+            for_each_buffer(views_[static_cast<std::size_t>(view)],
+                            [&](std::size_t a, auto& buffer) {
+                                // Shrinking keeps the memory, and no view's array is larger than
+                                // it.
+                                const Array& from = host.arrays[a];
+                                set_bytes(buffer, from.bytes);
+                                upload->lanes[a].start(from.data, buffer.data(), from.bytes);
+                            });
+        }
+        upload->asked = ++asked_;
+        return *upload;
+    }
+
+    void exchange(Upload& upload) {
+        DeviceView<Device>&view = views_[static_cast<std::size_t>(upload.view)],
+        &memory = upload.memory;
+        memory.photo.swap(view.photo), memory.grey.swap(view.grey);
+        for (std::size_t m = 0; m < view.maps.size(); ++m)
+            memory.maps[m].values.swap(view.maps[m].values);
     }
 
     std::vector<Host> hosts_;
     std::vector<DeviceView<Device>> views_;
-    std::vector<Slot> slots_;  // empty: all photographs are on the device
+    std::vector<Upload> uploads_;  // empty: all photographs and maps are on the device
     std::int64_t asked_ = 0;
 };
 

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -45,6 +46,7 @@ struct LossNeeds {
     int other_views = 0, rendered_views = 0;
     bool edges = false;            // of the photographs: DeviceView::edge_min, edge_max
     bool grey = false;             // of the photographs: DeviceView::grey
+    MapNames view_maps{};          // DeviceView::map(); a view may lack them
     bool targets = false;          // of the tensor field
     bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
 };
@@ -53,6 +55,7 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.other_views = std::max(a.other_views, b.other_views);
     a.rendered_views = std::max(a.rendered_views, b.rendered_views);
     a.edges |= b.edges, a.grey |= b.grey;
+    for (const std::string_view name : b.view_maps) a.view_maps.add(name);
     a.targets |= b.targets, a.splat_gradients |= b.splat_gradients;
     return a;
 }
@@ -182,6 +185,13 @@ struct TermOnList {
     LossNeeds needs;
 };
 std::vector<TermOnList> terms_on_list(const LossOptions& options);
+
+/// A term of the program's own, in every training that starts from now on: for those who link this
+/// library. Ours stand in losses_list.h.
+template <class Device>
+using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
+template <class Device>
+void add_loss(const TermOnList& term, MakeLoss<Device> make);
 
 /// What the terms with a weight above 0 want at one iteration or another.
 LossNeeds needs_of(const LossOptions& options);

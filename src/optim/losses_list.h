@@ -2,7 +2,10 @@
 // among LossOptions::terms(), and a line here.
 #pragma once
 
+#include <map>
+#include <string>
 #include <type_traits>
+#include <vector>
 
 #include "optim/loss_flatten.h"
 #include "optim/loss_multiview_geometry.h"
@@ -29,6 +32,25 @@ void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit
           c.length_unit);
 }
 
+/// Of this program, beside ours.
+inline std::vector<TermOnList>& added_terms() {
+    static std::vector<TermOnList> terms;
+    return terms;
+}
+template <class Device>
+auto& added_losses() {
+    static std::map<std::string, MakeLoss<Device>> added;
+    return added;
+}
+
+template <class Device>
+void add_loss(const TermOnList& term, MakeLoss<Device> make) {
+    std::vector<TermOnList>& terms = added_terms();
+    std::erase_if(terms, [&](const TermOnList& t) { return t.key == term.key; });
+    terms.push_back(term);
+    added_losses<Device>()[term.key] = std::move(make);
+}
+
 template <class Device>
 std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
                                                        const LossContext& context) {
@@ -39,6 +61,8 @@ std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& option
                              if (of.weight > 0)
                                  losses.push_back(std::make_unique<Term>(of, more...));
                          });
+    for (const TermOnList& term : added_terms())
+        if (term.weight > 0) losses.push_back(added_losses<Device>().at(term.key)(context));
     return losses;
 }
 

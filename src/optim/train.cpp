@@ -16,6 +16,7 @@ std::vector<TermOnList> terms_on_list(const LossOptions& options) {
         [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of, const auto&...) {
             list.push_back({key, of.weight, Term::kNeeds});
         });
+    list.insert(list.end(), added_terms().begin(), added_terms().end());
     return list;
 }
 
@@ -26,6 +27,7 @@ LossNeeds needs_of(const LossOptions& options) {
     return needs;
 }
 
+template void add_loss<Cpu>(const TermOnList&, MakeLoss<Cpu>);
 template Gaussians<Cpu> train<Cpu>(const Scene&,
                                    const TrainOptions&,
                                    const TrainCallbacks&,

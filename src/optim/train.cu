@@ -3,6 +3,7 @@
 
 namespace tvsgs {
 
+template void add_loss<Cuda>(const TermOnList&, MakeLoss<Cuda>);
 template Gaussians<Cuda> train<Cuda>(const Scene&,
                                      const TrainOptions&,
                                      const TrainCallbacks&,

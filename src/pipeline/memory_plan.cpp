@@ -27,9 +27,12 @@ constexpr std::int64_t kProgram = 32 * kMiB;
 
 std::int64_t photo_bytes(const std::vector<View>& views) {
     std::int64_t bytes = 0;
-    for (const View& v : views)
+    for (const View& v : views) {
         bytes += static_cast<std::int64_t>(v.photo.pixels.size() + v.mask.pixels.size() +
                                            v.grey.pixels.size());
+        for (const ViewMap& map : v.maps)
+            bytes += static_cast<std::int64_t>(map.values.size() * sizeof(float));
+    }
     return bytes;
 }
 

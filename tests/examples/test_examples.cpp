@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "examples/toy_backbone.h"
+#include "examples/toy_loss.h"
+#include "optim/device_views.h"
 #include "optim/train.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
@@ -75,6 +77,171 @@ TEST(ToyBackbone, TrainsByItsName) {
     ASSERT_EQ(losses.size(), 4u);
     EXPECT_LT(losses.back(), 0.5 * losses.front());
     EXPECT_GT(trained.size(), 0);
+}
+
+/// The scene of dots with maps that want it darker than its photographs; the last view has none.
+Scene scene_with_maps() {
+    Scene scene = scene_of_dots();
+    for (std::size_t v = 0; v < 2; ++v) {
+        ViewMap map{"brightness", 40, 30};
+        const ImageU8& photo = scene.train[v].photo;
+        for (std::size_t p = 0; p < photo.pixels.size(); p += 3)
+            map.values.push_back(
+                static_cast<float>(photo.pixels[p] + photo.pixels[p + 1] + photo.pixels[p + 2]) /
+                (4 * 255));
+        scene.train[v].maps = {{"unread", 1, 1}, std::move(map)};
+    }
+    return scene;
+}
+
+double value_of(const TrainReport& report, std::string_view term) {
+    for (const auto& [name, value] : report.terms)
+        if (name == term) return value;
+    return -1;
+}
+
+TEST(ToyLoss, DerivativesAreThoseOfItsValue) {
+    examples::BrightnessLoss<Cpu> loss({3, 1});
+    RenderedImages<Cpu> images;
+    copy(std::vector<Vec3f>{{0.2f, 0.4f, 0.9f}, {1, 0, 0.3f}}, images.color);
+    DeviceView<Cpu> view;
+    view.maps.push_back({"brightness", 2, 1, 1, {}});
+    copy(std::vector<float>{0.6f, 0.1f}, view.maps[0].values);
+    const Gaussians<Cpu> none;
+    const TensorField<Cpu> field;
+    Objective<Cpu> objective;
+    objective.dL_dimages.color.resize(2);
+    objective.partial.resize(kSumBlocks);
+    objective.values.resize(1);
+    const auto value = [&] {
+        objective.values.fill_zero(), objective.dL_dimages.color.fill_zero();
+        loss.add_to(objective, objective.values.data(), {none, images, view, field, {}, 1});
+        return objective.values[0];
+    };
+    value();
+    const std::vector<Vec3f> dL = to_host(objective.dL_dimages.color);
+    for (std::size_t p = 0; p < 2; ++p)
+        for (int c = 0; c < 3; ++c) {
+            float& x = images.color[p][c];
+            const float kept = x;
+            const double slope = test::central_difference(
+                [&](double h) {
+                    x = kept + static_cast<float>(h);
+                    return value();
+                },
+                1e-2);
+            x = kept;
+            EXPECT_NEAR(dL[p][c], slope, 1e-4);
+        }
+    view.maps[0].values.resize(0);
+    EXPECT_EQ(value(), 0) << "a view without the map";
+}
+
+TEST(ToyLoss, TrainsOnMapsThatComeWithTheViews) {
+    add_backbone<Cpu>(
+        "toy", [](const BackboneOptions&) { return std::make_unique<examples::ToyBackbone>(); });
+    const ScheduledOptions weight{2, 11};
+    add_loss<Cpu>({"brightness", weight.weight, examples::BrightnessLoss<Cpu>::kNeeds},
+                  [&](const LossContext&) {
+                      return std::make_unique<examples::BrightnessLoss<Cpu>>(weight);
+                  });
+    TrainOptions options;
+    options.backbone = "toy";
+    options.iterations = 120;
+    options.densify.enabled = false;
+    options.loss.photometric.weight = 0.01f;
+    const Scene scene = scene_with_maps();
+    std::vector<double> values;
+    TrainCallbacks callbacks;
+    callbacks.report_due = [](int) { return true; };
+    callbacks.on_report = [&](const TrainReport& report) {
+        values.push_back(value_of(report, "brightness"));
+    };
+    const auto resident = train<Cpu>(scene, options, callbacks, {}, {});
+    for (std::size_t i = 0; i < 10; ++i) EXPECT_EQ(values[i], 0);
+    const auto sum_of_round = [&](std::size_t from) {
+        return values[from] + values[from + 1] + values[from + 2];
+    };
+    EXPECT_GT(sum_of_round(12), 0);
+    EXPECT_LT(sum_of_round(117), 0.2 * sum_of_round(12));
+    int none = 0;
+    for (std::size_t i = 12; i < values.size(); ++i) none += values[i] == 0;
+    EXPECT_EQ(none, 36) << "one view of three has no map";
+
+    options.photo_bytes = 1;  // photographs and maps come from the host
+    const auto streamed = train<Cpu>(scene, options, {}, {}, {});
+    EXPECT_EQ(to_host(resident.opacity_logits), to_host(streamed.opacity_logits));
+    add_loss<Cpu>({"brightness", 0, {}}, {});  // for the tests after this one
+}
+
+TEST(ViewMaps, MasksAreMapsAndNamesAreListedOnce) {
+    Scene scene = scene_of_dots();
+    scene.train[1].mask = ImageU8(40, 30, 1);
+    scene.train[1].mask.pixels.assign(1200, 0);
+    scene.train[1].mask.pixels[7] = 255;
+    LossNeeds needs{.view_maps = {"mask", "depth"}};
+    needs |= LossNeeds{.view_maps = {"depth"}};
+    DeviceViews<Cpu> views(scene.train, needs, 0);
+    EXPECT_EQ(views.get(0).maps.size(), 2u);
+    EXPECT_EQ(views.get(0).map("mask"), nullptr);
+    const DeviceMap<Cpu>* const mask = views.get(1).map("mask");
+    ASSERT_NE(mask, nullptr);
+    EXPECT_EQ(mask->values[6], 0);
+    EXPECT_EQ(mask->values[7], 1);
+    EXPECT_EQ(views.get(1).map("depth"), nullptr);
+}
+
+/// Keeps the distance of each splat from the nearest camera, looked up now and then.
+class KeepingBackbone : public examples::ToyBackbone {
+public:
+    void prepare(int step,
+                 bool changed,
+                 const std::vector<Camera>& cameras,
+                 Gaussians<Cpu>& g) override {
+        EXPECT_EQ(g.filter.size(), step == 0 ? 0 : g.means.size()) << step;
+        EXPECT_EQ(cameras.size(), 3u);
+        if (!changed && step % 7 != 0) return;
+        g.filter.resize(g.means.size());
+        for (std::size_t i = 0; i < g.means.size(); ++i) {
+            g.filter[i] = 1e9f;
+            for (const Camera& c : cameras)
+                g.filter[i] = std::min(g.filter[i], norm(g.means[i] - camera_centre(c)));
+        }
+    }
+    const RenderedImages<Cpu>& forward(const Gaussians<Cpu>& g,
+                                       const Camera& camera,
+                                       int sh_degree,
+                                       Maps maps) override {
+        EXPECT_EQ(g.filter.size(), g.means.size());
+        return ToyBackbone::forward(g, camera, sh_degree, maps);
+    }
+};
+
+/// What a rasteriser keeps beside the parameters grows, moves and is saved with the splats.
+TEST(ToyBackbone, AnArrayOfItsOwnIsPartOfTheSplats) {
+    add_backbone<Cpu>("keeping",
+                      [](const BackboneOptions&) { return std::make_unique<KeepingBackbone>(); });
+    TrainOptions options;
+    options.backbone = "keeping";
+    options.iterations = 60;
+    options.densify.from = 10, options.densify.every = 20, options.densify.trim_every = 30;
+    options.densify.gradient_threshold = 0;  // so that all are cloned
+    const Scene scene = scene_of_dots();
+    std::vector<SharedState> saved;
+    TrainCallbacks callbacks;
+    callbacks.save_due = [](int done) { return done % 20 == 5; };
+    callbacks.on_save = [&](int, const SharedState& state) { saved.push_back(state); };
+    const auto whole = train<Cpu>(scene, options, callbacks, {}, {});
+    ASSERT_EQ(saved.size(), 3u);
+    ASSERT_EQ(whole.filter.size(), whole.means.size());
+    ASSERT_GT(whole.size(), 60);
+    for (const SharedState& state : saved) {
+        EXPECT_EQ(state->get("filter", sizeof(float)).count(),
+                  state->get("means", sizeof(Vec3f)).count());
+        const auto rest = train<Cpu>(scene, options, {}, {}, state);
+        EXPECT_EQ(to_host(rest.filter), to_host(whole.filter));
+        EXPECT_EQ(to_host(rest.opacity_logits), to_host(whole.opacity_logits));
+    }
 }
 
 }  // namespace

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+
+#include "core/device.h"
+
+namespace tvsgs {
+
+/// Strength of the strongest edge through an interior pixel: the larger of the two central
+/// differences' channel means, 0 to 1.
+TVSGS_HD inline float edge_strength(const std::uint8_t* photo, int width, int x, int y) {
+    const auto difference = [&](int p, int q) {
+        int sum = 0;
+        for (int c = 0; c < 3; ++c) {
+            const int d = photo[3 * p + c] - photo[3 * q + c];
+            sum += d < 0 ? -d : d;
+        }
+        return static_cast<float>(sum) / (3 * 255);
+    };
+    const int at = y * width + x;
+    const float horizontal = difference(at + 1, at - 1),
+                vertical = difference(at + width, at - width);
+    return horizontal > vertical ? horizontal : vertical;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,59 @@
+// A loss of one's own, as small as can be, from the public interfaces alone: the mean squared
+// distance of the render's brightness from a map that comes with the view.
+// docs/develop/add-a-loss.md
+#pragma once
+
+#include "core/parallel.h"
+#include "optim/loss.h"
+
+namespace tvsgs::examples {
+
+/// One pixel: its share of the value, and the derivatives by its colour.
+struct BrightnessBody {
+    Span<const Vec3f> color;
+    Span<const float> wanted;
+    float weight_per_pixel;
+    Span<float> pixel_loss;
+    Span<Vec3f> dL_dcolor;  // added to
+
+    TVSGS_HD void operator()(int i) const {
+        const float off = (color[i].x + color[i].y + color[i].z) / 3 - wanted[i];
+        pixel_loss[i] = weight_per_pixel * off * off;
+        const float slope = weight_per_pixel * 2 * off / 3;
+        dL_dcolor[i] += {slope, slope, slope};
+    }
+};
+
+template <class Device>
+class BrightnessLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{.view_maps = {"brightness"}};
+
+    explicit BrightnessLoss(const ScheduledOptions& options) : options_(options) {}
+
+    const char* name() const override { return "brightness"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const DeviceMap<Device>* const wanted = in.view.map("brightness");
+        if (wanted == nullptr) return;  // this view came without
+        const Buffer<Vec3f, Device>& color = in.images.color;
+        const int pixels = static_cast<int>(color.size());
+        pixel_loss_.resize(color.size());
+        parallel_for(Device{}, pixels,
+                     BrightnessBody{color.span(), wanted->values.span(),
+                                    options_.weight / static_cast<float>(pixels),
+                                    pixel_loss_.span(), objective.dL_dimages.color.span()});
+        add_sum(Device{}, pixels, ReadValue{std::as_const(pixel_loss_).span()}, 1,
+                objective.partial.span(), value);
+    }
+
+private:
+    ScheduledOptions options_;
+    Buffer<float, Device> pixel_loss_;
+};
+
+}  // namespace tvsgs::examples
