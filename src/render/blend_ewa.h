@@ -67,8 +67,11 @@ struct PixelGradientReader {
     }
 };
 
+// In blend_ewa_packs.h. Named here, so that whoever compiles for ellipses cannot do without.
+template <>
+struct MeetTiles<SplatShape<float>>;
 template <Channels kChannels>
-struct EwaForwardPacks;  // blend_ewa_packs.h
+struct EwaForwardPacks;
 template <Channels kChannels>
 struct EwaBackwardPacks;
 

@@ -101,6 +101,10 @@ struct TileLists {
     Buffer<std::uint8_t, Device> temporary;
 };
 
+/// How the CPU twin finds a splat's tiles; tiles_cpu.h.
+template <class Shape>
+struct MeetTiles;
+
 /// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 slots or more. Compiled
 /// per kind of splats, see tiles_cpu.h and tiles_cuda.h.
 template <class Shape, class Features>
