@@ -3,9 +3,8 @@
 #pragma once
 
 #include "core/parallel.h"
-#include "render/backbone.h"
-#include "render/blend.h"
 #include "render/blend_work.h"
+#include "render/view_splats.h"
 
 namespace tvsgs {
 
@@ -81,17 +80,16 @@ public:
                 distance = std::as_const(plane_distance_).span();
             }
             with_channels(channels_, [&]<Channels kChannels>() {
-                blend_tiles_vjp<kChannels>(
-                    splats_, lists_, grid_, images_, state_,
-                    PixelGradientReader<kChannels>{dL_dimages.color.span(), normal, distance},
-                    slots_);
+                blend_tiles_vjp<EwaModel<kChannels>>(splats_, lists_, grid_,
+                                                     {dL_dimages.color.span(), normal, distance},
+                                                     images_.transmittance, stops_, slots_);
             });
         });
         const std::size_t n = splats_.shapes.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        const SlotGradients<Device>& slots = slots_;
+        const EwaSlotGradients<Device>& slots = slots_;
         gradients_ = {view_,
                       channels_,
                       splats_.shapes.span(),
@@ -126,17 +124,16 @@ private:
         images_.color.resize(color);
         images_.transmittance.resize(pixels);
         images_.normal.resize(plane), images_.depth.resize(plane);
-        state_.stop.resize(pixels), state_.distance.resize(plane);
+        stops_.resize(pixels), distance_.resize(plane);
     }
 
     void resolve_depth(const ImageGradients<Device>& dL_dimages) {
         const std::size_t pixels = images_.depth.size();
         plane_normal_.resize(pixels), plane_distance_.resize(pixels);
         const RenderedImages<Device>& images = images_;
-        const BlendState<Device>& state = state_;
         parallel_for(
             Device{}, static_cast<int>(pixels),
-            PlaneOfDepthBody{camera_, images.normal.span(), state.distance.span(),
+            PlaneOfDepthBody{camera_, images.normal.span(), std::as_const(distance_).span(),
                              images.depth.span(), dL_dimages.normal.span(), dL_dimages.depth.span(),
                              plane_normal_.span(), plane_distance_.span()});
     }
@@ -161,8 +158,10 @@ private:
             });
         }
         clock("tile lists", [&] { build_tile_lists(splats_, grid_, lists_); });
-        clock("blend",
-              [&] { blend_tiles<kChannels>(splats_, lists_, grid_, camera_, images_, state_); });
+        clock("blend", [&] {
+            blend_tiles<EwaModel<kChannels>>(splats_, lists_, grid_, {images_, distance_, camera_},
+                                             stops_);
+        });
     }
 
     template <Channels kChannels>
@@ -182,12 +181,13 @@ private:
     Channels channels_ = Channels::color;
     TileGrid grid_{};
     ViewParameters view_{};
-    ViewSplats<Device> splats_;
+    EwaSplats<Device> splats_;
     TileLists<Device> lists_;
-    BlendState<Device> state_;
     RenderedImages<Device> images_;
+    Buffer<float, Device> distance_;       // [H W] blended plane distances, world units
+    Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
-    SlotGradients<Device> slots_;
+    EwaSlotGradients<Device> slots_;
     ViewGradients gradients_{};
     Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
     Buffer<float, Device> plane_distance_;

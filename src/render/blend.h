@@ -1,25 +1,71 @@
-// Compositing of all tiles, forward and backward.
+// Compositing of all tiles, forward and backward, of whatever a model says its splats are.
 #pragma once
 
-#include "render/backbone.h"
+#include <concepts>
+
 #include "render/tiles.h"
 
 namespace tvsgs {
 
-/// What the backward pass needs of the forward one.
-template <class Device>
-struct BlendState {
-    Buffer<std::uint32_t, Device>
-        stop;                        // [H W] place in the tile's list behind the last one blended
-    Buffer<float, Device> distance;  // [H W] blended plane distances, world units
+/// The y of pixels that take no part, or of their offsets: alpha is 0 there, so that no flag has to
+/// be asked. Products with it stay finite.
+inline constexpr float kOutOfReach = 1e25f;
+
+/// What a rasteriser says of its splats: types and static functions, which blending inlines.
+/// EwaModel is one. Compiled for both devices by a file each, see blend_cpu.h and blend_cuda.h.
+///
+///   Shape      what decides alpha, with may_draw(shape, low, high) as tiles.h asks for it
+///   Features   what a splat adds to pixels; copy() takes over those that the model blends, as
+///              others were never written
+///   Hit        a splat at a pixel: `alpha`, and what blending needs besides
+///   offset()   of a pixel centre: what hit() goes by, such as where it is from the splat
+///   hit()      forward and backward decide by it alike; alpha 0: the splat is skipped there
+///   PixelForward, blend()       a pixel on the way to the back, from {}. False: it is full, and
+///                               the splat was not blended. Alpha 0 changes nothing
+///   PixelBackward, blend_vjp()  a pixel on the way back to the front, from {T, PixelGradient}, T
+///                               the transmittance behind all splats; adds to the gradients of the
+///                               splat. Of alpha 0 it adds zeros, and changes nothing but T
+///   Gradients  kCount floats, their sums over pixels, in 16-byte words. Factors that are the
+///              splat's are left to whoever takes the gradients
+///   kFilled, filled(v)  how many of these the model fills, and which is the v-th
+///   Writer     writes a finished pixel: write(x, y, pixel)
+///   Reader     read(at) is the PixelGradient of pixel `at`, {} one that is zero
+///
+/// One that the CPU twin is to blend several pixels at a time names ForwardPacks and BackwardPacks
+/// as well.
+template <class Model>
+concept BlendModel = requires(const typename Model::Shape& shape,
+                              const typename Model::Features& features,
+                              typename Model::Features& batch,
+                              const typename Model::Hit& hit,
+                              typename Model::PixelForward& forward,
+                              typename Model::PixelBackward& backward,
+                              typename Model::Gradients& gradients,
+                              const typename Model::Writer& write,
+                              const typename Model::Reader& read) {
+    { Model::offset(shape, Vec2f{}) } -> std::same_as<Vec2f>;
+    { Model::hit(shape, Vec2f{}) } -> std::same_as<typename Model::Hit>;
+    { hit.alpha } -> std::convertible_to<float>;
+    { Model::blend(forward, hit, features) } -> std::same_as<bool>;
+    Model::blend_vjp(backward, shape, features, hit, gradients);
+    { backward.T } -> std::convertible_to<float>;
+    Model::copy(features, batch);
+    { Model::filled(0) } -> std::same_as<int>;
+    write(0, 0, forward);
+    { read(0) } -> std::same_as<typename Model::PixelGradient>;
+    {typename Model::PixelBackward{1.0f, read(0)}};
+    requires Model::Gradients::kCount % 4 == 0 && alignof(typename Model::Gradients) == 16 &&
+        sizeof(typename Model::Gradients) == Model::Gradients::kCount * sizeof(float);
 };
 
-/// Gradients of the view's splats, each in the place of the splat's first slot, before complete().
-/// The other places are scratch: what each slot adds. Only members that the channels fill are
-/// defined.
-template <class Device>
+template <class Model, class Device>
+using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
+
+/// Gradients of the view's splats, each in the place of the splat's first slot. The other places
+/// are scratch: what each slot adds. Only members that the model fills are defined.
+template <class Device, class Gradients>
 struct SlotGradients {
-    Buffer<SplatGradients<float>, Device> gradients;
+    Buffer<Gradients, Device> gradients;
     Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
     // On a GPU: sums by floating-point atomics, so in another order each time. To measure what
     // reproducible bits cost; nothing else sets it.
@@ -28,102 +74,44 @@ struct SlotGradients {
     void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
 };
 
-/// How many pixels the CPU twin computes at a time; the bits are the same.
+/// How many pixels the CPU twin computes at a time where the model has packs; the bits are the
+/// same.
 enum class PackWidth { narrow, widest };
 
-/// Overwrites the images of the channel set, background black. Depth only with plane channels,
-/// along the rays of `camera`.
-template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cpu>& splats,
+/// Writes all pixels, and to `stops`, [H W], the place in the tile's list behind the last splat
+/// blended.
+template <BlendModel Model>
+void blend_tiles(const SplatsOf<Model, Cpu>& splats,
                  const TileLists<Cpu>& lists,
                  const TileGrid& grid,
-                 const Camera& camera,
-                 RenderedImages<Cpu>& images,
-                 BlendState<Cpu>& state,
+                 const typename Model::Writer& write,
+                 Buffer<std::uint32_t, Cpu>& stops,
                  PackWidth width = PackWidth::widest);
-template <Channels kChannels>
-void blend_tiles(const ViewSplats<Cuda>& splats,
+template <BlendModel Model>
+void blend_tiles(const SplatsOf<Model, Cuda>& splats,
                  const TileLists<Cuda>& lists,
                  const TileGrid& grid,
-                 const Camera& camera,
-                 RenderedImages<Cuda>& images,
-                 BlendState<Cuda>& state);
+                 const typename Model::Writer& write,
+                 Buffer<std::uint32_t, Cuda>& stops);
 
-template <Channels kChannels>
-struct PixelGradientReader;
-
-/// dL/d of the channels to one gradient per splat; `slots` is resized and overwritten. No
+/// dL/d of the pixels to one gradient per splat; `slots` is resized and overwritten. No
 /// floating-point atomics: bit-identical from run to run.
-template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cpu>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const TileLists<Cpu>& lists,
                      const TileGrid& grid,
-                     const RenderedImages<Cpu>& images,
-                     const BlendState<Cpu>& state,
-                     const PixelGradientReader<kChannels>& dL_dpixel,
-                     SlotGradients<Cpu>& slots,
+                     const typename Model::Reader& read,
+                     const Buffer<float, Cpu>& transmittance,
+                     const Buffer<std::uint32_t, Cpu>& stops,
+                     SlotGradients<Cpu, typename Model::Gradients>& slots,
                      PackWidth width = PackWidth::widest);
-template <Channels kChannels>
-void blend_tiles_vjp(const ViewSplats<Cuda>& splats,
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      const TileLists<Cuda>& lists,
                      const TileGrid& grid,
-                     const RenderedImages<Cuda>& images,
-                     const BlendState<Cuda>& state,
-                     const PixelGradientReader<kChannels>& dL_dpixel,
-                     SlotGradients<Cuda>& slots);
-
-/// Writes a finished pixel, shared by both devices.
-template <Channels kChannels>
-struct PixelWriter {
-    Span<Vec3f> color, normal;
-    Span<float> transmittance, distance, depth;
-    Camera camera;
-
-    PixelWriter(RenderedImages<Cpu>& i, BlendState<Cpu>& s, const Camera& c)
-        : PixelWriter(i, s, c, 0) {}
-    PixelWriter(RenderedImages<Cuda>& i, BlendState<Cuda>& s, const Camera& c)
-        : PixelWriter(i, s, c, 0) {}
-
-    TVSGS_HD void operator()(int x, int y, const PixelForward<float>& pixel) const {
-        const int at = y * camera.width_px + x;
-        transmittance[at] = pixel.T;
-        if constexpr (has_color(kChannels)) color[at] = pixel.sum.color;
-        if constexpr (has_plane(kChannels)) {
-            normal[at] = pixel.sum.normal;
-            distance[at] = pixel.sum.distance;
-            depth[at] = plane_depth(pixel.sum.normal, pixel.sum.distance, pixel_ray(camera, x, y),
-                                    1 - pixel.T);
-        }
-    }
-
-private:
-    template <class Images, class State>
-    PixelWriter(Images& i, State& s, const Camera& c, int)
-        : color(i.color.span()),
-          normal(i.normal.span()),
-          transmittance(i.transmittance.span()),
-          distance(s.distance.span()),
-          depth(i.depth.span()),
-          camera(c) {}
-};
-
-/// Reads the gradients of a pixel's channels; missing ones are zero.
-template <Channels kChannels>
-struct PixelGradientReader {
-    Span<const Vec3f> color, normal;
-    Span<const float> distance;
-
-    TVSGS_HD SplatFeatures<float> operator()(int at) const {
-        SplatFeatures<float> g{};
-        if constexpr (has_color(kChannels)) {
-            if (!color.empty()) g.color = color[at];
-        }
-        if constexpr (has_plane(kChannels)) {
-            if (!normal.empty()) g.normal = normal[at];
-            if (!distance.empty()) g.distance = distance[at];
-        }
-        return g;
-    }
-};
+                     const typename Model::Reader& read,
+                     const Buffer<float, Cuda>& transmittance,
+                     const Buffer<std::uint32_t, Cuda>& stops,
+                     SlotGradients<Cuda, typename Model::Gradients>& slots);
 
 }  // namespace tvsgs

@@ -132,16 +132,6 @@ struct alignas(16) SplatGradients {
     static constexpr int kCount = 16;
 };
 
-template <class Real>
-TVSGS_HD void add(SplatGradients<Real>& sum, const SplatGradients<Real>& g) {
-    sum.mean += g.mean, sum.abs_mean += g.abs_mean;
-    sum.spread.xx += g.spread.xx, sum.spread.xy += g.spread.xy, sum.spread.yy += g.spread.yy;
-    sum.opacity += g.opacity;
-    add_features<Channels::color_plane>(sum.features, Real(1), g.features);
-    sum.front_pixels += g.front_pixels;
-}
-static_assert(sizeof(SplatGradients<float>) == SplatGradients<float>::kCount * sizeof(float));
-
 /// Counts a pixel where the splat drew with T in front of it.
 template <class Real>
 TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/parallel.h"
-#include "render/blend.h"
+#include "render/blend_ewa.h"
 
 namespace tvsgs {
 
@@ -67,7 +67,7 @@ private:
 };
 
 template <class Device>
-BlendWork count_blend_work(const ViewSplats<Device>& splats,
+BlendWork count_blend_work(const EwaSplats<Device>& splats,
                            const TileLists<Device>& lists,
                            const TileGrid& grid) {
     Buffer<BlendWork, Device> warps(4 * static_cast<std::size_t>(grid.count()));

@@ -1,9 +1,79 @@
 // Which splats each tile draws, front to back.
 #pragma once
 
-#include "render/view_splats.h"
+#include <cstdint>
+
+#include "core/buffer.h"
+#include "core/vec.h"
 
 namespace tvsgs {
+
+inline constexpr int kTileSize = 16;  // px
+
+/// Tiles of an image.
+struct TileGrid {
+    int width, height, columns, rows;
+
+    TVSGS_HD int count() const { return columns * rows; }
+};
+
+inline TileGrid tile_grid(int width, int height) {
+    return {width, height, (width + kTileSize - 1) / kTileSize,
+            (height + kTileSize - 1) / kTileSize};
+}
+
+/// Tiles [x0, x1) x [y0, y1).
+struct alignas(8) TileRect {
+    std::uint16_t x0, y0, x1, y1;
+
+    TVSGS_HD std::uint32_t count() const {
+        return static_cast<std::uint32_t>(x1 - x0) * static_cast<std::uint32_t>(y1 - y0);
+    }
+};
+
+/// Tiles that a box, centre +- extent in px, meets; none of them if it is outside the image.
+TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& grid) {
+    const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
+                               std::uint16_t& last) {
+        const float size = kTileSize, most = static_cast<float>(tiles);
+        const auto clamped = [](float value, float lowest, float highest) {
+            return value < lowest ? lowest : value > highest ? highest : value;
+        };
+        first = static_cast<std::uint16_t>(clamped(std::floor(low / size), 0.0f, most));
+        last = static_cast<std::uint16_t>(clamped(std::floor(high / size) + 1, 0.0f, most));
+    };
+    TileRect rect;
+    tile_range(centre.x - extent.x, centre.x + extent.x, grid.columns, rect.x0, rect.x1);
+    tile_range(centre.y - extent.y, centre.y + extent.y, grid.rows, rect.y0, rect.y1);
+    return rect;
+}
+
+/// Splats as they appear in a view, all [N]. One whose rectangle is empty is not in view; its other
+/// entries are undefined. may_draw(shape, low, high) says whether a Shape can be drawn at a pixel
+/// centre in [low, high], px; it may only say yes too often.
+template <class Device, class Shape, class Features>
+struct ViewSplats {
+    Buffer<Shape, Device> shapes;
+    Buffer<Features, Device> features;
+    Buffer<float, Device> depths;    // z in the camera frame
+    Buffer<TileRect, Device> rects;  // tiles that it may meet
+
+    void resize(std::size_t n) {
+        shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n);
+    }
+};
+
+/// Whether a splat may draw in these tiles, not all empty.
+template <class Shape>
+TVSGS_HD bool meets_tiles(const Shape& shape, const TileGrid& grid, TileRect tiles) {
+    const int right = tiles.x1 * kTileSize, bottom = tiles.y1 * kTileSize;
+    // First and last pixel centres, clipped to the image.
+    return may_draw(shape,
+                    Vec2f{static_cast<float>(tiles.x0 * kTileSize) + 0.5f,
+                          static_cast<float>(tiles.y0 * kTileSize) + 0.5f},
+                    Vec2f{static_cast<float>(right < grid.width ? right : grid.width) - 0.5f,
+                          static_cast<float>(bottom < grid.height ? bottom : grid.height) - 0.5f});
+}
 
 /// Positions [begin, end) of a tile in TileLists::slots.
 struct TileSpan {
@@ -31,9 +101,20 @@ struct TileLists {
     Buffer<std::uint8_t, Device> temporary;
 };
 
-/// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 slots or more.
-void build_tile_lists(const ViewSplats<Cpu>& splats, const TileGrid& grid, TileLists<Cpu>& lists);
-void build_tile_lists(const ViewSplats<Cuda>& splats, const TileGrid& grid, TileLists<Cuda>& lists);
+/// How the CPU twin finds a splat's tiles; tiles_cpu.h.
+template <class Shape>
+struct MeetTiles;
+
+/// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 slots or more. Compiled
+/// per kind of splats, see tiles_cpu.h and tiles_cuda.h.
+template <class Shape, class Features>
+void build_tile_lists(const ViewSplats<Cpu, Shape, Features>& splats,
+                      const TileGrid& grid,
+                      TileLists<Cpu>& lists);
+template <class Shape, class Features>
+void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
+                      const TileGrid& grid,
+                      TileLists<Cuda>& lists);
 
 /// Positive floats order like their bits.
 TVSGS_HD inline std::uint32_t depth_key(float depth) {

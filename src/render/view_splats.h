@@ -1,84 +1,12 @@
 // The splats of one view: per-Gaussian projection and its backward, one body for both devices.
 #pragma once
 
-#include <cstdint>
-
 #include "core/parallel.h"
-#include "render/blend_math.h"
+#include "render/blend_ewa.h"
 #include "render/projection_math.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
-
-inline constexpr int kTileSize = 16;  // px
-
-/// Tiles of an image.
-struct TileGrid {
-    int width, height, columns, rows;
-
-    TVSGS_HD int count() const { return columns * rows; }
-};
-
-inline TileGrid tile_grid(int width, int height) {
-    return {width, height, (width + kTileSize - 1) / kTileSize,
-            (height + kTileSize - 1) / kTileSize};
-}
-
-/// Tiles [x0, x1) x [y0, y1).
-struct alignas(8) TileRect {
-    std::uint16_t x0, y0, x1, y1;
-
-    TVSGS_HD std::uint32_t count() const {
-        return static_cast<std::uint32_t>(x1 - x0) * static_cast<std::uint32_t>(y1 - y0);
-    }
-};
-
-/// In whole 16-byte words.
-struct alignas(16) FeatureRecord {
-    SplatFeatures<float> f;
-};
-
-/// Projected Gaussians, all [N]. A Gaussian whose rectangle is empty is not in view; its other
-/// entries are undefined.
-template <class Device>
-struct ViewSplats {
-    Buffer<SplatShape<float>, Device> shapes;
-    Buffer<FeatureRecord, Device> features;
-    Buffer<float, Device> depths;    // z in the camera frame
-    Buffer<TileRect, Device> rects;  // tiles of the ellipse's box
-
-    void resize(std::size_t n) {
-        shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n);
-    }
-};
-
-/// Tiles that the box of a splat's ellipse meets; none of them if it is outside the image.
-TVSGS_HD inline TileRect tile_rect(const SplatShape<float>& s, const TileGrid& grid) {
-    const Vec2f extent = splat_extent(s);
-    const auto tile_range = [](float low, float high, int tiles, std::uint16_t& first,
-                               std::uint16_t& last) {
-        const float size = kTileSize, most = static_cast<float>(tiles);
-        first = static_cast<std::uint16_t>(clamp(std::floor(low / size), 0.0f, most));
-        last = static_cast<std::uint16_t>(clamp(std::floor(high / size) + 1, 0.0f, most));
-    };
-    TileRect rect;
-    tile_range(s.mean.x - extent.x, s.mean.x + extent.x, grid.columns, rect.x0, rect.x1);
-    tile_range(s.mean.y - extent.y, s.mean.y + extent.y, grid.rows, rect.y0, rect.y1);
-    return rect;
-}
-
-/// Whether a splat may draw in these tiles, not all empty.
-TVSGS_HD inline bool ellipse_meets_tiles(const SplatShape<float>& shape,
-                                         const TileGrid& grid,
-                                         TileRect tiles) {
-    const int right = tiles.x1 * kTileSize, bottom = tiles.y1 * kTileSize;
-    // First and last pixel centres, clipped to the image.
-    return may_draw(shape,
-                    {static_cast<float>(tiles.x0 * kTileSize) + 0.5f,
-                     static_cast<float>(tiles.y0 * kTileSize) + 0.5f},
-                    {static_cast<float>(right < grid.width ? right : grid.width) - 0.5f,
-                     static_cast<float>(bottom < grid.height ? bottom : grid.height) - 0.5f});
-}
 
 /// What the projection of a Gaussian needs to know of the view.
 struct ViewParameters {
@@ -119,9 +47,9 @@ struct ProjectBody {
         const SplatShape<float> s{project_point(view.camera, p), ellipse_root(e), opacity,
                                   splat_reach(opacity, view.cull_alpha)};
         const TileGrid& grid = view.grid;
-        const TileRect rect = tile_rect(s, grid);
+        const TileRect rect = tile_rect(s.mean, splat_extent(s), grid);
         // Which of the tiles it meets is tested where their lists are built.
-        if (rect.count() == 0 || !ellipse_meets_tiles(s, grid, rect)) return;
+        if (rect.count() == 0 || !meets_tiles(s, grid, rect)) return;
 
         // The 3-sigma radius of 3DGS: statistics only, the tiles come from the exact test.
         const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);

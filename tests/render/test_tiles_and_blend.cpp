@@ -4,13 +4,14 @@
 #include <array>
 #include <cstring>
 
-#include "render/blend.h"
+#include "render/blend_ewa.h"
 #include "support/numeric.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr Channels kAll = Channels::color_plane;
+using Model = EwaModel<kAll>;
 
 /// What the ellipses of a test look like.
 enum class Kind { specks, mixed, needles, huge, opaque, stack };
@@ -19,9 +20,9 @@ constexpr Kind kKinds[] = {Kind::specks, Kind::mixed,  Kind::needles,
 const char* const kNames[] = {"specks", "mixed", "needles", "huge", "opaque", "stack"};
 
 /// Projected splats, one in ten at the depth of its predecessor.
-ViewSplats<Cpu> made_up(Kind kind, int count, const TileGrid& grid, unsigned seed) {
+EwaSplats<Cpu> made_up(Kind kind, int count, const TileGrid& grid, unsigned seed) {
     test::Random random(seed);
-    ViewSplats<Cpu> v;
+    EwaSplats<Cpu> v;
     v.resize(static_cast<std::size_t>(count));
     const double width = grid.width, height = grid.height;
     for (std::size_t i = 0; i < v.shapes.size(); ++i) {
@@ -46,7 +47,8 @@ ViewSplats<Cpu> made_up(Kind kind, int count, const TileGrid& grid, unsigned see
                            float(random.uniform(1, 3))};
         v.depths[i] =
             i > 0 && random.uniform(0, 1) < 0.1 ? v.depths[i - 1] : float(random.uniform(0.5, 9));
-        v.rects[i] = shape.opacity > kMinAlpha ? tile_rect(shape, grid) : TileRect{};
+        v.rects[i] = shape.opacity > kMinAlpha ? tile_rect(shape.mean, splat_extent(shape), grid)
+                                               : TileRect{};
     }
     return v;
 }
@@ -168,11 +170,11 @@ Camera camera_of(const TileGrid& grid) {
 
 template <class Device>
 void fetch(const RenderedImages<Device>& images,
-           const BlendState<Device>& state,
-           const SlotGradients<Device>& slots,
+           const Buffer<float, Device>& distance,
+           const EwaSlotGradients<Device>& slots,
            Blended<Device>& out) {
     out.color = to_host(images.color), out.normal = to_host(images.normal);
-    out.transmittance = to_host(images.transmittance), out.distance = to_host(state.distance);
+    out.transmittance = to_host(images.transmittance), out.distance = to_host(distance);
     const auto gradients = to_host(slots.gradients);
     const auto drawn = to_host(slots.drawn);
     const auto counts = to_host(out.lists.slot_counts), first = to_host(out.lists.first_slot);
@@ -183,37 +185,38 @@ void fetch(const RenderedImages<Device>& images,
 
 /// `width`: of the CPU's packs, no argument of CUDA's.
 template <class Device, bool kAtomic = false, class... Width>
-Blended<Device> blended(const ViewSplats<Cpu>& host, const TileGrid& grid, Width... width) {
-    ViewSplats<Device> v;
+Blended<Device> blended(const EwaSplats<Cpu>& host, const TileGrid& grid, Width... width) {
+    EwaSplats<Device> v;
     copy(host.shapes, v.shapes), copy(host.features, v.features);
     copy(host.depths, v.depths), copy(host.rects, v.rects);
     const auto pixels =
         static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
     auto images = empty_images<Device>(pixels);
-    BlendState<Device> state;
-    state.stop.resize(pixels), state.distance.resize(pixels);
-    SlotGradients<Device> slots;
+    Buffer<float, Device> distance;
+    Buffer<std::uint32_t, Device> stops;
+    distance.resize(pixels), stops.resize(pixels);
+    EwaSlotGradients<Device> slots;
     slots.atomic = kAtomic;
     Blended<Device> out;
     build_tile_lists(v, grid, out.lists);
-    blend_tiles<kAll>(v, out.lists, grid, camera_of(grid), images, state, width...);
+    blend_tiles<Model>(v, out.lists, grid, {images, distance, camera_of(grid)}, stops, width...);
     const auto dL_dchannels = channel_gradients<Device>(pixels);
-    blend_tiles_vjp<kAll>(v, out.lists, grid, images, state, dL_dchannels.reader(), slots,
-                          width...);
-    fetch(images, state, slots, out);
+    blend_tiles_vjp<Model>(v, out.lists, grid, dL_dchannels.reader(), images.transmittance, stops,
+                           slots, width...);
+    fetch(images, distance, slots, out);
     return out;
 }
 
 /// The straightforward way: pixel by pixel, every splat of the tile's list. Gradients' sums in
 /// double.
-Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
+Blended<Cpu> blended_plainly(const EwaSplats<Cpu>& v, const TileGrid& grid) {
     const auto pixels =
         static_cast<std::size_t>(grid.width) * static_cast<std::size_t>(grid.height);
     auto images = empty_images<Cpu>(pixels);
-    BlendState<Cpu> state;
-    state.distance.resize(pixels);
+    Buffer<float, Cpu> distance;
+    distance.resize(pixels);
     const auto dL_dchannels = channel_gradients<Cpu>(pixels);
-    const PixelWriter<kAll> write(images, state, camera_of(grid));
+    const PixelWriter<kAll> write(images, distance, camera_of(grid));
     const PixelGradientReader<kAll> read = dL_dchannels.reader();
     Blended<Cpu> out;
     build_tile_lists(v, grid, out.lists);
@@ -252,10 +255,10 @@ Blended<Cpu> blended_plainly(const ViewSplats<Cpu>& v, const TileGrid& grid) {
                     sums[splat][k] += static_cast<double>(values[k]);
             }
         }
-    SlotGradients<Cpu> none;
+    EwaSlotGradients<Cpu> none;
     none.resize(static_cast<std::size_t>(out.lists.slot_count));
     none.drawn.fill_zero();
-    fetch(images, state, none, out);
+    fetch(images, distance, none, out);
     for (std::size_t i = 0; i < sums.size(); ++i)
         for (std::size_t k = 0; k < kCount; ++k)
             (&out.splats[i].mean.x)[k] = static_cast<float>(sums[i][k]);
@@ -365,7 +368,7 @@ TEST(BlendTwin, OnExtremeSplats) {
 
         const TileGrid wide = tile_grid(4100, 4130);  // tile indices beyond 16 bits
         const auto v = made_up(Kind::specks, 20000, wide, 7);
-        ViewSplats<Cuda> on_device;
+        EwaSplats<Cuda> on_device;
         copy(v.shapes, on_device.shapes), copy(v.depths, on_device.depths);
         copy(v.rects, on_device.rects);
         TileLists<Cpu> cpu;

@@ -1,0 +1,213 @@
+// The CPU twin of blending, for the .cpp file of a model: one tile per task, splat by splat over
+// its pixels.
+#pragma once
+
+#include <algorithm>
+
+#include "core/pack.h"
+#include "core/parallel.h"
+#include "render/blend.h"
+
+namespace tvsgs {
+
+struct TileBounds {
+    int left, top, right, bottom;
+};
+inline TileBounds tile_bounds(const TileGrid& grid, int tile) {
+    const int left = tile % grid.columns * kTileSize, top = tile / grid.columns * kTileSize;
+    return {left, top, std::min(left + kTileSize, grid.width),
+            std::min(top + kTileSize, grid.height)};
+}
+
+inline std::size_t pixel_index(const TileGrid& grid, int x, int y) {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(grid.width) +
+           static_cast<std::size_t>(x);
+}
+
+/// What the tiles of a forward pass read and write.
+template <class Model>
+struct TilesForward {
+    Span<const typename Model::Shape> shapes;
+    Span<const typename Model::Features> features;
+    Span<const TileSpan> spans;
+    Span<const std::uint32_t> splats;
+    TileGrid grid;
+    typename Model::Writer write;
+    Span<std::uint32_t> stop_out;
+};
+
+/// And those of a backward pass.
+template <class Model>
+struct TilesBackward {
+    Span<const typename Model::Shape> shapes;
+    Span<const typename Model::Features> features;
+    Span<const TileSpan> spans;
+    Span<const std::uint32_t> splats, slots;
+    TileGrid grid;
+    typename Model::Reader read;
+    Span<const float> transmittance;
+    Span<const std::uint32_t> stop_in;
+    Span<typename Model::Gradients> gradients;
+    Span<std::uint8_t> drawn;
+};
+
+namespace detail {
+
+inline Vec2f pixel_centre(int x, int y) {
+    return {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f};
+}
+
+/// Tiles whose model has no packs: pixel by pixel.
+template <class Model>
+void blend_tile(const TilesForward<Model>& in, int tile) {
+    const TileBounds t = tile_bounds(in.grid, tile);
+    const TileSpan span = in.spans[static_cast<std::size_t>(tile)];
+    for (int y = t.top; y < t.bottom; ++y)
+        for (int x = t.left; x < t.right; ++x) {
+            typename Model::PixelForward pixel{};
+            std::uint32_t stop = 0;
+            for (std::uint32_t at = span.begin; at < span.end; ++at) {
+                const std::uint32_t splat = in.splats[at];
+                const auto& shape = in.shapes[splat];
+                const auto hit = Model::hit(shape, Model::offset(shape, pixel_centre(x, y)));
+                if (hit.alpha == 0) continue;
+                if (!Model::blend(pixel, hit, in.features[splat])) break;
+                stop = at - span.begin + 1;
+            }
+            in.write(x, y, pixel);
+            in.stop_out[pixel_index(in.grid, x, y)] = stop;
+        }
+}
+
+/// Back to front, each splat over all pixels.
+template <class Model>
+void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
+    const TileBounds t = tile_bounds(in.grid, tile);
+    struct Pixel {
+        Vec2f centre;
+        std::uint32_t stop;
+        typename Model::PixelBackward state;
+    } pixels[kTileSize * kTileSize];
+    int count = 0;
+    std::uint32_t last = 0;
+    for (int y = t.top; y < t.bottom; ++y)
+        for (int x = t.left; x < t.right; ++x) {
+            const std::size_t p = pixel_index(in.grid, x, y);
+            last = std::max(last, in.stop_in[p]);
+            pixels[count++] = {pixel_centre(x, y),
+                               in.stop_in[p],
+                               {in.transmittance[p], in.read(static_cast<int>(p))}};
+        }
+    const std::uint32_t begin = in.spans[static_cast<std::size_t>(tile)].begin;
+    for (std::uint32_t position = last; position-- > 0;) {
+        const std::uint32_t splat = in.splats[begin + position];
+        const auto& shape = in.shapes[splat];
+        typename Model::Gradients sum{};
+        bool drawn = false;
+        for (int k = 0; k < count; ++k) {
+            if (position >= pixels[k].stop) continue;
+            const auto hit = Model::hit(shape, Model::offset(shape, pixels[k].centre));
+            if (hit.alpha == 0) continue;
+            Model::blend_vjp(pixels[k].state, shape, in.features[splat], hit, sum);
+            drawn = true;
+        }
+        if (!drawn) continue;
+        const std::uint32_t slot = in.slots[begin + position];
+        in.gradients[slot] = sum;
+        in.drawn[slot] = 1;
+    }
+}
+
+/// body.wide(tile) where the processor has wide packs and the caller wants them.
+template <class Body>
+void for_tiles(const TileGrid& grid, PackWidth width, const Body& body) {
+    const bool wide = width == PackWidth::widest && has_wide_packs();
+    parallel_for_heavy(Cpu{}, grid.count(),
+                       [&](int tile) { wide ? body.wide(tile) : body.narrow(tile); });
+}
+
+template <class Gradients>
+void add_gradients(Gradients& sum, const Gradients& g) {
+    auto* const to = reinterpret_cast<float*>(&sum);
+    const auto* const from = reinterpret_cast<const float*>(&g);
+    for (int v = 0; v < Gradients::kCount; ++v) to[v] += from[v];
+}
+
+}  // namespace detail
+
+template <BlendModel Model>
+void blend_tiles(const SplatsOf<Model, Cpu>& splats,
+                 const TileLists<Cpu>& lists,
+                 const TileGrid& grid,
+                 const typename Model::Writer& write,
+                 Buffer<std::uint32_t, Cpu>& stops,
+                 PackWidth width) {
+    const TilesForward<Model> in{splats.shapes.span(),
+                                 splats.features.span(),
+                                 lists.spans.span(),
+                                 lists.splats.span(),
+                                 grid,
+                                 write,
+                                 stops.span()};
+    if constexpr (requires { typename Model::ForwardPacks; })
+        detail::for_tiles(grid, width, typename Model::ForwardPacks{in});
+    else
+        parallel_for_heavy(Cpu{}, grid.count(), [&](int tile) { detail::blend_tile(in, tile); });
+}
+
+template <BlendModel Model>
+void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
+                     const TileLists<Cpu>& lists,
+                     const TileGrid& grid,
+                     const typename Model::Reader& read,
+                     const Buffer<float, Cpu>& transmittance,
+                     const Buffer<std::uint32_t, Cpu>& stops,
+                     SlotGradients<Cpu, typename Model::Gradients>& slots,
+                     PackWidth width) {
+    slots.resize(static_cast<std::size_t>(lists.slot_count));
+    slots.drawn.fill_zero();
+    const TilesBackward<Model> in{splats.shapes.span(),
+                                  splats.features.span(),
+                                  lists.spans.span(),
+                                  lists.splats.span(),
+                                  lists.slots.span(),
+                                  grid,
+                                  read,
+                                  transmittance.span(),
+                                  stops.span(),
+                                  slots.gradients.span(),
+                                  slots.drawn.span()};
+    if constexpr (requires { typename Model::BackwardPacks; })
+        detail::for_tiles(grid, width, typename Model::BackwardPacks{in});
+    else
+        parallel_for_heavy(Cpu{}, grid.count(),
+                           [&](int tile) { detail::blend_tile_vjp(in, tile); });
+    // The slots of each splat, in their order.
+    const auto& first_slots = lists.first_slot_by_depth;
+    parallel_for(Cpu{}, lists.visible_count, [&](int k) {
+        const auto rank = static_cast<std::size_t>(k);
+        const std::size_t first = first_slots[rank];
+        const std::size_t end = rank + 1 < first_slots.size()
+                                    ? first_slots[rank + 1]
+                                    : static_cast<std::size_t>(lists.slot_count);
+        typename Model::Gradients sum{};
+        bool drawn = false;
+        for (std::size_t slot = first; slot < end; ++slot)
+            if (slots.drawn[slot]) detail::add_gradients(sum, slots.gradients[slot]), drawn = true;
+        slots.gradients[first] = sum;
+        slots.drawn[first] = drawn;
+    });
+}
+
+/// Compiles all of that for a model.
+#define TVSGS_BLEND_CPU(Model)                                                             \
+    template void blend_tiles<Model>(const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&,   \
+                                     const TileGrid&, const typename Model::Writer&,       \
+                                     Buffer<std::uint32_t, Cpu>&, PackWidth);              \
+    template void blend_tiles_vjp<Model>(                                                  \
+        const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&, const TileGrid&,               \
+        const typename Model::Reader&, const Buffer<float, Cpu>&,                          \
+        const Buffer<std::uint32_t, Cpu>&, SlotGradients<Cpu, typename Model::Gradients>&, \
+        PackWidth);
+
+}  // namespace tvsgs

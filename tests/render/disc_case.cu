@@ -1,0 +1,11 @@
+#include "disc_case.h"
+#include "render/blend_cuda.h"
+#include "render/tiles_cuda.h"
+
+namespace tvsgs::test {
+
+DiscResult blend_discs_cuda(const DiscCase& in, bool atomic) {
+    return blend_discs<Cuda>(in, atomic);
+}
+
+}  // namespace tvsgs::test
