@@ -1,5 +1,5 @@
-// tvsgs-extract-mesh: splats in, mesh out. Renders the depth of the training views, fuses it, and
-// cleans the surface.
+// tvsgs-extract-mesh: splats in, mesh out. Renders the depth of the training views, lets a mesher
+// make the surface, and cleans it.
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -47,6 +47,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
     flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
+    flags.add("--method", "mesh.method", "tsdf: what makes the surface [tsdf]", group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",
@@ -86,6 +87,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
+    require_mesher<Cpu>(options.mesh.method);
 
     std::error_code failure;
     if (!fs::exists(arguments.model, failure))

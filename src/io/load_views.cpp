@@ -8,6 +8,7 @@
 #include "core/parallel.h"
 #include "io/image_file.h"
 #include "io/read_file.h"
+#include "io/scene_reader.h"
 
 namespace tvsgs {
 namespace {

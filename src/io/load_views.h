@@ -5,8 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "core/scene.h"
 #include "io/colmap.h"
-#include "io/scene_reader.h"
+#include "io/scene_options.h"
 
 namespace tvsgs {
 

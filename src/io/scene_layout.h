@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "io/colmap.h"
-#include "io/scene_reader.h"
+#include "io/scene_options.h"
 
 namespace tvsgs {
 

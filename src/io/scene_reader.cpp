@@ -16,8 +16,6 @@
 #include "io/load_views.h"
 #include "io/ply.h"
 #include "io/read_file.h"
-#include "io/scene_layout.h"
-#include "io/view_split.h"
 
 namespace tvsgs {
 namespace {
@@ -264,14 +262,13 @@ Vec3d read_scene_origin(const SceneOptions& options) {
                         [&] { return origin_of(read_layout(options).model); });
 }
 
-Scene read_scene(const SceneOptions& options) {
+ChosenViews choose_views(const SceneOptions& options) {
     return with_context(str("reading scene ", options.path), [&] {
-        const SceneLayout layout = read_layout(options);
+        SceneLayout layout = read_layout(options);
         const ColmapModel& model = layout.model;
         resized_size(options.resolution, 1,
                      1);  // a wrong value is an error before anything is loaded
 
-        // 1. Which images are there, and which of them train and test.
         const fs::path image_folder = layout.images;
         const ImageFinder image_finder(image_folder, model);
         std::vector<std::string> names;
@@ -292,10 +289,17 @@ Scene read_scene(const SceneOptions& options) {
         if (missing > 0)
             spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
                          image_folder.string(), missing, names.size());
-        const ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
-        if (options.on_split) options.on_split(static_cast<int>(split.train.size()));
+        ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
+        return ChosenViews{std::move(layout), std::move(files), std::move(split)};
+    });
+}
 
-        // 2. Their pixels.
+Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path), [&] {
+        const SceneLayout& layout = chosen.layout;
+        const ColmapModel& model = layout.model;
+
+        // 1. The views.
         const MaskFinder mask_finder(options);
         const auto sources = [&](const std::vector<int>& indices) {
             std::vector<ViewSource> out;
@@ -308,7 +312,7 @@ Scene read_scene(const SceneOptions& options) {
                         layout.source, image.camera_id,
                         "a fisheye model (--undistort-fisheye makes a pinhole of it)");
                 const auto mask = layout.masks.find(image.name);
-                out.push_back({&image, intrinsics, *files[static_cast<std::size_t>(i)],
+                out.push_back({&image, intrinsics, *chosen.files[static_cast<std::size_t>(i)],
                                mask != layout.masks.end() && options.masks.empty()
                                    ? mask->second
                                    : mask_finder.find(image.name),
@@ -316,7 +320,7 @@ Scene read_scene(const SceneOptions& options) {
             }
             return out;
         };
-        const std::vector<ViewSource> train = sources(split.train);
+        const std::vector<ViewSource> train = sources(chosen.split.train);
         Scene scene;
         scene.path = options.path;
         scene.origin = origin_of(model);
@@ -327,7 +331,7 @@ Scene read_scene(const SceneOptions& options) {
                 options.path, scene.origin.x, scene.origin.y, scene.origin.z);
         scene.train = load_views(train, options, scene.origin);
         warn_of_empty_masks(train, scene.train);
-        scene.test = load_views(sources(split.test), options, scene.origin);
+        scene.test = load_views(sources(chosen.split.test), options, scene.origin);
         double offset = 0;
         for (const ViewSource& view : train)
             offset =
@@ -339,12 +343,16 @@ Scene read_scene(const SceneOptions& options) {
                 "codes assume the centre)",
                 options.path, 100 * offset);
 
-        // 3. The initial cloud.
+        // 2. The initial cloud.
         if (options.need_points)
             scene.points = initial_points(options, layout, train, scene.origin);
         scene.extent = scene_extent(scene);
         return scene;
     });
+}
+
+Scene read_scene(const SceneOptions& options) {
+    return load_scene(choose_views(options), options);
 }
 
 }  // namespace tvsgs

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "io/scene_reader.h"
+#include "io/scene_options.h"
 
 namespace tvsgs {
 

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "mesh/depth_view.h"
 #include "mesh/tsdf_math.h"
 
 namespace tvsgs {
@@ -43,14 +44,6 @@ struct TsdfOptions {
     bool carve = false;  // views update all voxels that they see, not only those near their surface
 
     VoxelSpace space() const { return {voxel_size, truncation, contraction}; }
-};
-
-template <class Device>
-struct DepthView {
-    Camera camera;
-    Span<const float> depth;        // [H W] z-depth; 0: nothing there
-    Span<const Vec3f> color;        // [H W]
-    Span<const float> weight = {};  // [H W] of the depths; empty: 1
 };
 
 /// Fuses views one after the other by the rule of Open3D's legacy volume: blocks within the

@@ -7,6 +7,7 @@
 #include "core/buffer.h"
 #include "core/camera.h"
 #include "mesh/contraction_math.h"
+#include "mesh/depth_view.h"
 
 namespace tvsgs {
 
@@ -71,12 +72,6 @@ TVSGS_HD inline BlockRange intersection(const BlockRange& a, const BlockRange& b
 TVSGS_HD inline bool contains(const BlockRange& r, Vec3i p) {
     return p.x >= r.first.x && p.x <= r.last.x && p.y >= r.first.y && p.y <= r.last.y &&
            p.z >= r.first.z && p.z <= r.last.z;
-}
-
-/// World point of pixel (x, y) at z-depth `depth`.
-TVSGS_HD inline Vec3f unproject(const Camera& camera, int x, int y, float depth) {
-    const Vec3f p_camera = depth * pixel_ray(camera, x, y);
-    return transpose_times(camera.camera_from_world.R, p_camera - camera.camera_from_world.t);
 }
 
 /// Where voxels are, and how far from the surface they are fused.

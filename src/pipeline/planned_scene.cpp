@@ -47,8 +47,14 @@ void check_consistency(const TrainOptions& options) {
     make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
 }
 
-Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
-    Scene scene = read_scene(options.scene);
+namespace {
+
+/// read_views() of views that are chosen.
+Scene load_and_hold_out(const ChosenViews& chosen,
+                        const RunOptions& options,
+                        bool resumed,
+                        OptionTable& table) {
+    Scene scene = load_scene(chosen, options.scene);
     if (options.plan.until != Until::converged || !scene.test.empty()) return scene;
     constexpr std::size_t kFew = 6;
     if (resumed || scene.train.size() < kFew)
@@ -66,6 +72,12 @@ Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
     return scene;
 }
 
+}  // namespace
+
+Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
+    return load_and_hold_out(choose_views(options.scene), options, resumed, table);
+}
+
 Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
@@ -78,11 +90,12 @@ Scene read_and_plan(const DeviceChoice& device,
         fit_near_plane(scene, options.train.core);
         return scene;
     }
-    bool dense = false;
     options.scene.points_required = false;
-    options.scene.on_split = [&](int views) { dense = plan_start(views, options, plan); };
-    Scene scene = read_views(options, false, table);
-    options.scene.on_split = nullptr;
+    const ChosenViews chosen = choose_views(options.scene);
+    const bool dense = with_context(str("reading scene ", options.scene.path), [&] {
+        return plan_start(static_cast<int>(chosen.split.train.size()), options, plan);
+    });
+    Scene scene = load_and_hold_out(chosen, options, false, table);
 
     const auto look = [&] {
         const SceneLook seen = look_at(scene, options.train.loss.multi_view);

@@ -155,4 +155,46 @@ private:
     bool over_ = false;
 };
 
+/// Follows how good a training is on its way: when to ask, the best answer, whether they improve.
+class ScoreWatch {
+public:
+    /// Asks as `options` say and, `until_converged`, often enough to see when that is. A run that
+    /// goes on has `seconds` behind it.
+    ScoreWatch(const EvaluationOptions& options, bool until_converged, double seconds)
+        : schedule_(options, seconds), validations_(validation(until_converged), seconds) {}
+
+    /// `seconds` of training have passed at the end of `step`.
+    bool due(int step, double seconds) {
+        step_ = step, seconds_ = seconds;
+        validates_ = validations_.due(step, seconds);
+        return schedule_.due(step, seconds) || validates_;
+    }
+
+    /// The score on views that do not train, where one was due last.
+    void add(double psnr) {
+        if (psnr > best_psnr_) best_psnr_ = psnr, best_step_ = step_;
+        if (validates_) convergence_.add(seconds_, psnr);
+    }
+
+    double best_psnr() const { return best_psnr_; }  // 0: none yet
+    int best_step() const { return best_step_; }
+    const Convergence& convergence() const { return convergence_; }
+
+private:
+    static EvaluationOptions validation(bool until_converged) {
+        EvaluationOptions options;
+        if (until_converged) options.at = "1,1.2,...";
+        return options;
+    }
+
+    EvaluationSchedule schedule_, validations_;  // asked for; to see when it has converged
+    Convergence convergence_;
+    double best_psnr_ = 0;
+    int best_step_ = 0;
+    // Of the last due():
+    int step_ = 0;
+    double seconds_ = 0;
+    bool validates_ = false;
+};
+
 }  // namespace tvsgs

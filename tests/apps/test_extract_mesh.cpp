@@ -130,6 +130,8 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     };
     expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
     expect_refused("--weight depth", 2, "inv-depth2");
+    expect_refused("--method tsfd", 2,
+                   "mesh.method = 'tsfd': expected one of tsdf; did you mean 'tsdf'?");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
     expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
     MeshOptions late;
@@ -156,20 +158,20 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         OptionTable table;
         table.add("mesh", mesh);
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
-        EXPECT_EQ(mesh.voxel_size, row.voxel_size);
-        EXPECT_EQ(mesh.truncation, row.truncation);
+        EXPECT_EQ(mesh.meshers.tsdf.voxel_size, row.voxel_size);
+        EXPECT_EQ(mesh.meshers.tsdf.truncation, row.truncation);
         if (row.truncation == 0) {
-            EXPECT_EQ(mesh.truncation_voxels, 5);
+            EXPECT_EQ(mesh.meshers.tsdf.truncation_voxels, 5);
         }
         EXPECT_EQ(mesh.depth_max, row.depth_max);
         EXPECT_EQ(mesh.depth_step, row.depth_step);
         EXPECT_EQ(mesh.max_angle, row.max_angle);
         EXPECT_EQ(mesh.alpha_min, row.alpha_min);
-        EXPECT_EQ(mesh.resolution, row.resolution);
+        EXPECT_EQ(mesh.meshers.tsdf.resolution, row.resolution);
         EXPECT_EQ(mesh.clusters, row.clusters);
         EXPECT_TRUE(mesh.masks);
-        EXPECT_FALSE(mesh.unbounded || mesh.carve);
-        EXPECT_EQ(mesh.weight, DepthWeighting::unit);
+        EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
+        EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
     }
 }
 

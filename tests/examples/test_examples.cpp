@@ -2,10 +2,13 @@
 // changed.
 #include <gtest/gtest.h>
 
+#include "core/error.h"
 #include "examples/toy_backbone.h"
 #include "examples/toy_loss.h"
+#include "examples/toy_mesher.h"
 #include "optim/device_views.h"
 #include "optim/train.h"
+#include "pipeline/mesh_extraction.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 
@@ -241,6 +244,55 @@ TEST(ToyBackbone, AnArrayOfItsOwnIsPartOfTheSplats) {
         const auto rest = train<Cpu>(scene, options, {}, {}, state);
         EXPECT_EQ(to_host(rest.filter), to_host(whole.filter));
         EXPECT_EQ(to_host(rest.opacity_logits), to_host(whole.opacity_logits));
+    }
+}
+
+/// Flat, opaque splats in the plane z = 0.
+Gaussians<Cpu> wall_of_splats() {
+    constexpr int kEdge = 30;
+    Gaussians<Cpu> g;
+    resize(g, kEdge * kEdge, 0);
+    for (std::size_t i = 0; i < g.means.size(); ++i) {
+        const auto at = [](std::size_t k) { return 2.4f * (static_cast<float>(k) / kEdge - 0.5f); };
+        g.means[i] = {at(i % kEdge), at(i / kEdge), 0};
+        g.log_scales[i] = {std::log(0.08f), std::log(0.08f), std::log(0.001f)};
+        g.quats[i] = {1, 0, 0, 0};
+        g.opacity_logits[i] = 6;
+        g.sh[i] = {1, 0, 0};
+    }
+    return g;
+}
+
+TEST(ToyMesher, MeshesByItsName) {
+    add_mesher<Cpu>("grid", [] { return std::make_unique<examples::GridMesher>(); });
+    const Gaussians<Cpu> wall = wall_of_splats();
+    std::vector<View> views(2);
+    views[0].camera = test::test_camera(40, 30, -0.3f);
+    views[1].camera = test::test_camera(40, 30, 0.3f);
+    MeshOptions options;
+    options.method = "grid";
+    options.box = "-0.5,-0.5,-1,0.5,0.5,1";
+    const TriangleMesh mesh = extract_mesh<Cpu>(views, wall, {}, options, testing::TempDir());
+    ASSERT_GT(mesh.faces.size(), 100u);
+    EXPECT_EQ(mesh.colors.size(), mesh.vertices.size());
+    for (const Vec3f v : mesh.vertices) {
+        EXPECT_NEAR(v.z, 0, 0.02);  // a quarter of a pixel, 4 / (1.3 * 40)
+        EXPECT_LE(std::max(std::abs(v.x), std::abs(v.y)), 0.5f) << "boxes are for all meshers";
+    }
+    for (const Vec3i f : mesh.faces) {  // towards the cameras, which look along +z
+        const auto vertex = [&](int i) { return mesh.vertices[static_cast<std::size_t>(i)]; };
+        const Vec3f a = vertex(f.x), b = vertex(f.y), c = vertex(f.z);
+        EXPECT_LT(cross(b - a, c - a).z, 0);
+    }
+
+    options.method = "gird";
+    try {
+        check_mesh_options(options);
+        FAIL() << "there is no such mesher";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::usage);
+        EXPECT_STREQ(error.what(),
+                     "mesh.method = 'gird': expected one of tsdf, grid; did you mean 'grid'?");
     }
 }
 

@@ -64,6 +64,22 @@ TEST_F(SceneReader, ReadsViewsPointsAndExtent) {
     EXPECT_FLOAT_EQ(scene.extent, 1.1f * 1.5f);
 }
 
+TEST_F(SceneReader, ChoosesViewsWithoutTheirPixels) {
+    options.eval = true, options.test_every = 4;
+    for (int i = 0; i < 4; ++i) write(str("images/", i, ".png"), "no picture");
+    const ChosenViews chosen = choose_views(options);
+    EXPECT_EQ(chosen.split.train, (std::vector<int>{1, 2, 3}));
+    EXPECT_EQ(chosen.split.test, (std::vector<int>{0}));
+    expect_input_error("images/1.png");
+
+    for (int i = 0; i < 4; ++i) photo(str("images/", i, ".png"), 8, 6, 10);
+    options.grey_scale = 0.5;  // of how views are read: it may be decided in between
+    const Scene scene = load_scene(chosen, options);
+    EXPECT_EQ(scene.train.size(), 3u);
+    EXPECT_EQ(scene.test.size(), 1u);
+    EXPECT_EQ(point_names(scene), (std::set<float>{234}));
+}
+
 TEST_F(SceneReader, PointsOfTestViewsDoNotLeak) {
     options.views = "0,1";
     Scene scene = read();

@@ -1,0 +1,75 @@
+// What is asked for of a scene.  [docs/input.md]
+#pragma once
+
+#include <string>
+
+#include "core/options.h"
+
+namespace tvsgs {
+
+/// How a scene's folder is laid out; `automatic` takes the first that fits.
+enum class SceneFormat { automatic, colmap, blender, nerfstudio, idr, mvsnet };
+
+/// What the user asked for; the names are those of the command line.
+struct SceneOptions {
+    std::string path;                             // --scene
+    SceneFormat format = SceneFormat::automatic;  // --format
+    std::string cameras_file;   // idr: cameras_sphere.npz or cameras.npz; empty: the one there is
+    float pixel_offset = 0.5f;  // idr, mvsnet: added to principal points, whose files count pixel
+                                // centres as integers
+    std::string images = "images";  // --images: folder of the photographs inside the scene
+    int resolution = -1;   // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
+    float grey_scale = 1;  // training size over that of the grey images; 1: photos are used
+    std::string split;     // --split NAME of splits.json
+    std::string train_list, test_list;  // --train-list, --test-list: one image name per line
+    std::string views;     // --views I,J,K: indices into the sorted views, training only
+    std::string held_out;  // a training view that tests instead
+    int num_views = 0;     // --num-views: that many training views, evenly chosen; 0: all
+    bool eval = false;     // --eval: every test_every-th view is a test view
+    int test_every = 8;
+    std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
+    std::string init_ply;  // --init-ply: initial cloud instead of the model's points
+    bool center_principal_point = false;  // parity with the official codes
+    bool undistort_fisheye =
+        false;                    // fisheyes become pinholes of 120 degrees; else they are refused
+    bool need_points = true;      // false: no initial cloud is read (meshing, evaluation)
+    bool points_required = true;  // false: an empty initial cloud is no error
+    int min_train_views = 2;
+
+    /// What belongs to a run's configuration.
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("path", path, "folder of the scene");
+        field.choice("format", format, {"auto", "colmap", "blender", "nerfstudio", "idr", "mvsnet"},
+                     "layout of the folder; auto: the first that fits");
+        field("cameras_file", cameras_file,
+              "idr: file with the cameras; empty: cameras_sphere.npz or cameras.npz");
+        field("pixel_offset", pixel_offset, {-1, 1},
+              "idr, mvsnet: added to principal points; 0.5 where the file counts pixel centres as "
+              "integers, 0 where it counts from the corner");
+        field("images", images, "folder of the photographs inside the scene");
+        field("resolution", resolution, {-1, 65535},
+              "1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width");
+        field("grey_scale", grey_scale, {0.05, 1},
+              "for matching patches between views: training size over that of the grey images, "
+              "which never exceed the files'; 1: the training size");
+        field("split", split, "list of splits.json to train on; its list 'test' is tested");
+        field("train_list", train_list, "file with one training image per line");
+        field("test_list", test_list, "file with one test image per line");
+        field("views", views, "training views by index into the sorted images: 23,24,33");
+        field("held_out", held_out,
+              "image that would train and is tested instead; --until converged chooses one where "
+              "there are no test views");
+        field("num_views", num_views, {0, 1e6}, "that many training views, evenly chosen; 0: all");
+        field("eval", eval, "every test_every-th view is a test view");
+        field("test_every", test_every, {2, 1e6}, "distance of the test views");
+        field("masks", masks, "folder of the masks; empty: mask/, masks/ or the alpha channel");
+        field("init_ply", init_ply, "initial cloud instead of the model's points");
+        field("center_principal_point", center_principal_point,
+              "principal point at the image centre, as the official codes");
+        field("undistort_fisheye", undistort_fisheye,
+              "fisheyes become pinholes of 120 degrees; else they are refused");
+    }
+};
+
+}  // namespace tvsgs

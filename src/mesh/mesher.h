@@ -1,0 +1,50 @@
+// What makes a surface of splats.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/log.h"
+#include "core/mesh.h"
+#include "mesh/depth_views.h"
+
+namespace tvsgs {
+
+/// The part of the world that is meshed: up to the depth limit of DepthViews, or all around a ball.
+struct MeshRegion {
+    bool unbounded = false;
+    // Of the ball about what the cameras look at, where the detail is; known if unbounded.
+    Vec3f centre;
+    float radius = 0;
+};
+
+/// What a mesher may go by, in the frame of the splats. It lives for one call.
+template <class Device>
+struct MesherInputs {
+    const std::vector<View>& views;
+    const Gaussians<Device>& gaussians;
+    Backbone<Device>& backbone;
+    DepthViews<Device>& depth;  // of `views`, rendered by `backbone`
+    MeshRegion region;
+    std::int64_t max_bytes;           // that the mesher may take
+    const std::string& spill_folder;  // for what does not fit, meanwhile
+    spdlog::level::level_enum level;  // of what is said
+};
+
+struct ExtractedMesh {
+    TriangleMesh mesh;
+    std::string why_empty;  // what to do about a mesh without faces; else empty
+};
+
+template <class Device>
+class Mesher {
+public:
+    virtual ~Mesher() = default;
+
+    /// The surface with its colours, as it comes: components are cleaned by the caller. Throws
+    /// Error.
+    virtual ExtractedMesh extract(const MesherInputs<Device>& in) = 0;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,89 @@
+#include "mesh/mesher_tsdf.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+
+namespace tvsgs::detail {
+namespace {
+
+constexpr int kMeshResolution = 2048;  // twice that of 2DGS and FatesGS
+
+/// Voxels along the depth limit, but none smaller than a pixel at half that depth, where the object
+/// is: such voxels average nothing and hold only noise.
+int automatic_resolution(const std::vector<View>& views) {
+    float focal_px = kMeshResolution / 2.0f;
+    for (const View& view : views) focal_px = std::min(focal_px, view.camera.fx_px);
+    return std::max(8, static_cast<int>(2 * focal_px));
+}
+
+}  // namespace
+
+void check_tsdf_options(const TsdfMesherOptions& options) {
+    if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
+        throw Error(ExitCode::usage,
+                    str("mesh.min_weight=", options.min_weight,
+                        " counts views, which --weight does not: give --weight unit, or "
+                        "--min-weight 1"));
+}
+
+TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
+                        const std::vector<View>& views,
+                        const MeshRegion& region,
+                        std::int64_t max_bytes,
+                        spdlog::level::level_enum level,
+                        DepthRules& rules) {
+    rules.weighting = options.weight;
+    TsdfOptions volume;
+    volume.carve = options.carve;
+    const float extent = region.unbounded ? 2 * region.radius : rules.depth_max;
+    const int resolution =
+        options.resolution > 0 ? options.resolution : automatic_resolution(views);
+    volume.voxel_size =
+        options.voxel_size > 0 ? options.voxel_size : extent / static_cast<float>(resolution);
+    volume.truncation =
+        options.truncation > 0 ? options.truncation : options.truncation_voxels * volume.voxel_size;
+    volume.max_bytes = max_bytes;
+    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
+                volume.truncation, limit_text(rules));
+    if (region.unbounded) {
+        volume.contraction = {region.centre, region.radius};
+        rules.centre = volume.contraction.centre;
+        rules.reach = volume.contraction.reach(volume.truncation);
+        spdlog::log(level,
+                    "unbounded: voxels grow from {:.4g} around what the cameras look at, and end "
+                    "{:.4g} away",
+                    region.radius, rules.reach);
+    }
+    return volume;
+}
+
+/// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
+/// pixels do not touch, the surface falls apart into specks.
+void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
+    if (volume.contraction.is_on())  // which brings far pixels closer together
+        for (int i = 0; i < static_cast<int>(depths.size()); ++i) {
+            float& d = depths[static_cast<std::size_t>(i)];
+            d /= volume.contraction.growth(
+                unproject(camera, i % camera.width_px, i / camera.width_px, d));
+        }
+    const double pixel =
+        median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
+    if (2 * static_cast<double>(volume.truncation) >= pixel) return;
+    throw Error(ExitCode::usage, str("voxels of ", volume.voxel_size, " with a truncation of ",
+                                     volume.truncation, ": the pixels lie ", pixel,
+                                     " apart on the surface, so it would have gaps; give "
+                                     "a --voxel-size of about ",
+                                     pixel, ", or a --truncation of at least ", pixel));
+}
+
+void say_volume(const FusionReport& fusion, spdlog::level::level_enum level) {
+    spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
+                static_cast<double>(fusion.bytes) / (1 << 20));
+    if (fusion.parts > 1)
+        spdlog::log(level,
+                    "fused in {} parts to keep within --memory; {:.1f} MiB were kept on disk",
+                    fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
+}
+
+}  // namespace tvsgs::detail

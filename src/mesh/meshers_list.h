@@ -1,0 +1,83 @@
+// The list of meshers. Another one is its own file, its options, and a line here.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+#include "core/error.h"
+#include "core/nearest_name.h"
+#include "mesh/mesher_tsdf.h"
+
+namespace tvsgs {
+
+struct MesherOptions {
+    TsdfMesherOptions tsdf;
+
+    /// A mesher's keys are a group of its name; tsdf's have none, as they are older than the list.
+    template <class Visitor>
+    void fields(Visitor& field) {
+        tsdf.fields(field);
+    }
+};
+
+/// visit(type, name, its options) for each mesher.
+template <class Device, class Visit>
+void visit_meshers(const MesherOptions& o, const Visit& visit) {
+    using std::type_identity;
+    visit(type_identity<TsdfMesher<Device>>{}, "tsdf", o.tsdf);
+}
+
+template <class Device>
+using MakeMesher = std::function<std::unique_ptr<Mesher<Device>>()>;
+
+template <class Device>
+auto& added_meshers() {
+    static std::map<std::string, MakeMesher<Device>> added;
+    return added;
+}
+
+/// A mesher of the program's own, which make_mesher() then knows by that name: for those who link
+/// this library.
+template <class Device>
+void add_mesher(const std::string& name, MakeMesher<Device> make) {
+    added_meshers<Device>()[name] = std::move(make);
+}
+
+/// Throws Error(ExitCode::usage) naming the known ones unless `name` is among them.
+template <class Device>
+void require_mesher(const std::string& name) {
+    std::vector<std::string> known;
+    visit_meshers<Device>({}, [&](auto, const char* ours, const auto&) { known.push_back(ours); });
+    for (const auto& [added, make] : added_meshers<Device>()) known.push_back(added);
+    std::string all;
+    for (const std::string& one : known) {
+        if (one == name) return;
+        all += (all.empty() ? "" : ", ") + one;
+    }
+    const std::string near = nearest_name(name, known);
+    throw Error(ExitCode::usage, str("mesh.method = '", name, "': expected one of ", all,
+                                     near.empty() ? "" : str("; did you mean '", near, "'?")));
+}
+
+/// Throws as require_mesher() does, and Error(ExitCode::usage) for options that contradict each
+/// other.
+template <class Device>
+std::unique_ptr<Mesher<Device>> make_mesher(const std::string& name, const MesherOptions& options) {
+    require_mesher<Device>(name);
+    if (const auto added = added_meshers<Device>().find(name);
+        added != added_meshers<Device>().end())
+        return added->second();
+    std::unique_ptr<Mesher<Device>> made;
+    visit_meshers<Device>(
+        options, [&]<class Kind>(std::type_identity<Kind>, const char* ours, const auto& of) {
+            if (ours == name) made = std::make_unique<Kind>(of);
+        });
+    return made;
+}
+
+}  // namespace tvsgs

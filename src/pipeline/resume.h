@@ -1,0 +1,44 @@
+// --resume: the run that goes on, and from where.  docs/reliability.md
+#pragma once
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "io/config.h"
+#include "pipeline/checkpoints.h"
+#include "pipeline/run_folder.h"
+
+namespace tvsgs {
+
+struct Resume {
+    bool asked = false;                // --resume was given
+    bool same_run = false;             // the run folder is the checkpoint's
+    std::optional<ResumePoint> point;  // nothing: no checkpoint yet, so from the beginning
+    std::vector<std::pair<std::string, std::string>> configured;  // what the checkpoint ran with
+
+    /// Whether what is in the run folder is this run.
+    bool in_place() const { return asked && same_run; }
+
+    // What the run has behind it.
+    int done() const { return point ? point->done : 0; }  // iterations
+    double seconds() const { return point ? point->seconds : 0; }
+};
+
+/// Finds the checkpoint: `given` is a run folder or a checkpoint, or empty for the folder `out`,
+/// which becomes the checkpoint's run where it is empty. What the run was configured as goes into
+/// `table`. Throws Error.
+Resume open_resume(const std::string& given, std::string& out, OptionTable& table);
+
+/// Whether open_resume() found what the run in `out` was configured as.
+bool is_configured(const Resume& resume, const std::string& out);
+
+/// Throws Error(ExitCode::usage) unless the checkpoint leaves some of so many iterations to do.
+void require_iterations_left(const Resume& resume, int iterations);
+
+/// Says and logs where the run goes on. `changed`: of the configuration, see changed_values().
+/// Checkpoints of iterations that are done anew are removed.
+void log_resume(const Resume& resume, const std::string& changed, RunFolder& run);
+
+}  // namespace tvsgs

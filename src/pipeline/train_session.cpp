@@ -1,0 +1,289 @@
+#include "pipeline/train_session.h"
+
+#include "core/log.h"
+#include "io/ply.h"
+#include "optim/time_budget.h"
+#include "pipeline/checkpoints.h"
+#include "pipeline/progress.h"
+#include "pipeline/signals.h"
+#include "pipeline/train_evaluation.h"
+#include "pipeline/view_evaluation.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr double kClearlyWorse = 0.5;  // dB of PSNR
+
+template <class Device>
+class TrainSession {
+public:
+    TrainSession(const SessionInputs& inputs, RunFolder& run);
+    void run();
+
+private:
+    // While it trains.
+    Gaussians<Device> train_or_explain();
+    Gaussians<Device> train_in_budget();
+    TrainCallbacks callbacks();
+    bool stop_requested();
+    bool save_due(int done) const;
+    void save(int done, const SharedState& state);
+    void roll_back(int done, const std::string& why);
+    void evaluate_if_due(int step, const SplatsNow<Device>& splats);
+    void fit_to_budget();
+
+    // When it has ended, after `seconds`.
+    void settle_budget(double seconds);
+    void warn_of_few(int splats) const;
+    void say_how_it_ended(double seconds);
+    void write_results(const Gaussians<Device>& trained, double seconds);
+    void score_test_views(const Gaussians<Device>& trained, JsonLine& summary) const;
+
+    /// Of this call: what the run took before it was resumed is past.
+    double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
+    MeshSource mesh_source() const {
+        return {in_.scene.train, in_.options.mesh, run_.path() + "/mesh", in_.scene.origin};
+    }
+
+    const SignalGuard signals_;  // there is work to save from here on
+    const SessionInputs& in_;
+    RunFolder& run_;
+    TrainOptions training_;  // in_.training with the schedule that it goes by now
+    Progress progress_;
+    CheckpointWriter checkpoints_;
+    TimeBudget budget_;
+    ScoreWatch scores_;     // of evaluations on the way
+    int done_;              // iterations
+    SharedState state_;     // the last one saved; null: the beginning
+    bool fit_now_ = false;  // the training pauses for a new schedule
+};
+
+template <class Device>
+TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
+    : in_(inputs),
+      run_(run),
+      training_(inputs.training),
+      progress_(training_.iterations, inputs.session.progress, inputs.resume.seconds()),
+      checkpoints_(run.path(), inputs.config(), inputs.scene),
+      budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
+      scores_(
+          inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
+      done_(inputs.resume.done()),
+      state_(inputs.resume.point ? inputs.resume.point->state : nullptr) {}
+
+template <class Device>
+void TrainSession<Device>::run() {
+    const Gaussians<Device> trained = train_or_explain();
+    synchronize(Device{});
+    progress_.finish();
+    const double seconds = progress_.seconds();
+    settle_budget(seconds);
+
+    Gaussians<Cpu> splats;
+    copy(trained, splats);
+    warn_of_few(splats.size());
+    run_.save_splats(splats, done_, in_.scene.origin);
+    say_how_it_ended(seconds);
+    SignalGuard::check();
+
+    run_.remove_splats_of_stops(done_);
+    write_results(trained, seconds);
+    in_.write_report();
+    spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
+                 splats.size(), done_, seconds, memory_use(Device{}).peak_bytes >> 20, run_.path());
+    if (!checkpoints_.failure().empty())
+        throw Error(ExitCode::io,
+                    str(run_.path(), ": the run is finished and whole, but cannot be extended: ",
+                        "its last checkpoint was not saved: ", checkpoints_.failure()));
+}
+
+template <class Device>
+Gaussians<Device> TrainSession<Device>::train_or_explain() {
+    try {
+        return train_in_budget();
+    } catch (const Error& error) {
+        progress_.finish();
+        const auto last = checkpoints_.finish();
+        if (!last) throw;
+        throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
+                                      "; --resume goes on from there"));
+    }
+}
+
+template <class Device>
+Gaussians<Device> TrainSession<Device>::train_in_budget() {
+    TrainCallbacks told = callbacks();
+    const auto after_step = [this](int step, const SplatsNow<Device>& splats) {
+        done_ = step;
+        evaluate_if_due(step, splats);
+    };
+    for (;;) {
+        Gaussians<Device> trained = train<Device>(in_.scene, training_, told, after_step, state_);
+        if (!fit_now_) return trained;
+        fit_to_budget();
+        told.goes_on = true;
+    }
+}
+
+template <class Device>
+TrainCallbacks TrainSession<Device>::callbacks() {
+    TrainCallbacks told;
+    told.profile = in_.session.profile;
+    told.report_due = [this](int step) {
+        return step == 1 || step == training_.iterations || step % in_.session.report_every == 0;
+    };
+    told.on_report = [this](const TrainReport& report) {
+        run_.log(progress_.json(report));
+        progress_.show(report);
+    };
+    told.stop_requested = [this] { return stop_requested(); };
+    told.on_end = [this](int done) { done_ = done; };
+    told.save_due = [this](int done) { return save_due(done); };
+    told.on_save = [this](int done, const SharedState& state) { save(done, state); };
+    told.on_rollback = [this](int done, const std::string& why) { roll_back(done, why); };
+    return told;
+}
+
+template <class Device>
+bool TrainSession<Device>::stop_requested() {
+    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over();
+    fit_now_ = !stop && budget_.due(done_, own_seconds());
+    return stop || fit_now_;
+}
+
+template <class Device>
+bool TrainSession<Device>::save_due(int done) const {
+    const int every = in_.session.checkpoint_every;
+    return every > 0 && done > in_.resume.done() &&
+           (done % every == 0 || done == training_.iterations - 1);
+}
+
+template <class Device>
+void TrainSession<Device>::save(int done, const SharedState& state) {
+    state_ = state;
+    if (!fit_now_) checkpoints_.save(done, progress_.seconds(), state);
+}
+
+template <class Device>
+void TrainSession<Device>::roll_back(int done, const std::string& why) {
+    done_ = done;
+    spdlog::warn(why);
+    run_.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", why).text());
+}
+
+template <class Device>
+void TrainSession<Device>::evaluate_if_due(int step, const SplatsNow<Device>& splats) {
+    if (!scores_.due(step, progress_.seconds()) || step == training_.iterations) return;
+    synchronize(Device{});
+    progress_.pause();
+    const MeshSource mesh = mesh_source();
+    const Evaluation evaluation =
+        evaluate(step, progress_.seconds(), splats(), in_.scene.test, training_, in_.truth,
+                 in_.options.eval.mesh ? &mesh : nullptr);
+    run_.log(evaluation.line);
+    scores_.add(evaluation.psnr);
+    progress_.resume();
+}
+
+template <class Device>
+void TrainSession<Device>::fit_to_budget() {
+    budget_.fit(done_, own_seconds(), training_);
+    copy_schedule(training_, in_.options.train);
+    progress_.set_iterations(training_.iterations);
+    run_.save_config(in_.config());
+    checkpoints_.set_config(in_.config());
+    run_.log(JsonLine()
+                 .add("event", "plan")
+                 .add("iteration", done_)
+                 .add("seconds", progress_.seconds())
+                 .add("iterations", training_.iterations)
+                 .text());
+    spdlog::info("after {:.1f} s: {} iterations in all for {:g} s", progress_.seconds(),
+                 training_.iterations, static_cast<double>(in_.options.plan.time_budget));
+}
+
+template <class Device>
+void TrainSession<Device>::settle_budget(double seconds) {
+    const double asked = in_.options.plan.time_budget, took = seconds - in_.resume.seconds();
+    if (!(asked > 0) || done_ != training_.iterations) return;
+    if (took > 1.1 * asked)
+        spdlog::warn(
+            "the training took {:.1f} s instead of {:g}: {} iterations are the fewest "
+            "that its first seconds let foresee; give it more time, or smaller images "
+            "(-r)",
+            took, asked, done_);
+    // What was run, for whoever runs it again.
+    in_.options.plan.time_budget = 0;
+    run_.save_config(in_.config());
+}
+
+template <class Device>
+void TrainSession<Device>::warn_of_few(int splats) const {
+    const std::size_t first = in_.scene.points.positions.size();
+    if (static_cast<std::size_t>(splats) < first / 100)
+        spdlog::warn(
+            "of {} initial points {} splats are left: learning rates (lr.*) or pruning "
+            "(densify.*) do not suit this scene",
+            first, splats);
+}
+
+template <class Device>
+void TrainSession<Device>::say_how_it_ended(double seconds) {
+    const auto last = checkpoints_.finish();
+    const Convergence& convergence = scores_.convergence();
+    if (convergence.over())
+        spdlog::info("converged: PSNR {:.2f} dB after {:.1f} s has not been exceeded by {:.1f} s",
+                     convergence.best(), convergence.best_at(), seconds);
+    else if (done_ < training_.iterations) {
+        spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", done_,
+                     training_.iterations, run_.path());
+        run_.log(JsonLine().add("event", "stopped").add("iteration", done_).text());
+        if (!last) throw Error(ExitCode::io, checkpoints_.failure());
+        spdlog::warn("tvsgs-train --resume {} goes on", run_.path());
+    }
+}
+
+template <class Device>
+void TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
+    JsonLine summary;
+    summary.add("event", "done")
+        .add("iteration", done_)
+        .add("seconds", seconds)
+        .add("gaussians", trained.size());
+    summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
+    if (!in_.scene.test.empty()) score_test_views(trained, summary);
+    if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
+    if (in_.options.eval.mesh) {
+        const MeshSource source = mesh_source();
+        const TriangleMesh mesh =
+            extract_mesh(source.views, trained, training_, source.options, source.spill_folder,
+                         spdlog::level::info, source.origin);
+        write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
+        add_mesh(summary, mesh, *in_.truth, run_.path());
+    }
+    run_.log(summary.text());
+}
+
+template <class Device>
+void TrainSession<Device>::score_test_views(const Gaussians<Device>& trained,
+                                            JsonLine& summary) const {
+    const std::size_t views = in_.scene.test.size();
+    const ViewScores scores = evaluate_views(trained, in_.scene.test, training_, run_.path());
+    summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+    spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
+                 scores.mean_psnr, scores.mean_ssim, views, run_.path());
+    if (scores.mean_psnr < scores_.best_psnr() - kClearlyWorse)
+        spdlog::warn(
+            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
+            "on for too long, or grew too much; try --iterations {}, --until converged or "
+            "--set densify.enabled=false",
+            scores_.best_psnr(), scores_.best_step(), scores.mean_psnr, scores_.best_step());
+}
+
+}  // namespace
+
+void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run) {
+    on_device(device, [&](auto tag) { TrainSession<decltype(tag)>(inputs, run).run(); });
+}
+
+}  // namespace tvsgs
