@@ -112,12 +112,9 @@ struct TrainCallbacks {
     InjectedFault injected_fault;
 };
 
-/// Called between two steps; `splats()` gives the splats after the step, wherever they live, and
-/// costs a pass over them.
+/// Called between two steps, with the splats after the step.
 template <class Device>
-using SplatsNow = std::function<const Gaussians<Device>&()>;
-template <class Device>
-using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats)>;
+using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
 /// device type give the same bits, also when the training goes on from a saved state, `start`.

@@ -28,7 +28,6 @@ Gaussians<Device> train(const Scene& scene,
     Iteration<Device> iteration(scene, options, callbacks.goes_on);
     Training<Device> t(scene, options, callbacks, start);
     iteration.clock = StageClock<Device>(callbacks.profile);
-    const SplatsNow<Device> splats_now = [&]() -> const Gaussians<Device>& { return t->gaussians; };
 
     for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
         if (callbacks.stop_requested && callbacks.stop_requested()) {
@@ -60,7 +59,7 @@ Gaussians<Device> train(const Scene& scene,
             iteration.finish_statistics();
         iteration.clock("densify", [&] { t.grow(step, iteration); });
         t.step_done(step);
-        if (after_step) after_step(step, splats_now);
+        if (after_step) after_step(step, t->gaussians);
     }
     if (callbacks.on_end) callbacks.on_end(t->done);
     return std::move(t->gaussians);

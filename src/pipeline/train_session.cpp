@@ -29,7 +29,7 @@ private:
     bool save_due(int done) const;
     void save(int done, const SharedState& state);
     void roll_back(int done, const std::string& why);
-    void evaluate_if_due(int step, const SplatsNow<Device>& splats);
+    void evaluate_if_due(int step, const Gaussians<Device>& splats);
     void fit_to_budget();
 
     // When it has ended, after `seconds`.
@@ -113,7 +113,7 @@ Gaussians<Device> TrainSession<Device>::train_or_explain() {
 template <class Device>
 Gaussians<Device> TrainSession<Device>::train_in_budget() {
     TrainCallbacks told = callbacks();
-    const auto after_step = [this](int step, const SplatsNow<Device>& splats) {
+    const auto after_step = [this](int step, const Gaussians<Device>& splats) {
         done_ = step;
         evaluate_if_due(step, splats);
     };
@@ -172,13 +172,13 @@ void TrainSession<Device>::roll_back(int done, const std::string& why) {
 }
 
 template <class Device>
-void TrainSession<Device>::evaluate_if_due(int step, const SplatsNow<Device>& splats) {
+void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& splats) {
     if (!scores_.due(step, progress_.seconds()) || step == training_.iterations) return;
     synchronize(Device{});
     progress_.pause();
     const MeshSource mesh = mesh_source();
     const Evaluation evaluation =
-        evaluate(step, progress_.seconds(), splats(), in_.scene.test, training_, in_.truth,
+        evaluate(step, progress_.seconds(), splats, in_.scene.test, training_, in_.truth,
                  in_.options.eval.mesh ? &mesh : nullptr);
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
