@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <functional>
 
+#include "comm/communicator.h"
 #include "core/options.h"
 #include "core/parallel.h"
 #include "core/rng.h"
@@ -176,8 +177,12 @@ struct KeepSeenBody {
 template <class Device>
 class Densifier {
 public:
-    Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
-        : options_(options), extent_(extent), seed_(seed) {}
+    /// `peers`: as TrainCallbacks has them.
+    Densifier(const DensifyOptions& options,
+              float extent,
+              std::uint64_t seed,
+              Communicator* peers = nullptr)
+        : options_(options), extent_(extent), seed_(seed), peers_(peers) {}
 
     /// What happened at a step.
     struct Event {
@@ -248,8 +253,23 @@ private:
         statistics_.fill_zero();
     }
 
+    /// What all ranks have seen, from rank 0 on.
+    void share_statistics() {
+        if (peers_ == nullptr) return;
+        const std::vector<GrowthStatistics> all = gather_ranks(peers_, statistics_);
+        std::vector<GrowthStatistics> sum(statistics_.size(), {0, 0, 0, 0});
+        for (std::size_t i = 0; i < all.size(); ++i) {
+            GrowthStatistics& s = sum[i % sum.size()];
+            s.gradient += all[i].gradient, s.abs_gradient += all[i].abs_gradient;
+            s.views += all[i].views;
+            s.max_radius_px = std::max(s.max_radius_px, all[i].max_radius_px);
+        }
+        copy(sum, statistics_);
+    }
+
     /// Fills growth_ and counts_.
     void grow_and_prune(int step, const Gaussians<Device>& g) {
+        share_statistics();
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
         propose_growth<Device>(
@@ -383,6 +403,7 @@ private:
     DensifyOptions options_;
     float extent_;
     std::uint64_t seed_;
+    Communicator* peers_;
     Buffer<GrowthStatistics, Device> statistics_;
     Buffer<Growth, Device> growth_;
     Buffer<float, Device> score_;

@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/communicator.h"
 #include "core/stage_clock.h"
 #include "optim/adam.h"
 #include "optim/device_views.h"
@@ -48,9 +49,14 @@ class Iteration {
 public:
     using Losses = std::vector<std::unique_ptr<Loss<Device>>>;
 
-    /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
-    Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
-        : backbone_(make_backbone<Device>(options.backbone, options.core)),
+    /// The scene has to outlive this. `quiet`: says nothing of pairs of views. `peers`: as
+    /// TrainCallbacks has them.
+    Iteration(const Scene& scene,
+              const TrainOptions& options,
+              bool quiet,
+              Communicator* peers = nullptr)
+        : peers_(peers),
+          backbone_(make_backbone<Device>(options.backbone, options.core)),
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
@@ -112,6 +118,7 @@ public:
                                           {gaussians, images, view, field,
                                            backbone_->statistics().radii_px.span(), step, others});
                     });
+            mean_over_ranks<double>(peers_, objective_.values);
             details("watch losses", [&] { watch(objective_.values); });
         });
         clock("backward", [&] {
@@ -119,10 +126,13 @@ public:
                 details("other views, backward",
                         [&] { others->backward(gaussians, objective_.dL_dgaussians); });
             fused_ = nullptr;
-            if (backbone_->fuses())
+            if (fuses())
                 fused_ = backbone_->blend_backward(objective_.dL_dimages);
             else
                 backbone_->backward(gaussians, objective_.dL_dimages, objective_.dL_dgaussians);
+            for_each_array(
+                [&](const SplatArray&, auto& values) { mean_over_ranks<float>(peers_, values); },
+                objective_.dL_dgaussians);
         });
     }
 
@@ -172,6 +182,9 @@ public:
     StageClock<Device> clock, details;
 
 private:
+    /// Gradients that are in no memory cannot be shared.
+    bool fuses() const { return peers_ == nullptr && backbone_->fuses(); }
+
     /// Sizes and clears what the terms add to.
     void clear(const Gaussians<Device>& gaussians,
                bool splat_gradients,
@@ -184,7 +197,7 @@ private:
         by_image.normal.fill_zero();
         by_image.depth.fill_zero();
         Gaussians<Device>& by_splat = objective_.dL_dgaussians;
-        if (backbone_->fuses())
+        if (fuses())
             resize_geometry(by_splat, splat_gradients ? gaussians.size() : 0);
         else
             resize(by_splat, gaussians.size(), gaussians.sh_degree);
@@ -192,6 +205,7 @@ private:
         objective_.values.fill_zero();
     }
 
+    Communicator* peers_;
     std::unique_ptr<Backbone<Device>> backbone_;
     std::unique_ptr<OtherViews<Device>> others_;
     DeviceViews<Device> views_;

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/communicator.h"
 #include "core/scene.h"
 #include "core/stage_clock.h"
 #include "core/state.h"
@@ -110,6 +111,13 @@ struct TrainCallbacks {
     /// The run was rolled back to where it had `done` iterations; `what` says why.
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;
+
+    /// The other processes of this training; null: none. All have the same scene, options, start
+    /// and answers of these callbacks. Each step then looks at as many views as there are
+    /// processes, one on each; they share gradients, values of losses and statistics of growth, so
+    /// all have the same splats. Of its own views alone are what a term of a process learns
+    /// (exposures), and the statistics since the last growth in its saved states.
+    Communicator* peers = nullptr;
 };
 
 /// Called between two steps, with the splats after the step.

@@ -25,7 +25,7 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step,
                         const SharedState& start) {
-    Iteration<Device> iteration(scene, options, callbacks.goes_on);
+    Iteration<Device> iteration(scene, options, callbacks.goes_on, callbacks.peers);
     Training<Device> t(scene, options, callbacks, start);
     iteration.clock = StageClock<Device>(callbacks.profile);
 

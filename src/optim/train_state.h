@@ -14,30 +14,38 @@ namespace tvsgs {
 /// Iterations between looks at all parameters.
 inline constexpr int kCheckEvery = 100;
 
-/// Training views without replacement: a new shuffled round whenever one is used up.
+/// Training views without replacement: a new shuffled round whenever one is used up. Each step
+/// draws a view for every process of the training; next() gives the one of this process.
 class ViewSampler {
 public:
-    ViewSampler(int count, std::uint64_t seed)
-        : order_(static_cast<std::size_t>(count)), seed_(seed) {}
+    ViewSampler(int count, std::uint64_t seed, int rank = 0, int ranks = 1)
+        : order_(static_cast<std::size_t>(count)), seed_(seed), rank_(rank), ranks_(ranks) {}
 
     int next() {
+        int mine = 0;
+        for (int r = 0; r < ranks_; ++r)
+            if (const int view = draw(); r == rank_) mine = view;
+        return mine;
+    }
+
+    /// What next() will give.
+    int peek() const { return ViewSampler(*this).next(); }
+
+    /// As after `steps` calls of next().
+    void skip_to(int steps) {
+        drawn_ = static_cast<std::size_t>(steps) * static_cast<std::size_t>(ranks_);
+        if (const std::size_t n = order_.size(); drawn_ % n != 0)
+            shuffle(static_cast<std::uint32_t>(drawn_ / n));
+    }
+
+private:
+    int draw() {
         const std::size_t at = drawn_ % order_.size();
         if (at == 0) shuffle(static_cast<std::uint32_t>(drawn_ / order_.size()));
         ++drawn_;
         return order_[at];
     }
 
-    /// What next() will give.
-    int peek() const { return ViewSampler(*this).next(); }
-
-    /// As after `drawn` calls of next().
-    void skip_to(int drawn) {
-        drawn_ = static_cast<std::size_t>(drawn);
-        if (const std::size_t n = order_.size(); drawn_ % n != 0)
-            shuffle(static_cast<std::uint32_t>(drawn_ / n));
-    }
-
-private:
     void shuffle(std::uint32_t round) {
         for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
         for (std::size_t i = order_.size(); i > 1; --i) {
@@ -50,6 +58,7 @@ private:
 
     std::vector<int> order_;
     std::uint64_t seed_;
+    int rank_, ranks_;
     std::size_t drawn_ = 0;
 };
 
@@ -77,13 +86,16 @@ struct TrainState {
     ViewSampler sampler;
     int done = 0;
 
-    TrainState(const Scene& scene, const TrainOptions& o, const State* from)
+    TrainState(const Scene& scene, const TrainOptions& o, const State* from, Communicator* peers)
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv),
           adam(o.lr, gaussians),
-          densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed)),
-          sampler(static_cast<int>(scene.train.size()), static_cast<std::uint64_t>(o.seed)) {
+          densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), peers),
+          sampler(static_cast<int>(scene.train.size()),
+                  static_cast<std::uint64_t>(o.seed),
+                  rank_of(peers),
+                  size_of(peers)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv.fixed_voters));
         if (from != nullptr) load(*from, o);
@@ -277,7 +289,8 @@ public:
 private:
     void restart() {
         state_.reset();  // first, so that the device never holds two
-        state_ = std::make_unique<TrainState<Device>>(scene_, options_, good_.get());
+        state_ =
+            std::make_unique<TrainState<Device>>(scene_, options_, good_.get(), callbacks_.peers);
         guard_.reset();
     }
 

@@ -16,14 +16,15 @@ namespace fs = std::filesystem;
 
 const std::map<std::string, std::set<std::string>> kMayUse{
     {"core", {}},
+    {"comm", {"core"}},
     {"io", {"core"}},
     {"tv", {"core"}},
     {"render", {"core"}},
     {"mvs", {"core"}},
-    {"optim", {"core", "tv", "render"}},
+    {"optim", {"core", "comm", "tv", "render"}},
     {"mesh", {"core", "tv", "render"}},
     {"eval", {"core", "io", "render"}},
-    {"pipeline", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval"}},
+    {"pipeline", {"core", "comm", "io", "tv", "render", "mvs", "optim", "mesh", "eval"}},
     {"report", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval", "pipeline"}},
 };
 
