@@ -115,8 +115,9 @@ __global__ void __launch_bounds__(kThreads)
         for (; mask != 0; mask &= mask - 1) {
             const int j = __ffs(static_cast<int>(mask)) - 1;
             const typename Model::Shape s = batch.shapes[j];
-            const typename Model::Hit hits[kPixels] = {Model::hit(s, offset<Model>(s, p, 0)),
-                                                       Model::hit(s, offset<Model>(s, p, 1))};
+            typename Model::Hit hits[kPixels];
+#pragma unroll
+            for (int k = 0; k < kPixels; ++k) hits[k] = Model::hit(s, offset<Model>(s, p, k));
             if (!__any_sync(kAll, hits[0].alpha > 0 || hits[1].alpha > 0)) continue;
             // No branches but that of the whole warp: an alpha of 0 adds zeros.
             const typename Model::Features& f = batch.features[j];
