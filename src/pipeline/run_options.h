@@ -31,8 +31,8 @@ struct RunOptions {
         table.add("memory", memory);
         table.add("plan", plan);
         table.retire("optim.adam",
-                     "every splat steps every iteration, which takes less time on scenes of "
-                     "hundreds of views as well");
+                     "every splat steps every iteration, with the same results; waiting gained "
+                     "too little on some scenes and lost on others");
         table.retire("eval.samples",
                      "distances to meshes are exact; eval.point_samples is the measure it named");
     }
