@@ -177,6 +177,19 @@ std::vector<std::pair<std::string, std::string>> excerpts_of(const std::string& 
     return excerpts;
 }
 
+TEST(Docs, FilesThatDevelopersAreSentToExist) {
+    static const std::regex kFile(R"(`([\w-]+/[\w/.-]+\.(?:h|cpp|cu|md|py|sh|txt))`)");
+    int named = 0;
+    for (const auto& page : fs::directory_iterator(kSource / "docs/develop")) {
+        for (const auto& m : matches(contents(page.path()), kFile)) {
+            EXPECT_TRUE(fs::exists(kSource / m.str(1)) || fs::exists(kSource / "src" / m.str(1)))
+                << page.path() << ": " << m.str(1);
+            ++named;
+        }
+    }
+    EXPECT_GE(named, 60);
+}
+
 TEST(Docs, ExcerptsAreOfTheFilesTheyName) {
     for (const char* name : {"add-a-loss.md", "add-a-backbone.md"}) {
         const auto excerpts = excerpts_of(contents(kSource / "docs/develop" / name));
