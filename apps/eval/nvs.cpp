@@ -23,7 +23,9 @@ struct NvsArguments {
 };
 
 /// results.json and per_view.json as 3DGS's metrics.py writes them.
-void write_3dgs_files(const std::string& run, const std::string& method, const ViewScores& scores) {
+void write_metrics_files(const std::string& run,
+                         const std::string& method,
+                         const ViewScores& scores) {
     const auto named = [&](const std::string& psnr, const std::string& ssim,
                            const std::string& lpips) {
         JsonLine inner, outer;
@@ -78,8 +80,8 @@ int nvs(const NvsArguments& arguments) {
         copy(splats, gaussians);
         return evaluate_views(gaussians, scene.test, options.train, arguments.model, scoring);
     });
-    write_3dgs_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
-                     scores);
+    write_metrics_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
+                        scores);
     std::printf("%s\n", view_scores_json(scores, scene.test.size(), scoring).text().c_str());
     if (!scoring.lpips) spdlog::info("LPIPS: not computed: no weights given (--lpips-weights)");
     spdlog::info("per view: {}/eval/nvs.json; renders, normal and depth maps: {}/test",

@@ -1,3 +1,4 @@
+// What the cameras look at.
 #pragma once
 
 #include <optional>

@@ -1,3 +1,4 @@
+// Signed distances to triangles: the last step from depth maps to a mesh.
 #pragma once
 
 #include <cstdint>

@@ -1,3 +1,4 @@
+// What is small and hangs loose is taken off a mesh.
 #pragma once
 
 #include "core/mesh.h"

@@ -1,3 +1,4 @@
+// A training view as terms see it, and the names of the maps that they ask for.
 #pragma once
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// Splats become flat: the smallest scale of those that are seen.
 #pragma once
 
 #include "optim/loss.h"

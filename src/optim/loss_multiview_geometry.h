@@ -1,3 +1,4 @@
+// Depth maps of two views against each other.
 #pragma once
 
 #include "optim/loss.h"

@@ -1,3 +1,4 @@
+// Patches of a photograph against those of another view, warped by the surface between them.
 #pragma once
 
 #include "optim/loss.h"

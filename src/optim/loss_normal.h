@@ -1,3 +1,4 @@
+// Normals of the depth map against those that are blended.
 #pragma once
 
 #include "optim/edge_strength.h"

@@ -1,3 +1,4 @@
+// The render against its photograph.
 #pragma once
 
 #include "optim/exposure.h"

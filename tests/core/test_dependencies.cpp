@@ -1,5 +1,5 @@
-// The order of the modules (docs/design.md#modules), read off the #include lines of src/, and that
-// no two headers define one type.
+// The order of the modules (docs/develop/design.md#modules), read off the #include lines of src/,
+// and that no two headers define one type.
 #include <gtest/gtest.h>
 
 #include <filesystem>

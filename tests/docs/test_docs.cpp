@@ -1,6 +1,7 @@
 // What the sources and pages refer to is there: pages, headings, and no page that a clone lacks.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cctype>
 #include <filesystem>
 #include <map>
@@ -8,6 +9,7 @@
 #include <set>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "support/source_text.h"
@@ -125,6 +127,91 @@ TEST(Docs, NothingIsCitedThatAReaderCannotOpen) {
                           << "': cite a page and a heading of docs/, or a paper of README.md";
         }
     }
+}
+
+/// Lines without what stands before and after them, and without empty ones.
+std::vector<std::string> trimmed_lines(const std::string& text) {
+    std::istringstream in(text);
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(in, line);) {
+        const std::size_t begin = line.find_first_not_of(" \t\r");
+        if (begin == std::string::npos) continue;
+        lines.push_back(line.substr(begin, line.find_last_not_of(" \t\r") + 1 - begin));
+    }
+    return lines;
+}
+
+/// Whether `excerpt` stands in `file`, line by line and in its order; a line "// ..." of it stands
+/// for any number of lines.
+bool stands_in(const std::string& excerpt, const std::string& file) {
+    const std::vector<std::string> wanted = trimmed_lines(excerpt), lines = trimmed_lines(file);
+    auto from = lines.begin();
+    for (auto part = wanted.begin(); part != wanted.end();) {
+        const auto end = std::find(part, wanted.end(), "// ...");
+        const auto at = std::search(from, lines.end(), part, end);
+        if (at == lines.end() && part != end) return false;
+        from = at + (end - part);
+        part = end == wanted.end() ? end : end + 1;
+    }
+    return !wanted.empty();
+}
+
+/// The fenced C++ of a page, each with the last file that the page names above it.
+std::vector<std::pair<std::string, std::string>> excerpts_of(const std::string& page) {
+    static const std::regex kFile(R"(`((?:src|apps|tests)/[\w/.-]+\.(?:h|cpp|cu))`)");
+    std::vector<std::pair<std::string, std::string>> excerpts;
+    std::istringstream lines(page);
+    std::string file;
+    bool ours = false, other = false;
+    for (std::string line; std::getline(lines, line);) {
+        if (line.starts_with("```")) {
+            const bool opens = !ours && !other;
+            ours = opens && line == "```cpp", other = opens && !ours;
+            if (ours) excerpts.push_back({file, ""});
+        } else if (ours) {
+            excerpts.back().second += line + '\n';
+        } else if (!other) {
+            for (const auto& m : matches(line, kFile)) file = m.str(1);
+        }
+    }
+    return excerpts;
+}
+
+TEST(Docs, FilesThatDevelopersAreSentToExist) {
+    static const std::regex kFile(R"(`([\w-]+/[\w/.-]+\.(?:h|cpp|cu|md|py|sh|txt))`)");
+    int named = 0;
+    for (const auto& page : fs::directory_iterator(kSource / "docs/develop")) {
+        for (const auto& m : matches(contents(page.path()), kFile)) {
+            EXPECT_TRUE(fs::exists(kSource / m.str(1)) || fs::exists(kSource / "src" / m.str(1)))
+                << page.path() << ": " << m.str(1);
+            ++named;
+        }
+    }
+    EXPECT_GE(named, 60);
+}
+
+TEST(Docs, ExcerptsAreOfTheFilesTheyName) {
+    for (const char* name : {"add-a-loss.md", "add-a-backbone.md"}) {
+        const auto excerpts = excerpts_of(contents(kSource / "docs/develop" / name));
+        EXPECT_GE(excerpts.size(), 5u) << name;
+        for (const auto& [file, text] : excerpts)
+            EXPECT_TRUE(fs::exists(kSource / file) && stands_in(text, contents(kSource / file)))
+                << name << ": not in '" << file << "':\n"
+                << text;
+    }
+}
+
+TEST(Docs, AnExcerptThatDiffersIsFound) {
+    const std::string page = "In `src/a.h`:\n\n```cpp\nint b;\n```\n";
+    using Excerpts = std::vector<std::pair<std::string, std::string>>;
+    EXPECT_EQ(excerpts_of(page), (Excerpts{{"src/a.h", "int b;\n"}}));
+    const std::string file = "int a;\n    int b;\n\nint c;\nint d;\n";
+    EXPECT_TRUE(stands_in("int b;\nint c;\n", file));
+    EXPECT_TRUE(stands_in("int a;\n// ...\nint d;\n", file));
+    EXPECT_FALSE(stands_in("int b;\nint e;\n", file));
+    EXPECT_FALSE(stands_in("int a;\nint c;\n", file));
+    EXPECT_FALSE(stands_in("int d;\n// ...\nint a;\n", file));
+    EXPECT_FALSE(stands_in("", file));
 }
 
 }  // namespace

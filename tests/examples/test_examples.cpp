@@ -1,5 +1,4 @@
-// What docs/design.md tells a newcomer to write compiles, trains, and needs nothing of ours
-// changed.
+// What docs/develop/ tells a newcomer to write compiles, trains, and needs nothing of ours changed.
 #include <gtest/gtest.h>
 
 #include "core/error.h"
