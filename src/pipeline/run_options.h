@@ -30,6 +30,7 @@ struct RunOptions {
         table.add("eval", eval);
         table.add("memory", memory);
         table.add("plan", plan);
+        table.rename("core.", "render.");
         table.retire("optim.adam",
                      "every splat steps every iteration, which takes less time on scenes of "
                      "hundreds of views as well");
