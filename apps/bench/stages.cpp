@@ -40,7 +40,7 @@ constexpr Floor kFloors[] = {
     {"photometric loss", {0.014, 0.051}, {0.014, 0.051}, {0.014, 0.051}},
     // As blend backward, then 132 bytes of geometry and its gradients per splat in view.
     {"other views, backward", {}, {}, {0.140, 0.411}},
-    // With the sums over each splat's slots.
+    // With the sums over each splat's fragments.
     {"blend backward", {0.117, 0.388}, {0.117, 0.388}, {0.117, 0.388}},
     // With another view 44 bytes more per splat.
     {"project backward and Adam", {0.313, 0.313}, {0.313, 0.313}, {0.328, 0.328}},
@@ -445,7 +445,7 @@ int StagesBench::run() const {
         JsonLine counters, json;
         counters.add("splats", c.splats)
             .add("visible", m.counts.visible)
-            .add("slots", m.counts.slots)
+            .add("fragments", m.counts.fragments)
             .add("warp_tests", m.work.tests)
             .add("warp_hits", m.work.hits)
             .add("warp_draws", m.work.draws)

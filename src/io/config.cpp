@@ -160,15 +160,26 @@ auto find_option(Options& options, const std::string& key) {
     return found == options.end() ? nullptr : &*found;
 }
 
+/// `now`: what the key would be called, if its group has another name.
 [[noreturn]] void throw_unknown(const std::vector<Option>& options,
                                 const std::string& key,
+                                const std::string& now,
                                 const std::string& source) {
     std::vector<std::string> keys;
     for (const Option& option : options) keys.push_back(option.key);
-    const std::string near = nearest_name(key, keys);
+    const std::string near = nearest_name(now, keys);
     throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
                                      near.empty() ? "tvsgs-train --list-keys prints them all"
                                                   : str("did you mean '", near, "'?")));
+}
+
+[[noreturn]] void throw_twice(const std::string& source,
+                              const std::string& key,
+                              const std::string& earlier) {
+    throw Error(ExitCode::usage,
+                str(source, ": key '", key, "' ",
+                    key == earlier ? "appears twice" : str("is '", earlier, "' by another name"),
+                    "; remove one"));
 }
 
 /// Appends every leaf below `json` with its dotted key.
@@ -194,23 +205,44 @@ bool OptionTable::is_retired(const std::string& key, const std::string& source) 
     return true;
 }
 
+std::string OptionTable::current_name(const std::string& key) const {
+    if (const auto found = renamed_.find(key); found != renamed_.end()) return found->second;
+    for (const auto& [old, now] : renamed_) {
+        if (!old.ends_with('.')) continue;
+        if (key.starts_with(old)) return now + key.substr(old.size());
+        if (key + "." == old) return now.substr(0, now.size() - 1);
+    }
+    return key;
+}
+
+Option& OptionTable::find(const std::string& key, const std::string& source) {
+    const std::string now = current_name(key);
+    Option* option = find_option(options_, now);
+    if (!option) throw_unknown(options_, key, now, source);
+    if (now != key && noted_.insert(key).second)
+        spdlog::info("{}: key '{}' is called '{}' now", source, key, now);
+    return *option;
+}
+
+void OptionTable::set(Option& option, std::string_view value, const std::string& source) {
+    std::string text;
+    if (!accepted(option, value, text))
+        throw Error(ExitCode::usage, str(source, ": ", option.key, " = '", value, "': expected ",
+                                         expectation(option)));
+    option.set(text);
+    option.source = source;
+}
+
 void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
     const std::string name = normalized(key);
     if (is_retired(name, source)) return;
-    Option* option = find_option(options_, name);
-    if (!option) throw_unknown(options_, name, source);
-    std::string text;
-    if (!accepted(*option, value, text))
-        throw Error(ExitCode::usage,
-                    str(source, ": ", name, " = '", value, "': expected ", expectation(*option)));
-    option->set(text);
-    option->source = source;
+    set(find(name, source), value, source);
 }
 
 const Option& OptionTable::option(std::string_view key) const {
     const std::string name = normalized(key);
     const Option* found = find_option(options_, name);
-    if (!found) throw_unknown(options_, name, "the program");
+    if (!found) throw_unknown(options_, name, name, "the program");
     return *found;
 }
 
@@ -243,10 +275,10 @@ void OptionTable::read_text_below(const std::string& source, const std::string& 
 void OptionTable::read(const std::string& path, const std::string& text, bool below) {
     std::vector<std::pair<std::string, Json>> leaves;
     flatten(parse_json(path, text, ExitCode::usage), "", leaves);
-    std::set<std::string> seen;
+    std::map<std::string, std::string> seen;  // option's key -> what the file calls it
     for (const auto& [key, value] : leaves) {
-        const auto in_group = [&, &name = key](const Option& option) {
-            return option.key.starts_with(name + ".");
+        const auto in_group = [group = current_name(key) + "."](const Option& option) {
+            return option.key.starts_with(group);
         };
         if (value.is_object() && std::any_of(options_.begin(), options_.end(), in_group))
             continue;  // an empty group
@@ -254,17 +286,16 @@ void OptionTable::read(const std::string& path, const std::string& text, bool be
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " is a group of keys; expected an object, {...}"));
         if (is_retired(key, path)) continue;
-        const Option* option = find_option(options_, key);
-        if (!option) throw_unknown(options_, key, path);
-        if (!seen.insert(key).second)
-            throw Error(ExitCode::usage, str(path, ": key '", key, "' appears twice; remove one"));
-        if (!json_fits(value, option->kind))
+        Option& option = find(key, path);
+        const auto [earlier, is_first] = seen.emplace(option.key, key);
+        if (!is_first) throw_twice(path, key, earlier->second);
+        if (!json_fits(value, option.kind))
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " = ",
                             value.dump(-1, ' ', false, Json::error_handler_t::replace),
-                            ": expected ", expectation(*option)));
-        if (below && !option->source.empty()) continue;
-        set(key, value.is_string() ? value.get<std::string>() : value.dump(), path);
+                            ": expected ", expectation(option)));
+        if (below && !option.source.empty()) continue;
+        set(option, value.is_string() ? value.get<std::string>() : value.dump(), path);
     }
 }
 
@@ -276,13 +307,17 @@ void OptionTable::read_environment() {
         if (text.starts_with("TVSGS_") && equals != std::string_view::npos)
             variables.emplace(text.substr(0, equals), text.substr(equals + 1));
     }
+    std::map<std::string, std::string> seen;  // option's key -> what its variable calls it
     for (const auto& [name, value] : variables) {
         std::string key = name.substr(6);
         for (std::size_t at; (at = key.find("__")) != std::string::npos;)
             key[at] = '.', key.erase(at + 1, 1);
         std::transform(key.begin(), key.end(), key.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        set(key, value, str("environment variable ", name));
+        const std::string source = str("environment variable ", name);
+        const auto [earlier, is_first] = seen.emplace(current_name(normalized(key)), key);
+        if (!is_first && earlier->second != key) throw_twice(source, key, earlier->second);
+        set(key, value, source);
     }
 }
 

@@ -30,7 +30,7 @@ struct NeighboursBody {
 /// Voxels by number (block * 512 + local), and from one to those around it.
 struct VoxelGrid {
     Span<const std::uint64_t> keys;
-    Span<const int> slots, neighbours;
+    Span<const int> places, neighbours;
     Span<Voxel* const> chunks;
     float voxel_size;
     Contraction<float> contraction;
@@ -47,7 +47,7 @@ struct VoxelGrid {
                                local_index({wrap(local.x), wrap(local.y), wrap(local.z)});
     }
     TVSGS_HD const Voxel& value(int voxel) const {
-        return voxel_at(chunks, slots[voxel / kBlockVoxels], voxel % kBlockVoxels);
+        return voxel_at(chunks, places[voxel / kBlockVoxels], voxel % kBlockVoxels);
     }
     TVSGS_HD Vec3f centre(int voxel) const {
         return voxel_centre(block_of_key(keys[voxel / kBlockVoxels]),
@@ -198,8 +198,8 @@ TriangleMesh marching_cubes_on(
     Buffer<int, Device> neighbours(std::size_t(blocks.size()) * 27);
     parallel_for(Device{}, blocks.size() * 27,
                  NeighboursBody{blocks.keys.span(), neighbours.span()});
-    const VoxelGrid grid{blocks.keys.span(),        blocks.slots.span(), neighbours.span(),
-                         blocks.chunk_table.span(), blocks.voxel_size,   blocks.contraction};
+    const VoxelGrid grid{blocks.keys.span(),        blocks.places.span(), neighbours.span(),
+                         blocks.chunk_table.span(), blocks.voxel_size,    blocks.contraction};
 
     const BlockRun own{first, count};
     Buffer<std::uint8_t, Device> cases(voxels), edges(voxels);

@@ -1,6 +1,6 @@
 #include "mesh/tsdf_impl.h"
 
 namespace tvsgs {
-template void reserve_slots(VoxelBlocks<Cuda>&, int);
+template void reserve_places(VoxelBlocks<Cuda>&, int);
 template class TsdfVolume<Cuda>;
 }  // namespace tvsgs

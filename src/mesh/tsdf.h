@@ -20,21 +20,21 @@ struct VoxelBlocks {
     float voxel_size = 0;  // world units, in contracted space
     Contraction<float> contraction;
     Buffer<std::uint64_t, Device> keys;  // [B] ascending block keys
-    Buffer<int, Device> slots;           // [B] where each block's voxels are
+    Buffer<int, Device> places;          // [B] where each block's voxels are
     std::vector<Buffer<Voxel, Device>> chunks;
     Buffer<Voxel*, Device> chunk_table;  // their addresses
 
     int size() const { return static_cast<int>(keys.size()); }
 };
 
-TVSGS_HD inline Voxel& voxel_at(Span<Voxel* const> chunk_table, int slot, int local) {
+TVSGS_HD inline Voxel& voxel_at(Span<Voxel* const> chunk_table, int place, int local) {
     constexpr int kChunk = VoxelBlocks<Cpu>::kChunkBlocks;
-    return chunk_table[slot / kChunk][(slot % kChunk) * kBlockVoxels + local];
+    return chunk_table[place / kChunk][(place % kChunk) * kBlockVoxels + local];
 }
 
 /// Makes room for the voxels of `count` blocks, in whole chunks; new ones are empty.
 template <class Device>
-void reserve_slots(VoxelBlocks<Device>& blocks, int count);
+void reserve_places(VoxelBlocks<Device>& blocks, int count);
 
 struct TsdfOptions {
     float voxel_size = 0;                 // world units
@@ -78,15 +78,15 @@ public:
 
 private:
     void mark_blocks(const DepthView<Device>& view);  // fills view_keys_
-    bool add_blocks();                                // view_keys_ into blocks_; fills view_slots_
-    void fuse_marked(const DepthView<Device>& view);  // into the blocks of view_slots_
+    bool add_blocks();                                // view_keys_ into blocks_; fills view_places_
+    void fuse_marked(const DepthView<Device>& view);  // into the blocks of view_places_
     bool fits(std::int64_t blocks) const;
 
     TsdfOptions options_;
     VoxelBlocks<Device> blocks_;
     // Scratch.
     Buffer<std::uint64_t, Device> view_keys_, merged_keys_, new_keys_;
-    Buffer<int, Device> view_slots_, merged_slots_;
+    Buffer<int, Device> view_places_, merged_places_;
     Buffer<std::uint32_t, Device> offsets_;
 };
 

@@ -54,11 +54,11 @@ struct EmitBlocksBody {
     TVSGS_HD void operator()(int i) const {
         const PixelBlocks blocks(camera, depth, space, i);
         const BlockRange& own = blocks.own;
-        std::uint32_t place = offsets[i];
+        std::uint32_t at = offsets[i];
         for (int z = own.first.z; z <= own.last.z; ++z)
             for (int y = own.first.y; y <= own.last.y; ++y)
                 for (int x = own.first.x; x <= own.last.x; ++x)
-                    if (!contains(blocks.left, {x, y, z})) keys[place++] = block_key({x, y, z});
+                    if (!contains(blocks.left, {x, y, z})) keys[at++] = block_key({x, y, z});
     }
 };
 
@@ -69,46 +69,46 @@ struct FlagNewBody {
     TVSGS_HD void operator()(int i) const { is_new[i] = find_key(keys, view_keys[i]) < 0 ? 1 : 0; }
 };
 
-/// Slots of a view's blocks; new blocks take the slots after the old ones, in the order of their
+/// Places of a view's blocks; new blocks take the places after the old ones, in the order of their
 /// keys.
-struct AssignSlotsBody {
+struct AssignPlacesBody {
     Span<const std::uint64_t> keys, view_keys;
-    Span<const int> slots;
+    Span<const int> places;
     Span<const std::uint32_t> offsets;  // new blocks before this one
-    Span<int> view_slots;
+    Span<int> view_places;
     Span<std::uint64_t> new_keys;
 
     TVSGS_HD void operator()(int i) const {
         const int found = find_key(keys, view_keys[i]);
-        view_slots[i] = found >= 0 ? slots[found] : keys.size() + static_cast<int>(offsets[i]);
+        view_places[i] = found >= 0 ? places[found] : keys.size() + static_cast<int>(offsets[i]);
         if (found < 0) new_keys[offsets[i]] = view_keys[i];
     }
 };
 
-/// Slots of blocks that are there.
-struct FindSlotsBody {
+/// Places of blocks that are there.
+struct FindPlacesBody {
     Span<const std::uint64_t> keys, view_keys;
-    Span<const int> slots;
-    Span<int> view_slots;
+    Span<const int> places;
+    Span<int> view_places;
 
-    TVSGS_HD void operator()(int i) const { view_slots[i] = slots[find_key(keys, view_keys[i])]; }
+    TVSGS_HD void operator()(int i) const { view_places[i] = places[find_key(keys, view_keys[i])]; }
 };
 
-/// Merges two ascending lists without common keys: an element's place is its own plus the number of
-/// smaller ones in the other list.
+/// Merges two ascending lists without common keys: an element's position is its own plus the number
+/// of smaller ones in the other list.
 struct MergeBody {
     Span<const std::uint64_t> keys, new_keys;
-    Span<const int> slots;
+    Span<const int> places;
     Span<std::uint64_t> merged_keys;
-    Span<int> merged_slots;
+    Span<int> merged_places;
 
     TVSGS_HD void operator()(int i) const {
         const bool old = i < keys.size();
         const int j = old ? i : i - keys.size();
         const std::uint64_t key = old ? keys[j] : new_keys[j];
-        const int place = j + lower_bound(old ? new_keys : keys, key);
-        merged_keys[place] = key;
-        merged_slots[place] = old ? slots[j] : i;
+        const int position = j + lower_bound(old ? new_keys : keys, key);
+        merged_keys[position] = key;
+        merged_places[position] = old ? places[j] : i;
     }
 };
 
@@ -119,7 +119,7 @@ struct IntegrateBody {
     Span<const float> weight;
     VoxelSpace space;
     Span<const std::uint64_t> view_keys;
-    Span<const int> view_slots;
+    Span<const int> view_places;
     Span<Voxel* const> chunks;
 
     TVSGS_HD void operator()(int i) const {
@@ -128,7 +128,7 @@ struct IntegrateBody {
             voxel_centre(block_of_key(view_keys[block]), local_of_index(local), space.voxel_size);
         const Observation seen = observe(camera, depth, space, space.contraction.expand(p));
         if (seen.valid)
-            fuse(voxel_at(chunks, view_slots[block], local), seen.tsdf, color[seen.pixel],
+            fuse(voxel_at(chunks, view_places[block], local), seen.tsdf, color[seen.pixel],
                  weight.empty() ? 1 : weight[seen.pixel]);
     }
 };
@@ -136,7 +136,7 @@ struct IntegrateBody {
 }  // namespace detail
 
 template <class Device>
-void reserve_slots(VoxelBlocks<Device>& blocks, int count) {
+void reserve_places(VoxelBlocks<Device>& blocks, int count) {
     constexpr int kChunk = VoxelBlocks<Device>::kChunkBlocks;
     const std::size_t wanted = static_cast<std::size_t>((count + kChunk - 1) / kChunk);
     if (wanted <= blocks.chunks.size()) return;
@@ -223,27 +223,27 @@ bool TsdfVolume<Device>::add_blocks() {
     const int marked = static_cast<int>(view_keys_.size());
     const int old_count = blocks_.size();
     offsets_.resize(view_keys_.size());
-    view_slots_.resize(view_keys_.size());
+    view_places_.resize(view_keys_.size());
     parallel_for(Device{}, marked,
                  detail::FlagNewBody{blocks_.keys.span(), view_keys_.span(), offsets_.span()});
     const int new_count = static_cast<int>(exclusive_scan(offsets_));
     if (!fits(std::int64_t{old_count} + new_count)) return false;
     const int merged_count = old_count + new_count;
-    reserve_slots(blocks_, merged_count);
+    reserve_places(blocks_, merged_count);
 
     new_keys_.resize(static_cast<std::size_t>(new_count));
     parallel_for(
         Device{}, marked,
-        detail::AssignSlotsBody{blocks_.keys.span(), view_keys_.span(), blocks_.slots.span(),
-                                offsets_.span(), view_slots_.span(), new_keys_.span()});
+        detail::AssignPlacesBody{blocks_.keys.span(), view_keys_.span(), blocks_.places.span(),
+                                 offsets_.span(), view_places_.span(), new_keys_.span()});
     if (new_count == 0) return true;
     merged_keys_.resize(static_cast<std::size_t>(merged_count));
-    merged_slots_.resize(static_cast<std::size_t>(merged_count));
+    merged_places_.resize(static_cast<std::size_t>(merged_count));
     parallel_for(Device{}, merged_count,
-                 detail::MergeBody{blocks_.keys.span(), new_keys_.span(), blocks_.slots.span(),
-                                   merged_keys_.span(), merged_slots_.span()});
+                 detail::MergeBody{blocks_.keys.span(), new_keys_.span(), blocks_.places.span(),
+                                   merged_keys_.span(), merged_places_.span()});
     blocks_.keys.swap(merged_keys_);
-    blocks_.slots.swap(merged_slots_);
+    blocks_.places.swap(merged_places_);
     return true;
 }
 
@@ -252,7 +252,7 @@ void TsdfVolume<Device>::fuse_marked(const DepthView<Device>& view) {
     // Few enough for int, see kMaxBlocks.
     parallel_for(Device{}, static_cast<int>(view_keys_.size()) * kBlockVoxels,
                  detail::IntegrateBody{view.camera, view.depth, view.color, view.weight,
-                                       options_.space(), view_keys_.span(), view_slots_.span(),
+                                       options_.space(), view_keys_.span(), view_places_.span(),
                                        std::as_const(blocks_.chunk_table).span()});
 }
 
@@ -282,9 +282,9 @@ void TsdfVolume<Device>::start_part(const std::vector<std::uint64_t>& keys) {
     if (keys.size() > part_capacity())
         throw Error(ExitCode::internal, str("a part of ", keys.size(), " blocks"));
     copy(keys, blocks_.keys);
-    std::vector<int> slots(keys.size());
-    std::iota(slots.begin(), slots.end(), 0);
-    copy(slots, blocks_.slots);
+    std::vector<int> places(keys.size());
+    std::iota(places.begin(), places.end(), 0);
+    copy(places, blocks_.places);
     // Unlike in a volume that grows, the last chunk is no larger than needed.
     std::size_t room = 0;
     for (const auto& chunk : blocks_.chunks) room += chunk.size() / kBlockVoxels;
@@ -305,11 +305,11 @@ template <class Device>
 void TsdfVolume<Device>::integrate_into(const DepthView<Device>& view,
                                         const std::vector<std::uint64_t>& keys) {
     copy(keys, view_keys_);
-    view_slots_.resize(keys.size());
+    view_places_.resize(keys.size());
     parallel_for(
         Device{}, static_cast<int>(keys.size()),
-        detail::FindSlotsBody{std::as_const(blocks_.keys).span(), std::as_const(view_keys_).span(),
-                              std::as_const(blocks_.slots).span(), view_slots_.span()});
+        detail::FindPlacesBody{std::as_const(blocks_.keys).span(), std::as_const(view_keys_).span(),
+                               std::as_const(blocks_.places).span(), view_places_.span()});
     fuse_marked(view);
 }
 

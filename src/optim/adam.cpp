@@ -48,9 +48,9 @@ struct KeepShGradient {
 /// Ahead of its use: neighbours' gradients lie wherever their depths put them.
 void fetch_gradient(const ViewGradients& view, int i) {
     const auto at = static_cast<std::size_t>(i);
-    if (view.slot_counts[at] == 0) return;
-    __builtin_prefetch(&view.drawn[view.first_slot[at]]);
-    __builtin_prefetch(&view.slots[view.first_slot[at]]);
+    if (view.fragment_counts[at] == 0) return;
+    __builtin_prefetch(&view.drawn[view.first_fragment[at]]);
+    __builtin_prefetch(&view.fragments[view.first_fragment[at]]);
 }
 
 int chunks(int count) {

@@ -65,7 +65,7 @@ struct TrainOptions {
               "host while it works, with the same results; 0: all");
         field("backbone", backbone, "the rasteriser: ewa");
         field.group("model", model, "the Gaussians");
-        field.group("core", core, "the rasteriser");
+        field.group("render", core, "the rasteriser");
         field.group("lr", lr, "learning rates");
         field.group("optim", optim, "the optimiser");
         field.group("loss", loss, "terms of the objective");

@@ -39,12 +39,12 @@ inline void prepare_points(const DeviceChoice& device, const RunOptions& options
 }
 
 /// The near plane's default suits scenes some units deep; in smaller ones it would hide them.
-inline void fit_near_plane(const Scene& scene, BackboneOptions& core) {
+inline void fit_near_plane(const Scene& scene, BackboneOptions& render) {
     const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
-    if (core.near != usual || unit >= 1) return;
-    core.near = usual * unit;
-    spdlog::info("the scene is {:.3g} world units deep: core.near is {:.3g} instead of {:.3g}",
-                 unit, core.near, usual);
+    if (render.near != usual || unit >= 1) return;
+    render.near = usual * unit;
+    spdlog::info("the scene is {:.3g} world units deep: render.near is {:.3g} instead of {:.3g}",
+                 unit, render.near, usual);
 }
 
 inline void read_fixed_voters(const RunOptions& options, Scene& scene) {

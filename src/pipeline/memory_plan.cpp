@@ -18,7 +18,7 @@ constexpr double kShareOfFreeMemory = 0.9;  // the rest is the driver's, and of 
 constexpr std::int64_t kMiB = 1 << 20;
 
 // Measured, bytes. Splats of a view, what growth asks of them, and lists of tiles:
-constexpr std::int64_t kPerViewSplat = 190, kPerSlot = 100, kSlotsPerSplat = 4;
+constexpr std::int64_t kPerViewSplat = 190, kPerFragment = 100, kFragmentsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
@@ -85,7 +85,8 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryNeed& buffers = plan.buffers;
     // Values, gradients and two moments; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
-    buffers.per_splat = 4 * parameters + renders * (kPerViewSplat + kSlotsPerSplat * kPerSlot);
+    buffers.per_splat =
+        4 * parameters + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
     if (votes)
         buffers.per_splat +=
             kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);

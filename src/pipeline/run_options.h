@@ -30,6 +30,7 @@ struct RunOptions {
         table.add("eval", eval);
         table.add("memory", memory);
         table.add("plan", plan);
+        table.rename("core.", "render.");
         table.retire("optim.adam",
                      "every splat steps every iteration, with the same results; waiting gained "
                      "too little on some scenes and lost on others");

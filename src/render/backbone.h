@@ -97,8 +97,8 @@ struct BackboneOptions {
 
 /// What one render draws.
 struct RenderCounts {
-    int visible = 0;  // splats in some tile's list
-    int slots = 0;    // entries of all lists
+    int visible = 0;    // splats in some tile's list
+    int fragments = 0;  // entries of all lists
 };
 
 /// What blending a render took. A warp here is 8x8 pixels, a quarter of a tile, as the CUDA twin
@@ -168,7 +168,7 @@ public:
     /// Counts what blending the last forward() was; takes about as long as that.
     virtual BlendWork blend_work() const { return {}; }
 
-    /// From now on sums over splats are those of SlotGradients::atomic: for measurements.
+    /// From now on sums over splats are those of FragmentGradients::atomic: for measurements.
     virtual void use_atomic_sums() {}
 
     /// Times of the parts of forward() and backward(); off unless switched on.

@@ -82,22 +82,22 @@ public:
             with_channels(channels_, [&]<Channels kChannels>() {
                 blend_tiles_vjp<EwaModel<kChannels>>(splats_, lists_, grid_,
                                                      {dL_dimages.color.span(), normal, distance},
-                                                     images_.transmittance, stops_, slots_);
+                                                     images_.transmittance, stops_, fragments_);
             });
         });
         const std::size_t n = splats_.shapes.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        const EwaSlotGradients<Device>& slots = slots_;
+        const EwaFragmentGradients<Device>& fragments = fragments_;
         gradients_ = {view_,
                       channels_,
                       splats_.shapes.span(),
                       splats_.features.span(),
-                      lists_.slot_counts.span(),
-                      lists_.first_slot.span(),
-                      slots.gradients.span(),
-                      slots.drawn.span(),
+                      lists_.fragment_counts.span(),
+                      lists_.first_fragment.span(),
+                      fragments.gradients.span(),
+                      fragments.drawn.span(),
                       statistics_.dL_dmeans2d.span(),
                       statistics_.abs_dL_dmeans2d.span(),
                       statistics_.front_pixels.span()};
@@ -109,10 +109,10 @@ public:
     }
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
-    RenderCounts counts() const override { return {lists_.visible_count, lists_.slot_count}; }
+    RenderCounts counts() const override { return {lists_.visible_count, lists_.fragment_count}; }
     BlendWork blend_work() const override { return count_blend_work(splats_, lists_, grid_); }
 
-    void use_atomic_sums() override { slots_.atomic = true; }
+    void use_atomic_sums() override { fragments_.atomic = true; }
 
 private:
     void resize_images() {
@@ -187,7 +187,7 @@ private:
     Buffer<float, Device> distance_;       // [H W] blended plane distances, world units
     Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
-    EwaSlotGradients<Device> slots_;
+    EwaFragmentGradients<Device> fragments_;
     ViewGradients gradients_{};
     Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
     Buffer<float, Device> plane_distance_;

@@ -61,17 +61,17 @@ concept BlendModel = requires(const typename Model::Shape& shape,
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
 
-/// Gradients of the view's splats, each in the place of the splat's first slot. The other places
-/// are scratch: what each slot adds. Only members that the model fills are defined.
+/// Gradients of the view's splats, each in the place of the splat's first fragment. The other
+/// places are scratch: what each fragment adds. Only members that the model fills are defined.
 template <class Device, class Gradients>
-struct SlotGradients {
+struct FragmentGradients {
     Buffer<Gradients, Device> gradients;
     Buffer<std::uint8_t, Device> drawn;  // 0: drew nothing, its gradient is not written
     // On a GPU: sums by floating-point atomics, so in another order each time. To measure what
     // reproducible bits cost; nothing else sets it.
     bool atomic = false;
 
-    void resize(std::size_t slots) { gradients.resize(slots), drawn.resize(slots); }
+    void resize(std::size_t fragments) { gradients.resize(fragments), drawn.resize(fragments); }
 };
 
 /// How many pixels the CPU twin computes at a time where the model has packs; the bits are the
@@ -94,7 +94,7 @@ void blend_tiles(const SplatsOf<Model, Cuda>& splats,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cuda>& stops);
 
-/// dL/d of the pixels to one gradient per splat; `slots` is resized and overwritten. No
+/// dL/d of the pixels to one gradient per splat; `fragments` is resized and overwritten. No
 /// floating-point atomics: bit-identical from run to run.
 template <BlendModel Model>
 void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
@@ -103,7 +103,7 @@ void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const typename Model::Reader& read,
                      const Buffer<float, Cpu>& transmittance,
                      const Buffer<std::uint32_t, Cpu>& stops,
-                     SlotGradients<Cpu, typename Model::Gradients>& slots,
+                     FragmentGradients<Cpu, typename Model::Gradients>& fragments,
                      PackWidth width = PackWidth::widest);
 template <BlendModel Model>
 void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
@@ -112,6 +112,6 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      const typename Model::Reader& read,
                      const Buffer<float, Cuda>& transmittance,
                      const Buffer<std::uint32_t, Cuda>& stops,
-                     SlotGradients<Cuda, typename Model::Gradients>& slots);
+                     FragmentGradients<Cuda, typename Model::Gradients>& fragments);
 
 }  // namespace tvsgs

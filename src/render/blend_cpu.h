@@ -42,7 +42,7 @@ struct TilesBackward {
     Span<const typename Model::Shape> shapes;
     Span<const typename Model::Features> features;
     Span<const TileSpan> spans;
-    Span<const std::uint32_t> splats, slots;
+    Span<const std::uint32_t> splats, fragments;
     TileGrid grid;
     typename Model::Reader read;
     Span<const float> transmittance;
@@ -112,9 +112,9 @@ void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
             drawn = true;
         }
         if (!drawn) continue;
-        const std::uint32_t slot = in.slots[begin + position];
-        in.gradients[slot] = sum;
-        in.drawn[slot] = 1;
+        const std::uint32_t fragment = in.fragments[begin + position];
+        in.gradients[fragment] = sum;
+        in.drawn[fragment] = 1;
     }
 }
 
@@ -162,52 +162,53 @@ void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const typename Model::Reader& read,
                      const Buffer<float, Cpu>& transmittance,
                      const Buffer<std::uint32_t, Cpu>& stops,
-                     SlotGradients<Cpu, typename Model::Gradients>& slots,
+                     FragmentGradients<Cpu, typename Model::Gradients>& fragments,
                      PackWidth width) {
-    slots.resize(static_cast<std::size_t>(lists.slot_count));
-    slots.drawn.fill_zero();
+    fragments.resize(static_cast<std::size_t>(lists.fragment_count));
+    fragments.drawn.fill_zero();
     const TilesBackward<Model> in{splats.shapes.span(),
                                   splats.features.span(),
                                   lists.spans.span(),
                                   lists.splats.span(),
-                                  lists.slots.span(),
+                                  lists.fragments.span(),
                                   grid,
                                   read,
                                   transmittance.span(),
                                   stops.span(),
-                                  slots.gradients.span(),
-                                  slots.drawn.span()};
+                                  fragments.gradients.span(),
+                                  fragments.drawn.span()};
     if constexpr (requires { typename Model::BackwardPacks; })
         detail::for_tiles(grid, width, typename Model::BackwardPacks{in});
     else
         parallel_for_heavy(Cpu{}, grid.count(),
                            [&](int tile) { detail::blend_tile_vjp(in, tile); });
-    // The slots of each splat, in their order.
-    const auto& first_slots = lists.first_slot_by_depth;
+    // The fragments of each splat, in their order.
+    const auto& first_fragments = lists.first_fragment_by_depth;
     parallel_for(Cpu{}, lists.visible_count, [&](int k) {
         const auto rank = static_cast<std::size_t>(k);
-        const std::size_t first = first_slots[rank];
-        const std::size_t end = rank + 1 < first_slots.size()
-                                    ? first_slots[rank + 1]
-                                    : static_cast<std::size_t>(lists.slot_count);
+        const std::size_t first = first_fragments[rank];
+        const std::size_t end = rank + 1 < first_fragments.size()
+                                    ? first_fragments[rank + 1]
+                                    : static_cast<std::size_t>(lists.fragment_count);
         typename Model::Gradients sum{};
         bool drawn = false;
-        for (std::size_t slot = first; slot < end; ++slot)
-            if (slots.drawn[slot]) detail::add_gradients(sum, slots.gradients[slot]), drawn = true;
-        slots.gradients[first] = sum;
-        slots.drawn[first] = drawn;
+        for (std::size_t fragment = first; fragment < end; ++fragment)
+            if (fragments.drawn[fragment])
+                detail::add_gradients(sum, fragments.gradients[fragment]), drawn = true;
+        fragments.gradients[first] = sum;
+        fragments.drawn[first] = drawn;
     });
 }
 
 /// Compiles all of that for a model.
-#define TVSGS_BLEND_CPU(Model)                                                             \
-    template void blend_tiles<Model>(const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&,   \
-                                     const TileGrid&, const typename Model::Writer&,       \
-                                     Buffer<std::uint32_t, Cpu>&, PackWidth);              \
-    template void blend_tiles_vjp<Model>(                                                  \
-        const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&, const TileGrid&,               \
-        const typename Model::Reader&, const Buffer<float, Cpu>&,                          \
-        const Buffer<std::uint32_t, Cpu>&, SlotGradients<Cpu, typename Model::Gradients>&, \
+#define TVSGS_BLEND_CPU(Model)                                                                 \
+    template void blend_tiles<Model>(const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&,       \
+                                     const TileGrid&, const typename Model::Writer&,           \
+                                     Buffer<std::uint32_t, Cpu>&, PackWidth);                  \
+    template void blend_tiles_vjp<Model>(                                                      \
+        const SplatsOf<Model, Cpu>&, const TileLists<Cpu>&, const TileGrid&,                   \
+        const typename Model::Reader&, const Buffer<float, Cpu>&,                              \
+        const Buffer<std::uint32_t, Cpu>&, FragmentGradients<Cpu, typename Model::Gradients>&, \
         PackWidth);
 
 }  // namespace tvsgs

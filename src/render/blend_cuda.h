@@ -190,16 +190,16 @@ __device__ inline std::uint32_t warp_maximum(std::uint32_t value) {
 }
 
 template <class Gradients>
-struct SlotGradientSpans {
+struct FragmentGradientSpans {
     Span<Gradients> gradients;
     Span<std::uint8_t> drawn;
-    Span<const std::uint32_t> first_slot;  // of each splat
+    Span<const std::uint32_t> first_fragment;  // of each splat
 
     /// Adds to a splat's gradients in whatever order warps come; for comparison only.
     __device__ void add_atomically(std::uint32_t splat, int member, float value) const {
-        const std::uint32_t slot = first_slot[splat];
-        atomicAdd(reinterpret_cast<float*>(&gradients[slot]) + member, value);
-        drawn[slot] = 1;
+        const std::uint32_t fragment = first_fragment[splat];
+        atomicAdd(reinterpret_cast<float*>(&gradients[fragment]) + member, value);
+        drawn[fragment] = 1;
     }
 };
 
@@ -218,12 +218,13 @@ struct alignas(16) BatchSums {
     }
 };
 
-/// Adds the warps' sums in fixed order and writes the slots, a thread 16 bytes of one in each turn.
+/// Adds the warps' sums in fixed order and writes the fragments, a thread 16 bytes of one in each
+/// turn.
 template <class Gradients>
-__device__ void write_slots(const BatchSums<Gradients>& sums,
-                            int count,
-                            const std::uint32_t (&slots)[BatchSums<Gradients>::kTurns],
-                            const SlotGradientSpans<Gradients>& out) {
+__device__ void write_fragments(const BatchSums<Gradients>& sums,
+                                int count,
+                                const std::uint32_t (&fragments)[BatchSums<Gradients>::kTurns],
+                                const FragmentGradientSpans<Gradients>& out) {
     using Sums = BatchSums<Gradients>;
 #pragma unroll
     for (int turn = 0; turn < Sums::kTurns; ++turn) {
@@ -240,8 +241,8 @@ __device__ void write_slots(const BatchSums<Gradients>& sums,
                 drawn = true;
             }
         if (!drawn) continue;
-        reinterpret_cast<float4*>(&out.gradients[slots[turn]])[part] = sum;
-        if (part == 0) out.drawn[slots[turn]] = 1;
+        reinterpret_cast<float4*>(&out.gradients[fragments[turn]])[part] = sum;
+        if (part == 0) out.drawn[fragments[turn]] = 1;
     }
 }
 
@@ -249,14 +250,14 @@ template <class Model, bool kAtomic>
 __global__ void __launch_bounds__(kThreads)
     blend_vjp_kernel(Span<const typename Model::Shape> shapes,
                      Span<const typename Model::Features> features,
-                     Span<const std::uint32_t> slots,
+                     Span<const std::uint32_t> fragments,
                      Span<const std::uint32_t> splats,
                      Span<const TileSpan> spans,
                      TileGrid grid,
                      Span<const float> transmittance,
                      Span<const std::uint32_t> stops,
                      typename Model::Reader read,
-                     SlotGradientSpans<typename Model::Gradients> out) {
+                     FragmentGradientSpans<typename Model::Gradients> out) {
     using Gradients = typename Model::Gradients;
     using Sums = BatchSums<Gradients>;
     constexpr int kValues = Gradients::kCount, kFilled = Model::kFilled;
@@ -292,11 +293,11 @@ __global__ void __launch_bounds__(kThreads)
         const int count = static_cast<int>(end - begin);
         Sums& sums = sums_of_two[turn];
         const std::uint32_t position = span.begin + begin;
-        std::uint32_t slots_to_write[Sums::kTurns];
+        std::uint32_t fragments_to_write[Sums::kTurns];
 #pragma unroll
         for (int k = 0; k < Sums::kTurns; ++k)
-            slots_to_write[k] =
-                Sums::splat_of_turn(k) < count ? slots[position + Sums::splat_of_turn(k)] : 0;
+            fragments_to_write[k] =
+                Sums::splat_of_turn(k) < count ? fragments[position + Sums::splat_of_turn(k)] : 0;
         const bool has_splat = begin + lane < min(end, warp_last);
         unsigned mask = load_batch<Model>(has_splat, has_splat ? splats[position + lane] : 0,
                                           shapes, features, p, batch);
@@ -353,9 +354,10 @@ __global__ void __launch_bounds__(kThreads)
         }
         if constexpr (!kAtomic) {
             if (lane == 0) sums.drawn[warp] = drawn;
-            // The only barrier: whoever passes the next one has left write_slots() of this turn.
+            // The only barrier: whoever passes the next one has left write_fragments() of this
+            // turn.
             __syncthreads();
-            write_slots(sums, count, slots_to_write, out);
+            write_fragments(sums, count, fragments_to_write, out);
         } else {
             __syncwarp();  // before the next batch overwrites this one
         }
@@ -367,53 +369,56 @@ __device__ inline void add(float4& sum, const float4& value) {
     sum.x += value.x, sum.y += value.y, sum.z += value.z, sum.w += value.w;
 }
 
-/// Adds up the slots of each splat into its first one. A few lanes hold the values of a splat, four
-/// each; all lanes of the warp share in a splat of many slots. The shape of the sums is fixed.
+/// Adds up the fragments of each splat into its first one. A few lanes hold the values of a splat,
+/// four each; all lanes of the warp share in a splat of many fragments. The shape of the sums is
+/// fixed.
 template <class Gradients>
 inline constexpr std::uint32_t kSplatLanes = std::bit_ceil(std::uint32_t{Gradients::kCount / 4});
 template <class Gradients>
-__global__ void __launch_bounds__(kThreads) sum_slots_kernel(Span<const std::uint32_t> first_slots,
-                                                             std::uint32_t slot_count,
-                                                             SlotGradientSpans<Gradients> slots) {
-    constexpr std::uint32_t kLaneSlots = 32, kLanes = kSplatLanes<Gradients>;
+__global__ void __launch_bounds__(kThreads)
+    sum_fragments_kernel(Span<const std::uint32_t> first_fragments,
+                         std::uint32_t fragment_count,
+                         FragmentGradientSpans<Gradients> fragments) {
+    constexpr std::uint32_t kLaneFragments = 32, kLanes = kSplatLanes<Gradients>;
     // Lanes beyond the values do what the last one does.
     const std::uint32_t lane = threadIdx.x % 32,
                         part = min(lane % kLanes, Gradients::kCount / 4 - 1u),
                         group = lane / kLanes;
     const std::uint32_t rank = (blockIdx.x * kThreads + threadIdx.x) / kLanes;
-    const bool has_splat = rank < first_slots.count;
-    const std::uint32_t first = has_splat ? first_slots[rank] : 0;
-    const std::uint32_t end = !has_splat                     ? 0
-                              : rank + 1 < first_slots.count ? first_slots[rank + 1]
-                                                             : slot_count;
+    const bool has_splat = rank < first_fragments.count;
+    const std::uint32_t first = has_splat ? first_fragments[rank] : 0;
+    const std::uint32_t end = !has_splat                         ? 0
+                              : rank + 1 < first_fragments.count ? first_fragments[rank + 1]
+                                                                 : fragment_count;
     float4 sum{};
     bool drawn = false;
-    const auto value = [&](std::uint32_t slot) -> float4& {
-        return reinterpret_cast<float4*>(&slots.gradients[slot])[part];
+    const auto value = [&](std::uint32_t fragment) -> float4& {
+        return reinterpret_cast<float4*>(&fragments.gradients[fragment])[part];
     };
-    if (end - first > 1 && end - first <= kLaneSlots) {  // with one slot there is nothing to do
-        for (std::uint32_t slot = first; slot < end; ++slot)
-            if (slots.drawn[slot]) add(sum, value(slot)), drawn = true;
+    // With one fragment there is nothing to do.
+    if (end - first > 1 && end - first <= kLaneFragments) {
+        for (std::uint32_t fragment = first; fragment < end; ++fragment)
+            if (fragments.drawn[fragment]) add(sum, value(fragment)), drawn = true;
     }
     __syncwarp();  // all lanes have read what is overwritten now
     if (drawn) value(first) = sum;
-    if (drawn && part == 0) slots.drawn[first] = 1;
-    for (unsigned large = __ballot_sync(kAll, part == 0 && end - first > kLaneSlots); large != 0;
-         large &= large - 1) {
+    if (drawn && part == 0) fragments.drawn[first] = 1;
+    for (unsigned large = __ballot_sync(kAll, part == 0 && end - first > kLaneFragments);
+         large != 0; large &= large - 1) {
         const int source = __ffs(static_cast<int>(large)) - 1;
         const std::uint32_t begin = __shfl_sync(kAll, first, source);
         const std::uint32_t stop = __shfl_sync(kAll, end, source);
         sum = {};
         drawn = false;
-        for (std::uint32_t slot = begin + group; slot < stop; slot += 32 / kLanes)
-            if (slots.drawn[slot]) add(sum, value(slot)), drawn = true;
+        for (std::uint32_t fragment = begin + group; fragment < stop; fragment += 32 / kLanes)
+            if (fragments.drawn[fragment]) add(sum, value(fragment)), drawn = true;
         for (int distance = 16; distance >= kLanes; distance /= 2)
             add(sum,
                 {__shfl_xor_sync(kAll, sum.x, distance), __shfl_xor_sync(kAll, sum.y, distance),
                  __shfl_xor_sync(kAll, sum.z, distance), __shfl_xor_sync(kAll, sum.w, distance)});
         if (__any_sync(kAll, drawn) && group == 0) {
             value(begin) = sum;
-            if (part == 0) slots.drawn[begin] = 1;
+            if (part == 0) fragments.drawn[begin] = 1;
         }
     }
 }
@@ -440,24 +445,25 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
                      const typename Model::Reader& read,
                      const Buffer<float, Cuda>& transmittance,
                      const Buffer<std::uint32_t, Cuda>& stops,
-                     SlotGradients<Cuda, typename Model::Gradients>& slots) {
+                     FragmentGradients<Cuda, typename Model::Gradients>& fragments) {
     using namespace blend_detail;
     using Gradients = typename Model::Gradients;
-    slots.resize(static_cast<std::size_t>(lists.slot_count));
-    slots.drawn.fill_zero();
-    const SlotGradientSpans<Gradients> out{slots.gradients.span(), slots.drawn.span(),
-                                           lists.first_slot.span()};
-    if (slots.atomic) slots.gradients.fill_zero();
+    fragments.resize(static_cast<std::size_t>(lists.fragment_count));
+    fragments.drawn.fill_zero();
+    const FragmentGradientSpans<Gradients> out{fragments.gradients.span(), fragments.drawn.span(),
+                                               lists.first_fragment.span()};
+    if (fragments.atomic) fragments.gradients.fill_zero();
     const auto kernel =
-        slots.atomic ? blend_vjp_kernel<Model, true> : blend_vjp_kernel<Model, false>;
-    kernel<<<grid.count(), kThreads>>>(splats.shapes.span(), splats.features.span(),
-                                       lists.slots.span(), lists.splats.span(), lists.spans.span(),
-                                       grid, transmittance.span(), stops.span(), read, out);
+        fragments.atomic ? blend_vjp_kernel<Model, true> : blend_vjp_kernel<Model, false>;
+    kernel<<<grid.count(), kThreads>>>(
+        splats.shapes.span(), splats.features.span(), lists.fragments.span(), lists.splats.span(),
+        lists.spans.span(), grid, transmittance.span(), stops.span(), read, out);
     check_launch();
-    if (lists.visible_count == 0 || slots.atomic) return;
+    if (lists.visible_count == 0 || fragments.atomic) return;
     constexpr int kLanes = kSplatLanes<Gradients>;
-    sum_slots_kernel<<<(kLanes * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
-        lists.first_slot_by_depth.span(), static_cast<std::uint32_t>(lists.slot_count), out);
+    sum_fragments_kernel<<<(kLanes * lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
+        lists.first_fragment_by_depth.span(), static_cast<std::uint32_t>(lists.fragment_count),
+        out);
     check_launch();
 }
 
@@ -469,6 +475,6 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
     template void blend_tiles_vjp<Model>(                                                  \
         const SplatsOf<Model, Cuda>&, const TileLists<Cuda>&, const TileGrid&,             \
         const typename Model::Reader&, const Buffer<float, Cuda>&,                         \
-        const Buffer<std::uint32_t, Cuda>&, SlotGradients<Cuda, typename Model::Gradients>&);
+        const Buffer<std::uint32_t, Cuda>&, FragmentGradients<Cuda, typename Model::Gradients>&);
 
 }  // namespace tvsgs

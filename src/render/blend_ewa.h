@@ -16,7 +16,7 @@ struct alignas(16) FeatureRecord {
 template <class Device>
 using EwaSplats = ViewSplats<Device, SplatShape<float>, FeatureRecord>;
 template <class Device>
-using EwaSlotGradients = SlotGradients<Device, SplatGradients<float>>;
+using EwaFragmentGradients = FragmentGradients<Device, SplatGradients<float>>;
 
 /// Writes the images of the channel set, background black. Depth only with plane channels, along
 /// the rays of `camera`.

@@ -355,7 +355,8 @@ template <Channels kChannels>
 struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
     using Tiles = TilesBackward<EwaModel<kChannels>>;
     using Tiles::read, Tiles::transmittance, Tiles::stop_in, Tiles::gradients, Tiles::drawn;
-    using Tiles::shapes, Tiles::features, Tiles::spans, Tiles::splats, Tiles::slots, Tiles::grid;
+    using Tiles::shapes, Tiles::features, Tiles::spans, Tiles::splats, Tiles::fragments,
+        Tiles::grid;
 
     void narrow(int tile) const { draw<Pack<float>>(tile); }
     TVSGS_WIDE void wide(int tile) const { draw<Pack<float, kWideBytes>>(tile); }
@@ -383,11 +384,11 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
             const std::uint32_t count = std::min(batch.kSplats, end), begin = end - count;
             // From the last one on.
             const std::uint32_t *const first = &splats[span.begin + end - 1],
-                                       *const first_slot = &slots[span.begin + end - 1];
+                                       *const first_fragment = &fragments[span.begin + end - 1];
             for (std::uint32_t j = 0; j < count; ++j) {
                 batch.place(j, shapes[*(first - j)], tile_pixels);
                 __builtin_prefetch(&features[*(first - j)]);
-                __builtin_prefetch(&gradients[*(first_slot - j)], 1);
+                __builtin_prefetch(&gradients[*(first_fragment - j)], 1);
                 __builtin_prefetch(&shapes[splats[span.begin + std::max(begin, j + 1) - 1 - j]]);
             }
             std::uint64_t open = 0;  // packs with pixels that these may draw in
@@ -416,9 +417,9 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
                     sums.store(g, pass * Lane::kSize);
                 }
                 if (!any(draws)) continue;
-                const std::uint32_t slot = *(first_slot - j);
-                sums.add_up(gradients[slot]);
-                drawn[slot] = 1;
+                const std::uint32_t fragment = *(first_fragment - j);
+                sums.add_up(gradients[fragment]);
+                drawn[fragment] = 1;
             }
             end = begin;
         }

@@ -8,11 +8,12 @@
 
 namespace tvsgs {
 
-void check_slot_count(std::uint64_t count) {
-    if (count > kMaxSlots)
+void check_fragment_count(std::uint64_t count) {
+    if (count > kMaxFragments)
         throw Error(
             ExitCode::memory,
-            str("rendering: ", count, " pairs of splat and tile in one view, at most ", kMaxSlots,
+            str("rendering: ", count, " pairs of splat and tile in one view, at most ",
+                kMaxFragments,
                 " are possible; use smaller images (-r) or fewer splats (--max-gaussians)"));
 }
 
@@ -45,7 +46,7 @@ void detail::list_tiles(Span<const float> depths,
                         const FindTiles& find,
                         TileLists<Cpu>& lists) {
     const std::size_t n = depths.size();
-    lists.slot_counts.resize(n), lists.first_slot.resize(n);
+    lists.fragment_counts.resize(n), lists.first_fragment.resize(n);
     // Chunks of splats note what they meet, so that nothing is tested twice.
     constexpr std::size_t kChunk = 1024;
     const std::size_t chunks = (n + kChunk - 1) / kChunk;
@@ -53,14 +54,14 @@ void detail::list_tiles(Span<const float> depths,
     parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
         const std::size_t begin = static_cast<std::size_t>(c) * kChunk,
                           end = std::min(n, begin + kChunk);
-        find(begin, end, lists.slot_counts.span(), met[static_cast<std::size_t>(c)]);
+        find(begin, end, lists.fragment_counts.span(), met[static_cast<std::size_t>(c)]);
     });
 
     // Splats by depth, then index.
     std::size_t visible = 0;
     lists.order.resize(n), lists.depth_keys.resize(n);
     for (std::size_t i = 0; i < n; ++i)
-        if (lists.slot_counts[i] > 0) {
+        if (lists.fragment_counts[i] > 0) {
             lists.order[visible] = static_cast<std::uint32_t>(i);
             lists.depth_keys[visible++] = depth_key(depths[i]);
         }
@@ -69,24 +70,24 @@ void detail::list_tiles(Span<const float> depths,
     sort_by_key(lists.depth_keys, lists.order, lists.depth_keys_sorted, lists.visible);
 
     std::uint64_t total = 0;
-    lists.first_slot_by_depth.resize(visible);
+    lists.first_fragment_by_depth.resize(visible);
     for (std::size_t k = 0; k < visible; ++k) {
-        lists.first_slot_by_depth[k] = static_cast<std::uint32_t>(total);
-        lists.first_slot[lists.order[k]] = static_cast<std::uint32_t>(total);
-        total += lists.slot_counts[lists.order[k]];
+        lists.first_fragment_by_depth[k] = static_cast<std::uint32_t>(total);
+        lists.first_fragment[lists.order[k]] = static_cast<std::uint32_t>(total);
+        total += lists.fragment_counts[lists.order[k]];
     }
-    check_slot_count(total);
-    lists.slot_count = static_cast<int>(total);
-    lists.tile_keys.resize(total), lists.splat_of_slot.resize(total);
-    lists.slots.resize(total), lists.splats.resize(total);
+    check_fragment_count(total);
+    lists.fragment_count = static_cast<int>(total);
+    lists.tile_keys.resize(total), lists.splat_of_fragment.resize(total);
+    lists.fragments.resize(total), lists.splats.resize(total);
     parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int c) {
         const std::uint32_t* tiles = met[static_cast<std::size_t>(c)].data();
         const std::size_t begin = static_cast<std::size_t>(c) * kChunk;
         for (std::size_t i = begin; i < std::min(n, begin + kChunk); ++i) {
-            const std::uint32_t count = lists.slot_counts[i];
+            const std::uint32_t count = lists.fragment_counts[i];
             if (count == 0) continue;
-            std::copy_n(tiles, count, lists.tile_keys.data() + lists.first_slot[i]);
-            std::fill_n(lists.splat_of_slot.data() + lists.first_slot[i], count,
+            std::copy_n(tiles, count, lists.tile_keys.data() + lists.first_fragment[i]);
+            std::fill_n(lists.splat_of_fragment.data() + lists.first_fragment[i], count,
                         static_cast<std::uint32_t>(i));
             tiles += count;
         }
@@ -102,10 +103,10 @@ void detail::list_tiles(Span<const float> depths,
         span = {begin, begin};
         begin += count;
     }
-    for (std::uint32_t slot = 0; slot < total; ++slot) {
-        const std::uint32_t position = lists.spans[lists.tile_keys[slot]].end++;
-        lists.slots[position] = slot;
-        lists.splats[position] = lists.splat_of_slot[slot];
+    for (std::uint32_t fragment = 0; fragment < total; ++fragment) {
+        const std::uint32_t position = lists.spans[lists.tile_keys[fragment]].end++;
+        lists.fragments[position] = fragment;
+        lists.splats[position] = lists.splat_of_fragment[fragment];
     }
 }
 

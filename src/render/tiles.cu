@@ -16,25 +16,26 @@ struct DepthKeyBody {
     TVSGS_HD void operator()(int k) const { keys[k] = depth_key(depths[visible[k]]); }
 };
 
-struct SlotsOf {
-    Span<const std::uint32_t> slot_counts;
-    TVSGS_HD std::uint32_t operator()(std::uint32_t splat) const { return slot_counts[splat]; }
+struct FragmentsOf {
+    Span<const std::uint32_t> fragment_counts;
+    TVSGS_HD std::uint32_t operator()(std::uint32_t splat) const { return fragment_counts[splat]; }
 };
 
-/// First and last position of each tile, read off the sorted keys; and the sorted slots' splats.
+/// First and last position of each tile, read off the sorted keys; and the sorted fragments'
+/// splats.
 template <class Key>
 struct TileSpansBody {
     const Key* keys;
-    Span<const std::uint32_t> slots, splat_of_slot;
+    Span<const std::uint32_t> fragments, splat_of_fragment;
     Span<std::uint32_t> splats;
     Span<TileSpan> spans;
 
     TVSGS_HD void operator()(int i) const {
-        splats[i] = splat_of_slot[slots[i]];
+        splats[i] = splat_of_fragment[fragments[i]];
         const Key tile = keys[i];
         const auto position = static_cast<std::uint32_t>(i);
         if (i == 0 || keys[i - 1] != tile) spans[tile].begin = position;
-        if (i + 1 == slots.size() || keys[i + 1] != tile) spans[tile].end = position + 1;
+        if (i + 1 == fragments.size() || keys[i + 1] != tile) spans[tile].end = position + 1;
     }
 };
 
@@ -47,7 +48,7 @@ void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Operation& oper
     check_cuda(operation(temporary.data(), bytes));
 }
 
-/// Splats with slots, by depth, then index.
+/// Splats with fragments, by depth, then index.
 void sort_by_depth(Span<const float> depths, TileLists<Cuda>& lists) {
     parallel_for(
         Cuda{}, lists.visible_count,
@@ -67,14 +68,14 @@ void sort_by_tile(const TileGrid& grid, TileLists<Cuda>& lists) {
     int bits = 1;
     while ((1ll << bits) < grid.count()) ++bits;
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
-        return cub::DeviceRadixSort::SortPairs(temp, bytes, keys, keys_sorted,
-                                               lists.slots_unsorted.data(), lists.slots.data(),
-                                               lists.slot_count, 0, bits);
+        return cub::DeviceRadixSort::SortPairs(
+            temp, bytes, keys, keys_sorted, lists.fragments_unsorted.data(), lists.fragments.data(),
+            lists.fragment_count, 0, bits);
     });
-    parallel_for(Cuda{}, lists.slot_count,
-                 TileSpansBody<Key>{keys_sorted, std::as_const(lists.slots).span(),
-                                    std::as_const(lists.splat_of_slot).span(), lists.splats.span(),
-                                    lists.spans.span()});
+    parallel_for(Cuda{}, lists.fragment_count,
+                 TileSpansBody<Key>{keys_sorted, std::as_const(lists.fragments).span(),
+                                    std::as_const(lists.splat_of_fragment).span(),
+                                    lists.splats.span(), lists.spans.span()});
 }
 
 }  // namespace
@@ -82,32 +83,33 @@ void sort_by_tile(const TileGrid& grid, TileLists<Cuda>& lists) {
 void tiles_detail::order_splats(Span<const float> depths, TileLists<Cuda>& lists) {
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
         return cub::DeviceSelect::Flagged(
-            temp, bytes, thrust::make_counting_iterator<std::uint32_t>(0), lists.slot_counts.data(),
-            lists.visible.data(), lists.totals.data(), depths.size());
+            temp, bytes, thrust::make_counting_iterator<std::uint32_t>(0),
+            lists.fragment_counts.data(), lists.visible.data(), lists.totals.data(), depths.size());
     });
     const auto totals = to_host(lists.totals);
     const std::size_t visible = totals[0], total = totals[1];
-    check_slot_count(total);
+    check_fragment_count(total);
     lists.visible_count = static_cast<int>(visible);
-    lists.slot_count = static_cast<int>(total);
-    lists.order.resize(visible), lists.first_slot_by_depth.resize(visible);
+    lists.fragment_count = static_cast<int>(total);
+    lists.order.resize(visible), lists.first_fragment_by_depth.resize(visible);
     lists.depth_keys.resize(visible);
     lists.depth_keys_sorted.resize(visible);
-    lists.slots.resize(total), lists.splats.resize(total), lists.slots_unsorted.resize(total);
-    lists.splat_of_slot.resize(total);
+    lists.fragments.resize(total), lists.splats.resize(total),
+        lists.fragments_unsorted.resize(total);
+    lists.splat_of_fragment.resize(total);
     lists.tile_keys.resize(total), lists.tile_keys_sorted.resize(total);
     if (total == 0) return;
     sort_by_depth(depths, lists);
     with_temporary(lists.temporary, [&](void* temp, std::size_t& bytes) {
         return cub::DeviceScan::ExclusiveSum(
             temp, bytes,
-            thrust::make_transform_iterator(lists.order.data(),
-                                            SlotsOf{std::as_const(lists.slot_counts).span()}),
-            lists.first_slot_by_depth.data(), lists.visible_count);
+            thrust::make_transform_iterator(
+                lists.order.data(), FragmentsOf{std::as_const(lists.fragment_counts).span()}),
+            lists.first_fragment_by_depth.data(), lists.visible_count);
     });
 }
 
-void tiles_detail::sort_slots(const TileGrid& grid, TileLists<Cuda>& lists) {
+void tiles_detail::sort_fragments(const TileGrid& grid, TileLists<Cuda>& lists) {
     if (has_short_keys(grid))
         sort_by_tile<std::uint16_t>(grid, lists);
     else

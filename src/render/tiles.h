@@ -75,29 +75,30 @@ TVSGS_HD bool meets_tiles(const Shape& shape, const TileGrid& grid, TileRect til
                           static_cast<float>(bottom < grid.height ? bottom : grid.height) - 0.5f});
 }
 
-/// Positions [begin, end) of a tile in TileLists::slots.
+/// Positions [begin, end) of a tile in TileLists::fragments.
 struct TileSpan {
     std::uint32_t begin, end;
 };
 
-/// A slot is one (splat, tile) pair. Slots are numbered by the depth of their splats, then the
-/// splats' index, then tile: so a splat's slots are contiguous, and a stable sort by tile leaves
-/// every tile's slots front to back.
+/// A fragment is one (splat, tile) pair. Fragments are numbered by the depth of their splats, then
+/// the splats' index, then tile: so a splat's fragments are contiguous, and a stable sort by tile
+/// leaves every tile's fragments front to back.
 template <class Device>
 struct TileLists {
-    Buffer<std::uint32_t, Device> slot_counts;          // [N] 0: draws nothing
-    Buffer<std::uint32_t, Device> first_slot;           // [N] undefined where there are none
-    Buffer<std::uint32_t, Device> first_slot_by_depth;  // [visible] the same, front to back
-    Buffer<std::uint32_t, Device> slots;    // [slots] by tile, then depth, then splat index
-    Buffer<std::uint32_t, Device> splats;   // [slots] of these slots
-    Buffer<TileSpan, Device> spans;         // [tiles]
-    int slot_count = 0, visible_count = 0;  // visible: splats with slots
+    Buffer<std::uint32_t, Device> fragment_counts;          // [N] 0: draws nothing
+    Buffer<std::uint32_t, Device> first_fragment;           // [N] undefined where there are none
+    Buffer<std::uint32_t, Device> first_fragment_by_depth;  // [visible] the same, front to back
+    Buffer<std::uint32_t, Device> fragments;    // [fragments] by tile, then depth, then splat index
+    Buffer<std::uint32_t, Device> splats;       // [fragments] of these fragments
+    Buffer<TileSpan, Device> spans;             // [tiles]
+    int fragment_count = 0, visible_count = 0;  // visible: splats with fragments
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;
     Buffer<std::uint32_t, Device> hit_masks;                                      // [N] CUDA only
     Buffer<std::uint32_t, Device> visible, order, depth_keys, depth_keys_sorted;  // [visible]
-    Buffer<std::uint32_t, Device> splat_of_slot, slots_unsorted, tile_keys, tile_keys_sorted;
+    Buffer<std::uint32_t, Device> splat_of_fragment, fragments_unsorted, tile_keys,
+        tile_keys_sorted;
     Buffer<std::uint8_t, Device> temporary;
 };
 
@@ -105,8 +106,8 @@ struct TileLists {
 template <class Shape>
 struct MeetTiles;
 
-/// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 slots or more. Compiled
-/// per kind of splats, see tiles_cpu.h and tiles_cuda.h.
+/// Overwrites `lists`. Throws Error(ExitCode::memory) when there are 2^31 fragments or more.
+/// Compiled per kind of splats, see tiles_cpu.h and tiles_cuda.h.
 template <class Shape, class Features>
 void build_tile_lists(const ViewSplats<Cpu, Shape, Features>& splats,
                       const TileGrid& grid,
@@ -136,9 +137,9 @@ TVSGS_HD inline std::uint32_t tile_index(const TileGrid& grid, TileRect tile) {
     return static_cast<std::uint32_t>(tile.y0 * grid.columns + tile.x0);
 }
 
-inline constexpr std::uint64_t kMaxSlots = (1ull << 31) - 1;
+inline constexpr std::uint64_t kMaxFragments = (1ull << 31) - 1;
 
 /// Throws when the count does not fit.
-void check_slot_count(std::uint64_t count);
+void check_fragment_count(std::uint64_t count);
 
 }  // namespace tvsgs

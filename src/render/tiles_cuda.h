@@ -98,22 +98,23 @@ struct KeptTest {
 
 /// `total` gets the sum of all counts added: integers, so in any order.
 template <class Shape>
-__global__ void __launch_bounds__(kThreads) count_slots_kernel(Projected<Shape> in,
-                                                               Span<std::uint32_t> slot_counts,
-                                                               Span<std::uint32_t> hit_masks,
-                                                               unsigned long long* total) {
+__global__ void __launch_bounds__(kThreads)
+    count_fragments_kernel(Projected<Shape> in,
+                           Span<std::uint32_t> fragment_counts,
+                           Span<std::uint32_t> hit_masks,
+                           unsigned long long* total) {
     __shared__ std::uint32_t block_total;
     if (threadIdx.x == 0) block_total = 0;
     __syncthreads();
     const std::uint32_t i = blockIdx.x * kThreads + threadIdx.x;
-    const bool has_splat = i < slot_counts.count;
+    const bool has_splat = i < fragment_counts.count;
     const TileHits hits = walk_tiles(
         in, has_splat, i, 0,
         [&](std::uint32_t splat, std::uint32_t) {
             return ShapeTest<Shape>{in.grid, in.shapes[splat]};
         },
         [](std::uint32_t, std::uint32_t, std::uint32_t) {});
-    if (has_splat) slot_counts[i] = hits.count;
+    if (has_splat) fragment_counts[i] = hits.count;
     if (hits.count > 0) hit_masks[i] = hits.mask;
     const unsigned of_warp = __reduce_add_sync(kAll, hits.count);
     if (threadIdx.x % 32 == 0 && of_warp > 0) atomicAdd(&block_total, of_warp);
@@ -121,20 +122,21 @@ __global__ void __launch_bounds__(kThreads) count_slots_kernel(Projected<Shape> 
     if (threadIdx.x == 0 && block_total > 0) atomicAdd(total, block_total);
 }
 
-/// Slots of the splats in their order by depth; `first_of` holds the first one of each.
+/// Fragments of the splats in their order by depth; `first_of` holds the first one of each.
 template <class Shape, class Key>
-__global__ void __launch_bounds__(kThreads) emit_slots_kernel(Projected<Shape> in,
-                                                              Span<const std::uint32_t> hit_masks,
-                                                              Span<const std::uint32_t> order,
-                                                              Span<const std::uint32_t> first_of,
-                                                              Span<std::uint32_t> first_slot,
-                                                              Key* tile_keys,
-                                                              Span<std::uint32_t> slots,
-                                                              Span<std::uint32_t> splat_of_slot) {
+__global__ void __launch_bounds__(kThreads)
+    emit_fragments_kernel(Projected<Shape> in,
+                          Span<const std::uint32_t> hit_masks,
+                          Span<const std::uint32_t> order,
+                          Span<const std::uint32_t> first_of,
+                          Span<std::uint32_t> first_fragment,
+                          Key* tile_keys,
+                          Span<std::uint32_t> fragments,
+                          Span<std::uint32_t> splat_of_fragment) {
     const std::uint32_t k = blockIdx.x * kThreads + threadIdx.x;
     const bool has_splat = k < order.count;
     const std::uint32_t splat = has_splat ? order[k] : 0, first = has_splat ? first_of[k] : 0;
-    if (has_splat) first_slot[splat] = first;
+    if (has_splat) first_fragment[splat] = first;
     walk_tiles(
         in, has_splat, splat, first,
         [&](std::uint32_t of, std::uint32_t candidates) {
@@ -142,16 +144,16 @@ __global__ void __launch_bounds__(kThreads) emit_slots_kernel(Projected<Shape> i
             if (!test.kept) test.else_by.shape = in.shapes[of];
             return test;
         },
-        [&](std::uint32_t of, std::uint32_t slot, std::uint32_t tile) {
-            tile_keys[slot] = static_cast<Key>(tile);
-            slots[slot] = slot;
-            splat_of_slot[slot] = of;
+        [&](std::uint32_t of, std::uint32_t fragment, std::uint32_t tile) {
+            tile_keys[fragment] = static_cast<Key>(tile);
+            fragments[fragment] = fragment;
+            splat_of_fragment[fragment] = of;
         });
 }
 
-/// From the counts of slots: lists.order has the splats with slots by depth, then index,
-/// first_slot_by_depth the first slot of each, and what is per slot has room. The one host
-/// synchronisation of a render.
+/// From the counts of fragments: lists.order has the splats with fragments by depth, then index,
+/// first_fragment_by_depth the first fragment of each, and what is per fragment has room. The one
+/// host synchronisation of a render.
 void order_splats(Span<const float> depths, TileLists<Cuda>& lists);
 
 /// Whether tile_keys are of 16 bits; else they are of 32.
@@ -159,16 +161,16 @@ inline bool has_short_keys(const TileGrid& grid) {
     return grid.count() <= 1 << 16;
 }
 
-/// From the slots as they were emitted to those of each tile.
-void sort_slots(const TileGrid& grid, TileLists<Cuda>& lists);
+/// From the fragments as they were emitted to those of each tile.
+void sort_fragments(const TileGrid& grid, TileLists<Cuda>& lists);
 
 template <class Key, class Shape>
-void emit_slots(const Projected<Shape>& in, TileLists<Cuda>& lists) {
-    emit_slots_kernel<<<(lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
+void emit_fragments(const Projected<Shape>& in, TileLists<Cuda>& lists) {
+    emit_fragments_kernel<<<(lists.visible_count + kThreads - 1) / kThreads, kThreads>>>(
         in, std::as_const(lists.hit_masks).span(), std::as_const(lists.order).span(),
-        std::as_const(lists.first_slot_by_depth).span(), lists.first_slot.span(),
-        reinterpret_cast<Key*>(lists.tile_keys.data()), lists.slots_unsorted.span(),
-        lists.splat_of_slot.span());
+        std::as_const(lists.first_fragment_by_depth).span(), lists.first_fragment.span(),
+        reinterpret_cast<Key*>(lists.tile_keys.data()), lists.fragments_unsorted.span(),
+        lists.splat_of_fragment.span());
     check_launch();
 }
 
@@ -180,25 +182,25 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
                       TileLists<Cuda>& lists) {
     using namespace tiles_detail;
     const int n = static_cast<int>(splats.rects.size());
-    lists.slot_counts.resize(n), lists.first_slot.resize(n), lists.visible.resize(n);
+    lists.fragment_counts.resize(n), lists.first_fragment.resize(n), lists.visible.resize(n);
     lists.spans.resize(grid.count()), lists.totals.resize(2), lists.hit_masks.resize(n);
     lists.spans.fill_zero(), lists.totals.fill_zero();
-    lists.slot_count = lists.visible_count = 0;
-    lists.first_slot_by_depth.resize(0);
+    lists.fragment_count = lists.visible_count = 0;
+    lists.first_fragment_by_depth.resize(0);
     if (n == 0) return;
     const Projected<Shape> in{grid, splats.shapes.span(), splats.rects.span()};
     static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
-    count_slots_kernel<<<(n + kThreads - 1) / kThreads, kThreads>>>(
-        in, lists.slot_counts.span(), lists.hit_masks.span(),
+    count_fragments_kernel<<<(n + kThreads - 1) / kThreads, kThreads>>>(
+        in, lists.fragment_counts.span(), lists.hit_masks.span(),
         reinterpret_cast<unsigned long long*>(lists.totals.data() + 1));
     check_launch();
     order_splats(splats.depths.span(), lists);
-    if (lists.slot_count == 0) return;
+    if (lists.fragment_count == 0) return;
     if (has_short_keys(grid))
-        emit_slots<std::uint16_t>(in, lists);
+        emit_fragments<std::uint16_t>(in, lists);
     else
-        emit_slots<std::uint32_t>(in, lists);
-    sort_slots(grid, lists);
+        emit_fragments<std::uint32_t>(in, lists);
+    sort_fragments(grid, lists);
 }
 
 /// Compiles all of that for splats of these records.

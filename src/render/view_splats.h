@@ -85,27 +85,27 @@ struct ColorBody {
 };
 
 /// Where the gradients of a view's splats as they appear in the image lie, and what carries them to
-/// the Gaussians' parameters. All [N] but the slots.
+/// the Gaussians' parameters. All [N] but the fragments.
 struct ViewGradients {
     ViewParameters view;
     Channels channels;
     Span<const SplatShape<float>> shapes;
     Span<const FeatureRecord> features;
-    Span<const std::uint32_t> slot_counts, first_slot;
-    Span<const SplatGradients<float>> slots;
-    Span<const std::uint8_t> drawn;   // whether a slot has a gradient
+    Span<const std::uint32_t> fragment_counts, first_fragment;
+    Span<const SplatGradients<float>> fragments;
+    Span<const std::uint8_t> drawn;   // whether a fragment has a gradient
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
 
     /// Finishes the gradients of Gaussian i, and notes what growth wants to know of it. False: it
     /// drew nothing and so has none.
     TVSGS_HD bool finish(int i, SplatGradients<float>& g) const {
-        if (slot_counts[i] == 0 || !drawn[first_slot[i]]) {
+        if (fragment_counts[i] == 0 || !drawn[first_fragment[i]]) {
             stat_grad[i] = stat_abs[i] = {};
             stat_front[i] = 0;
             return false;
         }
-        g = slots[first_slot[i]];
+        g = fragments[first_fragment[i]];
         complete(g, shapes[i]);
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);

@@ -11,8 +11,8 @@ HostLists unpacked(const CompactLists& lists, int voters, int k, int usable) {
     for (int voter = 0; voter < voters; ++voter)
         lists.receivers_of(SerialWarp{}, voter, out.receivers.data() + std::size_t(voter) * k);
     out.begin.push_back(0);
-    for (int slot = 0; slot < usable; ++slot) {
-        lists.for_each_voter<1>(SerialWarp{}, slot,
+    for (int rank = 0; rank < usable; ++rank) {
+        lists.for_each_voter<1>(SerialWarp{}, rank,
                                 [&](std::uint32_t voter) { out.voters.push_back(voter); });
         out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));
     }

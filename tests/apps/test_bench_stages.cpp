@@ -19,7 +19,7 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
             names.push_back(name);
             const json& counters = line.at("counters");
             const int splats = counters.at("splats"), visible = counters.at("visible"),
-                      slots = counters.at("slots");
+                      fragments = counters.at("fragments");
             EXPECT_EQ(line.at("stages").size(), 8u) << line.at("stages").dump();
             for (const json& stage : line.at("stages")) {
                 EXPECT_EQ(stage.at("repetitions"), 2);
@@ -28,36 +28,36 @@ TEST_F(Bench, TimesTheStagesOfEveryView) {
             }
             const std::int64_t tests = counters.at("warp_tests"), hits = counters.at("warp_hits"),
                                draws = counters.at("warp_draws"), sums = counters.at("warp_sums");
-            EXPECT_LE(tests, 4 * std::int64_t{slots}) << "a tile is four warps";
+            EXPECT_LE(tests, 4 * std::int64_t{fragments}) << "a tile is four warps";
             EXPECT_LE(hits, tests);
             EXPECT_LE(draws, hits);
             EXPECT_LE(sums, draws);
             const double evaluations = counters.at("evaluations_per_pixel"),
                          contributions = counters.at("contributions_per_pixel");
             EXPECT_LE(contributions, evaluations);
-            EXPECT_EQ(contributions > 0, slots > 0);
+            EXPECT_EQ(contributions > 0, fragments > 0);
             // What each view is made to be.
             if (name.starts_with("w540")) {
                 EXPECT_NEAR(visible, splats / 2, splats / 20);
-                EXPECT_NEAR(slots / double(visible), 3, 1);
+                EXPECT_NEAR(fragments / double(visible), 3, 1);
             }
             if (name.starts_with("w1200")) {
-                EXPECT_NEAR(slots / double(visible), 5, 1.5);
+                EXPECT_NEAR(fragments / double(visible), 5, 1.5);
             }
             if (name == "c256") {
                 EXPECT_EQ(visible, splats);
             }
             if (name == "one_tile") {
-                EXPECT_EQ(slots, visible);
+                EXPECT_EQ(fragments, visible);
             }
             if (name == "huge") {
-                EXPECT_EQ(slots, visible * 3 * 2) << "all tiles of 42 x 24 pixels";
+                EXPECT_EQ(fragments, visible * 3 * 2) << "all tiles of 42 x 24 pixels";
             }
             if (name == "needles") {
-                EXPECT_GT(slots, 3 * visible);
+                EXPECT_GT(fragments, 3 * visible);
             }
             if (name == "empty") {
-                EXPECT_EQ(slots, 0);
+                EXPECT_EQ(fragments, 0);
             }
             if (name == "one") {
                 EXPECT_EQ(visible, 1);
@@ -137,7 +137,7 @@ TEST_F(Bench, TimesAnIterationThatComparesViews) {
         const Result plain = bench(small + " --channels color_plane");
         ASSERT_EQ(plain.code, 0) << plain.err;
         const json& others = plain.lines.at(0).at("counters");
-        for (const char* key : {"slots", "evaluations_per_pixel", "contributions_per_pixel"})
+        for (const char* key : {"fragments", "evaluations_per_pixel", "contributions_per_pixel"})
             EXPECT_NEAR(counters.at(key).get<double>() / others.at(key).get<double>(), 1, 0.2)
                 << key;
     }

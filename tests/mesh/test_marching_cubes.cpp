@@ -20,16 +20,16 @@ VoxelBlocks<Cpu> sampled(float voxel_size, int edge, const std::function<double(
     for (int i = 0; i < edge * edge * edge; ++i)
         keys.push_back(block_key({i % edge, i / edge % edge, i / edge / edge}));
     copy(keys, blocks.keys);
-    blocks.slots.resize(keys.size());
-    reserve_slots(blocks, static_cast<int>(keys.size()));
+    blocks.places.resize(keys.size());
+    reserve_places(blocks, static_cast<int>(keys.size()));
     for (int b = 0; b < blocks.size(); ++b) {
-        blocks.slots[b] = blocks.size() - 1 - b;  // any order will do
+        blocks.places[b] = blocks.size() - 1 - b;  // any order will do
         for (int i = 0; i < kBlockVoxels; ++i) {
             const Vec3i block = block_of_key(keys[b]), local = local_of_index(i);
             // In double: the table's counts hang on exact positions.
             const auto at = [&](int p, int q) { return (p * kBlockEdge + q + 0.5) * voxel_size; };
             const Vec3d p{at(block.x, local.x), at(block.y, local.y), at(block.z, local.z)};
-            voxel_at(std::as_const(blocks.chunk_table).span(), blocks.slots[b], i) = {
+            voxel_at(std::as_const(blocks.chunk_table).span(), blocks.places[b], i) = {
                 static_cast<float>(sdf(p)), 1, {0.5f, 0.5f, 0.5f}};
         }
     }

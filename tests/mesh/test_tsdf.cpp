@@ -222,9 +222,9 @@ TEST(Tsdf, GrowsOverManyChunks) {
     const auto keys = to_host(volume.blocks().keys);
     EXPECT_TRUE(std::is_sorted(keys.begin(), keys.end()));
     EXPECT_EQ(std::adjacent_find(keys.begin(), keys.end()), keys.end());
-    auto slots = to_host(volume.blocks().slots);
-    std::sort(slots.begin(), slots.end());
-    for (std::size_t i = 0; i < slots.size(); ++i) ASSERT_EQ(slots[i], static_cast<int>(i));
+    auto places = to_host(volume.blocks().places);
+    std::sort(places.begin(), places.end());
+    for (std::size_t i = 0; i < places.size(); ++i) ASSERT_EQ(places[i], static_cast<int>(i));
 }
 
 template <class Device>

@@ -93,11 +93,12 @@ TEST_F(Limits, OutputFoldersThatCannotBeUsed) {
     EXPECT_TRUE(r.says("/proc/none/run: cannot write there")) << r;
 }
 
-TEST(Slots, MoreThanTheIndexHoldsAreRefused) {
-    EXPECT_NO_THROW(check_slot_count(kMaxSlots));
-    for (const std::uint64_t count : {kMaxSlots + 1, std::uint64_t{1} << 33, ~std::uint64_t{0}}) {
+TEST(Fragments, MoreThanTheIndexHoldsAreRefused) {
+    EXPECT_NO_THROW(check_fragment_count(kMaxFragments));
+    for (const std::uint64_t count :
+         {kMaxFragments + 1, std::uint64_t{1} << 33, ~std::uint64_t{0}}) {
         try {
-            check_slot_count(count);
+            check_fragment_count(count);
             ADD_FAILURE() << count;
         } catch (const Error& error) {
             EXPECT_EQ(error.code(), ExitCode::memory);

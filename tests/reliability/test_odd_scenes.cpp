@@ -68,7 +68,7 @@ TEST_F(OddScenes, AnyUnitOfLength) {
     };
     const double usual = trained("scene", "metres").first;
     const auto near = [](const std::string& run) {
-        return json::parse(read(run + "/config.json")).at("core").at("near").get<double>();
+        return json::parse(read(run + "/config.json")).at("render").at("near").get<double>();
     };
     EXPECT_FLOAT_EQ(static_cast<float>(near("metres")), 0.2f);
     for (const double factor : {1e-3, 1e3}) {
@@ -78,14 +78,14 @@ TEST_F(OddScenes, AnyUnitOfLength) {
         const auto [psnr, said] = trained(name, "of_" + name);
         // The same numbers but for their roundings.
         EXPECT_NEAR(psnr, usual, 0.1) << name;
-        EXPECT_EQ(said.says("core.near is"), factor < 1) << said;
+        EXPECT_EQ(said.says("render.near is"), factor < 1) << said;
     }
     EXPECT_LT(near("of_kilometres"), 0.002);
     EXPECT_GT(near("of_kilometres"), 1e-5);
     // A limit that is given is kept, and hides the scene.
-    const Result r = train("--eval --scene kilometres --out hidden --set core.near=0.1");
+    const Result r = train("--eval --scene kilometres --out hidden --set render.near=0.1");
     EXPECT_EQ(r.code, 0) << r;
-    EXPECT_FALSE(r.says("core.near is")) << r;
+    EXPECT_FALSE(r.says("render.near is")) << r;
     EXPECT_LT(last_line("hidden").at("psnr").get<double>(), usual);
 }
 

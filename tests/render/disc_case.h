@@ -207,19 +207,19 @@ DiscResult blend_discs(const DiscCase& in, bool atomic = false) {
         stops);
     Buffer<DiscModel::PixelGradient, Device> dL_dpixels;
     copy(in.dL_dpixels, dL_dpixels);
-    SlotGradients<Device, DiscGradients> slots;
-    slots.atomic = atomic;
+    FragmentGradients<Device, DiscGradients> fragments;
+    fragments.atomic = atomic;
     const DiscImages<Device>& blended = images;
     blend_tiles_vjp<DiscModel>(splats, lists, grid,
                                {blended.transmittance.span(), blended.depth.span(),
                                 blended.moment.span(), std::as_const(dL_dpixels).span()},
-                               images.transmittance, stops, slots);
+                               images.transmittance, stops, fragments);
 
     DiscResult out{to_host(images.transmittance), to_host(images.depth), to_host(images.spread),
                    to_host(images.color),         to_host(images.extra), {}};
-    const auto gradients = to_host(slots.gradients);
-    const auto drawn = to_host(slots.drawn);
-    const auto counts = to_host(lists.slot_counts), first = to_host(lists.first_slot);
+    const auto gradients = to_host(fragments.gradients);
+    const auto drawn = to_host(fragments.drawn);
+    const auto counts = to_host(lists.fragment_counts), first = to_host(lists.first_fragment);
     for (std::size_t i = 0; i < counts.size(); ++i) {
         const bool draws = counts[i] > 0 && drawn[first[i]];
         out.gradients.push_back(draws ? gradients[first[i]] : DiscGradients{});

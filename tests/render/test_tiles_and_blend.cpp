@@ -63,24 +63,24 @@ std::vector<std::vector<std::uint32_t>> splats_by_tile(const TileLists<Device>& 
     return tiles;
 }
 
-/// Slots are contiguous per splat, and the sorted ones name their splats.
+/// Fragments are contiguous per splat, and the sorted ones name their splats.
 template <class Device>
 void expect_consistent(const TileLists<Device>& lists) {
-    const auto counts = to_host(lists.slot_counts), first = to_host(lists.first_slot);
-    const auto slots = to_host(lists.slots), splats = to_host(lists.splats);
-    ASSERT_EQ(slots.size(), static_cast<std::size_t>(lists.slot_count));
+    const auto counts = to_host(lists.fragment_counts), first = to_host(lists.first_fragment);
+    const auto fragments = to_host(lists.fragments), splats = to_host(lists.splats);
+    ASSERT_EQ(fragments.size(), static_cast<std::size_t>(lists.fragment_count));
     std::uint64_t total = 0;
     int visible = 0;
     for (std::uint32_t count : counts) total += count, visible += count > 0;
-    EXPECT_EQ(total, slots.size());
+    EXPECT_EQ(total, fragments.size());
     EXPECT_EQ(visible, lists.visible_count);
-    std::vector<char> met(slots.size());
-    for (std::size_t at = 0; at < slots.size(); ++at) {
-        const std::uint32_t slot = slots[at], splat = splats[at];
-        ASSERT_LT(slot, slots.size());
-        EXPECT_EQ(met[slot]++, 0);
-        EXPECT_GE(slot, first[splat]);
-        EXPECT_LT(slot, first[splat] + counts[splat]);
+    std::vector<char> met(fragments.size());
+    for (std::size_t at = 0; at < fragments.size(); ++at) {
+        const std::uint32_t fragment = fragments[at], splat = splats[at];
+        ASSERT_LT(fragment, fragments.size());
+        EXPECT_EQ(met[fragment]++, 0);
+        EXPECT_GE(fragment, first[splat]);
+        EXPECT_LT(fragment, first[splat] + counts[splat]);
     }
 }
 
@@ -171,13 +171,14 @@ Camera camera_of(const TileGrid& grid) {
 template <class Device>
 void fetch(const RenderedImages<Device>& images,
            const Buffer<float, Device>& distance,
-           const EwaSlotGradients<Device>& slots,
+           const EwaFragmentGradients<Device>& fragments,
            Blended<Device>& out) {
     out.color = to_host(images.color), out.normal = to_host(images.normal);
     out.transmittance = to_host(images.transmittance), out.distance = to_host(distance);
-    const auto gradients = to_host(slots.gradients);
-    const auto drawn = to_host(slots.drawn);
-    const auto counts = to_host(out.lists.slot_counts), first = to_host(out.lists.first_slot);
+    const auto gradients = to_host(fragments.gradients);
+    const auto drawn = to_host(fragments.drawn);
+    const auto counts = to_host(out.lists.fragment_counts),
+               first = to_host(out.lists.first_fragment);
     for (std::size_t i = 0; i < counts.size(); ++i)
         out.splats.push_back(counts[i] > 0 && drawn[first[i]] ? gradients[first[i]]
                                                               : SplatGradients<float>{});
@@ -195,15 +196,15 @@ Blended<Device> blended(const EwaSplats<Cpu>& host, const TileGrid& grid, Width.
     Buffer<float, Device> distance;
     Buffer<std::uint32_t, Device> stops;
     distance.resize(pixels), stops.resize(pixels);
-    EwaSlotGradients<Device> slots;
-    slots.atomic = kAtomic;
+    EwaFragmentGradients<Device> fragments;
+    fragments.atomic = kAtomic;
     Blended<Device> out;
     build_tile_lists(v, grid, out.lists);
     blend_tiles<Model>(v, out.lists, grid, {images, distance, camera_of(grid)}, stops, width...);
     const auto dL_dchannels = channel_gradients<Device>(pixels);
     blend_tiles_vjp<Model>(v, out.lists, grid, dL_dchannels.reader(), images.transmittance, stops,
-                           slots, width...);
-    fetch(images, distance, slots, out);
+                           fragments, width...);
+    fetch(images, distance, fragments, out);
     return out;
 }
 
@@ -255,8 +256,8 @@ Blended<Cpu> blended_plainly(const EwaSplats<Cpu>& v, const TileGrid& grid) {
                     sums[splat][k] += static_cast<double>(values[k]);
             }
         }
-    EwaSlotGradients<Cpu> none;
-    none.resize(static_cast<std::size_t>(out.lists.slot_count));
+    EwaFragmentGradients<Cpu> none;
+    none.resize(static_cast<std::size_t>(out.lists.fragment_count));
     none.drawn.fill_zero();
     fetch(images, distance, none, out);
     for (std::size_t i = 0; i < sums.size(); ++i)
@@ -313,7 +314,7 @@ void expect_twins(Kind kind, int count, int width, int height) {
             only_a ? ++i : ++j;
         }
     }
-    EXPECT_LE(differ, 1 + static_cast<std::size_t>(cpu.lists.slot_count) / 10000);
+    EXPECT_LE(differ, 1 + static_cast<std::size_t>(cpu.lists.fragment_count) / 10000);
 
     // Exponentials differ by some units in the last place, so that a splat at its cut-off may be
     // drawn at a pixel on one device only (by 1/255 of its colour): 1e-4 of the whole. Gradients
@@ -327,7 +328,7 @@ void expect_twins(Kind kind, int count, int width, int height) {
     for (std::size_t k = 0; k < kCount; ++k)
         EXPECT_LE(relative_l2(cpu.splats, cuda.splats, k, kCount), gradients) << "value " << k;
 
-    EXPECT_TRUE(same_bits(to_host(cuda.lists.slots), to_host(again.lists.slots)));
+    EXPECT_TRUE(same_bits(to_host(cuda.lists.fragments), to_host(again.lists.fragments)));
     EXPECT_TRUE(same_bits(cuda.color, again.color));
     EXPECT_TRUE(same_bits(cuda.splats, again.splats)) << "gradients are not reproducible";
     const auto atomic = blended<Device, true>(v, grid);

@@ -100,34 +100,34 @@ Neighbours<Cpu> stored(const std::vector<std::uint32_t>& receivers,
 }
 
 TEST(CompactLists, LanesGetTheVotersThatFullListsGiveThem) {
-    constexpr int kCount = 1500, k = 9;  // the list of slot 5 is in more than 32 tiles
+    constexpr int kCount = 1500, k = 9;  // the list of rank 5 is in more than 32 tiles
     const Neighbours<Cpu> near = stored(made_up_lists(kCount, k), kCount, k, ListStorage::full);
     const Neighbours<Cpu> small = stored(made_up_lists(kCount, k), kCount, k, ListStorage::compact);
     const FullLists full = near.full_lists();
     const CompactLists compact = small.compact_lists();
-    for (const int slot : {0, 5, 6, 100, 1499}) {
+    for (const int rank : {0, 5, 6, 100, 1499}) {
         std::vector<std::uint32_t> expected[2][32], found[2][32], list[2];
         run_warp([&](const ThreadWarp& warp) {
             const auto note = [&](auto& lists) {
                 return [&](std::uint32_t voter) { lists[warp.lane()].push_back(voter); };
             };
-            full.for_each_voter<32>(warp, slot, note(expected[0]));
-            full.for_each_voter<16>(warp, slot, note(expected[1]));
-            compact.for_each_voter<32>(warp, slot, note(found[0]));
-            compact.for_each_voter<16>(warp, slot, note(found[1]));
+            full.for_each_voter<32>(warp, rank, note(expected[0]));
+            full.for_each_voter<16>(warp, rank, note(expected[1]));
+            compact.for_each_voter<32>(warp, rank, note(found[0]));
+            compact.for_each_voter<16>(warp, rank, note(found[1]));
         });
         for (int i = 0; i < 64; ++i)
-            EXPECT_EQ(found[i / 32][i % 32], expected[i / 32][i % 32]) << "slot " << slot;
+            EXPECT_EQ(found[i / 32][i % 32], expected[i / 32][i % 32]) << "rank " << rank;
         std::vector<std::uint32_t> row(k), written(kCount);
         run_warp([&](const ThreadWarp& warp) {
-            compact.receivers_of(warp, slot, row.data());
-            compact.write_voters(warp, slot, written.data());
+            compact.receivers_of(warp, rank, row.data());
+            compact.write_voters(warp, rank, written.data());
         });
-        const auto receivers = full.receivers_of(SerialWarp{}, slot, nullptr);
+        const auto receivers = full.receivers_of(SerialWarp{}, rank, nullptr);
         EXPECT_EQ(row, std::vector<std::uint32_t>(receivers, receivers + k));
-        written.resize(std::size_t(near.begin[slot + 1] - near.begin[slot]));
-        EXPECT_EQ(written, std::vector<std::uint32_t>(near.voters.data() + near.begin[slot],
-                                                      near.voters.data() + near.begin[slot + 1]));
+        written.resize(std::size_t(near.begin[rank + 1] - near.begin[rank]));
+        EXPECT_EQ(written, std::vector<std::uint32_t>(near.voters.data() + near.begin[rank],
+                                                      near.voters.data() + near.begin[rank + 1]));
     }
 }
 

@@ -87,11 +87,11 @@ void expect_exact(const std::string& kind, int count, int k) {
     const VotingDetails lists = detail::lists_by_splat(found, count);
     const auto& receivers = lists.receivers;
 
-    // Ties go by slot.
+    // Ties go by rank.
     const auto points = to_host(found.points);
-    std::vector<std::uint32_t> slot_of(count);
-    for (std::uint32_t slot = 0; slot < points.size(); ++slot) slot_of[points[slot].index] = slot;
-    const auto splat = [&](std::uint64_t key) { return points[key_slot(key)].index; };
+    std::vector<std::uint32_t> rank_of(count);
+    for (std::uint32_t rank = 0; rank < points.size(); ++rank) rank_of[points[rank].index] = rank;
+    const auto splat = [&](std::uint64_t key) { return points[key_rank(key)].index; };
 
     std::vector<std::vector<std::uint32_t>> voters_of(count);
     for (int i = 0; i < count; ++i) {
@@ -99,7 +99,7 @@ void expect_exact(const std::string& kind, int count, int k) {
         std::vector<std::uint64_t> keys;
         for (int j = 0; j < count; ++j) {
             const Vec3f d = cloud.means[j] - cloud.means[i];
-            if (j != i && usable[j]) keys.push_back(distance_key(dot(d, d), slot_of[j]));
+            if (j != i && usable[j]) keys.push_back(distance_key(dot(d, d), rank_of[j]));
         }
         std::sort(keys.begin(), keys.end());
         const auto euclidean = [&](std::uint32_t j) {
@@ -116,7 +116,7 @@ void expect_exact(const std::string& kind, int count, int k) {
         };
         for (auto& key : keys) {
             const double distance = whitened(splat(key));
-            key = distance_key(float(distance * distance), key_slot(key));
+            key = distance_key(float(distance * distance), key_rank(key));
         }
         std::sort(keys.begin(), keys.end());
         const double farthest = whitened(splat(keys[found.k - 1]));
@@ -131,7 +131,7 @@ void expect_exact(const std::string& kind, int count, int k) {
         for (const auto j : differ) {
             ASSERT_LT(j, std::uint32_t(count));
             // Float distances may order neighbours the other way round that are this close, on
-            // either boundary. A tie of exact equals has one answer: the smaller slot.
+            // either boundary. A tie of exact equals has one answer: the smaller rank.
             const bool tie = std::abs(euclidean(j) / reach - 1) < 1e-6 ||
                              std::abs(whitened(j) / farthest - 1) < 1e-5;
             EXPECT_TRUE(tie && kind != "coincident") << "splat " << i << ", neighbour " << j;
@@ -175,7 +175,7 @@ TYPED_TEST(NeighbourTwins, MassiveCoincidenceTakesNoQuadraticTime) {
     NeighbourScratch<TypeParam> scratch;
     Neighbours<TypeParam> found;
     find_neighbours({splat_spans(g), {}, k, {}, noise.data()}, scratch, found);
-    // All distances tie, and slots keep the order of equal points: the smallest indices win.
+    // All distances tie, and ranks keep the order of equal points: the smallest indices win.
     const VotingDetails lists = detail::lists_by_splat(found, kCount);
     const auto& receivers = lists.receivers;
     for (int i = 0; i < kCount; ++i) {
@@ -187,11 +187,12 @@ TYPED_TEST(NeighbourTwins, MassiveCoincidenceTakesNoQuadraticTime) {
     // A few receivers then have nearly all voters.
     const auto begin = to_host(found.begin);
     const auto voters = to_host(found.voters);
-    for (int slot = 0; slot < kCount; ++slot) {
-        ASSERT_EQ(begin[slot + 1] - begin[slot], slot < k ? kCount - 1 : slot == k ? k : 0);
-        for (auto e = begin[slot]; e < begin[slot + 1]; ++e) {
-            const auto rank = static_cast<int>(e - begin[slot]);
-            ASSERT_EQ(voters[e], static_cast<std::uint32_t>(rank + (rank >= slot && slot < k)));
+    for (int rank = 0; rank < kCount; ++rank) {
+        ASSERT_EQ(begin[rank + 1] - begin[rank], rank < k ? kCount - 1 : rank == k ? k : 0);
+        for (auto e = begin[rank]; e < begin[rank + 1]; ++e) {
+            const auto position = static_cast<int>(e - begin[rank]);
+            ASSERT_EQ(voters[e],
+                      static_cast<std::uint32_t>(position + (position >= rank && rank < k)));
         }
     }
 }

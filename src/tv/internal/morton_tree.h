@@ -76,19 +76,19 @@ private:
     }
 };
 
-/// Orders like (distance squared, slot), distances that are not finite last.
-TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t slot) {
+/// Orders like (distance squared, rank), distances that are not finite last.
+TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t rank) {
     const float ordered =
         squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
     // Adding zero turns -0 into 0.
-    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | slot;
+    return static_cast<std::uint64_t>(std::bit_cast<std::uint32_t>(ordered + 0.0f)) << 32 | rank;
 }
-TVSGS_HD inline std::uint32_t key_slot(std::uint64_t key) {
+TVSGS_HD inline std::uint32_t key_rank(std::uint64_t key) {
     return static_cast<std::uint32_t>(key);
 }
 
-/// A bound on the keys of all points in a node whose first point is in `slot`.
-TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint32_t slot) {
+/// A bound on the keys of all points in a node whose first point has `rank`.
+TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint32_t rank) {
     Vec3f d;
     for (int axis = 0; axis < 3; ++axis) {
         const float below = node.low[axis] - q[axis], above = q[axis] - node.high[axis];
@@ -96,7 +96,7 @@ TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint3
         d[axis] = outside > 0 ? outside : 0;
     }
     // Differences round monotonically; the factor covers the few roundings of the sum of squares.
-    return distance_key(dot(d, d) * 0.999999f, slot);
+    return distance_key(dot(d, d) * 0.999999f, rank);
 }
 
 /// Size in keys of the buffer that nearest() works in.
@@ -118,8 +118,8 @@ public:
         const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
         : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
 
-    /// The `wanted` points nearest to `position`, ties by slot. `self`: a slot to leave out, or -1;
-    /// `near`: a slot to begin at. Keys come first in the buffer, in no defined order; returns how
+    /// The `wanted` points nearest to `position`, ties by rank. `self`: a rank to leave out, or -1;
+    /// `near`: a rank to begin at. Keys come first in the buffer, in no defined order; returns how
     /// many there are (fewer if the tree holds fewer).
     TVSGS_HD int run(Vec3f position, int self, int near) {
         position_ = position;
@@ -138,8 +138,8 @@ public:
     }
     TVSGS_HD const SearchCounts& counts() const { return counts_; }
     /// Of the leaves that the search began with: negative below, 0 inside, positive above.
-    TVSGS_HD int side_of_window(std::uint32_t slot) const {
-        const int leaf = static_cast<int>(slot) / kTreeFanout;
+    TVSGS_HD int side_of_window(std::uint32_t rank) const {
+        const int leaf = static_cast<int>(rank) / kTreeFanout;
         return leaf < window_begin_ ? -1 : leaf < window_end_ ? 0 : 1;
     }
 
@@ -154,10 +154,10 @@ private:
         count_ += warp_.append32(
             keys_ + count_,
             [&](int i) -> std::uint64_t {
-                const int slot = begin + i;
-                if (slot >= tree_.points.size() || slot == self_) return ~0ull;
-                const Vec3f d = tree_.points[slot].position - position_;
-                return distance_key(dot(d, d), static_cast<std::uint32_t>(slot));
+                const int rank = begin + i;
+                if (rank >= tree_.points.size() || rank == self_) return ~0ull;
+                const Vec3f d = tree_.points[rank].position - position_;
+                return distance_key(dot(d, d), static_cast<std::uint32_t>(rank));
             },
             [bound](std::uint64_t key) { return key < bound; });
         counts_.leaves += 1;

@@ -28,12 +28,12 @@ struct FullLists {
     TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
         return receivers.data + std::size_t(voter) * k;
     }
-    /// action(voter) for this lane's share of the slot's voters: number e goes to the lanes of
-    /// number e modulo kStride.
+    /// action(voter) for this lane's share of the voters of the splat at `rank`: number e goes to
+    /// the lanes of number e modulo kStride.
     template <int kStride, class Warp, class Action>
-    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
-        const std::int64_t end = begin[slot + 1];
-        for (std::int64_t e = begin[slot] + warp.lane() % kStride; e < end; e += kStride)
+    TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
+        const std::int64_t end = begin[rank + 1];
+        for (std::int64_t e = begin[rank] + warp.lane() % kStride; e < end; e += kStride)
             action(voters[e]);
     }
 };
@@ -107,12 +107,12 @@ struct CompactLists {
     }
 
     template <int kStride, class Warp, class Action>
-    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
-        const std::int64_t end = receiver_begin[slot / EdgeTile::kReceivers + 1];
-        std::int64_t first = receiver_begin[slot / EdgeTile::kReceivers];
+    TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
+        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
+        std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers];
         if constexpr (Warp::kLanes == 1) {
             for (; first < end; ++first)
-                for (std::uint32_t mask = voters_in(first, slot); mask != 0; mask &= mask - 1)
+                for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
                     action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
             // 32 tiles at a time, a lane each, then the voters in them, number e to lane e % 32.
@@ -121,7 +121,7 @@ struct CompactLists {
             int found = 0;
             for (bool last = false; !last;) {
                 const std::int64_t t = first + warp.lane();
-                const std::uint32_t mask = t < end ? voters_in(t, slot) : 0;
+                const std::uint32_t mask = t < end ? voters_in(t, rank) : 0;
                 const std::uint32_t base = t < end ? first_voter(t) : 0;
                 const int count = std::popcount(mask), before = warp.sum_before(count);
                 const int known = found;
@@ -144,20 +144,20 @@ struct CompactLists {
         }
     }
 
-    /// The slot's voters to `out`, for which it takes a whole warp.
+    /// The voters of the splat at `rank` to `out`, for which it takes a whole warp.
     template <class Warp>
-    TVSGS_HD void write_voters(const Warp& warp, int slot, std::uint32_t* out) const {
-        const std::int64_t end = receiver_begin[slot / EdgeTile::kReceivers + 1];
-        for (std::int64_t first = receiver_begin[slot / EdgeTile::kReceivers]; first < end;
+    TVSGS_HD void write_voters(const Warp& warp, int rank, std::uint32_t* out) const {
+        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
+        for (std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers]; first < end;
              first += Warp::kLanes) {
             const std::int64_t t = first + warp.lane();
-            out += write_members(warp, t < end ? voters_in(t, slot) : 0,
+            out += write_members(warp, t < end ? voters_in(t, rank) : 0,
                                  t < end ? first_voter(t) : 0, out);
         }
     }
 
-    TVSGS_HD std::uint32_t voters_in(std::int64_t t, int slot) const {
-        return tiles[place[t]].voters[slot % EdgeTile::kReceivers];
+    TVSGS_HD std::uint32_t voters_in(std::int64_t t, int rank) const {
+        return tiles[place[t]].voters[rank % EdgeTile::kReceivers];
     }
 
 private:

@@ -12,7 +12,7 @@ namespace tvsgs::detail {
 
 /// Tiles of 32 voters by a merge of their ascending lists; counts them, or writes them.
 struct TileBody {
-    static constexpr std::uint32_t kNone = ~0u;  // no slot is so large
+    static constexpr std::uint32_t kNone = ~0u;  // no rank is so large
     static constexpr std::size_t kScratch = 3 * EdgeTile::kVoters * sizeof(std::uint32_t);
 
     int voters, k;
@@ -36,12 +36,12 @@ struct TileBody {
                 warp.smallest32([&](int v) { return heads[v] / EdgeTile::kReceivers; });
             if (to == kNone / EdgeTile::kReceivers) break;
             warp.for_lanes([&](int v) {
-                std::uint32_t slot = heads[v], mask = 0, next = taken[v];
-                while (slot / EdgeTile::kReceivers == to) {
-                    mask |= 1u << slot % EdgeTile::kReceivers;
-                    slot = head(block, v, ++next);
+                std::uint32_t rank = heads[v], mask = 0, next = taken[v];
+                while (rank / EdgeTile::kReceivers == to) {
+                    mask |= 1u << rank % EdgeTile::kReceivers;
+                    rank = head(block, v, ++next);
                 }
-                heads[v] = slot, taken[v] = next, masks[v] = mask;
+                heads[v] = rank, taken[v] = next, masks[v] = mask;
             });
             if (counts.empty()) write(warp, used + begin[block] + count, to, masks);
         }
@@ -126,8 +126,8 @@ struct DegreeBody {
             for (int r = 0; r < EdgeTile::kReceivers; ++r) sums[r] += std::popcount(tile.voters[r]);
         }
         for (int r = 0; r < EdgeTile::kReceivers; ++r) {
-            const int sum = warp.sum(sums[r]), slot = block * EdgeTile::kReceivers + r;
-            if (warp.lane() == 0 && slot < degrees.size()) degrees[slot] = sum;
+            const int sum = warp.sum(sums[r]), rank = block * EdgeTile::kReceivers + r;
+            if (warp.lane() == 0 && rank < degrees.size()) degrees[rank] = sum;
         }
     }
 };
@@ -137,8 +137,8 @@ struct WriteVotersBody {
     Span<const std::int64_t> begin;
     Span<std::uint32_t> voters;
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
-        lists.write_voters(warp, slot, voters.data + begin[slot]);
+    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
+        lists.write_voters(warp, rank, voters.data + begin[rank]);
     }
 };
 

@@ -13,18 +13,18 @@
 namespace tvsgs {
 
 /// Lists of one search; they hold until the number or the order of the splats changes. They name
-/// usable splats by slot, their place in Morton order: what is near in space is near in memory.
-/// Voters are the slots and, after them, the fixed voters.
+/// usable splats by rank, their place in Morton order: what is near in space is near in memory.
+/// Voters below `usable` are ranks; the fixed voters come after them.
 template <class Device>
 struct Neighbours {
     int k = 0;       // receivers of each voter: min(asked for, usable splats - 1)
     int usable = 0;  // splats that take part
     int voters_count = 0;
     ListStorage storage = ListStorage::full;
-    Buffer<TreePoint, Device> points;  // [usable] the splats in the slots, as searched
+    Buffer<TreePoint, Device> points;  // [usable] the splats by rank, as searched
     EdgeTiles<Device> tiles;           // the lists in the compact form; of full lists a step
     // Of full lists only.
-    Buffer<std::uint32_t, Device> receivers;  // [voters_count, k] slots, ascending for each voter
+    Buffer<std::uint32_t, Device> receivers;  // [voters_count, k] ranks, ascending for each voter
     Buffer<std::int64_t, Device> begin;       // [usable + 1] where receiver i's voters begin
     Buffer<std::uint32_t, Device> voters;     // [voters_count * k] ascending for each receiver
     float median_trace = 0;                   // of the usable splats' covariances
@@ -66,7 +66,7 @@ struct NeighbourQuery {
 using StageDone = std::function<void(const char*)>;
 
 /// For each voter the 2k nearest usable splats but itself, and among them the k nearest in its
-/// whitened space; ties by slot. Exact for all inputs; splats with values that are not finite are
+/// whitened space; ties by rank. Exact for all inputs; splats with values that are not finite are
 /// left out. With fewer than two usable splats k is 0.
 void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Cpu>& scratch,

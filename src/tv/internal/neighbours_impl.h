@@ -35,7 +35,7 @@ struct CoordinateBody {
     }
 };
 
-/// Copies sorted values at two ranks; parallel_for over one element.
+/// Copies two of the sorted values; parallel_for over one element.
 struct PickBody {
     Span<const float> sorted;
     int low, high;
@@ -72,10 +72,10 @@ struct CodeBody {
     Span<const std::uint32_t> order;
     Span<std::uint64_t> codes;
 
-    TVSGS_HD void operator()(int slot) const {
-        const int i = static_cast<int>(order[slot]);
+    TVSGS_HD void operator()(int rank) const {
+        const int i = static_cast<int>(order[rank]);
         const MortonCode code = code_in_box(splats.means[i], quantiles);
-        codes[slot] = !splats.usable(i) ? ~0ull : high_word ? code.high : code.low;
+        codes[rank] = !splats.usable(i) ? ~0ull : high_word ? code.high : code.low;
     }
 };
 
@@ -83,12 +83,12 @@ struct TreePointBody {
     SplatSpans splats;
     Span<const std::uint32_t> order;
     Span<TreePoint> points;
-    TVSGS_HD void operator()(int slot) const {
-        points[slot] = {splats.means[order[slot]], order[slot]};
+    TVSGS_HD void operator()(int rank) const {
+        points[rank] = {splats.means[order[rank]], order[rank]};
     }
 };
 
-/// Where a point that is not in the tree would be: the slot to begin a search at.
+/// Where a point that is not in the tree would be: the rank to begin a search at.
 struct CodeSearch {
     Span<const std::uint64_t> codes;  // high words, ascending
     const float* quantiles;
@@ -136,7 +136,7 @@ struct QueryBody {
                 ? splats.whitening<float>(static_cast<int>(tree.points[voter].index), rule, *noise)
                 : fixed.whitening<float>(f));
         for (int r = warp.lane(); r < found; r += Warp::kLanes) {
-            const std::uint32_t receiver = key_slot(keys[r]);
+            const std::uint32_t receiver = key_rank(keys[r]);
             const Vec3f d = W * (tree.points[receiver].position - position);
             keys[r] = distance_key(dot(d, d), receiver);
         }
@@ -147,28 +147,28 @@ struct QueryBody {
     }
 
 private:
-    /// A search meets slots in ascending order but for the window it begins with, and selections
+    /// A search meets ranks in ascending order but for the window it begins with, and selections
     /// of up to 512 keep the order: what is in the window, below it, above it is sorted.
     template <class Warp>
     TVSGS_HD void write_ascending(const Warp& warp,
                                   const NearestSearch<Warp>& search,
                                   const std::uint64_t* keys,
-                                  std::uint32_t* slots,
+                                  std::uint32_t* ranks,
                                   std::uint32_t* row) const {
         int inside = 0, below = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            const int side = search.side_of_window(key_slot(keys[r]));
+            const int side = search.side_of_window(key_rank(keys[r]));
             inside += side == 0 ? 1 : 0, below += side < 0 ? 1 : 0;
         }
         inside = warp.sum(inside), below = warp.sum(below);
         for (int r = warp.lane(); r < k; r += Warp::kLanes)
-            slots[r < inside ? r + below : r < inside + below ? r - inside : r] = key_slot(keys[r]);
+            ranks[r < inside ? r + below : r < inside + below ? r - inside : r] = key_rank(keys[r]);
         warp.sync();
         int descents = 0;
         for (int r = warp.lane() + 1; r < k; r += Warp::kLanes)
-            descents += slots[r - 1] > slots[r] ? 1 : 0;
-        if (warp.sum(descents) > 0) warp.sort(slots, k);
-        for (int r = warp.lane(); r < k; r += Warp::kLanes) row[r] = slots[r];
+            descents += ranks[r - 1] > ranks[r] ? 1 : 0;
+        if (warp.sum(descents) > 0) warp.sort(ranks, k);
+        for (int r = warp.lane(); r < k; r += Warp::kLanes) row[r] = ranks[r];
     }
 };
 

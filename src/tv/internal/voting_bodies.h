@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/eigen.h"
-#include "tv/internal/voting_slots.h"
+#include "tv/internal/voting_ranks.h"
 
 namespace tvsgs::detail {
 
@@ -14,19 +14,19 @@ struct CentreRoundBody {
 
     Ballot<Real, Lists> ballot;
     bool ball_round;  // only splats without a tensor cast and receive
-    Slots slots;
+    Ranks ranks;
     Span<const std::uint8_t> flags;
-    Span<Sym3f> sums;  // by slot, as the next two
+    Span<Sym3f> sums;  // by rank, as the next two
     Span<float> strengths, strong_votes;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
-        if (ball_round && (flags[slots.splat(slot)] & kHasTensor) != 0) return;
+    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
+        if (ball_round && (flags[ranks.splat(rank)] & kHasTensor) != 0) return;
         using Lane = typename Warp::template Lane<Real>;
-        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[slot].v);
+        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[rank].v);
         VoteSums<Lane> s;
         ballot.template for_each_voter<Warp::kLanes>(
-            warp, slot, [&](const VoterRecord<Lane>& voter) {
+            warp, rank, [&](const VoterRecord<Lane>& voter) {
                 const Vec3<Lane> d = mean - voter.mean, dw = voter.W * d;
                 add_vote(s, voter.strength,
                          ball_round ? ball_vote<ExactMath>(voter, d, dw, ballot.rule)
@@ -37,9 +37,9 @@ struct CentreRoundBody {
         const Real squares = warp.sum(s.squares), votes = warp.sum(s.votes);
         const Real strong = warp.sum(s.strong);
         if (warp.lane() != 0) return;
-        sums[slot] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
-        strengths[slot] = static_cast<float>(std::sqrt(squares / (votes > 1 ? votes : Real(1))));
-        strong_votes[slot] = static_cast<float>(strong);
+        sums[rank] = {float(T.xx), float(T.xy), float(T.xz), float(T.yy), float(T.yz), float(T.zz)};
+        strengths[rank] = static_cast<float>(std::sqrt(squares / (votes > 1 ? votes : Real(1))));
+        strong_votes[rank] = static_cast<float>(strong);
     }
 };
 
@@ -49,15 +49,15 @@ struct VoteCountBody {
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    Span<float> votes, culled;  // by slot
+    Span<float> votes, culled;  // by rank
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
+    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
         using Lane = typename Warp::template Lane<Real>;
-        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[slot].v);
+        const Vec3<Lane> mean = vec_cast<Lane>(ballot.means[rank].v);
         Lane all(0), zero(0);
         ballot.template for_each_voter<Warp::kLanes>(
-            warp, slot, [&](const VoterRecord<Lane>& voter) {
+            warp, rank, [&](const VoterRecord<Lane>& voter) {
                 const Vec3<Lane> d = mean - voter.mean;
                 const Vote<Lane> vote = plate_vote<ExactMath>(voter, d, voter.W * d, ballot.rule);
                 all += select(vote.cast, Lane(1), Lane(0));
@@ -65,7 +65,7 @@ struct VoteCountBody {
             });
         const Real cast = warp.sum(all), culled_here = warp.sum(zero);
         if (warp.lane() == 0)
-            votes[slot] = static_cast<float>(cast), culled[slot] = static_cast<float>(culled_here);
+            votes[rank] = static_cast<float>(cast), culled[rank] = static_cast<float>(culled_here);
     }
 };
 struct ValueTerm {
@@ -85,17 +85,17 @@ inline constexpr std::uint8_t kValidNow =
 /// in the next round.
 struct EigenBody {
     bool ball_round;
-    Slots slots;
+    Ranks ranks;
     Span<const Sym3f> sums;
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
-    Span<SlotVector> slot_normals;  // zero where this round left no unambiguous one
+    Span<RankVector> rank_normals;  // zero where this round left no unambiguous one
 
-    TVSGS_HD void operator()(int slot) const {
-        const int i = slots.splat(slot);
+    TVSGS_HD void operator()(int rank) const {
+        const int i = ranks.splat(rank);
         if (ball_round && (flags[i] & kHasTensor) != 0) return;
-        const Sym3f T = sums[slot];
+        const Sym3f T = sums[rank];
         const SymEigen3<double> e = sym_eigen(Sym3<double>{T.xx, T.xy, T.xz, T.yy, T.yz, T.zz});
         const double finite = (e.values.x + e.values.y + e.values.z) * 0;
         std::uint8_t flag = flags[i] & kHasTensor;
@@ -108,7 +108,7 @@ struct EigenBody {
             flag |= kValidNow;
         }
         flags[i] = flag;
-        slot_normals[slot].v = (flag & kNormalValid) != 0 ? normals[i] : Vec3f{};
+        rank_normals[rank].v = (flag & kNormalValid) != 0 ? normals[i] : Vec3f{};
     }
 };
 
@@ -119,23 +119,23 @@ template <class Lists>
 struct VariabilityBody {
     int k;
     Lists lists;
-    Slots slots;
-    Span<const SlotVector> slot_normals;
+    Ranks ranks;
+    Span<const RankVector> rank_normals;
     Span<const std::uint8_t> flags;
     Span<float> variability, strengths;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void* scratch) const {
+    TVSGS_HD void operator()(const Warp& warp, int rank, void* scratch) const {
         constexpr float kInvalid = std::numeric_limits<float>::infinity();
-        if ((flags[slots.splat(slot)] & kNormalValid) == 0) {
-            if (warp.lane() == 0) variability[slot] = kInvalid, strengths[slot] = kInvalid;
+        if ((flags[ranks.splat(rank)] & kNormalValid) == 0) {
+            if (warp.lane() == 0) variability[rank] = kInvalid, strengths[rank] = kInvalid;
             return;
         }
-        const Vec3f n = slot_normals[slot].v;
-        const std::uint32_t* list = lists.receivers_of(warp, slot, scratch);
+        const Vec3f n = rank_normals[rank].v;
+        const std::uint32_t* list = lists.receivers_of(warp, rank, scratch);
         float sum = 0, count = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
-            const Vec3f m = slot_normals[list[r]].v;
+            const Vec3f m = rank_normals[list[r]].v;
             // The angle from sine and cosine: arccos alone loses the small ones in float.
             const float angle = angle_of(norm(cross(n, m)), std::abs(dot(n, m)));
             const bool counts = dot(m, m) > 0;
@@ -143,36 +143,36 @@ struct VariabilityBody {
             count += counts ? 1.0f : 0.0f;
         }
         sum = warp.sum(sum), count = warp.sum(count);
-        if (warp.lane() == 0) variability[slot] = std::sqrt(sum / (count > 1 ? count : 1));
+        if (warp.lane() == 0) variability[rank] = std::sqrt(sum / (count > 1 ? count : 1));
     }
 };
 
 /// Linear interpolation between the order statistics of the first `count` sorted values.
 TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
-    const double rank = 0.95 * (count - 1);
-    const auto low = static_cast<int>(rank), high = low + 1 < count ? low + 1 : low;
+    const double position = 0.95 * (count - 1);
+    const auto low = static_cast<int>(position), high = low + 1 < count ? low + 1 : low;
     return static_cast<float>(sorted[low] +
-                              (double(sorted[high]) - double(sorted[low])) * (rank - low));
+                              (double(sorted[high]) - double(sorted[low])) * (position - low));
 }
 
 /// Who takes part in the position loss.
 struct MaskBody {
-    Slots slots;
+    Ranks ranks;
     float min_votes;
     const double* valid_count;
     Span<const float> variability, strengths, sorted_variability, sorted_strengths, strong_votes;
-    Span<std::uint8_t> flags, left_out;  // left_out: by slot
+    Span<std::uint8_t> flags, left_out;  // left_out: by rank
 
-    TVSGS_HD void operator()(int slot) const {
-        const int i = slots.splat(slot);
+    TVSGS_HD void operator()(int rank) const {
+        const int i = ranks.splat(rank);
         const std::uint8_t flag = flags[i];
-        left_out[slot] = 0;
+        left_out[rank] = 0;
         if ((flag & kNormalValid) == 0) return;
-        left_out[slot] = variability[slot] > percentile95(sorted_variability, *valid_count) &&
-                                 strengths[slot] > percentile95(sorted_strengths, *valid_count)
+        left_out[rank] = variability[rank] > percentile95(sorted_variability, *valid_count) &&
+                                 strengths[rank] > percentile95(sorted_strengths, *valid_count)
                              ? 1
                              : 0;
-        if (left_out[slot] == 0 && strong_votes[slot] >= min_votes)
+        if (left_out[rank] == 0 && strong_votes[rank] >= min_votes)
             flags[i] = flag | kPositionValid;
     }
 };

@@ -6,7 +6,7 @@
 namespace tvsgs {
 namespace detail {
 
-/// Lists of slots as lists of splats, on the host.
+/// Lists of ranks as lists of splats, on the host.
 template <class Device>
 VotingDetails lists_by_splat(const Neighbours<Device>& near,
                              int count,
@@ -22,17 +22,17 @@ VotingDetails lists_by_splat(const Neighbours<Device>& near,
         return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
     };
     result.receivers.assign(static_cast<std::size_t>(count) * near.k, 0);
-    std::vector<int> slot_of(static_cast<std::size_t>(count), -1);
-    for (std::size_t slot = 0; slot < points.size(); ++slot) {
-        slot_of[points[slot].index] = static_cast<int>(slot);
+    std::vector<int> rank_of(static_cast<std::size_t>(count), -1);
+    for (std::size_t rank = 0; rank < points.size(); ++rank) {
+        rank_of[points[rank].index] = static_cast<int>(rank);
         for (int r = 0; r < near.k; ++r)
-            result.receivers[std::size_t(points[slot].index) * near.k + r] =
-                points[lists.receivers[slot * near.k + r]].index;
+            result.receivers[std::size_t(points[rank].index) * near.k + r] =
+                points[lists.receivers[rank * near.k + r]].index;
     }
     for (int i = 0; i < count; ++i) {
-        const int slot = slot_of[i];
-        if (slot >= 0)
-            for (auto e = lists.begin[slot]; e < lists.begin[slot + 1]; ++e)
+        const int rank = rank_of[i];
+        if (rank >= 0)
+            for (auto e = lists.begin[rank]; e < lists.begin[rank + 1]; ++e)
                 result.voters.push_back(splat(lists.voters[e]));
         std::sort(result.voters.begin() + result.begin[i], result.voters.end());
         result.begin[i + 1] = static_cast<std::int64_t>(result.voters.size());
@@ -49,7 +49,7 @@ void TensorVoter<Device>::set_receivers(int step,
     State& s = *state_;
     Neighbours<Device>& near = s.neighbours;
     const int count = static_cast<int>(receivers.size()) / k;
-    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // slots are splats
+    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are splats
     for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
     std::vector<std::uint32_t> sorted = receivers;
     for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);
@@ -75,8 +75,8 @@ VotingDetails TensorVoter<Device>::details() const {
         out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
         if (values.size() < points.size()) return;  // no event yet
         const std::vector<T> host = to_host(values);
-        for (std::size_t slot = 0; slot < points.size(); ++slot)
-            out[points[slot].index] = host[slot];
+        for (std::size_t rank = 0; rank < points.size(); ++rank)
+            out[points[rank].index] = host[rank];
     };
     by_splat(s.tau, result.tau);
     by_splat(s.variability, result.variability);

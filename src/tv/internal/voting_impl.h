@@ -65,13 +65,13 @@ struct TensorVoter<Device>::State {
     Buffer<float, Device> fixed_scales, fixed_weights;
     std::vector<int> fixed_order;  // their places as given
 
-    // Of the voters: splats by slot, then fixed voters.
+    // Of the voters: splats by rank, then fixed voters.
     Buffer<VoterRecord<float>, Device> records;
     Buffer<VoterRecord<double>, Device> double_records;
     Buffer<float, Device> tau, position_tau, voter_strengths;
     Buffer<Vec3f, Device> voter_normals;
-    // Of the splats that take part, by slot.
-    Buffer<detail::SlotVector, Device> means, normals;
+    // Of the splats that take part, by rank.
+    Buffer<detail::RankVector, Device> means, normals;
     Buffer<Sym3f, Device> sums;
     Buffer<float, Device> strengths, variability, strong_votes;
     Buffer<float, Device> sorted_strengths, sorted_variability;
@@ -236,10 +236,10 @@ void TensorVoter<Device>::vote(int step,
     measure_noise(splats);
     if (s.stale || step - s.refreshed_at >= options_.refresh_every || step < s.refreshed_at) {
         refresh(step, splats);
-        const Slots slots{s.neighbours.points.span(), splats, s.fixed()};
+        const Ranks ranks{s.neighbours.points.span(), splats, s.fixed()};
         s.no_balls = s.neighbours.k > 0 &&
-                     s.total_now(slots.usable(), SlotTensorTerm{slots, field.flags.span()}) ==
-                         slots.usable();
+                     s.total_now(ranks.usable(), RankTensorTerm{ranks, field.flags.span()}) ==
+                         ranks.usable();
     }
     if (s.neighbours.k == 0) {
         clear(count, field);
@@ -267,8 +267,8 @@ void TensorVoter<Device>::event(const Lists& lists,
     using namespace detail;
     State& s = *state_;
     const Neighbours<Device>& near = s.neighbours;
-    const Slots slots{near.points.span(), splats, s.fixed()};
-    const int usable = slots.usable(), voters = slots.size();
+    const Ranks ranks{near.points.span(), splats, s.fixed()};
+    const int usable = ranks.usable(), voters = ranks.size();
     auto& records = s.template records_of<Real>();
     records.resize(voters), s.tau.resize(voters);
     s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
@@ -279,7 +279,7 @@ void TensorVoter<Device>::event(const Lists& lists,
         options_.scale_rule == ScaleRule::median ? 1 : 1 / std::sqrt(kLn10);
     const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
         parallel_for(Device{}, voters,
-                     WhiteningBody<Real>{slots, whiten_rule(options_, flatness_limit),
+                     WhiteningBody<Real>{ranks, whiten_rule(options_, flatness_limit),
                                          s.totals.data() + noise, records.span()});
         for_each_warp(Device{}, voters,
                       median_scratch<Device>(near.k) * sizeof(float) + Lists::scratch_bytes(near.k),
@@ -290,7 +290,7 @@ void TensorVoter<Device>::event(const Lists& lists,
                                   Buffer<float, Device>& tau) {
         parallel_for(
             Device{}, voters,
-            RecordBody<Real>{ball_round, slots, whiten_rule(options_, flatness_limit),
+            RecordBody<Real>{ball_round, ranks, whiten_rule(options_, flatness_limit),
                              s.totals.data() + noise, options_.curvature == Curvature::scale_free,
                              tau_per_median, tau.span(), s.voter_normals.span(),
                              s.voter_strengths.span(), records.span()});
@@ -299,7 +299,7 @@ void TensorVoter<Device>::event(const Lists& lists,
     // 1. What holds for all rounds: centres, and scales of voting.
     parallel_for(Device{}, splats.size(),
                  BeginBody{splats.means, field.flags.span(), field.targets.span()});
-    parallel_for(Device{}, usable, MeanBody{slots, s.means.span()});
+    parallel_for(Device{}, usable, MeanBody{ranks, s.means.span()});
     find_tau(options_.flatness_limit, kNoise, s.tau);
     s.times.done("records");
 
@@ -313,7 +313,7 @@ void TensorVoter<Device>::event(const Lists& lists,
             s.total(kTensorCount, splats.size(), FlagTerm{kHasTensor, field.flags.span()});
         }
         parallel_for(Device{}, voters,
-                     OrientationBody{slots, options_.strength == VoteStrength::literal,
+                     OrientationBody{ranks, options_.strength == VoteStrength::literal,
                                      s.totals.data() + kSaliency, field.eigenvalues.span(),
                                      field.normals.span(), field.flags.span(),
                                      s.voter_normals.span(), s.voter_strengths.span()});
@@ -321,11 +321,11 @@ void TensorVoter<Device>::event(const Lists& lists,
         s.times.done("records");
         for_each_warp(
             Device{}, usable, 0,
-            CentreRoundBody<Real, Lists>{ballot, ball_round, slots, field.flags.span(),
+            CentreRoundBody<Real, Lists>{ballot, ball_round, ranks, field.flags.span(),
                                          s.sums.span(), s.strengths.span(), s.strong_votes.span()});
         s.times.done("centres");
         parallel_for(Device{}, usable,
-                     EigenBody{ball_round, slots, s.sums.span(), field.tensors.span(),
+                     EigenBody{ball_round, ranks, s.sums.span(), field.tensors.span(),
                                field.eigenvalues.span(), field.normals.span(), field.flags.span(),
                                s.normals.span()});
         s.times.done("eigen");
@@ -339,13 +339,13 @@ void TensorVoter<Device>::event(const Lists& lists,
     // 3. Masks of the position loss.
     s.variability.resize(usable), s.left_out.resize(usable);
     for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
-                  VariabilityBody<Lists>{near.k, lists, slots, s.normals.span(), field.flags.span(),
+                  VariabilityBody<Lists>{near.k, lists, ranks, s.normals.span(), field.flags.span(),
                                          s.variability.span(), s.strengths.span()});
     s.total(kValidCount, splats.size(), FlagTerm{kNormalValid, field.flags.span()});
     sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
     sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
     parallel_for(Device{}, usable,
-                 MaskBody{slots, static_cast<float>(options_.min_votes),
+                 MaskBody{ranks, static_cast<float>(options_.min_votes),
                           s.totals.data() + kValidCount, s.variability.span(), s.strengths.span(),
                           s.sorted_variability.span(), s.sorted_strengths.span(),
                           s.strong_votes.span(), field.flags.span(), s.left_out.span()});
@@ -369,7 +369,7 @@ void TensorVoter<Device>::event(const Lists& lists,
             Device{}, usable, 0,
             VirtualBody<Real, Lists, kUnitVotes>{
                 ballot, same_voters, options_.virtual_range,
-                std::max(options_.target_margin, kRoundingMargin), slots, field.eigenvalues.span(),
+                std::max(options_.target_margin, kRoundingMargin), ranks, field.eigenvalues.span(),
                 field.normals.span(), field.targets.span(), field.flags.span()});
     };
     if (options_.vote_map == VoteMap::unit)
@@ -419,7 +419,7 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 template <class Device>
 void TensorVoter<Device>::set_fixed_voters(const FixedVoters& voters) {
     State& s = *state_;
-    Buffer<int, Cpu> order;  // as the slots: near in space, near in memory
+    Buffer<int, Cpu> order;  // Morton order, as the splats': near in space, near in memory
     morton_order(Span<const Vec3f>{voters.means.data(), voters.means.size()}, order);
     s.fixed_order = to_host(order);
     const auto in_order = [&](auto values) {

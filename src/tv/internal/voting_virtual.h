@@ -18,31 +18,31 @@ struct VirtualBody {
     bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
     float range;        // reach, in largest scales
     float margin;       // of lambda_1, by which a receiver must beat the centre
-    Slots slots;
+    Ranks ranks;
     Span<const Vec3f> eigenvalues, normals;
     Span<Vec3f> targets;
     Span<std::uint8_t> flags;
 
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int slot, void*) const {
-        const int i = slots.splat(slot);
+    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
+        const int i = ranks.splat(rank);
         const std::uint8_t flag = flags[i];
         warp.sync();  // all lanes have read the flag before it changes
         if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
         if ((flag & kValidNow) == 0) return;
-        const Vec3<Real> mean = vec_cast<Real>(ballot.means[slot].v);
-        const Vec3f s = slots.splats.scales<float>(i);
+        const Vec3<Real> mean = vec_cast<Real>(ballot.means[rank].v);
+        const Vec3f s = ranks.splats.scales<float>(i);
         const float largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
         const Vec3<Real> l =
-            centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, slot, mean);
+            centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, rank, mean);
         // What is to be beaten by more than rounding; a tie keeps the nearer, then the negative.
         const Real rounding = Real(kRoundingMargin) * l.x;
         Best best{l.y - l.z + Real(margin) * l.x - rounding, rounding, 0};
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
             Lane T[6][2 * kSide] = {};
-            add_votes<1>(warp, slot, mean, step, T);
+            add_votes<1>(warp, rank, mean, step, T);
             using Few = Pairwise<Lane, 2>;  // of positions, now
             for (int first = 0; first < 2 * kSide; first += Few::kSize) {
                 const int count = std::min<int>(Few::kSize, 2 * kSide - first);
@@ -58,7 +58,7 @@ struct VirtualBody {
             constexpr int kHalf = 16;
             const int half = warp.lane() / kHalf, lane = warp.lane() % kHalf;
             Real T[6][kSide] = {};
-            add_votes<kHalf>(warp, slot, mean, half == 0 ? -step : step, T);
+            add_votes<kHalf>(warp, rank, mean, half == 0 ? -step : step, T);
             Real values[32] = {}, sums[2];
             for (int t = 0; t < kSide; ++t)
                 for (int c = 0; c < 6; ++c) values[6 * t + c] = T[c][t];
@@ -92,13 +92,13 @@ private:
     /// Adds the votes at mean + position(t) step to the six entries of each position's tensor.
     template <int kStride, class Warp, class Lane, int kCount>
     TVSGS_HD void add_votes(
-        const Warp& warp, int slot, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
+        const Warp& warp, int rank, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
         VoteRule rule = ballot.rule;
         rule.unit_length = kUnitVotes;  // a constant
         using Few = Pairwise<Lane, kCount>;
         constexpr int kFew = sizeof(Few) / sizeof(Lane);
         const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
-        ballot.template for_each_voter<kStride>(warp, slot, [&](const VoterRecord<Lane>& voter) {
+        ballot.template for_each_voter<kStride>(warp, rank, [&](const VoterRecord<Lane>& voter) {
             const Vec3<Lane> d = from - voter.mean, dw = voter.W * d, by_w = voter.W * by;
             decltype(auto) caster = pairwise<Few>(voter);
             const auto at = [](const Vec3<Lane>& v) { return vec_cast<Few>(v); };
@@ -133,9 +133,9 @@ private:
     }
 
     template <class Warp>
-    TVSGS_HD Vec3<Real> centre_eigenvalues(const Warp& warp, int slot, Vec3<Real> mean) const {
+    TVSGS_HD Vec3<Real> centre_eigenvalues(const Warp& warp, int rank, Vec3<Real> mean) const {
         typename Warp::template Lane<Real> T[6][1] = {};
-        add_votes<Warp::kLanes>(warp, slot, mean, {}, T);
+        add_votes<Warp::kLanes>(warp, rank, mean, {}, T);
         Real entries[6];
         for (int c = 0; c < 6; ++c) entries[c] = warp.sum(T[c][0]);
         return eigenvalues_of(entries);

@@ -36,15 +36,15 @@ struct NoiseBody {
     }
 };
 
-/// The current splats in the slots of the last search, and the fixed voters after them.
-struct Slots {
+/// The current splats by their ranks in the last search, and the fixed voters after them.
+struct Ranks {
     Span<const TreePoint> points;
     SplatSpans splats;
     FixedVoterSpans fixed;
 
     TVSGS_HD int usable() const { return points.size(); }
     TVSGS_HD int size() const { return points.size() + fixed.size(); }
-    TVSGS_HD int splat(int slot) const { return static_cast<int>(points[slot].index); }
+    TVSGS_HD int splat(int rank) const { return static_cast<int>(points[rank].index); }
     /// Splats change between searches: one may have left the finite numbers.
     TVSGS_HD bool usable(int voter) const {
         return voter >= usable() || splats.usable(splat(voter));
@@ -61,14 +61,14 @@ struct Slots {
     }
 };
 
-/// In slot order what is near in space is near in memory. One 16-byte load each.
-struct alignas(16) SlotVector {
+/// By rank, what is near in space is near in memory. One 16-byte load each.
+struct alignas(16) RankVector {
     Vec3f v;
 };
 struct MeanBody {
-    Slots slots;
-    Span<SlotVector> means;
-    TVSGS_HD void operator()(int slot) const { means[slot].v = slots.mean(slot); }
+    Ranks ranks;
+    Span<RankVector> means;
+    TVSGS_HD void operator()(int rank) const { means[rank].v = ranks.mean(rank); }
 };
 
 #if defined(__CUDACC__)
@@ -108,16 +108,16 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 /// The part of the records that TauBody reads: W, and inverse_tau2 = 0 for who cannot vote.
 template <class Real>
 struct WhiteningBody {
-    Slots slots;
+    Ranks ranks;
     WhitenRule rule;
     const double* noise;
     Span<VoterRecord<Real>> records;
 
     TVSGS_HD void operator()(int voter) const {
         VoterRecord<Real> record{};
-        if (slots.usable(voter)) {
-            record.mean = vec_cast<Real>(slots.mean(voter));
-            record.W = whitened_from_world(slots.whitening<Real>(voter, rule, noise));
+        if (ranks.usable(voter)) {
+            record.mean = vec_cast<Real>(ranks.mean(voter));
+            record.W = whitened_from_world(ranks.whitening<Real>(voter, rule, noise));
             record.inverse_tau2 = 1;
         }
         store(record, records[voter]);
@@ -132,7 +132,7 @@ struct TauBody {
     float tau_per_median;
     int k;
     Lists lists;
-    Span<const SlotVector> means;
+    Span<const RankVector> means;
     Span<const VoterRecord<Real>> records;
     Span<float> tau;
 
@@ -162,11 +162,11 @@ struct SaliencyTerm {
                                             : 0;
     }
 };
-struct SlotTensorTerm {
-    Slots slots;
+struct RankTensorTerm {
+    Ranks ranks;
     Span<const std::uint8_t> flags;
-    TVSGS_HD double operator()(int slot) const {
-        return (flags[slots.splat(slot)] & kHasTensor) != 0 ? 1 : 0;
+    TVSGS_HD double operator()(int rank) const {
+        return (flags[ranks.splat(rank)] & kHasTensor) != 0 ? 1 : 0;
     }
 };
 struct FlagTerm {
@@ -179,7 +179,7 @@ struct FlagTerm {
 /// as a ball. Whose normal rounding errors have made is silent: where nobody else votes, it would
 /// decide.
 struct OrientationBody {
-    Slots slots;
+    Ranks ranks;
     bool literal;
     const double* saliency_sum;  // and the number of terms after it
     Span<const Vec3f> eigenvalues, normals;
@@ -188,12 +188,12 @@ struct OrientationBody {
     Span<float> voter_strengths;
 
     TVSGS_HD void operator()(int voter) const {
-        if (voter >= slots.usable()) {
-            voter_normals[voter] = slots.fixed.normals[voter - slots.usable()];
-            voter_strengths[voter] = slots.fixed.weights[voter - slots.usable()];
+        if (voter >= ranks.usable()) {
+            voter_normals[voter] = ranks.fixed.normals[voter - ranks.usable()];
+            voter_strengths[voter] = ranks.fixed.weights[voter - ranks.usable()];
             return;
         }
-        const int i = slots.splat(voter);
+        const int i = ranks.splat(voter);
         const bool has_tensor = (flags[i] & kHasTensor) != 0;
         voter_normals[voter] = has_tensor ? normals[i] : Vec3f{};
         voter_strengths[voter] = 1;
@@ -213,7 +213,7 @@ struct OrientationBody {
 template <class Real>
 struct RecordBody {
     bool ball_round;
-    Slots slots;
+    Ranks ranks;
     WhitenRule rule;
     const double* noise;
     bool scale_free;
@@ -226,12 +226,12 @@ struct RecordBody {
     TVSGS_HD void operator()(int voter) const {
         const Vec3f normal = voter_normals[voter];
         const bool is_plate = dot(normal, normal) > 0;
-        if (!slots.usable(voter) || is_plate == ball_round) {
+        if (!ranks.usable(voter) || is_plate == ball_round) {
             records[voter].inverse_tau2 = 0;
             return;
         }
         store(record_cast<Real>(voter_record<double>(
-                  vec_cast<double>(slots.mean(voter)), slots.whitening<double>(voter, rule, noise),
+                  vec_cast<double>(ranks.mean(voter)), ranks.whitening<double>(voter, rule, noise),
                   tau[voter], vec_cast<double>(normal), voter_strengths[voter],
                   curvature_factor<double>(scale_free, tau[voter], tau_per_median))),
               records[voter]);
@@ -242,19 +242,20 @@ struct RecordBody {
 template <class Real, class Lists>
 struct Ballot {
     Span<const VoterRecord<Real>> records;
-    Span<const SlotVector> means;
+    Span<const RankVector> means;
     Lists lists;
     VoteRule rule;
 
-    /// action(record) for each of a slot's voters: number e in the lanes e, e + kStride, ... A CPU
-    /// thread gets a Pack of records at a time, the last one filled up with voters that are silent.
+    /// action(record) for each voter of the splat at `rank`: number e in the lanes e, e + kStride,
+    /// ... A CPU thread gets a Pack of records at a time, the last one filled up with voters that
+    /// are silent.
     template <int kStride, class Warp, class Action>
-    TVSGS_HD void for_each_voter(const Warp& warp, int slot, const Action& action) const {
+    TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
             VoterRecord<Lane> pack{};
             int filled = 0;
-            lists.template for_each_voter<1>(warp, slot, [&](std::uint32_t voter) {
+            lists.template for_each_voter<1>(warp, rank, [&](std::uint32_t voter) {
                 set_lane(pack, filled, records[voter]);
                 if (++filled < Lane::kSize) return;
                 action(pack);
@@ -263,7 +264,7 @@ struct Ballot {
             if (filled > 0) action(pack);
         } else {
             lists.template for_each_voter<kStride>(
-                warp, slot, [&](std::uint32_t voter) { action(load(records[voter])); });
+                warp, rank, [&](std::uint32_t voter) { action(load(records[voter])); });
         }
     }
 
