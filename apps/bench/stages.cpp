@@ -178,7 +178,7 @@ Measured measure_training(const StageCase& c,
     {
         Gaussians<Device> shown;
         copy(splats, shown);
-        const auto backbone = make_backbone<Device>(options.backbone, options.core);
+        const auto backbone = make_backbone<Device>(options.backbone, options.render);
         for (const Camera& camera : {stage_camera(c), stage_other_view(c)}) {
             const auto& images = backbone->forward(shown, camera, kShDegree, Maps::color);
             scene.train.push_back({std::to_string(scene.train.size()),

@@ -38,7 +38,7 @@ std::unique_ptr<OtherViews<Device>> make_other_views(const Scene& scene,
         static_cast<std::size_t>(needs.other_views));
     for (int i = 0; i < needs.rendered_views; ++i)
         backbones[static_cast<std::size_t>(i)] =
-            make_backbone<Device>(options.backbone, options.core);
+            make_backbone<Device>(options.backbone, options.render);
     return std::make_unique<OtherViews<Device>>(
         select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
         static_cast<std::uint64_t>(options.seed));
@@ -56,7 +56,7 @@ public:
               bool quiet,
               Communicator* peers = nullptr)
         : peers_(peers),
-          backbone_(make_backbone<Device>(options.backbone, options.core)),
+          backbone_(make_backbone<Device>(options.backbone, options.render)),
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),

@@ -48,7 +48,7 @@ struct TrainOptions {
     std::int64_t seed = 0, photo_bytes = 0;
     std::string backbone = "ewa";
     ModelOptions model;
-    BackboneOptions core;
+    BackboneOptions render;
     AdamOptions lr;
     OptimOptions optim;
     LossOptions loss;
@@ -65,7 +65,7 @@ struct TrainOptions {
               "host while it works, with the same results; 0: all");
         field("backbone", backbone, "the rasteriser: ewa");
         field.group("model", model, "the Gaussians");
-        field.group("render", core, "the rasteriser");
+        field.group("render", render, "the rasteriser");
         field.group("lr", lr, "learning rates");
         field.group("optim", optim, "the optimiser");
         field.group("loss", loss, "terms of the objective");

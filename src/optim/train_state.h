@@ -70,7 +70,7 @@ auto make_terms(const Scene& scene, const TrainOptions& o) {
     const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
     return make_losses<Device>(o.loss,
                                {depth > 0 ? depth / 3 : 1, static_cast<int>(scene.train.size()),
-                                static_cast<std::uint64_t>(o.seed), o.core.pixel_center});
+                                static_cast<std::uint64_t>(o.seed), o.render.pixel_center});
 }
 
 /// All of it; built from the scene or from a saved state.

@@ -102,7 +102,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           spdlog::level::level_enum level = spdlog::level::info,
                           Vec3d origin = {},
                           std::string* why_empty = nullptr) {
-    const auto backbone = make_backbone<Device>(train.backbone, train.core);
+    const auto backbone = make_backbone<Device>(train.backbone, train.render);
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};

@@ -44,7 +44,7 @@ void check_consistency(const TrainOptions& options) {
                     "configuration: tv.enabled is false but loss.tv_normal.weight or "
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
-    make_backbone<Cpu>(options.backbone, options.core);  // refuses an unknown name
+    make_backbone<Cpu>(options.backbone, options.render);  // refuses an unknown name
 }
 
 namespace {
@@ -87,7 +87,7 @@ Scene read_and_plan(const DeviceChoice& device,
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
         prepare_points(device, options, scene);
-        fit_near_plane(scene, options.train.core);
+        fit_near_plane(scene, options.train.render);
         return scene;
     }
     options.scene.points_required = false;
@@ -118,7 +118,7 @@ Scene read_and_plan(const DeviceChoice& device,
         throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
                                          ": no initial points; pass --init-ply, or let stereo make "
                                          "a cloud (init.min_points)"));
-    fit_near_plane(scene, options.train.core);
+    fit_near_plane(scene, options.train.render);
     if (scene.points.positions.size() != seen.points) seen = look();
     const TrainOptions multi_view = options_of(kDenseConfig);
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,

@@ -23,7 +23,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
                        const TrainOptions& options,
                        OnRender&& on_render,
                        const ViewScoring& scoring = {}) {
-    auto backbone = make_backbone<Device>(options.backbone, options.core);
+    auto backbone = make_backbone<Device>(options.backbone, options.render);
     ViewScorer scorer(scoring);
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,

@@ -1,5 +1,5 @@
-// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbones `3dgs` and `pgsr`, which
-// differ in the channels and losses that a configuration asks for.
+// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa` of 3DGS and of PGSR,
+// which differ in the losses of their configurations and so in the maps.
 #pragma once
 
 #include "core/parallel.h"

@@ -1,5 +1,4 @@
-// Ellipses with colours and PGSR's planes as blending takes them: what the backbones `3dgs` and
-// `pgsr` draw.
+// Ellipses with colours and PGSR's planes as blending takes them.
 #pragma once
 
 #include "render/backbone.h"

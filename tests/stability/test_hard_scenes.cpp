@@ -103,7 +103,7 @@ TEST(HardScenes, ScenesOfAnySize) {
         for (Vec3f& p : scene.points.positions) p = size * p;
         scene.extent *= size;
         TrainOptions options = everything_on(kIterations);
-        options.core.near *= size;  // world units, as the multi-view distances
+        options.render.near *= size;  // world units, as the multi-view distances
         options.loss.multi_view.max_distance *= size;
         options.loss.flatten.weight /= size;
         return run(scene, options);
