@@ -1,5 +1,5 @@
-// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbones `3dgs` and `pgsr`, which
-// differ in the channels and losses that a configuration asks for.
+// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa`. Plane channels are
+// rendered where losses or callers ask for depth or normals.
 #pragma once
 
 #include "core/parallel.h"

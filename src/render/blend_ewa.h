@@ -1,5 +1,5 @@
-// Ellipses with colours and PGSR's planes as blending takes them: what the backbones `3dgs` and
-// `pgsr` draw.
+// Ellipses with colours and PGSR's planes as blending takes them: what the backbone `ewa`
+// draws.
 #pragma once
 
 #include "render/backbone.h"
@@ -67,7 +67,8 @@ struct PixelGradientReader {
     }
 };
 
-// In blend_ewa_packs.h. Named here, so that whoever compiles for ellipses cannot do without.
+// Defined in blend_ewa_packs.h. Declared here, so that a .cpp file that compiles blending of
+// ellipses without that header fails to compile, rather than blending pixel by pixel.
 template <>
 struct MeetTiles<SplatShape<float>>;
 template <Channels kChannels>
