@@ -14,7 +14,7 @@ namespace tvsgs {
 /// The part of the world that is meshed: up to the depth limit of DepthViews, or all around a ball.
 struct MeshRegion {
     bool unbounded = false;
-    // Of the ball about what the cameras look at, where the detail is; known if unbounded.
+    // The ball around what the cameras look at, where the detail is; undefined unless unbounded.
     Vec3f centre;
     float radius = 0;
 };

@@ -18,7 +18,8 @@ namespace tvsgs {
 struct MesherOptions {
     TsdfMesherOptions tsdf;
 
-    /// A mesher's keys are a group of its name; tsdf's have none, as they are older than the list.
+    /// A mesher's keys are a group of its name; only tsdf's are not, as they are older than the
+    /// list.
     template <class Visitor>
     void fields(Visitor& field) {
         tsdf.fields(field);
@@ -41,8 +42,7 @@ auto& added_meshers() {
     return added;
 }
 
-/// A mesher of the program's own, which make_mesher() then knows by that name: for those who link
-/// this library.
+/// Adds a mesher of a program that links this library: make_mesher() then knows its name.
 template <class Device>
 void add_mesher(const std::string& name, MakeMesher<Device> make) {
     added_meshers<Device>()[name] = std::move(make);

@@ -59,15 +59,17 @@ public:
 
     /// False when its blocks would not fit into max_bytes. Throws Error(ExitCode::input) for points
     /// outside of the volume's reach. The volume is unchanged in both cases. With options.carve
-    /// only the blocks are made: when all are there, integrate_into() is for each view.
+    /// this only makes the blocks: after the last view, call integrate_into() for each.
     [[nodiscard]] bool integrate(const DepthView<Device>& view);
 
-    /// For fusion in parts (mesh/fusion.h): the blocks that a view touches, ascending; how many
-    /// blocks a part may have; a fresh volume of just these blocks; fusion of a view into some
-    /// that are there.
+    // For fusion in parts (mesh/fusion.h).
+    /// The keys of the blocks that a view touches, ascending.
     std::vector<std::uint64_t> touched_blocks(const DepthView<Device>& view);
+    /// How many blocks a part may have.
     std::size_t part_capacity() const;
+    /// Replaces the volume by an empty one of these blocks, ascending.
     void start_part(const std::vector<std::uint64_t>& keys);
+    /// Fuses a view into the blocks that `keys` name, which have to be in the volume.
     void integrate_into(const DepthView<Device>& view, const std::vector<std::uint64_t>& keys);
 
     /// Gives the memory of the voxels back.

@@ -146,7 +146,7 @@ TVSGS_HD inline Observation observe(const Camera& camera,
 
 enum class DepthWeighting { unit, inverse_depth2, cosine };
 
-/// Weight of a pixel's depth in the means; 0 where there is no normal that cosine could ask.
+/// Weight of a pixel's depth in the means. By cosine, 0 where there is no normal or it faces away.
 ///   ray   of the pixel, normal   facing the camera, both in the camera frame, of any length
 TVSGS_HD inline float depth_weight(DepthWeighting by, float depth, Vec3f ray, Vec3f normal) {
     if (by == DepthWeighting::inverse_depth2) return 1 / (depth * depth);

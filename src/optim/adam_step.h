@@ -72,7 +72,7 @@ struct AdamStep {
 };
 
 /// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
-/// sh_color_vjp. Returns whether it had none to give.
+/// sh_color_vjp. True if there are none; the caller then steps them by gradients of zero.
 template <Channels kChannels, class Visit>
 TVSGS_HD bool step_splat(const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();

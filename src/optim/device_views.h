@@ -17,8 +17,8 @@ inline int views_at_hand(const LossNeeds& needs) {
     return 2 * (1 + needs.other_views);
 }
 
-/// With `budget` bytes for all photographs and maps, or no budget (0), they stay on the device.
-/// Else views_at_hand() have theirs there.
+/// All photographs and maps are on the device if they fit into `budget` bytes, or if that is 0.
+/// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them.
 template <class Device>
 class DeviceViews {
 public:
@@ -60,17 +60,18 @@ public:
 
     bool all_resident() const { return uploads_.empty(); }
 
-    /// Their cameras; photographs and maps may be missing.
+    /// For their cameras: only what get() returns is certain to have its photographs and maps.
     const std::vector<DeviceView<Device>>& views() const { return views_; }
 
-    /// With its photographs; they go when as many others as there are at hand have been asked for.
+    /// The view with its photographs and maps. They are valid until as many other views have been
+    /// asked for as there are uploads (views_at_hand()).
     const DeviceView<Device>& get(int view) {
         if (!all_resident())
             for (CopyLane<Device>& lane : bring(view).lanes) lane.wait();
         return views_[static_cast<std::size_t>(view)];
     }
 
-    /// get(view) will follow; its photographs come while the device works.
+    /// Announces get(view): its photographs are copied while the device works.
     void prefetch(int view) {
         if (!all_resident()) bring(view);
     }
@@ -168,7 +169,8 @@ private:
         host.arrays.push_back(array_of(found->values));
     }
 
-    /// The upload that has the view or is about to: else the one that was asked for longest ago.
+    /// The upload that holds the view or is copying it. If there is none, the one that was asked
+    /// for longest ago starts to copy it.
     Upload& bring(int view) {
         auto upload = std::find_if(uploads_.begin(), uploads_.end(),
                                    [view](const Upload& u) { return u.view == view; });

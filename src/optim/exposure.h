@@ -15,8 +15,8 @@ struct ExposureState {
     int steps;
 };
 
-/// Exposure is fitted to renders that resemble their photograph. The sum of the SSIM term's shares
-/// tells, on the device.
+/// Exposure is applied and fitted only where a render resembles its photograph: where the sum of
+/// the SSIM term's shares, which stays on the device, is below `limit`.
 struct ExposureGate {
     const double* ssim_loss;
     double limit;

@@ -41,7 +41,7 @@ struct LossInputs {
 /// What a term wants beside the colours of the render.
 struct LossNeeds {
     Maps maps = Maps::none;  // of the view's render
-    /// At most so many other views; where a view has none, the term does not act. The first
+    /// The term gets at most `other_views`, and does not act for a view that has none. The first
     /// `rendered_views` of them are rendered and compared.
     int other_views = 0, rendered_views = 0;
     bool edges = false;            // of the photographs: DeviceView::edge_min, edge_max
@@ -79,7 +79,8 @@ public:
                         double* value,
                         const LossInputs<Device>& in) = 0;
 
-    /// What a term learns from step to step belongs into checkpoints.
+    /// A term that keeps something from step to step has to show it here: what is not shown is not
+    /// in checkpoints, and resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}
 };
 
@@ -186,8 +187,8 @@ struct TermOnList {
 };
 std::vector<TermOnList> terms_on_list(const LossOptions& options);
 
-/// A term of the program's own, in every training that starts from now on: for those who link this
-/// library. Ours stand in losses_list.h.
+/// Adds a term of a program that links this library to every training that starts from now on. The
+/// library's own are in losses_list.h.
 template <class Device>
 using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
 template <class Device>

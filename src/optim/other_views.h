@@ -100,12 +100,12 @@ public:
     const Buffer<int, Device>& valid() const { return valid_; }        // [H W] 1 or 0
     const double* valid_count() const { return valid_count_.data(); }  // on the device
 
-    /// [H W] of this view, cleared: a term's sums of kFixedUnit x derivatives by the logarithm of
-    /// depth, to be resolved before another term asks for room. Several pixels of the reference
-    /// fall between the same pixels of this one. Integer atomics add them in any order to the same
-    /// bits, which float atomics would not, and a gather would first have to sort the pixels by
-    /// where they fall. The derivative by log depth is a distance in pixels, so one unit fits every
-    /// scene: it resolves 2^-32 px and has room for 2,000 pixels of 10^6 px each.
+    /// [H W] of this view, cleared by this call: a term adds kFixedUnit x its derivatives by the
+    /// logarithm of this view's depth, and has to call resolve_depth_gradients() before another
+    /// term calls this. Several pixels of the reference fall between the same pixels of this view,
+    /// so they are added by atomics: of integers, whose sum has the same bits in any order. The
+    /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
+    /// 2^-32 px and has room for 2,000 pixels of 10^6 px each.
     Span<std::int64_t> depth_gradients() {
         const std::size_t pixels = images_->depth.size();
         fixed_.resize(pixels);
@@ -127,7 +127,7 @@ public:
 
     const ImageGradients<Device>& dL_dimages() const { return dL_dimages_; }
 
-    /// Adds what the losses handed back; nothing when they did not.
+    /// Adds the gradients of the derivatives that losses have resolved; does nothing if none has.
     void backward(const Gaussians<Device>& gaussians, Gaussians<Device>& dL_dgaussians) {
         if (!dL_dimages_.depth.empty()) backbone_->backward(gaussians, dL_dimages_, dL_dgaussians);
     }

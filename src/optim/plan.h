@@ -10,7 +10,7 @@
 
 namespace tvsgs {
 
-/// Between the optical axes of two views; the widest that is known to do good.
+/// The widest angle between the optical axes of two views at which pairing them is known to help.
 inline constexpr float kWideAngleDeg = 37;
 
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.

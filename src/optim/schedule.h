@@ -49,9 +49,9 @@ inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
     visit_schedule(to, [&](const std::string&, int& number, Counts) { number = numbers[next++]; });
 }
 
-/// A shortened training keeps these distances, in iterations, or the shorter ones that it had:
-/// statistics of growth are gathered over some views, and what is new or reset needs time before
-/// the next blow, and before the end.
+/// Least distances of a shortened training, in iterations, where the original has no shorter ones.
+/// Growth needs statistics of some views; splats that are new or reset need time to settle before
+/// the next growth, trim or reset, and before the end.
 inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
 
 /// Growth is left out where there is no time for it.

@@ -48,10 +48,10 @@ private:
 
     double seconds_;
     TrainOptions original_;
-    double from_;      // iteration of the original schedule that the last fit was made at,
-    int fitted_at_;    // that of the training,
-    double rate_ = 1;  // and how many of the former each of the latter stands for since
-    int planned_ = 0;  // of the training, from there on; 0: no fit yet
+    double from_;      // iteration of the original schedule at the last fit
+    int fitted_at_;    // iteration of the training at the last fit
+    double rate_ = 1;  // iterations of the original schedule per iteration since then
+    int planned_ = 0;  // iterations of the training from the last fit on; 0: no fit yet
     int next_ = 0, done_ = 0;
     double at_ = -1;  // seconds at `done_`, the first iteration since the last look; -1: none yet
 };

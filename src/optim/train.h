@@ -100,11 +100,12 @@ struct TrainCallbacks {
     std::function<bool()> stop_requested;  // polled every step; true ends the training early
     std::function<void(int done)> on_end;  // after how many iterations
     bool profile = false;
-    bool goes_on = false;  // this call has trained already: what was said then is not said again
+    bool goes_on = false;  // the caller has trained before: what was logged then is not repeated
 
-    /// Whether the state after `done` iterations is to be saved, and where it goes. It also goes
-    /// there when the training is stopped or gives up. The last iteration of a run differs from the
-    /// others, so the state before it is what a longer run can go on from.
+    /// save_due: asked before each iteration whether the state after `done` of them is to be saved.
+    /// on_save takes it, and also the last state of a training that is stopped or gives up. The
+    /// last iteration of a run differs from the others, so a longer run can only go on from a state
+    /// before it.
     std::function<bool(int done)> save_due;
     std::function<void(int done, const SharedState& state)> on_save;
 

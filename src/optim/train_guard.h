@@ -122,8 +122,8 @@ public:
         parallel_for(Device{}, 1, WatchLossBody{values.span(), step, view, fault_.data()});
     }
 
-    /// Not 0, on the device, from the first bad loss on: the splats then stay as they are, so that
-    /// check() finds what made it.
+    /// On the device; not 0 from the first loss on that is not finite. Steps must then leave the
+    /// splats as they are, so that check() still finds the numbers that made it.
     const int* halted() const { return &fault_.data()->step; }
 
     /// Waits for the device. `step`: of this look, for the message.

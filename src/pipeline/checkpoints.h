@@ -31,12 +31,14 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place);
 /// Error(ExitCode::input) when its training views are others; warns when its photographs are.
 void adopt_scene(const ResumePoint& point, Scene& scene);
 
-/// Checkpoints of later iterations would be taken for the newest.
+/// Removes the run's checkpoints of more than `done` iterations, which open_checkpoint() would take
+/// for the newest.
 void remove_checkpoints_after(const std::string& run, int done);
 
-/// Keys whose value differs from `before` (key and value, as json_values() gives them), as a JSON
-/// object {"key": ["before", "now"]}.
+/// Key and value of every option, in the table's order.
 std::vector<std::pair<std::string, std::string>> config_values(const OptionTable& table);
+/// The keys whose value differs from `before`, which is config_values() of an earlier moment, as a
+/// JSON object {"key": "before -> now"}.
 std::string changed_values(const std::vector<std::pair<std::string, std::string>>& before,
                            const OptionTable& table);
 
@@ -53,7 +55,7 @@ public:
 
     void save(int done, double seconds, const SharedState& state);
 
-    /// Of the checkpoints from here on.
+    /// `config`: stored in the checkpoints from here on.
     void set_config(std::string config) { config_ = std::move(config); }
 
     /// Waits for the last one; its file, or nothing when it could not be written.

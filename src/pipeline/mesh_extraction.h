@@ -58,9 +58,10 @@ void check_mesh_options(const MeshOptions& options);
 namespace detail {
 
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-/// What is meshed; completes `rules`. `focus` counts if unbounded, or where there is no depth_max.
+/// The region to mesh; sets rules.depth_max where it is 0. `focus` matters only if the scene is
+/// unbounded or there is no depth_max.
 MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules);
-/// What a mesher may take where so much is free.
+/// Bytes that a mesher may take where `free_bytes` are free.
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes);
 /// Why cleaning left nothing; empty if it left something, or there was nothing before.
 std::string clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level);
@@ -90,9 +91,9 @@ Focus focus_of_scene(const std::vector<View>& views,
 }  // namespace detail
 
 /// The mesh that `views` see, by the backbone of `train` and the mesher of `options`; what all
-/// meshers have in common is here. What does not fit into the budget of
-/// memory is kept in `spill_folder` meanwhile. What was done is said at `level`. Why a mesh is
-/// empty is put into `why_empty`, or is a warning without it. Throws Error.
+/// meshers have in common is here. What does not fit into the budget of memory is kept in
+/// `spill_folder` until this returns. Messages are logged at `level`. The reason for an empty mesh
+/// goes into `why_empty`; where that is null, it is logged as a warning. Throws Error.
 template <class Device>
 TriangleMesh extract_mesh(const std::vector<View>& views,
                           const Gaussians<Device>& gaussians,

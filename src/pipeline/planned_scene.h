@@ -7,17 +7,19 @@
 
 namespace tvsgs {
 
-/// A configuration that cannot work is better refused before the photographs are read. Throws
-/// Error(ExitCode::usage).
+/// Throws Error(ExitCode::usage) for a configuration that cannot work; to be called before the
+/// photographs are read, which takes a while.
 void check_consistency(const TrainOptions& options);
 
-/// The scene; --until converged asks views that do not train: the test views, or one that is held
-/// out, which then stands in `table`. A run that is `resumed` has none to spare.
+/// The scene. --until converged needs views that do not train: the test views, or, without any, one
+/// that is held out here and noted in `table`. Throws Error(ExitCode::usage) where a `resumed` run
+/// would have to hold one out, as it has trained on all of its views.
 Scene read_views(const RunOptions& options, bool resumed, OptionTable& table);
 
-/// The scene with its initial cloud; where a plan is asked for (`plan_only`: to be looked at), what
-/// it needs is decided on the way: on the views, on the cloud that comes with them, on the cloud
-/// that training starts from. `table` refers to `options`.
+/// The scene with its initial cloud. Where a plan is asked for, its decisions are made as soon as
+/// what they go by is known: the views, the cloud that comes with them, the cloud that training
+/// starts from. `plan_only`: the plan is only printed, so stereo does not run. `table` refers to
+/// `options`.
 Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,

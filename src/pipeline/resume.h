@@ -18,7 +18,7 @@ struct Resume {
     std::optional<ResumePoint> point;  // nothing: no checkpoint yet, so from the beginning
     std::vector<std::pair<std::string, std::string>> configured;  // what the checkpoint ran with
 
-    /// Whether what is in the run folder is this run.
+    /// Whether the run goes on in its own folder, whose files are kept.
     bool in_place() const { return asked && same_run; }
 
     // What the run has behind it.

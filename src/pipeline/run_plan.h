@@ -40,7 +40,8 @@ public:
     /// A last line.
     void remark(const std::string& text) { remark_ = text; }
 
-    /// What was decided is in the configuration now, which is not to be planned again.
+    /// Switches plan.enabled off: the configuration has the decisions in it, and a run that repeats
+    /// it must not make them again.
     void finish() { table_.set("plan.enabled", "false", "the plan"); }
 
     /// Whether somebody else has set the key.

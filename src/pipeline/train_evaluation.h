@@ -137,7 +137,8 @@ Evaluation evaluate(int step,
     return result;
 }
 
-/// Says when more training no longer pays: when the best is half its own time ago.
+/// Says when more training no longer pays: when the best score is older than half the time that it
+/// took to reach.
 class Convergence {
 public:
     /// The score on views that do not train, after `seconds`.

@@ -51,8 +51,8 @@ struct RenderedImages {
     Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
 };
 
-/// dL/d of the images, as these are; a buffer that no loss wrote to stays empty. That of depth
-/// counts only where there is one.
+/// dL/d of the images, in their shapes. An empty buffer stands for zeros: no loss has written to
+/// it. dL/d depth is ignored at pixels whose depth is undefined (0).
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
@@ -101,14 +101,14 @@ struct RenderCounts {
     int fragments = 0;  // entries of all lists
 };
 
-/// What blending a render took. A warp here is 8x8 pixels, a quarter of a tile, as the CUDA twin
-/// has them: two to a lane.
+/// The work of blending one render. On both devices a warp stands for 8x8 pixels, a quarter of a
+/// tile; on CUDA each of its lanes has two of them.
 struct BlendWork {
     std::int64_t tests = 0;          // of splats against the pixels of a warp
     std::int64_t hits = 0;           // splats that may draw in a warp
     std::int64_t evaluations = 0;    // alphas at pixels that are not full yet
     std::int64_t contributions = 0;  // evaluations that draw
-    std::int64_t draws = 0;          // hits that draw; what else is met was in vain
+    std::int64_t draws = 0;          // hits that draw at some pixel; the other hits are wasted
     std::int64_t sums = 0;           // draws by several lanes, whose gradients have to be added up
 };
 
@@ -119,10 +119,11 @@ class Backbone {
 public:
     virtual ~Backbone() = default;
 
-    /// Before the first step of a training (`step` is 0) and after each: brings up to date what the
-    /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: splats came, went or
-    /// moved in memory in that step; what they had moved with them. `cameras`: those that train.
-    /// What it writes is saved with the splats; it must keep nothing else from step to step.
+    /// Called before the first step of a training (`step` is 0) and after each. Updates what the
+    /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: the step added,
+    /// removed or re-ordered splats; the filter's entries were re-ordered with them. `cameras`: of
+    /// the training views. What this writes to `gaussians` is saved with them; any other state that
+    /// is kept from step to step would be lost on resuming.
     virtual void prepare(int /*step*/,
                          bool /*changed*/,
                          const std::vector<Camera>& /*cameras*/,
@@ -141,17 +142,19 @@ public:
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
 
-    /// Whether blend_backward() is there: then gradients need not be in memory.
+    /// Whether blend_backward() is implemented. Adam's step then needs no gradients of parameters
+    /// in memory.
     virtual bool fuses() const { return false; }
 
-    /// The first half of backward(): what the splats as they appear in the image need. The second
-    /// half, splat_vjp(), which also writes the statistics, is done where the gradients are used,
-    /// in Adam's step. Valid until the next call of anything here; null where not fuses().
+    /// The first half of backward(): the gradients of the splats as they appear in the image. The
+    /// second half, splat_vjp(), carries them to the parameters and writes statistics(); Adam's
+    /// step calls it where it uses them. Valid until the next call of any method; null unless
+    /// fuses().
     virtual const ViewGradients* blend_backward(const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
     }
 
-    /// Writes statistics() of the last forward() as a backward() from nothing does.
+    /// Writes the statistics() that a backward() of zeros would write after the last forward().
     virtual void observe(const Gaussians<Device>& gaussians) {
         Gaussians<Device> unused;
         resize(unused, gaussians.size(), gaussians.sh_degree);
@@ -165,10 +168,11 @@ public:
     /// Of the last forward().
     virtual RenderCounts counts() const { return {}; }
 
-    /// Counts what blending the last forward() was; takes about as long as that.
+    /// Counts the work of blending in the last forward(); takes about as long as the blending did.
     virtual BlendWork blend_work() const { return {}; }
 
-    /// From now on sums over splats are those of FragmentGradients::atomic: for measurements.
+    /// For measurements: from now on sums over fragments are made as FragmentGradients::atomic
+    /// says.
     virtual void use_atomic_sums() {}
 
     /// Times of the parts of forward() and backward(); off unless switched on.
@@ -178,8 +182,8 @@ private:
     StageClock<Device> clock_;
 };
 
-/// A backbone of the program's own, which make_backbone() then knows by that name: for those who
-/// link this library. Ours stand in backbones_list.h. Before any training starts.
+/// Adds a backbone of a program that links this library: make_backbone() then knows its name. To be
+/// called before any training starts. The library's own are in backbones_list.h.
 template <class Device>
 using MakeBackbone = std::function<std::unique_ptr<Backbone<Device>>(const BackboneOptions&)>;
 template <class Device>

@@ -1,5 +1,5 @@
-// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa` of 3DGS and of PGSR,
-// which differ in the losses of their configurations and so in the maps.
+// EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa`. Plane channels are
+// rendered where losses or callers ask for depth or normals.
 #pragma once
 
 #include "core/parallel.h"

@@ -7,16 +7,16 @@
 
 namespace tvsgs {
 
-/// The y of pixels that take no part, or of their offsets: alpha is 0 there, so that no flag has to
-/// be asked. Products with it stay finite.
+/// The y of pixels that take no part, or of their offsets. It is so far away that alpha is 0 there,
+/// which saves a flag, and small enough for products with it to stay finite.
 inline constexpr float kOutOfReach = 1e25f;
 
 /// What a rasteriser says of its splats: types and static functions, which blending inlines.
 /// EwaModel is one. Compiled for both devices by a file each, see blend_cpu.h and blend_cuda.h.
 ///
 ///   Shape      what decides alpha, with may_draw(shape, low, high) as tiles.h asks for it
-///   Features   what a splat adds to pixels; copy() takes over those that the model blends, as
-///              others were never written
+///   Features   what a splat adds to pixels; copy() takes over only those that the model blends:
+///              the others are not written, and reading them is an error
 ///   Hit        a splat at a pixel: `alpha`, and what blending needs besides
 ///   offset()   of a pixel centre: what hit() goes by, such as where it is from the splat
 ///   hit()      forward and backward decide by it alike; alpha 0: the splat is skipped there
@@ -26,13 +26,13 @@ inline constexpr float kOutOfReach = 1e25f;
 ///                               the transmittance behind all splats; adds to the gradients of the
 ///                               splat. Of alpha 0 it adds zeros, and changes nothing but T
 ///   Gradients  kCount floats, their sums over pixels, in 16-byte words. Factors that are the
-///              splat's are left to whoever takes the gradients
+///              same at all pixels are left out; who takes the gradients multiplies by them
 ///   kFilled, filled(v)  how many of these the model fills, and which is the v-th
 ///   Writer     writes a finished pixel: write(x, y, pixel)
-///   Reader     read(at) is the PixelGradient of pixel `at`, {} one that is zero
+///   Reader     read(at) is the PixelGradient of pixel `at`; PixelGradient{} is zero
 ///
-/// One that the CPU twin is to blend several pixels at a time names ForwardPacks and BackwardPacks
-/// as well.
+/// A model that also names ForwardPacks and BackwardPacks is blended several pixels at a time by
+/// the CPU twin.
 template <class Model>
 concept BlendModel = requires(const typename Model::Shape& shape,
                               const typename Model::Features& features,

@@ -66,7 +66,8 @@ struct PixelGradientReader {
     }
 };
 
-// In blend_ewa_packs.h. Named here, so that whoever compiles for ellipses cannot do without.
+// Defined in blend_ewa_packs.h. Declared here, so that a .cpp file that compiles blending of
+// ellipses without that header fails to compile, rather than blending pixel by pixel.
 template <>
 struct MeetTiles<SplatShape<float>>;
 template <Channels kChannels>

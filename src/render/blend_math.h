@@ -20,8 +20,8 @@ template <class Real>
 TVSGS_HD Real sigmoid(Real logit) {
     return 1 / (1 + std::exp(-logit));
 }
-/// o (1 - o) of the sigmoid o; here 1 - o keeps its digits where o is next to 1, and does not
-/// become 0, from which an opaque splat could not come back.
+/// The derivative o (1 - o) of the sigmoid o, without the difference 1 - o: that rounds to 0 where
+/// o is next to 1, and an opaque splat without a gradient would stay opaque for ever.
 template <class Real>
 TVSGS_HD Real sigmoid_slope(Real logit) {
     const Real e = std::exp(-std::abs(logit));
@@ -34,8 +34,8 @@ struct alignas(16) SplatShape {
     Vec2<Real> mean;         // px, corner convention
     EllipseRoot<Real> root;  // 1/px
     Real opacity;            // activated
-    Real reach;  // of the Gaussian's exponent: alpha is kMinAlpha (or the alpha that culls, where
-                 // that is more) or more where it is at most this
+    Real reach;  // splat_reach(): alpha is at least max(kMinAlpha, cull_alpha) where the Gaussian's
+                 // exponent is at most this
 };
 
 template <class Real>
@@ -175,8 +175,8 @@ TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
 }
 
 /// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as
-/// rounding allows: splat_alpha's own exponent is nowhere in it less. Written without anything to
-/// fuse, so that all kernels get the same bits. A Real may be a Pack.
+/// rounding allows: splat_alpha() finds no smaller exponent at any of them. Nothing here can be
+/// fused by a compiler, so all kernels get the same bits. A Real may be a Pack.
 template <class Real>
 TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     using std::abs;
@@ -214,8 +214,8 @@ TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Rea
     return select(both(dx == zero, dy == zero), zero, least);
 }
 
-/// Whether alpha can reach kMinAlpha at a pixel centre in [low, high]; rounding may only say yes
-/// too often.
+/// True if the exponent can be within the splat's reach at a pixel centre in [low, high]. Rounding
+/// errors can make this true where it is not, never the reverse.
 template <class Real>
 TVSGS_HD auto may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
     return least_exponent(s, low, high) <= s.reach + Real(1e-4);

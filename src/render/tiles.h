@@ -49,8 +49,8 @@ TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& g
 }
 
 /// Splats as they appear in a view, all [N]. One whose rectangle is empty is not in view; its other
-/// entries are undefined. may_draw(shape, low, high) says whether a Shape can be drawn at a pixel
-/// centre in [low, high], px; it may only say yes too often.
+/// entries are undefined. may_draw(shape, low, high) has to be true where the Shape draws at some
+/// pixel centre in [low, high], px; where it draws at none, true costs time and changes nothing.
 template <class Device, class Shape, class Features>
 struct ViewSplats {
     Buffer<Shape, Device> shapes;

@@ -85,7 +85,7 @@ struct ShapeTest {
     }
 };
 
-/// By what the shape said before, where that was kept.
+/// By the shape's answers while tiles were counted, where these were kept; else by the shape again.
 template <class Shape>
 struct KeptTest {
     bool kept;

@@ -70,7 +70,7 @@ struct ProjectBody {
     }
 };
 
-/// Colours of the splats in view; a pass of its own, which maps without colour leave out.
+/// Colours of the splats in view; a pass of its own, so that renders without colour skip it.
 struct ColorBody {
     ViewParameters view;
     Span<const Vec3f> means, sh;
@@ -84,8 +84,8 @@ struct ColorBody {
     }
 };
 
-/// Where the gradients of a view's splats as they appear in the image lie, and what carries them to
-/// the Gaussians' parameters. All [N] but the fragments.
+/// The gradients of a view's splats as they appear in the image, and what is needed to carry them
+/// to the Gaussians' parameters. All [N]; `fragments` and `drawn` have an entry per fragment.
 struct ViewGradients {
     ViewParameters view;
     Channels channels;
@@ -93,12 +93,12 @@ struct ViewGradients {
     Span<const FeatureRecord> features;
     Span<const std::uint32_t> fragment_counts, first_fragment;
     Span<const SplatGradients<float>> fragments;
-    Span<const std::uint8_t> drawn;   // whether a fragment has a gradient
+    Span<const std::uint8_t> drawn;   // 0: the gradient is not written
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
 
-    /// Finishes the gradients of Gaussian i, and notes what growth wants to know of it. False: it
-    /// drew nothing and so has none.
+    /// Completes the gradients of Gaussian i and writes its statistics. False if it drew nothing:
+    /// `g` is then unchanged, and the statistics are zero.
     TVSGS_HD bool finish(int i, SplatGradients<float>& g) const {
         if (fragment_counts[i] == 0 || !drawn[first_fragment[i]]) {
             stat_grad[i] = stat_abs[i] = {};
@@ -147,7 +147,8 @@ TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
     sum.opacity_logit += g.opacity_logit;
 }
 
-/// Adds the gradients of Gaussian i; `visit` as sh_color_vjp takes it. False: it has none.
+/// Adds the gradients of Gaussian i to `sum`; `visit` as sh_color_vjp takes it. False if it drew
+/// nothing: nothing is added or visited then.
 template <Channels kChannels, class Visit>
 TVSGS_HD bool splat_vjp(
     const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {

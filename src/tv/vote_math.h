@@ -127,7 +127,8 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
-/// All zero where a number is not finite: multiplied by a decay of zero it would still spoil sums.
+/// The record, or one of zeros if any of its numbers is not finite: even multiplied by a decay of
+/// zero such a number would make its receivers' sums NaN.
 template <class Real>
 TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
     const Vec3<Real> m = voter.mean, n = voter.normal_world;

@@ -118,7 +118,7 @@ TEST_F(ResumeCommand, TwoHalvesAreTheWhole) {
     // The folder as versions wrote it whose rasteriser had the keys core.*.
     json config = json::parse(contents(folder_ / "half/config.json"));
     config["core"] = config.at("render"), config.erase("render");
-    std::ofstream(folder_ / "half/config.json") << config;
+    std::ofstream(folder_ / "half/config.json") << config.dump(2);
     r = train("--resume half --iterations 120 --report-every 10");
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(splats("half") == splats("whole"));

@@ -105,7 +105,7 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 #endif
 }
 
-/// The part of the records that TauBody reads: W, and inverse_tau2 = 0 for who cannot vote.
+/// The part of the records that TauBody reads: W, and inverse_tau2, 0 where the voter cannot vote.
 template <class Real>
 struct WhiteningBody {
     Ranks ranks;
@@ -176,8 +176,8 @@ struct FlagTerm {
 };
 
 /// How voter i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
-/// as a ball. Whose normal rounding errors have made is silent: where nobody else votes, it would
-/// decide.
+/// as a ball. A splat whose normal comes of rounding errors is silent: where no other splat votes,
+/// its vote would decide.
 struct OrientationBody {
     Ranks ranks;
     bool literal;
