@@ -193,9 +193,11 @@ private:
         by_image.color.resize(images.color.size());
         by_image.normal.resize(images.normal.size());
         by_image.depth.resize(images.depth.size());
+        by_image.distortion.resize(images.distortion.size());
         by_image.color.fill_zero();
         by_image.normal.fill_zero();
         by_image.depth.fill_zero();
+        by_image.distortion.fill_zero();
         Gaussians<Device>& by_splat = objective_.dL_dgaussians;
         if (fuses())
             resize_geometry(by_splat, splat_gradients ? gaussians.size() : 0);

@@ -14,7 +14,7 @@ namespace tvsgs {
 
 /// A set of maps to render. The buffers of what is not asked for may stay empty; reading them is an
 /// error.
-enum class Maps : unsigned { none = 0, color = 1, normal = 2, depth = 4 };
+enum class Maps : unsigned { none = 0, color = 1, normal = 2, depth = 4, distortion = 8 };
 
 constexpr Maps operator|(Maps a, Maps b) {
     return static_cast<Maps>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
@@ -49,6 +49,7 @@ struct RenderedImages {
         transmittance;             // [H W] left behind all splats; coverage is 1 - transmittance
     Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended and not normalised
     Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
+    Buffer<float, Device> distortion;  // [H W] how far apart in depth is what a pixel blends
 };
 
 /// dL/d of the images, in their shapes. An empty buffer stands for zeros: no loss has written to
@@ -56,7 +57,7 @@ struct RenderedImages {
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
-    Buffer<float, Device> depth;
+    Buffer<float, Device> depth, distortion;
 };
 
 /// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not
@@ -70,12 +71,18 @@ struct ScreenStatistics {
         front_pixels;  // [N] pixels where it was blended while T > 0.5 (PGSR's `observe`)
 };
 
+/// What the depth of a surface is, of the depths that a pixel blends: by the blended plane; their
+/// mean by weight; or that of the last splat in front of which more than half of the light gets
+/// through. `automatic`: plane where the rasteriser has planes, else median.
+enum class SurfaceDepth { automatic, plane, expected, median };
+
 struct BackboneOptions {
     float near = 0.2f;
     float low_pass_px2 = 0.3f;
     bool exact_clamp_grad = false;
     float cull_alpha = 1.0f / 255;
     PixelCenter pixel_center = PixelCenter::exact;
+    SurfaceDepth depth = SurfaceDepth::automatic;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -92,6 +99,11 @@ struct BackboneOptions {
         field.choice("pixel_center", pixel_center, {"exact", "official"},
                      "rays of depth maps through the pixel centres, or half a pixel off as in "
                      "PGSR's code (for parity studies)");
+        field.choice(
+            "depth", depth, {"auto", "plane", "expected", "median"},
+            "the surface's depth: of the blended plane, or the mean or the median of the "
+            "depths that a pixel blends; auto: plane where the rasteriser has planes, else "
+            "median");
     }
 };
 

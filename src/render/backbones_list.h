@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "render/backbone_ewa.h"
+#include "render/backbone_surfel.h"
 
 namespace tvsgs {
 
@@ -20,6 +21,16 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make) {
     added_backbones<Device>()[name] = std::move(make);
 }
 
+/// Refuses a render.depth that the rasteriser does not make.
+inline void require_depth(const char* backbone,
+                          const BackboneOptions& options,
+                          bool made,
+                          const char* expected) {
+    if (options.depth != SurfaceDepth::automatic && !made)
+        throw Error(ExitCode::usage, str("render.depth: backbone '", backbone, "' makes ", expected,
+                                         "; expected that or auto, or another backbone"));
+}
+
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
@@ -30,7 +41,13 @@ std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
     static constexpr Entry kBackbones[] = {
         {"ewa",
          [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+             require_depth("ewa", o, o.depth == SurfaceDepth::plane, "plane");
              return std::make_unique<EwaBackbone<Device>>(o);
+         }},
+        {"surfel",
+         [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+             require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
+             return std::make_unique<SurfelBackbone<Device>>(o);
          }},
     };
     // As earlier versions called it, after the methods that it serves.
