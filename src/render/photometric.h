@@ -48,19 +48,6 @@ TVSGS_HD inline Vec3f photo_pixel(const std::uint8_t* photo, std::size_t at) {
             static_cast<float>(photo[3 * at + 2]) / 255};
 }
 
-/// Per-channel moments.
-struct MomentRow {
-    Vec3f x, y, xx, yy, xy;
-};
-TVSGS_HD inline void add_pixel(MomentRow& m, float w, Vec3f x, Vec3f y) {
-    m.x += w * x, m.y += w * y;
-    m.xx += w * (x * x), m.yy += w * (y * y), m.xy += w * (x * y);
-}
-TVSGS_HD inline void add_row(MomentRow& m, float w, const MomentRow& r) {
-    m.x += w * r.x, m.y += w * r.y;
-    m.xx += w * r.xx, m.yy += w * r.yy, m.xy += w * r.xy;
-}
-
 TVSGS_HD inline float magnitude(float x) {
     return x < 0 ? -x : x;
 }
@@ -85,36 +72,6 @@ TVSGS_HD Real loss_derivative(Real x,
                               float per_value) {
     return per_value *
            (weights.l1 * sign(x - y) - weights.ssim * (dS_dx + 2 * x * dS_dxx + y * dS_dxy));
-}
-
-/// From the moments of a pixel: its share of the loss, and the three derivatives.
-struct PixelSsim {
-    float loss;
-    Vec3f dS_dx, dS_dxx, dS_dxy;
-};
-TVSGS_HD inline PixelSsim pixel_ssim(
-    const MomentRow& m, Vec3f x, Vec3f y, PhotometricWeights weights, float per_value) {
-    PixelSsim out{};
-    for (int c = 0; c < 3; ++c) {
-        const SsimTerms<float> t = ssim_terms<float>({m.x[c], m.y[c], m.xx[c], m.yy[c], m.xy[c]});
-        out.loss += loss_share(x[c], y[c], t.ssim, weights, per_value);
-        out.dS_dx[c] = t.dS_dx, out.dS_dxx[c] = t.dS_dxx, out.dS_dxy[c] = t.dS_dxy;
-    }
-    return out;
-}
-
-/// dL/dx of one pixel.
-TVSGS_HD inline Vec3f photometric_gradient(Vec3f x,
-                                           Vec3f y,
-                                           Vec3f dS_dx,
-                                           Vec3f dS_dxx,
-                                           Vec3f dS_dxy,
-                                           PhotometricWeights weights,
-                                           float per_value) {
-    Vec3f g;
-    for (int c = 0; c < 3; ++c)
-        g[c] = loss_derivative(x[c], y[c], dS_dx[c], dS_dxx[c], dS_dxy[c], weights, per_value);
-    return g;
 }
 
 }  // namespace detail

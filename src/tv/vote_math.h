@@ -117,11 +117,6 @@ TVSGS_HD bool can_vote(const VoterRecord<Real>& voter) {
     return voter.inverse_tau2 > 0;
 }
 template <class Real>
-TVSGS_HD bool is_ball(const VoterRecord<Real>& voter) {
-    return dot(voter.normal_world, voter.normal_world) == 0;
-}
-
-template <class Real>
 TVSGS_HD Real inverse_square_or_zero(Real tau) {
     const Real inverse = 1 / (tau * tau);
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
