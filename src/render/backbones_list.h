@@ -31,6 +31,19 @@ inline void require_depth(const char* backbone,
                                          "; expected that or auto, or another backbone"));
 }
 
+/// Refuses what only rasterisers that project covariances go by.
+inline void refuse_covariance_options(const char* backbone, const BackboneOptions& options) {
+    const BackboneOptions usual;
+    const char* const key = options.low_pass_px2 != usual.low_pass_px2   ? "low_pass_px2"
+                            : options.exact_clamp_grad                   ? "exact_clamp_grad"
+                            : options.pixel_center != usual.pixel_center ? "pixel_center"
+                                                                         : nullptr;
+    if (key != nullptr)
+        throw Error(ExitCode::usage,
+                    str("render.", key, ": backbone '", backbone,
+                        "' does not go by it; expected its default, or another backbone"));
+}
+
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
@@ -47,6 +60,7 @@ std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
         {"surfel",
          [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
              require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
+             refuse_covariance_options("surfel", o);
              return std::make_unique<SurfelBackbone<Device>>(o);
          }},
     };

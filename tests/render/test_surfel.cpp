@@ -260,6 +260,25 @@ TEST(Surfel, WhatIsNotMadeIsRefused) {
     }
 }
 
+TEST(Surfel, OptionsOfOtherRasterisersAreRefused) {
+    BackboneOptions low_pass, clamp, center;
+    low_pass.low_pass_px2 = 0.1f;
+    clamp.exact_clamp_grad = true;
+    center.pixel_center = PixelCenter::official;
+    for (const auto& [options, key] : {std::pair{low_pass, "render.low_pass_px2"},
+                                       {clamp, "render.exact_clamp_grad"},
+                                       {center, "render.pixel_center"}}) {
+        EXPECT_NE(make_backbone<Cpu>("ewa", options), nullptr);
+        try {
+            make_backbone<Cpu>("surfel", options);
+            FAIL() << key;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::usage);
+            EXPECT_NE(std::string(error.what()).find(key), std::string::npos);
+        }
+    }
+}
+
 TEST(Surfel, VotersFindItsNormal) {
     Gaussians<Cpu> g = random_gaussians(20, 4, 0.1);
     make_backbone<Cpu>("surfel", {})->prepare(0, true, {}, g);
@@ -267,6 +286,22 @@ TEST(Surfel, VotersFindItsNormal) {
         const Vec3f l = g.log_scales[i];
         EXPECT_NEAR(std::exp(l.z - std::min(l.x, l.y)), 1e-3, 1e-6);
     }
+}
+
+/// All but one splat in two hundred (on an H200: all) have the same gradient to a thousandth of the
+/// middle size.
+void expect_few_differ(const Buffer<Vec3f, Cpu>& a, const Buffer<Vec3f, Cpu>& b, Maps maps) {
+    std::vector<float> sizes;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        if (norm(a[i]) > 0) sizes.push_back(norm(a[i]));
+    ASSERT_GT(sizes.size(), a.size() / 4);
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        differ += norm(a[i] - b[i]) > 1e-3f * std::max(norm(a[i]), *middle);
+    EXPECT_LE(differ, sizes.size() / 200)
+        << static_cast<unsigned>(maps) << ": " << differ << " of " << sizes.size();
 }
 
 TEST(SurfelTwins, CpuAgainstCuda) {
@@ -310,7 +345,10 @@ TEST(SurfelTwins, CpuAgainstCuda) {
                 cpu->backward(g, by, dL);
                 cuda->backward(there, by_there, dL_there);
                 copy(dL_there, dL_host);
-                same(to_host(dL.means), to_host(dL_host.means), 5e-2);
+                // A splat at its cut-off, or a median that changes hands, takes a pixel's gradient
+                // along: that is why the sums may differ, and few splats only.
+                expect_few_differ(dL.means, dL_host.means, maps);
+                same(to_host(dL.means), to_host(dL_host.means), 2e-3);
                 same(to_host(dL.quats), to_host(dL_host.quats), 5e-2);
                 same(to_host(dL.opacity_logits), to_host(dL_host.opacity_logits), 1e-2);
                 same(to_host(dL.sh), to_host(dL_host.sh), 1e-3);
