@@ -45,7 +45,7 @@ template <class Device>
 void BenchIteration<Device>::run(StageClock<Device>& clock) {
     Parts& p = *parts_;
     std::swap(p.iteration.details, clock);
-    const DeviceView<Device>& view = p.iteration.fetch(p.step, 0, -1, p.losses);
+    const DeviceView<Device>& view = p.iteration.fetch(p.step, 0, p.losses, [] { return 0; });
     p.iteration.propagate(p.step, view, p.splats, p.losses, p.field, true,
                           [&](auto& values) { p.guard.watch(p.step, view.index, values); });
     p.iteration.descend(p.step, p.adam, p.splats, true, p.guard.halted());

@@ -69,18 +69,19 @@ public:
         objective_.count.resize(1);
     }
 
-    /// The view with its photograph. `next`: the view of the step after this one, whose photographs
-    /// then come while the device works; -1: none.
-    const DeviceView<Device>& fetch(int step, int view, int next, const Losses& losses) {
-        const bool looks_around = needs_at(losses, step, true).other_views > 0;
+    /// The view with its photograph. `next()`: the view of the step after this one, whose
+    /// photographs then come while the device works; asked only where they are not all there.
+    template <class Next>
+    const DeviceView<Device>& fetch(int step, int view, const Losses& losses, const Next& next) {
         const DeviceView<Device>& here = views_.get(view);
         if (views_.all_resident()) return here;
+        const bool looks_around = needs_at(losses, step, true).other_views > 0;
         if (looks_around)
             for (const int other : others_->choose(step, view)) views_.get(other);
-        if (next < 0) return here;
-        views_.prefetch(next);
+        const int after = next();
+        views_.prefetch(after);
         if (looks_around)
-            for (const int other : others_->choose(step + 1, next)) views_.prefetch(other);
+            for (const int other : others_->choose(step + 1, after)) views_.prefetch(other);
         return here;
     }
 

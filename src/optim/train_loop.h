@@ -37,7 +37,8 @@ Gaussians<Device> train(const Scene& scene,
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
         if (step == 1) iteration.prepare(0, true, t->gaussians);
         const int drawn = t->sampler.next();
-        const DeviceView<Device>& view = iteration.fetch(step, drawn, t->sampler.peek(), t->losses);
+        const DeviceView<Device>& view =
+            iteration.fetch(step, drawn, t->losses, [&] { return t->sampler.peek(); });
         if (t->voter.due(step)) iteration.clock("voting", [&] { t.vote(step); });
 
         // Where splats come and go, gradients are lost, as in the official codes.
