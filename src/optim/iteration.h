@@ -191,14 +191,15 @@ private:
                bool splat_gradients,
                const RenderedImages<Device>& images) {
         ImageGradients<Device>& by_image = objective_.dL_dimages;
-        by_image.color.resize(images.color.size());
-        by_image.normal.resize(images.normal.size());
-        by_image.depth.resize(images.depth.size());
-        by_image.distortion.resize(images.distortion.size());
-        by_image.color.fill_zero();
-        by_image.normal.fill_zero();
-        by_image.depth.fill_zero();
-        by_image.distortion.fill_zero();
+        const auto clear_like = [](const auto& image, auto& gradient) {
+            gradient.resize(image.size());
+            gradient.fill_zero();
+        };
+        clear_like(images.color, by_image.color);
+        clear_like(images.normal, by_image.normal);
+        clear_like(images.depth, by_image.depth);
+        clear_like(images.distortion, by_image.distortion);
+        clear_like(images.expected_depth, by_image.expected_depth);
         Gaussians<Device>& by_splat = objective_.dL_dgaussians;
         if (fuses())
             resize_geometry(by_splat, splat_gradients ? gaussians.size() : 0);

@@ -44,7 +44,16 @@ void check_consistency(const TrainOptions& options) {
                     "configuration: tv.enabled is false but loss.tv_normal.weight or "
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
-    make_backbone<Cpu>(options.backbone, options.render);  // refuses an unknown name
+    const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
+    for (const TermOnList& term : terms_on_list(options.loss)) {
+        if (!(term.weight > 0)) continue;
+        const std::string lacks = names_of(without(term.needs.maps, backbone->maps()));
+        if (!lacks.empty())
+            throw Error(ExitCode::usage,
+                        str("loss.", term.key, ".weight is above 0, but backbone '",
+                            options.backbone, "' does not make the maps it compares (", lacks,
+                            "); set the weight to 0, or choose another backbone"));
+    }
 }
 
 namespace {

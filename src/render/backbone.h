@@ -2,6 +2,7 @@
 #pragma once
 
 #include <functional>
+#include <iterator>
 #include <memory>
 #include <string>
 #include <vector>
@@ -14,7 +15,14 @@ namespace tvsgs {
 
 /// A set of maps to render. The buffers of what is not asked for may stay empty; reading them is an
 /// error.
-enum class Maps : unsigned { none = 0, color = 1, normal = 2, depth = 4, distortion = 8 };
+enum class Maps : unsigned {
+    none = 0,
+    color = 1,
+    normal = 2,
+    depth = 4,
+    distortion = 8,
+    expected_depth = 16
+};
 
 constexpr Maps operator|(Maps a, Maps b) {
     return static_cast<Maps>(static_cast<unsigned>(a) | static_cast<unsigned>(b));
@@ -27,7 +35,22 @@ constexpr bool has(Maps set, Maps some) {
     return (static_cast<unsigned>(set) & static_cast<unsigned>(some)) != 0;
 }
 
+/// What is left of a set without `some`.
+constexpr Maps without(Maps set, Maps some) {
+    return static_cast<Maps>(static_cast<unsigned>(set) & ~static_cast<unsigned>(some));
+}
+
 inline constexpr Maps kGeometryMaps = Maps::normal | Maps::depth;
+
+/// "normal, depth".
+inline std::string names_of(Maps maps) {
+    constexpr const char* kNames[] = {"color", "normal", "depth", "distortion", "expected_depth"};
+    std::string names;
+    for (unsigned i = 0; i < std::size(kNames); ++i)
+        if (has(maps, static_cast<Maps>(1u << i)))
+            names += (names.empty() ? "" : ", ") + std::string(kNames[i]);
+    return names;
+}
 
 /// Where the rays of depth maps pass through the pixels. `official` keeps a habit of PGSR's code:
 /// half a pixel up and left of the centres, through which it blends.
@@ -50,14 +73,16 @@ struct RenderedImages {
     Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended and not normalised
     Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
     Buffer<float, Device> distortion;  // [H W] how far apart in depth is what a pixel blends
+    Buffer<float, Device>
+        expected_depth;  // [H W] mean z-depth of what a pixel blends, by weight; 0: nothing
 };
 
 /// dL/d of the images, in their shapes. An empty buffer stands for zeros: no loss has written to
-/// it. dL/d depth is ignored at pixels whose depth is undefined (0).
+/// it. dL/d of a depth is ignored at pixels where it is undefined (0).
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
-    Buffer<float, Device> depth, distortion;
+    Buffer<float, Device> depth, distortion, expected_depth;
 };
 
 /// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not
@@ -130,6 +155,9 @@ template <class Device>
 class Backbone {
 public:
     virtual ~Backbone() = default;
+
+    /// What forward() may be asked for.
+    virtual Maps maps() const { return Maps::color | kGeometryMaps; }
 
     /// Called before the first step of a training (`step` is 0) and after each. Updates what the
     /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: the step added,

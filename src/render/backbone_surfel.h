@@ -164,6 +164,8 @@ class SurfelBackbone final : public Backbone<Device> {
 public:
     explicit SurfelBackbone(const BackboneOptions& options) : options_(options) {}
 
+    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::distortion; }
+
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});
     }
