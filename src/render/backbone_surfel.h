@@ -84,7 +84,7 @@ struct ProjectSurfelsBody {
         shapes[i] = s;
         depths[i] = p.z;
         rects[i] = rect;
-        const SurfelBox<float> box = surfel_box(s, kLowPassReach);
+        const SurfelBox<float> box = surfel_box(surfel_rows(view.camera, pose.axes), kLowPassReach);
         const float longer = box.extent.x > box.extent.y ? box.extent.x : box.extent.y;
         const float least = kLowPassReach * 0.70710678f;
         radii[i] = std::ceil(longer > least ? longer : least);
@@ -99,7 +99,7 @@ struct ProjectSurfelsBody {
 /// Statistics and gradients of the splats, from those of their pixels.
 struct SurfelBackwardBody {
     SurfelView view;
-    bool color;
+    bool color, maps;
     Span<const SurfelShape<float>> shapes;
     Span<const SurfelRecord> features;
     Span<const std::uint32_t> fragment_counts, first_fragment;
@@ -121,26 +121,29 @@ struct SurfelBackwardBody {
         stat_front[i] = 0;
         if (fragment_counts[i] == 0 || !drawn[first_fragment[i]]) return;
         const SurfelGradients<float> g = fragments[first_fragment[i]];
+        const SurfelShape<float> s = shapes[i];
+        SurfelMatrixGradient<float> matrix = surfel_inverse_vjp(s, g.inverse);
         // A surrogate for the derivative by the centre's place, of what the dot did not draw.
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);
-        const SurfelShape<float> s = shapes[i];
-        stat_grad[i] = {half_w * s.depth * g.matrix.row_x.z, half_h * s.depth * g.matrix.row_y.z};
+        stat_grad[i] = {half_w * matrix.row_x.z / s.inverse_depth,
+                        half_h * matrix.row_y.z / s.inverse_depth};
         stat_abs[i] = {std::abs(stat_grad[i].x), std::abs(stat_grad[i].y)};
         stat_front[i] = static_cast<int>(g.front_pixels);
         if (dL_dmeans.empty()) return;
 
-        SurfelMatrixGradient<float> matrix = g.matrix;
-        low_pass_vjp(s, matrix);
-        const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, s, matrix);
+        if (maps) matrix.row_z.z += g.depth;
         const SurfelPose pose = surfel_pose(view, means[i], log_scales[i], quats[i]);
+        low_pass_vjp(surfel_rows(view.camera, pose.axes), s.low_pass, g.inverse.low_pass, matrix);
+        const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, pose.axes.centre, matrix);
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         dL_dlog_scales[i].x += dot(axes.a, pose.axes.a);
         dL_dlog_scales[i].y += dot(axes.b, pose.axes.b);
         const float scale_x = std::exp(log_scales[i].x), scale_y = std::exp(log_scales[i].y);
-        const Vec3f by_axis[3] = {scale_x * transpose_times(to_camera, axes.a),
-                                  scale_y * transpose_times(to_camera, axes.b),
-                                  pose.sign * transpose_times(to_camera, g.normal)};
+        const Vec3f by_axis[3] = {
+            scale_x * transpose_times(to_camera, axes.a),
+            scale_y * transpose_times(to_camera, axes.b),
+            maps ? pose.sign * transpose_times(to_camera, g.normal) : Vec3f{}};
         Mat3f dL_dR;
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) dL_dR[r][c] = by_axis[c][r];
@@ -165,6 +168,8 @@ public:
     explicit SurfelBackbone(const BackboneOptions& options) : options_(options) {}
 
     Maps maps() const override { return Maps::color | kGeometryMaps | Maps::distortion; }
+
+    bool flat() const override { return true; }
 
     void prepare(int, bool, const std::vector<Camera>&, Gaussians<Device>& g) override {
         parallel_for(Device{}, g.size(), ThinBody{g.log_scales.span()});
@@ -257,6 +262,7 @@ private:
         const SurfelFragments<Device>& fragments = fragments_;
         SurfelBackwardBody body{view_,
                                 color_,
+                                maps_,
                                 std::as_const(splats_.shapes).span(),
                                 std::as_const(splats_.features).span(),
                                 std::as_const(lists_.fragment_counts).span(),

@@ -31,7 +31,7 @@ template <bool kMaps>
 struct SurfelModel {
     using Shape = SurfelShape<float>;
     using Features = SurfelRecord;
-    using Gradients = SurfelGradients<float>;  // before low_pass_vjp()
+    using Gradients = SurfelGradients<float>;  // before surfel_inverse_vjp()
     using Hit = SurfelHit<float>;
     using PixelForward = SurfelPixel<float>;
     using PixelGradient = SurfelPixelGradient<float>;
@@ -85,21 +85,23 @@ struct SurfelModel {
 
     /// From the mean to a pixel centre.
     TVSGS_HD static Vec2f offset(const Shape& s, Vec2f pixel) { return pixel - s.mean; }
-    TVSGS_HD static Hit hit(const Shape& s, Vec2f d) { return surfel_hit(s, d, kLeastSurfelDepth); }
+    TVSGS_HD static Hit hit(const Shape& s, Vec2f d) { return surfel_hit(s, d); }
     TVSGS_HD static bool blend(PixelForward& pixel, const Hit& hit, const Features& features) {
-        return tvsgs::blend(pixel, hit, features.f);
+        return tvsgs::blend<kMaps>(pixel, hit, features.f);
     }
     TVSGS_HD static void blend_vjp(PixelBackward& pixel,
                                    const Shape& s,
                                    const Features& features,
                                    const Hit& hit,
                                    Gradients& g) {
-        tvsgs::blend_vjp(pixel, s, features.f, hit, g);
+        tvsgs::blend_vjp<kMaps>(pixel, s, features.f, hit, g);
     }
-    TVSGS_HD static void copy(const Features& from, Features& to) { to = from; }
+    TVSGS_HD static void copy(const Features& from, Features& to) {
+        to.f.color = from.f.color;
+        if constexpr (kMaps) to.f.normal = from.f.normal;
+    }
 
-    // All but the word that only fills up.
-    static constexpr int kFilled = Gradients::kCount - 1;
+    static constexpr int kFilled = kMaps ? Gradients::kCount : Gradients::kOfColor;
     TVSGS_HD static constexpr int filled(int v) { return v; }
 };
 

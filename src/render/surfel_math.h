@@ -6,24 +6,37 @@
 
 namespace tvsgs {
 
-/// A surfel as it appears in a view. Rows of the matrix that takes points of its plane, (u, v, 1)
-/// in standard deviations, to homogeneous pixels counted from `mean`; the third entries of `row_x`
-/// and `row_y` are 0 there. Counted from the image's corner, rays far from it would leave a small
-/// splat no digits.
+/// The matrix that takes points of a surfel's plane, (u, v, 1) in standard deviations, to
+/// homogeneous pixels counted from the projected centre. The third entries of `row_x` and `row_y`
+/// are 0 there. Counted from the image's corner, rays far from it would leave a small splat no
+/// digits.
 template <class Real>
-struct alignas(16) SurfelShape {
-    Vec2<Real> mean;          // px, the projected centre
+struct SurfelRows {
     Vec2<Real> row_x, row_y;  // px x world units
     Vec2<Real> row_z;         // world units
     Real depth;               // of the centre, the third entry of the last row
+};
+
+/// A surfel as it appears in a view: the inverse of its SurfelRows. What it takes a pixel to is
+/// (u, v, 1) over the depth there, which makes hits a few multiplications.
+template <class Real>
+struct alignas(16) SurfelShape {
+    Vec2<Real> mean;          // px, the projected centre
+    Vec2<Real> row_u, row_v;  // per px and world unit; their third entries are 0
+    Vec2<Real> slope;         // of the inverse depth, per px and world unit
+    Real inverse_depth;       // of the centre
     Real opacity;
     Vec2<Real> low_pass;   // px from `mean`: where the splat is at least a blurred dot
     Vec2<Real> low, high;  // px from `mean`: outside it draws nothing
 };
 
-/// Bounds of alpha, and of the depth at which a pixel's ray may meet a surfel, world units.
-inline constexpr float kLeastSurfelAlpha = 1.0f / 255, kMostSurfelAlpha = 0.99f,
-                       kLeastSurfelDepth = 0.2f;
+/// Bounds of alpha.
+inline constexpr float kLeastSurfelAlpha = 1.0f / 255, kMostSurfelAlpha = 0.99f;
+
+/// A pixel's ray may meet a surfel at a depth that differs by this factor from the centre's, no
+/// more: beyond, the disc is seen on edge and there is but the dot. (The official code takes from
+/// 0.2 world units on, in scenes a few units deep.)
+inline constexpr float kSurfelDepthRatio = 20;
 
 /// Axes of a surfel in the camera's frame, in standard deviations, and its centre.
 template <class Real>
@@ -38,7 +51,7 @@ struct SurfelBox {
     bool bounded;  // else the disc reaches the camera's plane, and the rest means nothing
 };
 template <class Real>
-TVSGS_HD SurfelBox<Real> surfel_box(const SurfelShape<Real>& s, Real reach) {
+TVSGS_HD SurfelBox<Real> surfel_box(const SurfelRows<Real>& s, Real reach) {
     const Real r2 = reach * reach, d0 = r2 * dot(s.row_z, s.row_z) - s.depth * s.depth;
     if (!(d0 < 0)) return {{0, 0}, {0, 0}, false};
     const Real f = r2 / d0;
@@ -57,7 +70,17 @@ TVSGS_HD SurfelBox<Real> surfel_box(const SurfelShape<Real>& s, Real reach) {
 /// The official low-pass dot sits at the centre of the box of three standard deviations.
 inline constexpr float kLowPassReach = 3;
 
-/// False: the surfel is not in view, or so near to the camera's plane that its box is unbounded.
+template <class Real>
+TVSGS_HD SurfelRows<Real> surfel_rows(const Pinhole<Real>& camera, const SurfelAxes<Real>& axes) {
+    const Vec3<Real>&a = axes.a, &b = axes.b, &p = axes.centre;
+    const Real x = camera.fx * p.x / p.z, y = camera.fy * p.y / p.z;
+    return {{camera.fx * a.x - x * a.z, camera.fx * b.x - x * b.z},
+            {camera.fy * a.y - y * a.z, camera.fy * b.y - y * b.z},
+            {a.z, b.z},
+            p.z};
+}
+
+/// False: the surfel is seen on edge, or so near to the camera's plane that its box is unbounded.
 /// `least_alpha`: what is fainter does not draw.
 template <class Real>
 TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
@@ -65,18 +88,20 @@ TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
                            Real opacity,
                            Real least_alpha,
                            SurfelShape<Real>& s) {
-    const Vec3<Real> p = axes.centre;
-    s.mean = project_point(camera, p);
-    const Real x = s.mean.x - camera.cx, y = s.mean.y - camera.cy;
-    s.row_x = {camera.fx * axes.a.x - x * axes.a.z, camera.fx * axes.b.x - x * axes.b.z};
-    s.row_y = {camera.fy * axes.a.y - y * axes.a.z, camera.fy * axes.b.y - y * axes.b.z};
-    s.row_z = {axes.a.z, axes.b.z};
-    s.depth = p.z, s.opacity = opacity;
-    const SurfelBox<Real> dot_at = surfel_box(s, Real(kLowPassReach));
+    const SurfelRows<Real> rows = surfel_rows(camera, axes);
+    const Vec2<Real>&x = rows.row_x, &y = rows.row_y;
+    const Real det = x.x * y.y - x.y * y.x;
+    if (!(det * det > Real(1e-12) * dot(x, x) * dot(y, y))) return false;
+    s.mean = project_point(camera, axes.centre);
+    s.row_u = {y.y / det, -x.y / det}, s.row_v = {-y.x / det, x.x / det};
+    s.inverse_depth = 1 / rows.depth;
+    s.slope = -s.inverse_depth * (rows.row_z.x * s.row_u + rows.row_z.y * s.row_v);
+    s.opacity = opacity;
+    const SurfelBox<Real> dot_at = surfel_box(rows, Real(kLowPassReach));
     if (!dot_at.bounded) return false;
     s.low_pass = dot_at.centre;
     const Real reach = std::sqrt(2 * std::log(opacity / least_alpha));
-    const SurfelBox<Real> box = surfel_box(s, reach);
+    const SurfelBox<Real> box = surfel_box(rows, reach);
     if (!box.bounded) return false;
     const Real blur = reach * Real(0.70710678);  // of the dot
     const auto bounds = [&](Real at, Real half, Real dot_centre, Real& low, Real& high) {
@@ -109,27 +134,12 @@ struct SurfelHit {
 };
 
 template <class Real>
-struct SurfelRay {
-    Vec3<Real> k, l, m;  // homogeneous lines through the pixel, on the plane; m = k x l
-};
-template <class Real>
-TVSGS_HD SurfelRay<Real> surfel_ray(const SurfelShape<Real>& s, Vec2<Real> d) {
-    SurfelRay<Real> r;
-    r.k = {d.x * s.row_z.x - s.row_x.x, d.x * s.row_z.y - s.row_x.y, d.x * s.depth};
-    r.l = {d.y * s.row_z.x - s.row_y.x, d.y * s.row_z.y - s.row_y.y, d.y * s.depth};
-    r.m = cross(r.k, r.l);
-    return r;
-}
-
-/// `near`: what is nearer to the camera's plane does not draw.
-template <class Real>
-TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d, Real near) {
-    const Vec3<Real> m = surfel_ray(s, d).m;
+TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d) {
     SurfelHit<Real> hit;
-    if (m.z == 0) return hit;
-    const Vec2<Real> uv{m.x / m.z, m.y / m.z};
-    const Real z = dot(uv, s.row_z) + s.depth;
-    if (!(z >= near)) return hit;
+    const Real inverse = s.inverse_depth + dot(s.slope, d), ratio = Real(kSurfelDepthRatio);
+    if (!(inverse * ratio > s.inverse_depth) || !(inverse < s.inverse_depth * ratio)) return hit;
+    const Real z = 1 / inverse;
+    const Vec2<Real> uv{z * dot(s.row_u, d), z * dot(s.row_v, d)};
     const Vec2<Real> from_dot = d - s.low_pass;
     const Real by_plane = dot(uv, uv), by_dot = 2 * dot(from_dot, from_dot);
     hit.low_pass = !(by_plane <= by_dot);
@@ -141,62 +151,82 @@ TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d, Re
     return hit;
 }
 
-/// dL/d of the matrix of a SurfelShape, its pixels counted from where they are, and of the dot.
+/// dL/d of the inverse of SurfelRows with all its entries, and of the dot.
 template <class Real>
-struct SurfelMatrixGradient {
-    Vec3<Real> row_x, row_y, row_z;
+struct SurfelInverseGradient {
+    Vec3<Real> row_u, row_v, row_w;
     Vec2<Real> low_pass;
 };
 
-/// Adds. Where the dot is drawn, uv counts as a constant, as in the official code.
+/// Adds. A dot's depth tells of the centre's depth alone: on edge, where dots win, what it would
+/// tell of the tilt grows beyond all bounds. (The official code takes uv for a constant there.)
+/// `dL_ddepth`: of the centre.
 template <class Real>
 TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
                              const SurfelHit<Real>& hit,
                              Real dL_dgauss,
                              Real dL_dz,
-                             SurfelMatrixGradient<Real>& g) {
+                             SurfelInverseGradient<Real>& g,
+                             Real& dL_ddepth) {
     const Vec2<Real> d = hit.offset, uv = hit.uv;
-    g.row_z += Vec3<Real>{dL_dz * uv.x, dL_dz * uv.y, dL_dz};
     const Real slope = -hit.gauss * dL_dgauss;
     if (hit.low_pass) {
         g.low_pass += -2 * slope * (d - s.low_pass);
+        dL_ddepth += dL_dz;
         return;
     }
-    const SurfelRay<Real> r = surfel_ray(s, d);
-    const Real by_u = slope * uv.x + dL_dz * s.row_z.x, by_v = slope * uv.y + dL_dz * s.row_z.y;
-    const Vec3<Real> by_m = Vec3<Real>{by_u, by_v, -(uv.x * by_u + uv.y * by_v)} / r.m.z;
-    const Vec3<Real> by_k = cross(r.l, by_m), by_l = cross(by_m, r.k);
-    g.row_x -= by_k, g.row_y -= by_l;
-    g.row_z += d.x * by_k + d.y * by_l;
+    const Real by_u = slope * uv.x, by_v = slope * uv.y,
+               by_inverse = -hit.z * (hit.z * dL_dz + by_u * uv.x + by_v * uv.y);
+    const Vec3<Real> at{d.x, d.y, 1};
+    g.row_u += hit.z * by_u * at, g.row_v += hit.z * by_v * at;
+    g.row_w += by_inverse * at;
+}
+
+/// dL/d of SurfelRows with all their entries.
+template <class Real>
+struct SurfelMatrixGradient {
+    Vec3<Real> row_x, row_y, row_z;
+};
+
+/// Of the inverse of a matrix, P = T^-1: dL/dT = -P^T dL/dP P^T.
+template <class Real>
+TVSGS_HD SurfelMatrixGradient<Real> surfel_inverse_vjp(const SurfelShape<Real>& s,
+                                                       const SurfelInverseGradient<Real>& g) {
+    const auto times_inverse = [&](Vec3<Real> by) -> Vec3<Real> {  // by P^T, a row
+        return {by.x * s.row_u.x + by.y * s.row_u.y, by.x * s.row_v.x + by.y * s.row_v.y,
+                by.x * s.slope.x + by.y * s.slope.y + by.z * s.inverse_depth};
+    };
+    const Vec3<Real> u = times_inverse(g.row_u), v = times_inverse(g.row_v),
+                     w = times_inverse(g.row_w);
+    return {-(s.row_u.x * u + s.row_v.x * v + s.slope.x * w),
+            -(s.row_u.y * u + s.row_v.y * v + s.slope.y * w), -s.inverse_depth * w};
 }
 
 /// Of surfel_shape(): adds what the dot's place passes on to the matrix.
 template <class Real>
-TVSGS_HD void low_pass_vjp(const SurfelShape<Real>& s, SurfelMatrixGradient<Real>& g) {
+TVSGS_HD void low_pass_vjp(const SurfelRows<Real>& s,
+                           Vec2<Real> low_pass,
+                           Vec2<Real> dL_dlow_pass,
+                           SurfelMatrixGradient<Real>& g) {
     const Real r2 = Real(kLowPassReach * kLowPassReach);
-    const Vec3<Real> t{r2, r2, -1}, last{s.row_z.x, s.row_z.y, s.depth};
+    const Vec3<Real> t{r2, r2, -1}, x{s.row_x.x, s.row_x.y, 0}, y{s.row_y.x, s.row_y.y, 0},
+        z{s.row_z.x, s.row_z.y, s.depth};
     const Real d0 = r2 * dot(s.row_z, s.row_z) - s.depth * s.depth;
-    const Real e = dot(g.low_pass, s.low_pass);
+    const Real e = dot(dL_dlow_pass, low_pass);
     for (int j = 0; j < 3; ++j) {
         const Real f = t[j] / d0;
-        const Real x = j == 0   ? s.row_x.x
-                       : j == 1 ? s.row_x.y
-                                : 0,
-                   y = j == 0   ? s.row_y.x
-                       : j == 1 ? s.row_y.y
-                                : 0;
-        g.row_x[j] += g.low_pass.x * f * last[j];
-        g.row_y[j] += g.low_pass.y * f * last[j];
-        g.row_z[j] += f * (g.low_pass.x * x + g.low_pass.y * y) - 2 * e / d0 * t[j] * last[j];
+        g.row_x[j] += dL_dlow_pass.x * f * z[j];
+        g.row_y[j] += dL_dlow_pass.y * f * z[j];
+        g.row_z[j] += f * (dL_dlow_pass.x * x[j] + dL_dlow_pass.y * y[j]) - 2 * e * f * z[j];
     }
 }
 
-/// From the matrix to the axes in the camera's frame.
+/// From the matrix to the axes, `centre` that of the axes.
 template <class Real>
 TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
-                                          const SurfelShape<Real>& s,
+                                          Vec3<Real> centre,
                                           const SurfelMatrixGradient<Real>& g) {
-    const Real x = s.mean.x - camera.cx, y = s.mean.y - camera.cy;
+    const Real x = camera.fx * centre.x / centre.z, y = camera.fy * centre.y / centre.z;
     const auto column = [&](int j) -> Vec3<Real> {
         return {camera.fx * g.row_x[j], camera.fy * g.row_y[j],
                 g.row_z[j] - x * g.row_x[j] - y * g.row_y[j]};
@@ -204,12 +234,14 @@ TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
     return {column(0), column(1), column(2)};
 }
 
-/// Depths as the distortion measures them: equal steps are equal steps in disparity.
+/// Depths as the distortion measures them: equal steps are equal steps in disparity. The official
+/// far / (far - near) (1 - near / z) but for its constant: only differences count, and near 1 they
+/// would have no digits left.
 inline constexpr double kDistortionNear = 0.2, kDistortionFar = 100;
 template <class Real>
 TVSGS_HD Real distortion_depth(Real z) {
     const Real near = Real(kDistortionNear), far = Real(kDistortionFar);
-    return far / (far - near) * (1 - near / z);
+    return -far * near / ((far - near) * z);
 }
 template <class Real>
 TVSGS_HD Real distortion_depth_slope(Real z) {
@@ -235,20 +267,24 @@ struct SurfelPixel {
     Real distortion = 0;         // sum over pairs of w_i w_j (m_i - m_j)^2
 };
 
-/// False: the pixel is full, and the splat was not blended.
-template <class Real>
+/// False: the pixel is full, and the splat was not blended. Without `kMaps` the colour alone is.
+template <bool kMaps, class Real>
 TVSGS_HD bool blend(SurfelPixel<Real>& pixel,
                     const SurfelHit<Real>& hit,
                     const SurfelFeatures<Real>& f) {
     const Real next = pixel.T * (1 - hit.alpha);
     if (next < Real(1e-4)) return false;
     if (!(hit.alpha > 0)) return true;
-    const Real w = hit.alpha * pixel.T, m = distortion_depth(hit.z);
-    pixel.distortion += w * (m * m * (1 - pixel.T) + pixel.second - 2 * m * pixel.first);
-    pixel.first += w * m, pixel.second += w * m * m;
-    pixel.color += w * f.color, pixel.normal += w * f.normal;
-    pixel.z += w * hit.z;
-    if (pixel.T > Real(0.5)) pixel.median = hit.z;
+    const Real w = hit.alpha * pixel.T;
+    pixel.color += w * f.color;
+    if constexpr (kMaps) {
+        const Real m = distortion_depth(hit.z);
+        pixel.distortion += w * (m * m * (1 - pixel.T) + pixel.second - 2 * m * pixel.first);
+        pixel.first += w * m, pixel.second += w * m * m;
+        pixel.normal += w * f.normal;
+        pixel.z += w * hit.z;
+        if (pixel.T > Real(0.5)) pixel.median = hit.z;
+    }
     pixel.T = next;
     return true;
 }
@@ -273,17 +309,18 @@ struct SurfelPixelBackward {
 /// Sums of one surfel over pixels.
 template <class Real>
 struct alignas(16) SurfelGradients {
-    SurfelMatrixGradient<Real> matrix;
+    SurfelInverseGradient<Real> inverse;
     Real opacity;
-    Vec3<Real> color, normal;
+    Vec3<Real> color;
     Real front_pixels;  // as in blend_math.h
-    Real unused;        // for whole 16-byte words
+    Vec3<Real> normal;
+    Real depth;  // of the centre, by dots
 
-    static constexpr int kCount = 20;
+    static constexpr int kCount = 20, kOfColor = 16;  // the first ones are all that colour needs
 };
 
 /// One surfel at one pixel, visited back to front; adds. A hit of alpha 0 adds nothing.
-template <class Real>
+template <bool kMaps, class Real>
 TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,
                         const SurfelFeatures<Real>& f,
@@ -291,26 +328,29 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         SurfelGradients<Real>& g) {
     if (!(hit.alpha > 0)) return;
     const SurfelPixelGradient<Real>& by = pixel.by;
-    const Real T = pixel.T / (1 - hit.alpha), w = hit.alpha * T, m = distortion_depth(hit.z);
-    const Real dL_dw = dot(by.color, f.color) + dot(by.normal, f.normal) + by.coverage +
-                       by.z * hit.z +
-                       by.distortion * (by.second + m * m * by.all - 2 * m * by.first);
+    const Real T = pixel.T / (1 - hit.alpha), w = hit.alpha * T;
+    const bool in_front = T > Real(0.5);
+    Real dL_dw = dot(by.color, f.color), dL_dz = 0;
+    if constexpr (kMaps) {
+        const Real m = distortion_depth(hit.z);
+        dL_dw += dot(by.normal, f.normal) + by.coverage + by.z * hit.z +
+                 by.distortion * (by.second + m * m * by.all - 2 * m * by.first);
+        dL_dz = w * by.z +
+                2 * by.distortion * w * (m * by.all - by.first) * distortion_depth_slope(hit.z);
+        if (in_front && !pixel.had_median) dL_dz += by.median;
+        pixel.had_median = pixel.had_median || in_front;
+        g.normal += w * by.normal;
+    }
     const Real step = dL_dw - pixel.behind;
     pixel.behind += hit.alpha * step;
     pixel.T = T;
 
-    Real dL_dz =
-        w * by.z + 2 * by.distortion * w * (m * by.all - by.first) * distortion_depth_slope(hit.z);
-    const bool in_front = T > Real(0.5);
-    if (in_front && !pixel.had_median) dL_dz += by.median;
-    pixel.had_median = pixel.had_median || in_front;
-
     // The upper clamp of alpha is passed straight through, as in the official code.
     const Real dL_dalpha = T * step;
     g.opacity += hit.gauss * dL_dalpha;
-    g.color += w * by.color, g.normal += w * by.normal;
+    g.color += w * by.color;
     if (in_front) g.front_pixels += 1;
-    surfel_hit_vjp(s, hit, s.opacity * dL_dalpha, dL_dz, g.matrix);
+    surfel_hit_vjp(s, hit, s.opacity * dL_dalpha, dL_dz, g.inverse, g.depth);
 }
 
 }  // namespace tvsgs

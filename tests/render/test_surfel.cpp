@@ -65,17 +65,15 @@ struct Reference {
             order.push_back(i);
         }
         std::stable_sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-            return shapes[a].depth < shapes[b].depth;
+            return shapes[a].inverse_depth > shapes[b].inverse_depth;
         });
         std::vector<SurfelPixel<double>> pixels(std::size_t(c.width_px) * std::size_t(c.height_px));
         for (std::size_t at = 0; at < pixels.size(); ++at) {
             const Vec2<double> centre{static_cast<double>(at % std::size_t(c.width_px)) + 0.5,
                                       static_cast<double>(at / std::size_t(c.width_px)) + 0.5};
             for (const std::size_t i : order)
-                if (!blend(pixels[at],
-                           surfel_hit(shapes[i], centre - shapes[i].mean,
-                                      static_cast<double>(kLeastSurfelDepth)),
-                           features[i]))
+                if (!blend<true>(pixels[at], surfel_hit(shapes[i], centre - shapes[i].mean),
+                                 features[i]))
                     break;
         }
         return pixels;

@@ -36,7 +36,7 @@ TEST(SurfelMath, RaysMeetThePlaneWhereTheyDo) {
         SurfelShape<double> s;
         if (!surfel_shape(camera, axes, 0.9, 1.0 / 255, s)) continue;
         const Vec2<double> d{random.uniform(-10, 10), random.uniform(-10, 10)};
-        const SurfelHit<double> hit = surfel_hit(s, d, 0.2);
+        const SurfelHit<double> hit = surfel_hit(s, d);
         const Vec3d ray{(s.mean.x + d.x - camera.cx) / camera.fx,
                         (s.mean.y + d.y - camera.cy) / camera.fy, 1};
         const Vec3d n = cross(axes.a, axes.b);
@@ -48,7 +48,8 @@ TEST(SurfelMath, RaysMeetThePlaneWhereTheyDo) {
         const double rho = std::min(u * u + v * v, 2 * dot(from_dot, from_dot));
         const double alpha = 0.9 * std::exp(-rho / 2);
         if (std::abs(alpha - 1.0 / 255) < 1e-9) continue;
-        ASSERT_EQ(hit.alpha > 0, z >= 0.2 && alpha >= 1.0 / 255);
+        ASSERT_EQ(hit.alpha > 0,
+                  z > axes.centre.z / 20 && z < axes.centre.z * 20 && alpha >= 1.0 / 255);
         if (hit.alpha == 0) continue;
         ++met;
         EXPECT_NEAR(hit.alpha, alpha, 1e-9);
@@ -79,7 +80,7 @@ TEST(SurfelMath, BoxesAreTight) {
         for (int i = -20; i <= 420; ++i)
             for (int j = -20; j <= 420; ++j) {
                 const Vec2<double> d{s.low.x + width * i / 400, s.low.y + height * j / 400};
-                if (surfel_hit(s, d, 0.2).alpha == 0) continue;
+                if (surfel_hit(s, d).alpha == 0) continue;
                 ASSERT_TRUE(i >= 0 && i <= 400 && j >= 0 && j <= 400) << trial;
                 nearest = std::min({nearest, d.x - s.low.x, s.high.x - d.x, d.y - s.low.y});
             }
@@ -91,8 +92,16 @@ TEST(SurfelMath, BoxesAreTight) {
 TEST(SurfelMath, UnboundedDiscsAreNotDrawn) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
-    EXPECT_FALSE(surfel_shape(camera, {{0, 0, 1}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
-    EXPECT_TRUE(surfel_shape(camera, {{0, 0, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+    EXPECT_FALSE(surfel_shape(camera, {{0, 0.1, 1}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+    EXPECT_TRUE(surfel_shape(camera, {{0, 0.1, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+}
+
+TEST(SurfelMath, DiscsOnEdgeAreNotDrawn) {
+    const auto camera = pinhole<double>(test_view());
+    SurfelShape<double> s;
+    EXPECT_FALSE(surfel_shape(camera, {{0, 0, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+    EXPECT_TRUE(
+        surfel_shape(camera, {{0, 1e-5, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
 }
 
 /// A splat a thousandth of a pixel's size keeps its digits in float far from the image's corner.
@@ -110,8 +119,8 @@ TEST(SurfelMath, SmallSplatsFarOffAxisInFloat) {
                                         vec_cast<float>(axes.centre)};
         ASSERT_TRUE(surfel_shape(camera, rounded, 0.9f, 1.0f / 255, f));
         const Vec2<double> d{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5)};
-        const auto a = surfel_hit(s, d, 0.2);
-        const auto b = surfel_hit(f, {static_cast<float>(d.x), static_cast<float>(d.y)}, 0.2f);
+        const auto a = surfel_hit(s, d);
+        const auto b = surfel_hit(f, {static_cast<float>(d.x), static_cast<float>(d.y)});
         if (a.alpha < 0.01) continue;
         worst = std::max(worst, std::abs(a.alpha - static_cast<double>(b.alpha)));
     }
@@ -135,15 +144,17 @@ std::vector<SurfelShape<double>> shapes_of(const Stack& stack) {
     return shapes;
 }
 
-/// uv of splats drawn as dots stay those of `frozen`, as the derivatives have it.
-SurfelPixel<double> blended(const Stack& stack, const std::vector<SurfelHit<double>>* frozen) {
-    const auto shapes = shapes_of(stack);
+/// The pixel near `at`: depths of splats drawn as dots move with their centres alone, as the
+/// derivatives have it.
+SurfelPixel<double> blended(const Stack& stack, const Stack& at) {
+    const auto shapes = shapes_of(stack), fixed = shapes_of(at);
     SurfelPixel<double> pixel;
     for (std::size_t i = 0; i < shapes.size(); ++i) {
-        auto hit = surfel_hit(shapes[i], stack.pixel - shapes[i].mean, 0.2);
-        if (frozen != nullptr && hit.low_pass)
-            hit.z = dot((*frozen)[i].uv, shapes[i].row_z) + shapes[i].depth;
-        blend(pixel, hit, stack.features[i]);
+        auto hit = surfel_hit(shapes[i], stack.pixel - shapes[i].mean);
+        if (hit.low_pass)
+            hit.z = surfel_hit(fixed[i], stack.pixel - fixed[i].mean).z + stack.axes[i].centre.z -
+                    at.axes[i].centre.z;
+        blend<true>(pixel, hit, stack.features[i]);
     }
     return pixel;
 }
@@ -184,14 +195,15 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
         std::vector<SurfelHit<double>> hits;
         bool unusual = false;  // at a step of the formulas, where differences say nothing
         for (const auto& s : shapes) {
-            hits.push_back(surfel_hit(s, stack.pixel - s.mean, 0.2));
+            hits.push_back(surfel_hit(s, stack.pixel - s.mean));
             const auto& h = hits.back();
             const Vec2<double> from_dot = h.offset - s.low_pass;
             unusual |=
                 h.alpha < 0.01 || std::abs(dot(h.uv, h.uv) - 2 * dot(from_dot, from_dot)) < 1e-3;
             (h.low_pass ? dots : planes) += 1;
         }
-        const SurfelPixel<double> pixel = blended(stack, &hits);
+        const Stack fixed = stack;
+        const SurfelPixel<double> pixel = blended(stack, fixed);
         double T = 1;
         for (const auto& h : hits) unusual |= std::abs(T - 0.5) < 1e-3, T *= 1 - h.alpha;
         if (unusual) continue;
@@ -201,15 +213,19 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
         SurfelPixelBackward<double> back{pixel.T, by};
         for (std::size_t i = shapes.size(); i-- > 0;) {
             SurfelGradients<double> g{};
-            blend_vjp(back, shapes[i], stack.features[i], hits[i], g);
-            low_pass_vjp(shapes[i], g.matrix);
-            const SurfelAxes<double> by_axes = surfel_axes_vjp(camera, shapes[i], g.matrix);
+            blend_vjp<true>(back, shapes[i], stack.features[i], hits[i], g);
+            SurfelMatrixGradient<double> matrix = surfel_inverse_vjp(shapes[i], g.inverse);
+            matrix.row_z.z += g.depth;
+            low_pass_vjp(surfel_rows(camera, stack.axes[i]), shapes[i].low_pass, g.inverse.low_pass,
+                         matrix);
+            const SurfelAxes<double> by_axes =
+                surfel_axes_vjp(camera, stack.axes[i].centre, matrix);
             const auto slope = [&](double& x) {
                 const double kept = x;
                 const double d = central_difference(
                     [&](double h) {
                         x = kept + h;
-                        return value_of(stack, blended(stack, &hits));
+                        return value_of(stack, blended(stack, fixed));
                     },
                     1e-7);
                 x = kept;
@@ -253,7 +269,7 @@ TEST(SurfelMath, DistortionAndMedianByTheirDefinitions) {
             w.push_back(hit.alpha * T);
             m.push_back(100 / 99.8 * (1 - 0.2 / hit.z));
             T *= 1 - hit.alpha;
-            ASSERT_TRUE(blend(pixel, hit, {}));
+            ASSERT_TRUE(blend<true>(pixel, hit, {}));
         }
         double sum = 0;
         for (std::size_t i = 0; i < w.size(); ++i)
