@@ -49,6 +49,7 @@ struct LossNeeds {
     MapNames view_maps{};          // DeviceView::map(); a view may lack them
     bool targets = false;          // of the tensor field
     bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
+    bool thickness = false;        // of splats that have one; see Backbone::flat()
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.maps |= b.maps;
@@ -56,12 +57,11 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.rendered_views = std::max(a.rendered_views, b.rendered_views);
     a.edges |= b.edges, a.grey |= b.grey;
     for (const std::string_view name : b.view_maps) a.view_maps.add(name);
-    a.targets |= b.targets, a.splat_gradients |= b.splat_gradients;
+    a.targets |= b.targets, a.splat_gradients |= b.splat_gradients, a.thickness |= b.thickness;
     return a;
 }
 
-/// One term of the objective. It holds its own weight and schedule, and says in a constant kNeeds
-/// what it reads.
+/// One term of the objective. It holds its own weight and schedule, and says what it reads.
 template <class Device>
 class Loss {
 public:
@@ -132,10 +132,32 @@ struct ScheduledOptions {
     }
 };
 
+struct NormalConsistencyOptions {
+    float weight = 0, expected = 0;
+    bool by_coverage = true;
+    int start = 7001;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "0 switches the term off");
+        field("start", start, {1, 1e9}, "first iteration");
+        field("expected", expected, {0, 1},
+              "share of the normals of the mean depth; the rest: those of render.depth");
+        field("by_coverage", by_coverage,
+              "the depth map's normals count by the coverage of their pixels (2DGS), or fully");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("start", o.start);
+    }
+};
+
 struct LossOptions {
     PhotometricOptions photometric;
     ScheduledOptions flatten;
-    ScheduledOptions normal{0, 7001}, multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
+    ScheduledOptions normal{0, 7001}, distortion{0, 3001};
+    NormalConsistencyOptions normal_consistency;
+    ScheduledOptions multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
     ViewPairOptions multi_view;
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
@@ -149,6 +171,9 @@ struct LossOptions {
         visit("flatten", o.flatten, "smallest scale of each visible splat, PGSR");
         visit("normal", o.normal,
               "blended normals against normals of the depth map, PGSR single view");
+        visit("normal_consistency", o.normal_consistency,
+              "directions of blended normals against those of the depth map, 2DGS");
+        visit("distortion", o.distortion, "depths that a pixel blends against each other, 2DGS");
         visit("multi_view_geometry", o.multi_view_geometry,
               "depth maps of two views against each other, PGSR");
         visit("multi_view_ncc", o.multi_view_ncc,

@@ -38,7 +38,7 @@ struct FlattenGradientBody {
 template <class Device>
 class FlattenLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{.splat_gradients = true};
+    static constexpr LossNeeds kNeeds{.splat_gradients = true, .thickness = true};
 
     /// `length_unit`: world units that count as 1.
     explicit FlattenLoss(const ScheduledOptions& options, float length_unit = 1)

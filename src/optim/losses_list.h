@@ -7,10 +7,12 @@
 #include <type_traits>
 #include <vector>
 
+#include "optim/loss_distortion.h"
 #include "optim/loss_flatten.h"
 #include "optim/loss_multiview_geometry.h"
 #include "optim/loss_multiview_ncc.h"
 #include "optim/loss_normal.h"
+#include "optim/loss_normal_consistency.h"
 #include "optim/loss_photometric.h"
 #include "optim/loss_tv.h"
 
@@ -23,6 +25,9 @@ void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit
     visit(type_identity<PhotometricLoss<Device>>{}, "photometric", o.photometric, c.views);
     visit(type_identity<FlattenLoss<Device>>{}, "flatten", o.flatten, c.length_unit);
     visit(type_identity<NormalLoss<Device>>{}, "normal", o.normal);
+    visit(type_identity<NormalConsistencyLoss<Device>>{}, "normal_consistency",
+          o.normal_consistency);
+    visit(type_identity<DistortionLoss<Device>>{}, "distortion", o.distortion, c.length_unit);
     visit(type_identity<MultiViewGeometryLoss<Device>>{}, "multi_view_geometry",
           o.multi_view_geometry);
     visit(type_identity<MultiViewNccLoss<Device>>{}, "multi_view_ncc", o.multi_view_ncc,

@@ -11,11 +11,11 @@ int iterations_done(const State& state) {
 
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {
     std::vector<TermOnList> list;
-    visit_losses<Cpu>(
-        options, {},
-        [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of, const auto&...) {
-            list.push_back({key, of.weight, Term::kNeeds});
-        });
+    visit_losses<Cpu>(options, {},
+                      [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of,
+                                      const auto&... more) {
+                          list.push_back({key, of.weight, Term(of, more...).needs()});
+                      });
     list.insert(list.end(), added_terms().begin(), added_terms().end());
     return list;
 }

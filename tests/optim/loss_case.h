@@ -11,20 +11,28 @@ struct LossCase {
     std::vector<float> radii_px;                // [N]
     std::vector<Vec3f> voted_normals, targets;  // [N]
     std::vector<std::uint8_t> flags;            // [N]; empty: no voting event yet
-    Camera camera;                              // the rest is for the normal loss
+    Camera camera;                              // the rest is for terms over images
     std::vector<Vec3f> normal;                  // [H W]
-    std::vector<float> transmittance, depth;
+    std::vector<float> transmittance, depth, expected_depth, distortion;
     std::vector<std::uint8_t> photo;  // [H W 3]
     float edge_min = 0, edge_max = 1;
 };
 
-enum class Term { flatten, normal, tv_normal, tv_position };
+enum class Term {
+    flatten,
+    normal,
+    normal_consistency,
+    two_depths,  // normal_consistency of both depth maps, whatever the coverage
+    distortion,
+    tv_normal,
+    tv_position
+};
 
 struct LossResult {
     double value = 0;
     std::vector<Vec3f> dL_dmeans, dL_dlog_scales, dL_dnormal;
     std::vector<Quatf> dL_dquats;
-    std::vector<float> dL_ddepth;
+    std::vector<float> dL_ddepth, dL_dexpected_depth, dL_ddistortion;
 };
 
 /// What the term adds to an objective that already holds something.
@@ -38,6 +46,17 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
             break;
         case Term::normal:
             loss = std::make_unique<NormalLoss<Device>>(options);
+            break;
+        case Term::normal_consistency:
+            loss = std::make_unique<NormalConsistencyLoss<Device>>(
+                NormalConsistencyOptions{.weight = weight, .start = 1});
+            break;
+        case Term::two_depths:
+            loss = std::make_unique<NormalConsistencyLoss<Device>>(NormalConsistencyOptions{
+                .weight = weight, .expected = 0.4f, .by_coverage = false, .start = 1});
+            break;
+        case Term::distortion:
+            loss = std::make_unique<DistortionLoss<Device>>(options, 3.0f);
             break;
         case Term::tv_normal:
             loss = std::make_unique<TvLoss<Device, false>>(options, reduction);
@@ -54,6 +73,8 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     copy(c.normal, images.normal);
     copy(c.transmittance, images.transmittance);
     copy(c.depth, images.depth);
+    copy(c.expected_depth, images.expected_depth);
+    copy(c.distortion, images.distortion);
     DeviceView<Device> view;
     view.camera = c.camera;
     copy(c.photo, view.photo);
@@ -67,10 +88,15 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     Objective<Device> objective;
     resize(objective.dL_dgaussians, gaussians.size(), gaussians.sh_degree);
     fill_zero(objective.dL_dgaussians);
-    objective.dL_dimages.normal.resize(c.normal.size());
-    objective.dL_dimages.normal.fill_zero();
-    objective.dL_dimages.depth.resize(c.depth.size());
-    objective.dL_dimages.depth.fill_zero();
+    auto& dL = objective.dL_dimages;
+    const auto clear_like = [](const auto& image, auto& gradient) {
+        gradient.resize(image.size());
+        gradient.fill_zero();
+    };
+    clear_like(c.normal, dL.normal);
+    clear_like(c.depth, dL.depth);
+    clear_like(c.expected_depth, dL.expected_depth);
+    clear_like(c.distortion, dL.distortion);
     objective.partial.resize(kSumBlocks);
     objective.count.resize(1);
     copy(std::vector<double>{2}, objective.values);  // a term adds, it never overwrites
@@ -79,9 +105,11 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     return {to_host(objective.values)[0] - 2,
             to_host(objective.dL_dgaussians.means),
             to_host(objective.dL_dgaussians.log_scales),
-            to_host(objective.dL_dimages.normal),
+            to_host(dL.normal),
             to_host(objective.dL_dgaussians.quats),
-            to_host(objective.dL_dimages.depth)};
+            to_host(dL.depth),
+            to_host(dL.expected_depth),
+            to_host(dL.distortion)};
 }
 
 /// evaluate<Cuda>, compiled by nvcc.

@@ -184,31 +184,49 @@ LossCase image_case() {
             c.depth.push_back(
                 static_cast<float>(-random.uniform(3.8, 4.2) / dot(n, pixel_ray(c.camera, x, y))));
         }
+    for (const float depth : c.depth) {
+        c.expected_depth.push_back(depth * static_cast<float>(random.uniform(0.95, 1.05)));
+        c.distortion.push_back(static_cast<float>(random.uniform(0, 1)));
+    }
     c.depth[5 * kWidth + 6] = 0;  // a hole: its neighbours have no normal
     c.edge_min = 0.05f, c.edge_max = 0.8f;
     return c;
 }
 
 struct DoubleImages {
+    explicit DoubleImages(const LossCase& c)
+        : depth(c.depth.begin(), c.depth.end()),
+          expected_depth(c.expected_depth.begin(), c.expected_depth.end()) {
+        for (const Vec3f& n : c.normal) normal.push_back(vec_cast<double>(n));
+    }
     std::vector<Vec3d> normal;
-    std::vector<double> depth;
+    std::vector<double> depth, expected_depth;
 };
 
-/// The term of pixel (x, y), times the number of pixels, from the definition. Sets *kink where an
-/// absolute value is within reach of a difference.
-double pixel_term(const LossCase& c, const DoubleImages& images, int x, int y, bool* kink) {
-    if (x < 1 || y < 1 || x > kWidth - 2 || y > kHeight - 2) return 0;
-    const auto index = [](int px, int py) { return static_cast<std::size_t>(py * kWidth + px); };
+std::size_t index(int x, int y) {
+    return static_cast<std::size_t>(y * kWidth + x);
+}
+
+/// The normal of a depth map at (x, y); zero where it has none.
+Vec3d normal_of(const LossCase& c, const std::vector<double>& depth, int x, int y) {
+    if (x < 1 || y < 1 || x > kWidth - 2 || y > kHeight - 2) return {};
     for (std::size_t q : {index(x - 1, y), index(x + 1, y), index(x, y - 1), index(x, y + 1)})
-        if (c.depth[q] == 0) return 0;
+        if (depth[q] == 0) return {};
     const auto point = [&](int px, int py) {
         const Vec3d ray{(px + 0.5 - c.camera.cx_px) / c.camera.fx_px,
                         (py + 0.5 - c.camera.cy_px) / c.camera.fy_px, 1};
-        const std::size_t q = index(px, py);
-        return images.depth[q] * ray;
+        return depth[index(px, py)] * ray;
     };
-    const Vec3d n =
-        normalize(cross(point(x + 1, y) - point(x - 1, y), point(x, y - 1) - point(x, y + 1)));
+    return normalize(cross(point(x + 1, y) - point(x - 1, y), point(x, y - 1) - point(x, y + 1)));
+}
+
+/// A term of pixel (x, y), times the number of pixels, from the definition. Sets *kink where an
+/// absolute value is within reach of a difference.
+using PixelTerm = double (*)(const LossCase&, const DoubleImages&, int x, int y, bool* kink);
+
+double normal_term(const LossCase& c, const DoubleImages& images, int x, int y, bool* kink) {
+    const Vec3d n = normal_of(c, images.depth, x, y);
+    if (norm(n) == 0) return 0;
     const auto edge = [&](std::size_t p, std::size_t q) {
         double sum = 0;
         for (std::size_t k = 0; k < 3; ++k)
@@ -224,45 +242,80 @@ double pixel_term(const LossCase& c, const DoubleImages& images, int x, int y, b
     return (1 - e) * (1 - e) * (std::abs(d.x) + std::abs(d.y) + std::abs(d.z));
 }
 
-TEST(NormalLoss, ValueAndGradient) {
+double consistency_term(const LossCase& c, const DoubleImages& images, int x, int y, bool*) {
+    return 1 - (1.0 - c.transmittance[index(x, y)]) *
+                   dot(images.normal[index(x, y)], normal_of(c, images.depth, x, y));
+}
+
+double two_depths_term(const LossCase& c, const DoubleImages& images, int x, int y, bool*) {
+    const Vec3d n =
+        0.6 * normal_of(c, images.depth, x, y) + 0.4 * normal_of(c, images.expected_depth, x, y);
+    return 1 - dot(images.normal[index(x, y)], n);
+}
+
+struct NormalTerm {
+    Term term;
+    PixelTerm of;
+};
+class NormalTerms : public testing::TestWithParam<NormalTerm> {};
+INSTANTIATE_TEST_SUITE_P(All,
+                         NormalTerms,
+                         testing::Values(NormalTerm{Term::normal, normal_term},
+                                         NormalTerm{Term::normal_consistency, consistency_term},
+                                         NormalTerm{Term::two_depths, two_depths_term}));
+
+TEST_P(NormalTerms, ValueAndGradient) {
     const LossCase c = image_case();
-    DoubleImages images;
-    for (const Vec3f& n : c.normal) images.normal.push_back(vec_cast<double>(n));
-    images.depth.assign(c.depth.begin(), c.depth.end());
+    DoubleImages images(c);
     const auto loss_around = [&](int x0, int y0, int reach, bool* kink) {
         double sum = 0;
-        for (int y = y0 - reach; y <= y0 + reach; ++y)
-            for (int x = x0 - reach; x <= x0 + reach; ++x) sum += pixel_term(c, images, x, y, kink);
+        for (int y = std::max(y0 - reach, 0); y <= std::min(y0 + reach, kHeight - 1); ++y)
+            for (int x = std::max(x0 - reach, 0); x <= std::min(x0 + reach, kWidth - 1); ++x)
+                sum += GetParam().of(c, images, x, y, kink);
         return kWeight * sum / (kWidth * kHeight);
     };
     bool any = false;
-    const LossResult r = evaluate<Cpu>(c, Term::normal, kWeight, Reduction::mean);
+    const LossResult r = evaluate<Cpu>(c, GetParam().term, kWeight, Reduction::mean);
     EXPECT_GT(r.value, 0.01);
     // Normals come of differences of close points: they lose an order of magnitude.
     EXPECT_TRUE(close(r.value, loss_around(0, 0, kWidth, &any), 10 * kRelative));
     int checked = 0;
+    const auto check = [&](double& number, float got, int x, int y) {
+        const double middle = number;
+        bool kink = false;
+        const double expected = central_difference(
+            [&](double h) {
+                number = middle + h;
+                const double loss = loss_around(x, y, 1, &kink);
+                number = middle;
+                return loss;
+            },
+            1e-5);
+        if (kink) return;
+        ++checked;
+        EXPECT_TRUE(close(got, expected, 1e-4, 0.01)) << x << ' ' << y;
+    };
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < kWidth; ++x) {
-            const auto at = static_cast<std::size_t>(y * kWidth + x);
-            bool kink = false;
-            for (int entry = 0; entry < 4; ++entry) {
-                double& number = entry < 3 ? images.normal[at][entry] : images.depth[at];
-                const double middle = number;
-                const double expected = central_difference(
-                    [&](double h) {
-                        number = middle + h;
-                        const double loss = loss_around(x, y, 1, &kink);
-                        number = middle;
-                        return loss;
-                    },
-                    1e-5);
-                if (kink) continue;
-                const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddepth[at];
-                ++checked;
-                EXPECT_TRUE(close(got, expected, 1e-4, 0.01)) << x << ' ' << y << ' ' << entry;
-            }
+            const std::size_t at = index(x, y);
+            for (int entry = 0; entry < 3; ++entry)
+                check(images.normal[at][entry], r.dL_dnormal[at][entry], x, y);
+            // A depth of 0 is none, whatever is around it.
+            if (images.depth[at] > 0) check(images.depth[at], r.dL_ddepth[at], x, y);
+            check(images.expected_depth[at], r.dL_dexpected_depth[at], x, y);
         }
-    EXPECT_GT(checked, 3 * kWidth * kHeight) << "too many pixels near a kink";
+    EXPECT_GT(checked, 4 * kWidth * kHeight) << "too many pixels near a kink";
+}
+
+TEST(DistortionLoss, IsTheMeanInSquaredLengthUnits) {
+    const LossCase c = image_case();
+    const LossResult r = evaluate<Cpu>(c, Term::distortion, kWeight, Reduction::mean);
+    double sum = 0;
+    for (const float d : c.distortion) sum += d;
+    const double per_pixel = kWeight * 9.0 / (kWidth * kHeight);
+    EXPECT_TRUE(close(r.value, per_pixel * sum, kRelative));
+    for (const float g : r.dL_ddistortion) EXPECT_TRUE(close(g, per_pixel, kRelative));
+    expect_zero(r.dL_ddepth);
 }
 
 TEST(NormalLoss, AnImageWithoutEdgesWeighsAllPixelsAlike) {
@@ -349,9 +402,12 @@ TEST(LossTwins, CpuAgainstCuda) {
     if constexpr (kHasCuda) {
         const LossCase splats = splat_case(), images = image_case();
         for (Reduction reduction : {Reduction::mean, Reduction::sum, Reduction::visible_mean})
-            for (Term term : {Term::flatten, Term::normal, Term::tv_normal, Term::tv_position}) {
+            for (Term term : {Term::flatten, Term::tv_normal, Term::tv_position, Term::normal,
+                              Term::normal_consistency, Term::two_depths, Term::distortion}) {
                 SCOPED_TRACE(static_cast<int>(term));
-                const LossCase& c = term == Term::normal ? images : splats;
+                const bool of_splats =
+                    term == Term::flatten || term == Term::tv_normal || term == Term::tv_position;
+                const LossCase& c = of_splats ? splats : images;
                 const LossResult a = evaluate<Cpu>(c, term, kWeight, reduction);
                 const LossResult b = test::evaluate_cuda(c, term, kWeight, reduction);
                 EXPECT_TRUE(close(a.value, b.value, kRelative));
@@ -361,6 +417,8 @@ TEST(LossTwins, CpuAgainstCuda) {
                 expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative);
                 expect_same(a.dL_dnormal, b.dL_dnormal, 10 * kRelative);
                 expect_same(a.dL_ddepth, b.dL_ddepth, 10 * kRelative);
+                expect_same(a.dL_dexpected_depth, b.dL_dexpected_depth, 10 * kRelative);
+                expect_same(a.dL_ddistortion, b.dL_ddistortion, kRelative);
             }
     }
 }
