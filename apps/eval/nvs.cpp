@@ -67,7 +67,7 @@ int nvs(const NvsArguments& arguments) {
     const DeviceChoice device = choose_device(arguments.device);
     const std::string splat_path = find_splats(arguments.model);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
-    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
+    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
     if (scene.test.empty())
         throw Error(ExitCode::input,
                     str(arguments.model, ": the run has no test views (scene ", options.scene.path,

@@ -131,7 +131,7 @@ int command(int argc, char** argv) {
     require_output(arguments.out, ".ply", "a mesh is written as PLY", options.scene);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
-    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin);
+    const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
     spdlog::info("{}: {} splats; {} training views of {}, on {}", splat_path, splats.size(),
                  scene.train.size(), options.scene.path, device.description);
 

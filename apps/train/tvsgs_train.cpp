@@ -233,6 +233,7 @@ int command(int argc, char** argv) {
         require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
                                 options.scene);
     require_iterations_left(resume, options.train.iterations);
+    require_same_backbone(resume, options.train.backbone);
 
     // 2. The scene, and what it needs.
     RunPlan plan(table);

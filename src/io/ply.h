@@ -30,14 +30,23 @@ struct PlyGeometry {
 };
 PlyGeometry read_ply_geometry(const std::string& path);
 
+/// Scales of a splat in a file. Two are those of a disc, as 2DGS writes them; its third, along the
+/// normal, is read as a millionth of the larger.
+enum class PlyScales { three, two };
+
 /// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
-/// splats are dropped with a warning.
-Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin = {});
+/// splats are dropped with a warning. `scales`: what the file has.
+Gaussians<Cpu> read_splat_ply(const std::string& path,
+                              Vec3d origin = {},
+                              PlyScales* scales = nullptr);
 
 /// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
 /// Error(ExitCode::numerical) naming the first non-finite value instead of writing it. Positions
 /// are floats, or doubles where there is an origin to add.
-void write_splat_ply(const std::string& path, const Gaussians<Cpu>& gaussians, Vec3d origin = {});
+void write_splat_ply(const std::string& path,
+                     const Gaussians<Cpu>& gaussians,
+                     Vec3d origin = {},
+                     PlyScales scales = PlyScales::three);
 void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin = {});
 void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
 

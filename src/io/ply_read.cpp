@@ -210,11 +210,13 @@ PlyGeometry read_ply_geometry(const std::string& path) {
     return out;
 }
 
-Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin) {
+Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* scales) {
     PlyReader in(path);
     const Element& vertex = vertex_element(in);
     check_vertices(in, vertex);
     const SplatColumns columns = splat_columns(in, vertex);
+    const bool flat = columns.scale[2] < 0;
+    if (scales) *scales = flat ? PlyScales::two : PlyScales::three;
     for (const Element& element : in.elements()) {
         if (&element == &vertex) break;
         in.skip(element);
@@ -237,9 +239,8 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin) {
     for (std::size_t i = 0; i < rows; ++i) {
         in.read_row(vertex, row);
         Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
-        // 2DGS splats are flat; a scale of zero has no finite logarithm. Both become a millionth of
-        // the largest.
-        const bool flat = columns.scale[2] < 0;
+        // Discs have no third scale; a scale of zero has no finite logarithm. Both become a
+        // millionth of the largest.
         if (!flat) log_scale.z = value(columns.scale[2]);
         const float thin = std::max({log_scale.x, log_scale.y, flat ? log_scale.x : log_scale.z}) +
                            std::log(1e-6f);

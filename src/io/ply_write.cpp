@@ -88,15 +88,19 @@ void check_size(const std::string& path,
 
 }  // namespace
 
-void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g, Vec3d origin) {
+void write_splat_ply(const std::string& path,
+                     const Gaussians<Cpu>& g,
+                     Vec3d origin,
+                     PlyScales scales) {
     const std::size_t count = g.means.size();
     const int rest = sh_count(g.sh_degree) - 1;
 
     std::vector<std::string> names = {"nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
     for (int i = 0; i < 3 * rest; ++i) names.push_back(str("f_rest_", i));
-    for (const char* name :
-         {"opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"})
-        names.push_back(name);
+    const int scale_count = scales == PlyScales::two ? 2 : 3;
+    names.push_back("opacity");
+    for (int i = 0; i < scale_count; ++i) names.push_back(str("scale_", i));
+    for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
     std::string text = header(count, origin, false);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
@@ -117,7 +121,7 @@ void write_splat_ply(const std::string& path, const Gaussians<Cpu>& g, Vec3d ori
             for (int k = 1; k <= rest; ++k)
                 *to++ = g.sh[static_cast<std::size_t>(k) * count + i][c];
         *to++ = g.opacity_logits[i];
-        put3(g.log_scales[i]);
+        to = std::copy_n(&g.log_scales[i].x, scale_count, to);
         const Quatf q = g.quats[i];
         for (const float value : {q.w, q.x, q.y, q.z}) *to++ = value;
         for (std::size_t p = 0; p < row.size(); ++p) {

@@ -6,6 +6,7 @@
 #include "core/log.h"
 #include "core/parallel.h"
 #include "core/point_tree.h"
+#include "core/rng.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
@@ -15,6 +16,13 @@ namespace {
 Quatf rotation_to(Vec3f n) {
     if (!(n.z > -0.9999f)) return {0, 1, 0, 0};  // half a turn about x
     return normalize(Quatf{1 + n.z, -n.y, n.x, 0});
+}
+
+/// Uniform: a normal deviate in four dimensions has no preferred direction.
+Quatf random_rotation(std::uint64_t index) {
+    const Vec3f xyz = normal3(random4(0, RandomStream::init, index, 0)),
+                w = normal3(random4(0, RandomStream::init, index, 1));
+    return normalize(Quatf{w.x, xyz.x, xyz.y, xyz.z});
 }
 
 /// The largest standard deviation, world units, that is at most `share` of the larger side of every
@@ -113,7 +121,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
             scale = std::min(scale, largest_scale(scene.train, positions[i], options.max_extent));
         const float log_scale = std::log(std::max(scale, std::sqrt(1e-7f) * unit));
         g.log_scales[i] = {log_scale, log_scale, log_scale};
-        g.quats[i] = {1, 0, 0, 0};
+        g.quats[i] = options.random_rotations ? random_rotation(i) : Quatf{1, 0, 0, 0};
         if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros
             g.quats[i] = rotation_to(normalize(normals[i]));
             g.log_scales[i].z += std::log(options.thickness);

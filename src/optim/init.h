@@ -10,7 +10,7 @@ namespace tvsgs {
 struct InitOptions {
     float opacity = 0.1f;
     int min_points = 2000;
-    bool use_normals = true;
+    bool use_normals = true, random_rotations = false;
     float thickness = 0.1f, max_extent = 0.05f;
     // A cloud from outside:
     float thin = 0;
@@ -24,6 +24,8 @@ struct InitOptions {
               "with fewer points tvsgs-train makes a cloud by stereo first; 0: never");
         field("use_normals", use_normals,
               "Gaussians lie flat on the normals of the cloud, where it has any");
+        field("random_rotations", random_rotations,
+              "Gaussians without a normal have rotations at random; off: none");
         field("thickness", thickness, {1e-3, 1},
               "standard deviation along the normal over that across");
         field("max_extent", max_extent, {0, 1e9},
@@ -45,11 +47,11 @@ struct InitOptions {
 };
 
 /// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
-/// three nearest other points, at least 1e-3.5 guard units; identity rotations; base colour from
-/// the point. With normals (and use_normals) the third axis is the normal and `thickness` as long.
-/// No deviation exceeds `max_extent` of a photograph: a lonely point near a camera would veil it.
-/// Points within 1e-2 guard units of a training camera, where directions and projections lose
-/// their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
+/// three nearest other points, at least 1e-3.5 guard units; identity or random rotations; base
+/// colour from the point. With normals (and use_normals) the third axis is the normal and
+/// `thickness` as long. No deviation exceeds `max_extent` of a photograph: a lonely point near a
+/// camera would veil it. Points within 1e-2 guard units of a training camera, where directions and
+/// projections lose their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
 /// Median distance along the optical axis from a training camera to the initial points in front of

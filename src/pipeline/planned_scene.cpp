@@ -30,6 +30,15 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
                     NAN,
                     NAN,
                     {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
+    const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
+    for (const TermOnList& term : terms_on_list(options.train.loss))
+        if (flat && term.needs.thickness && term.weight > 0)
+            plan.apply({str(term.key, " loss"),
+                        "off",
+                        "the splats are flat",
+                        NAN,
+                        NAN,
+                        {{str("loss.", term.key, ".weight"), "0"}}});
     check_consistency(options.train);
     return dense;
 }
@@ -48,6 +57,12 @@ void check_consistency(const TrainOptions& options) {
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->maps()));
+        if (term.needs.thickness && backbone->flat())
+            throw Error(ExitCode::usage,
+                        str("loss.", term.key, ".weight is above 0, but the splats of backbone '",
+                            options.backbone,
+                            "' are flat; set the weight to 0, or choose another "
+                            "backbone"));
         if (!lacks.empty())
             throw Error(ExitCode::usage,
                         str("loss.", term.key, ".weight is above 0, but backbone '",

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <charconv>
+#include <cmath>
 #include <cstring>
 #include <filesystem>
 #include <vector>
@@ -15,7 +16,6 @@
 #include "io/atomic_file.h"
 #include "io/config.h"
 #include "io/manifest.h"
-#include "io/ply.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -249,9 +249,12 @@ void RunFolder::log(const std::string& json_line) {
         throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
 }
 
-void RunFolder::save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const {
+void RunFolder::save_splats(const Gaussians<Cpu>& gaussians,
+                            int iteration,
+                            Vec3d origin,
+                            PlyScales scales) const {
     write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians,
-                    origin);
+                    origin, scales);
 }
 
 void RunFolder::remove_splats_of_stops(int last) const {
@@ -289,8 +292,36 @@ std::string find_splats(const std::string& path) {
     return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
 }
 
-Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin) {
-    Gaussians<Cpu> splats = read_splat_ply(file, origin);
+namespace {
+
+/// Discs that a file holds with three scales: nearly all are thinner than a hundredth.
+bool are_thin(const Gaussians<Cpu>& splats) {
+    int thin = 0;
+    for (const Vec3f l : splats.log_scales.span())
+        thin += l.z < std::min(l.x, l.y) + std::log(0.01f);
+    return thin > 0.99 * splats.size();
+}
+
+}  // namespace
+
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train) {
+    PlyScales scales;
+    Gaussians<Cpu> splats = read_splat_ply(file, origin, &scales);
+    const bool flat = make_backbone<Cpu>(train.backbone, train.render)->flat();
+    if (!flat && scales == PlyScales::two)
+        throw Error(ExitCode::input,
+                    str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
+                        train.backbone,
+                        "' draws ellipsoids; expected scale_2, too, or a backbone that draws "
+                        "discs: --set backbone=",
+                        backbones_of(true)));
+    if (flat && scales == PlyScales::three && !are_thin(splats))
+        throw Error(ExitCode::input,
+                    str("E_PLY_SCALES: ", file,
+                        ": ellipsoids (splats with three scales), but backbone '", train.backbone,
+                        "' draws discs; expected two scales, or a backbone that draws ellipsoids: "
+                        "--set backbone=",
+                        backbones_of(false)));
     if (splats.size() == 0)
         throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
     return splats;

@@ -6,7 +6,9 @@
 
 #include "core/gaussians.h"
 #include "core/scene.h"
+#include "io/ply.h"
 #include "io/scene_reader.h"
+#include "optim/train.h"
 
 namespace tvsgs {
 
@@ -47,7 +49,10 @@ public:
     void log(const std::string& json_line);
 
     /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of io/ply.h.
-    void save_splats(const Gaussians<Cpu>& gaussians, int iteration, Vec3d origin) const;
+    void save_splats(const Gaussians<Cpu>& gaussians,
+                     int iteration,
+                     Vec3d origin,
+                     PlyScales scales) const;
 
     /// Removes the splats of where the run was stopped on its way, as its log has it; not those of
     /// `last`.
@@ -63,8 +68,10 @@ private:
 /// file. Throws Error(ExitCode::input).
 std::string find_splats(const std::string& path);
 
-/// The splats in that file, at least one. Throws Error(ExitCode::input).
-Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin);
+/// The splats in that file, at least one, as the backbone of `train` draws them. Throws
+/// Error(ExitCode::input), also where they are discs and it draws ellipsoids, or the other way
+/// round.
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);

@@ -12,6 +12,17 @@
 
 namespace tvsgs {
 
+struct OutputOptions {
+    enum class Scales { automatic, three } ply_scales = Scales::automatic;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field.choice("ply_scales", ply_scales, {"auto", "three"},
+                     "scales of the splats in PLY files; auto: two where the rasteriser draws "
+                     "discs; three: with a thin third one, for viewers of 3DGS");
+    }
+};
+
 struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
@@ -20,6 +31,7 @@ struct RunOptions {
     EvaluationOptions eval;
     MemoryOptions memory;
     PlanOptions plan;
+    OutputOptions output;
 
     /// The table refers to this object.
     void add_to(OptionTable& table) {
@@ -30,6 +42,7 @@ struct RunOptions {
         table.add("eval", eval);
         table.add("memory", memory);
         table.add("plan", plan);
+        table.add("output", output);
         table.rename("core.", "render.");
         table.retire("optim.adam",
                      "every splat steps every iteration, with the same results; waiting gained "

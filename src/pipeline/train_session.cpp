@@ -82,7 +82,9 @@ void TrainSession<Device>::run() {
     Gaussians<Cpu> splats;
     copy(trained, splats);
     warn_of_few(splats.size());
-    run_.save_splats(splats, done_, in_.scene.origin);
+    const bool discs = in_.options.output.ply_scales == OutputOptions::Scales::automatic &&
+                       make_backbone<Cpu>(training_.backbone, training_.render)->flat();
+    run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
     say_how_it_ended(seconds);
     SignalGuard::check();
 

@@ -159,6 +159,9 @@ public:
     /// What forward() may be asked for.
     virtual Maps maps() const { return Maps::color | kGeometryMaps; }
 
+    /// Whether splats are discs: their third scale, along the normal, is not theirs to choose.
+    virtual bool flat() const { return false; }
+
     /// Called before the first step of a training (`step` is 0) and after each. Updates what the
     /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: the step added,
     /// removed or re-ordered splats; the filter's entries were re-ordered with them. `cameras`: of
@@ -233,5 +236,12 @@ void add_backbone(const std::string& name, MakeBackbone<Device> make);
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options);
+
+/// Names of ours that draw discs (`flat`), or ellipsoids: "a, b".
+std::string backbones_of(bool flat);
+
+/// The name that a backbone of ours has now, of one that earlier versions knew it by; other names
+/// as they are.
+std::string current_backbone_name(const std::string& name);
 
 }  // namespace tvsgs

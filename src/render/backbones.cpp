@@ -1,6 +1,18 @@
 #include "render/backbones_list.h"
 
 namespace tvsgs {
+
+std::string backbones_of(bool flat) {
+    std::string names;
+    for (const auto& entry : kBackbones<Cpu>)
+        if (entry.make({})->flat() == flat) names += str(names.empty() ? "" : ", ", entry.name);
+    return names;
+}
+
+std::string current_backbone_name(const std::string& name) {
+    return current_name(name);
+}
+
 template void add_backbone<Cpu>(const std::string&, MakeBackbone<Cpu>);
 template std::unique_ptr<Backbone<Cpu>> make_backbone<Cpu>(const std::string&,
                                                            const BackboneOptions&);

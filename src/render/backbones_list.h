@@ -44,30 +44,38 @@ inline void refuse_covariance_options(const char* backbone, const BackboneOption
                         "' does not go by it; expected its default, or another backbone"));
 }
 
+/// Earlier versions called a rasteriser after the methods that it serves.
+inline std::string current_name(const std::string& name) {
+    return name == "3dgs" || name == "pgsr" ? "ewa" : name;
+}
+
+template <class Device>
+struct BackboneEntry {
+    const char* name;
+    std::unique_ptr<Backbone<Device>> (*make)(const BackboneOptions&);
+};
+
+template <class Device>
+inline constexpr BackboneEntry<Device> kBackbones[] = {
+    {"ewa",
+     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+         require_depth("ewa", o, o.depth == SurfaceDepth::plane, "plane");
+         return std::make_unique<EwaBackbone<Device>>(o);
+     }},
+    {"surfel",
+     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+         require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
+         refuse_covariance_options("surfel", o);
+         return std::make_unique<SurfelBackbone<Device>>(o);
+     }},
+};
+
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
-    struct Entry {
-        const char* name;
-        std::unique_ptr<Backbone<Device>> (*make)(const BackboneOptions&);
-    };
-    static constexpr Entry kBackbones[] = {
-        {"ewa",
-         [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-             require_depth("ewa", o, o.depth == SurfaceDepth::plane, "plane");
-             return std::make_unique<EwaBackbone<Device>>(o);
-         }},
-        {"surfel",
-         [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-             require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
-             refuse_covariance_options("surfel", o);
-             return std::make_unique<SurfelBackbone<Device>>(o);
-         }},
-    };
-    // As earlier versions called it, after the methods that it serves.
-    const std::string now = name == "3dgs" || name == "pgsr" ? "ewa" : name;
+    const std::string now = current_name(name);
     std::string known;
-    for (const Entry& entry : kBackbones) {
+    for (const auto& entry : kBackbones<Device>) {
         if (entry.name == now) return entry.make(options);
         known += str(known.empty() ? "" : ", ", entry.name);
     }

@@ -168,6 +168,27 @@ TEST_F(Ply, SplatsComeBackBitForBit) {
         }
 }
 
+TEST_F(Ply, DiscsHaveTwoScalesOrAThinThirdOne) {
+    start_manifest(folder);
+    const Gaussians<Cpu> g = random_splats(50, 1);
+    const std::string path = (folder / "discs.ply").string();
+    for (const PlyScales written : {PlyScales::two, PlyScales::three}) {
+        write_splat_ply(path, g, {}, written);
+        PlyScales found = written == PlyScales::two ? PlyScales::three : PlyScales::two;
+        const Gaussians<Cpu> back = read_splat_ply(path, {}, &found);
+        EXPECT_EQ(found, written);
+        EXPECT_TRUE(same(g.means, back.means) && same(g.quats, back.quats) &&
+                    same(g.opacity_logits, back.opacity_logits) && same(g.sh, back.sh));
+        for (std::size_t i = 0; i < g.means.size(); ++i) {
+            const Vec3f was = g.log_scales[i], now = back.log_scales[i];
+            EXPECT_EQ(now.x, was.x);
+            EXPECT_EQ(now.y, was.y);
+            EXPECT_EQ(now.z,
+                      written == PlyScales::two ? std::max(was.x, was.y) + std::log(1e-6f) : was.z);
+        }
+    }
+}
+
 TEST_F(Ply, SplatFileIsExactlyThatOf3dgs) {
     const Gaussians<Cpu> g = random_splats(2, 3);
     const std::string path = (folder / "splats.ply").string();

@@ -75,6 +75,28 @@ TEST(InitGaussians, Values) {
     EXPECT_NEAR(std::exp(2 * g.log_scales[50].x), 1e-7, 1e-11) << "duplicates get the least size";
 }
 
+/// Axes at random favour no direction: their mean outer product is a third of the identity.
+TEST(InitGaussians, RotationsAtRandomWhereThereIsNoNormal) {
+    const int n = 4000;
+    Scene scene = scene_of(random_points(n, 3));
+    scene.points.normals.assign(std::size_t(n), {});
+    scene.points.normals[7] = {0, 1, 0};
+    InitOptions options;
+    options.random_rotations = true;
+    const Gaussians<Cpu> g = init_gaussians(scene, options, 0);
+    Mat3<double> mean{};
+    for (std::size_t i = 0; i < g.quats.size(); ++i) {
+        const Vec3d axis = column(rotation(normalize(quat_cast<double>(g.quats[i]))), 2);
+        for (int r = 0; r < 3; ++r)
+            for (int c = 0; c < 3; ++c) mean[r][c] += axis[r] * axis[c] / n;
+        if (i == 7) {
+            EXPECT_NEAR(axis.y, 1, 1e-6);
+        }
+    }
+    for (int r = 0; r < 3; ++r)  // standard error 0.005
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(mean[r][c], r == c ? 1.0 / 3 : 0, 0.02);
+}
+
 TEST(InitGaussians, NoneVeilsAPhotograph) {
     // Two cameras at the origin that look the same way, the second with four times the field of
     // view; an upright photograph (1 wide, 1.5 high at depth 1), its middle at x = 0.25, y = -0.25.

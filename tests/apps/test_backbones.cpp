@@ -1,0 +1,100 @@
+// The choice of a rasteriser, as users meet it: configurations, files of splats, and what does not
+// go together.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+
+#include "support/command.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+class Backbones : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_backbones_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        ASSERT_EQ(run_tool(folder_, "synth", "--out scene --views 6 --width 48 --height 36").code,
+                  0);
+        for (const char* config : {"2dgs_sparse", "3dgs"}) {
+            const Result run = train(config, config);
+            ASSERT_EQ(run.code, 0) << run;
+        }
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static Result train(const std::string& config,
+                        const std::string& out,
+                        const std::string& more = "") {
+        return run_tool(folder_, "train",
+                        "--scene scene --config " TVSGS_SOURCE_DIR "/configs/" + config +
+                            ".json --set init.min_points=0 --iterations 30 --checkpoint-every 20 "
+                            "--device cpu --quiet --out " +
+                            out + " " + more);
+    }
+    static std::string splats(const std::string& run) {
+        return contents(folder_ / run / "point_cloud/iteration_30/point_cloud.ply");
+    }
+    static Result mesh(const std::string& run, const std::string& more = "") {
+        return run_tool(folder_, "extract-mesh",
+                        "--model " + run +
+                            " --device cpu --quiet --no-preview --mesh-resolution 64 "
+                            "--out mesh.ply " +
+                            more);
+    }
+    static void expect_refused(const Result& r, int code, const std::string& why) {
+        EXPECT_EQ(r.code, code) << r;
+        EXPECT_TRUE(r.says(why)) << "'" << why << "' is not in: " << r;
+    }
+
+    static inline fs::path folder_;
+};
+
+TEST_F(Backbones, FilesOfDiscsHaveTwoScalesUnlessThreeAreAskedFor) {
+    EXPECT_EQ(splats("2dgs_sparse").find("scale_2"), std::string::npos);
+    EXPECT_NE(splats("3dgs").find("scale_2"), std::string::npos);
+    const Result three = train("2dgs_sparse", "three", "--set output.ply_scales=three");
+    ASSERT_EQ(three.code, 0) << three;
+    EXPECT_NE(splats("three").find("scale_2"), std::string::npos);
+    for (const char* run : {"2dgs_sparse", "three"}) {
+        const Result r = run_tool(folder_, "eval", std::string("nvs --device cpu --model ") + run);
+        EXPECT_EQ(r.code, run_tool(folder_, "eval", "nvs --device cpu --model 3dgs").code) << r;
+        const Result m = mesh(run);
+        EXPECT_TRUE(m.code == 0 || m.says("the mesh is empty")) << m;
+    }
+}
+
+TEST_F(Backbones, SplatsOfAnotherKindAreRefused) {
+    expect_refused(mesh("2dgs_sparse", "--set backbone=ewa --set render.depth=auto"), 3,
+                   "E_PLY_SCALES: 2dgs_sparse/point_cloud/iteration_30/point_cloud.ply: discs");
+    expect_refused(mesh("3dgs", "--set backbone=surfel"), 3,
+                   "ellipsoids (splats with three scales)");
+    const Result r = train("2dgs_sparse", "2dgs_sparse",
+                           "--resume --iterations 60 --set backbone=ewa --set "
+                           "render.depth=auto --set loss.distortion.weight=0");
+    expect_refused(r, 2,
+                   "its splats are those of backbone 'surfel', and the run is to go on with 'ewa'");
+}
+
+TEST_F(Backbones, TermsThatARasteriserDoesNotServeAreRefused) {
+    expect_refused(train("3dgs", "refused", "--set loss.distortion.weight=1"), 2,
+                   "backbone 'ewa' does not make the maps it compares (distortion)");
+    expect_refused(train("2dgs_sparse", "refused", "--set loss.flatten.weight=1"), 2,
+                   "the splats of backbone 'surfel' are flat");
+    EXPECT_FALSE(fs::exists(folder_ / "refused"));
+}
+
+TEST_F(Backbones, ThePlanLeavesOutWhatFlatSplatsDoNotNeed) {
+    const Result plan =
+        run_tool(folder_, "train", "--scene scene --device cpu --plan --set backbone=surfel");
+    ASSERT_EQ(plan.code, 0) << plan;
+    EXPECT_NE(plan.out.find("flatten loss   off             the splats are flat"), std::string::npos)
+        << plan.out;
+}
+
+}  // namespace
+}  // namespace tvsgs
