@@ -110,7 +110,9 @@ public:
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
     RenderCounts counts() const override { return {lists_.visible_count, lists_.fragment_count}; }
-    BlendWork blend_work() const override { return count_blend_work(splats_, lists_, grid_); }
+    BlendWork blend_work() const override {
+        return count_blend_work<EwaModel<Channels::color>>(splats_, lists_, grid_);
+    }
 
     void use_atomic_sums() override { fragments_.atomic = true; }
 

@@ -4,6 +4,7 @@
 #include "core/parallel.h"
 #include "render/blend_math.h"
 #include "render/blend_surfel.h"
+#include "render/blend_work.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
@@ -97,13 +98,14 @@ struct ProjectSurfelsBody {
 };
 
 /// Statistics and gradients of the splats, from those of their pixels.
+template <bool kMaps>
 struct SurfelBackwardBody {
     SurfelView view;
-    bool color, maps;
+    bool color;
     Span<const SurfelShape<float>> shapes;
     Span<const SurfelRecord> features;
     Span<const std::uint32_t> fragment_counts, first_fragment;
-    Span<const SurfelGradients<float>> fragments;
+    Span<const SurfelGradients<kMaps, float>> fragments;
     Span<const std::uint8_t> drawn;
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
@@ -120,7 +122,7 @@ struct SurfelBackwardBody {
         stat_grad[i] = stat_abs[i] = {};
         stat_front[i] = 0;
         if (fragment_counts[i] == 0 || !drawn[first_fragment[i]]) return;
-        const SurfelGradients<float> g = fragments[first_fragment[i]];
+        const SurfelGradients<kMaps, float> g = fragments[first_fragment[i]];
         const SurfelShape<float> s = shapes[i];
         SurfelMatrixGradient<float> matrix = surfel_inverse_vjp(s, g.inverse);
         // A surrogate for the derivative by the centre's place, of what the dot did not draw.
@@ -132,7 +134,7 @@ struct SurfelBackwardBody {
         stat_front[i] = static_cast<int>(g.front_pixels);
         if (dL_dmeans.empty()) return;
 
-        if (maps) matrix.row_z.z += g.depth;
+        if constexpr (kMaps) matrix.row_z.z += g.depth;
         const SurfelPose pose = surfel_pose(view, means[i], log_scales[i], quats[i]);
         low_pass_vjp(surfel_rows(view.camera, pose.axes), s.low_pass, g.inverse.low_pass, matrix);
         const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, pose.axes.centre, matrix);
@@ -140,10 +142,10 @@ struct SurfelBackwardBody {
         dL_dlog_scales[i].x += dot(axes.a, pose.axes.a);
         dL_dlog_scales[i].y += dot(axes.b, pose.axes.b);
         const float scale_x = std::exp(log_scales[i].x), scale_y = std::exp(log_scales[i].y);
-        const Vec3f by_axis[3] = {
-            scale_x * transpose_times(to_camera, axes.a),
-            scale_y * transpose_times(to_camera, axes.b),
-            maps ? pose.sign * transpose_times(to_camera, g.normal) : Vec3f{}};
+        Vec3f by_normal{};
+        if constexpr (kMaps) by_normal = pose.sign * transpose_times(to_camera, g.normal);
+        const Vec3f by_axis[3] = {scale_x * transpose_times(to_camera, axes.a),
+                                  scale_y * transpose_times(to_camera, axes.b), by_normal};
         Mat3f dL_dR;
         for (int r = 0; r < 3; ++r)
             for (int c = 0; c < 3; ++c) dL_dR[r][c] = by_axis[c][r];
@@ -213,7 +215,10 @@ public:
 
     const ScreenStatistics<Device>& statistics() const override { return statistics_; }
     RenderCounts counts() const override { return {lists_.visible_count, lists_.fragment_count}; }
-    void use_atomic_sums() override { fragments_.atomic = true; }
+    BlendWork blend_work() const override {
+        return count_blend_work<SurfelModel<false>>(splats_, lists_, view_.grid);
+    }
+    void use_atomic_sums() override { color_fragments_.atomic = map_fragments_.atomic = true; }
 
 private:
     void resize_images(const Camera& camera) {
@@ -237,51 +242,53 @@ private:
              second_.span(), images_.width, median()},
             stops_);
     }
-    template <bool kMaps>
-    void blend_back_as(const ImageGradients<Device>& dL) {
-        const RenderedImages<Device>& images = images_;
-        blend_tiles_vjp<SurfelModel<kMaps>>(
-            splats_, lists_, view_.grid,
-            {dL.color.span(), dL.normal.span(), dL.depth.span(), dL.distortion.span(),
-             images.transmittance.span(), images.depth.span(), std::as_const(z_).span(),
-             std::as_const(first_).span(), std::as_const(second_).span(), median()},
-            images.transmittance, stops_, fragments_);
-    }
-
     /// `dL`: null where only the statistics are asked for.
     void go_back(const Gaussians<Device>& g,
                  const ImageGradients<Device>& dL_dimages,
                  Gaussians<Device>* dL) {
+        maps_ ? go_back_as<true>(g, dL_dimages, dL, map_fragments_)
+              : go_back_as<false>(g, dL_dimages, dL, color_fragments_);
+    }
+    template <bool kMaps>
+    void go_back_as(const Gaussians<Device>& g,
+                    const ImageGradients<Device>& dL_dimages,
+                    Gaussians<Device>* dL,
+                    FragmentGradients<Device, SurfelGradients<kMaps, float>>& fragments) {
+        const RenderedImages<Device>& images = images_;
         this->clock()("blend backward", [&] {
-            maps_ ? blend_back_as<true>(dL_dimages) : blend_back_as<false>(dL_dimages);
+            blend_tiles_vjp<SurfelModel<kMaps>>(
+                splats_, lists_, view_.grid,
+                {dL_dimages.color.span(), dL_dimages.normal.span(), dL_dimages.depth.span(),
+                 dL_dimages.distortion.span(), images.transmittance.span(), images.depth.span(),
+                 std::as_const(z_).span(), std::as_const(first_).span(),
+                 std::as_const(second_).span(), median()},
+                images.transmittance, stops_, fragments);
         });
         const std::size_t n = g.means.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        const SurfelFragments<Device>& fragments = fragments_;
-        SurfelBackwardBody body{view_,
-                                color_,
-                                maps_,
-                                std::as_const(splats_.shapes).span(),
-                                std::as_const(splats_.features).span(),
-                                std::as_const(lists_.fragment_counts).span(),
-                                std::as_const(lists_.first_fragment).span(),
-                                fragments.gradients.span(),
-                                fragments.drawn.span(),
-                                g.means.span(),
-                                g.log_scales.span(),
-                                g.quats.span(),
-                                g.opacity_logits.span(),
-                                g.sh.span(),
-                                statistics_.dL_dmeans2d.span(),
-                                statistics_.abs_dL_dmeans2d.span(),
-                                statistics_.front_pixels.span(),
-                                {},
-                                {},
-                                {},
-                                {},
-                                {}};
+        SurfelBackwardBody<kMaps> body{view_,
+                                       color_,
+                                       std::as_const(splats_.shapes).span(),
+                                       std::as_const(splats_.features).span(),
+                                       std::as_const(lists_.fragment_counts).span(),
+                                       std::as_const(lists_.first_fragment).span(),
+                                       std::as_const(fragments.gradients).span(),
+                                       std::as_const(fragments.drawn).span(),
+                                       g.means.span(),
+                                       g.log_scales.span(),
+                                       g.quats.span(),
+                                       g.opacity_logits.span(),
+                                       g.sh.span(),
+                                       statistics_.dL_dmeans2d.span(),
+                                       statistics_.abs_dL_dmeans2d.span(),
+                                       statistics_.front_pixels.span(),
+                                       {},
+                                       {},
+                                       {},
+                                       {},
+                                       {}};
         if (dL != nullptr) {
             body.dL_dmeans = dL->means.span(), body.dL_dlog_scales = dL->log_scales.span();
             body.dL_dquats = dL->quats.span(), body.dL_dsh = dL->sh.span();
@@ -301,7 +308,8 @@ private:
     Buffer<float, Device> z_, first_, second_;  // [H W] as in SurfelPixel
     Buffer<std::uint32_t, Device> stops_;       // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
-    SurfelFragments<Device> fragments_;
+    FragmentGradients<Device, SurfelGradients<false, float>> color_fragments_;
+    FragmentGradients<Device, SurfelGradients<true, float>> map_fragments_;
 };
 
 }  // namespace tvsgs

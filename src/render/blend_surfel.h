@@ -14,8 +14,6 @@ struct alignas(16) SurfelRecord {
 
 template <class Device>
 using Surfels = ViewSplats<Device, SurfelShape<float>, SurfelRecord>;
-template <class Device>
-using SurfelFragments = FragmentGradients<Device, SurfelGradients<float>>;
 
 /// What of the blended depths is the surface's: the mean of the weights, or the median. The surface
 /// is undefined (0) where nothing is drawn.
@@ -31,7 +29,7 @@ template <bool kMaps>
 struct SurfelModel {
     using Shape = SurfelShape<float>;
     using Features = SurfelRecord;
-    using Gradients = SurfelGradients<float>;  // before surfel_inverse_vjp()
+    using Gradients = SurfelGradients<kMaps, float>;  // before surfel_inverse_vjp()
     using Hit = SurfelHit<float>;
     using PixelForward = SurfelPixel<float>;
     using PixelGradient = SurfelPixelGradient<float>;
@@ -101,7 +99,7 @@ struct SurfelModel {
         if constexpr (kMaps) to.f.normal = from.f.normal;
     }
 
-    static constexpr int kFilled = kMaps ? Gradients::kCount : Gradients::kOfColor;
+    static constexpr int kFilled = Gradients::kCount;
     TVSGS_HD static constexpr int filled(int v) { return v; }
 };
 

@@ -2,15 +2,17 @@
 #pragma once
 
 #include "core/parallel.h"
-#include "render/blend_ewa.h"
+#include "render/backbone.h"
+#include "render/blend.h"
 
 namespace tvsgs {
 
 /// Walks the list of one warp of BlendWork as blending does; one index per warp.
+template <BlendModel Model>
 struct CountBlendBody {
     static constexpr int kQuarter = kTileSize / 2, kPixels = kQuarter * kQuarter, kBatch = 32;
 
-    Span<const SplatShape<float>> shapes;
+    Span<const typename Model::Shape> shapes;
     Span<const TileSpan> spans;
     Span<const std::uint32_t> splats;
     TileGrid grid;
@@ -22,8 +24,7 @@ struct CountBlendBody {
         const int width = smaller(kQuarter, grid.width - left),
                   height = smaller(kQuarter, grid.height - top);
         BlendWork count;
-        float T[kPixels];
-        for (float& t : T) t = 1;
+        typename Model::PixelForward pixels[kPixels] = {};
         bool full[kPixels];
         int open = 0;
         for (int k = 0; k < kPixels; ++k) {
@@ -35,7 +36,7 @@ struct CountBlendBody {
         const TileSpan span = spans[tile];
         for (std::uint32_t at = span.begin; at < span.end; ++at) {
             if ((at - span.begin) % kBatch == 0 && open == 0) break;
-            const SplatShape<float>& s = shapes[splats[at]];
+            const typename Model::Shape& s = shapes[splats[at]];
             ++count.tests;
             if (!may_draw(s, low, high)) continue;
             ++count.hits;
@@ -43,16 +44,14 @@ struct CountBlendBody {
             for (int k = 0; k < kPixels; ++k) {
                 if (full[k]) continue;
                 ++count.evaluations;
-                const Vec2f d{s.mean.x - (low.x + static_cast<float>(k % kQuarter)),
-                              s.mean.y - (low.y + static_cast<float>(k / kQuarter))};
-                PixelForward<float> pixel{T[k], {}};
-                const float alpha = splat_alpha(s, d).alpha;
-                if (alpha == 0) continue;
-                if (!blend<Channels::color>(pixel, alpha, {})) {
+                const Vec2f centre{low.x + static_cast<float>(k % kQuarter),
+                                   low.y + static_cast<float>(k / kQuarter)};
+                const auto hit = Model::hit(s, Model::offset(s, centre));
+                if (hit.alpha == 0) continue;
+                if (!Model::blend(pixels[k], hit, {})) {
                     full[k] = true, --open;
                     continue;
                 }
-                T[k] = pixel.T;
                 ++count.contributions;
                 lanes |= 1u << k % 32;
             }
@@ -66,14 +65,14 @@ private:
     TVSGS_HD static int smaller(int a, int b) { return a < b ? a : b; }
 };
 
-template <class Device>
-BlendWork count_blend_work(const EwaSplats<Device>& splats,
+template <BlendModel Model, class Device>
+BlendWork count_blend_work(const SplatsOf<Model, Device>& splats,
                            const TileLists<Device>& lists,
                            const TileGrid& grid) {
     Buffer<BlendWork, Device> warps(4 * static_cast<std::size_t>(grid.count()));
     parallel_for_heavy(Device{}, 4 * grid.count(),
-                       CountBlendBody{splats.shapes.span(), lists.spans.span(), lists.splats.span(),
-                                      grid, warps.span()});
+                       CountBlendBody<Model>{splats.shapes.span(), lists.spans.span(),
+                                             lists.splats.span(), grid, warps.span()});
     BlendWork sum;
     for (const BlendWork& w : to_host(warps)) {
         sum.tests += w.tests, sum.hits += w.hits, sum.evaluations += w.evaluations;

@@ -2,6 +2,9 @@
 // way back, one element at a time.  [2DGS, Sections 4 and 5]
 #pragma once
 
+#include <type_traits>
+
+#include "core/fast_math.h"
 #include "render/projection_math.h"
 
 namespace tvsgs {
@@ -36,7 +39,7 @@ inline constexpr float kLeastSurfelAlpha = 1.0f / 255, kMostSurfelAlpha = 0.99f;
 /// A pixel's ray may meet a surfel at a depth that differs by this factor from the centre's, no
 /// more: beyond, the disc is seen on edge and there is but the dot. (The official code takes from
 /// 0.2 world units on, in scenes a few units deep.)
-inline constexpr float kSurfelDepthRatio = 20;
+inline constexpr double kSurfelDepthRatio = 20;
 
 /// Axes of a surfel in the camera's frame, in standard deviations, and its centre.
 template <class Real>
@@ -125,29 +128,40 @@ TVSGS_HD bool may_draw(const SurfelShape<Real>& s, Vec2<Real> low, Vec2<Real> hi
 /// A surfel at a pixel.
 template <class Real>
 struct SurfelHit {
-    Real alpha = 0;  // 0: it does not draw there, and the rest means nothing
+    Real alpha = 0;  // 0: it does not draw there, and adds zeros
     Real gauss = 0;
-    Real z = 1;             // depth of where the ray meets the plane, world units
-    Vec2<Real> uv{};        // the same place on the plane, standard deviations
-    Vec2<Real> offset{};    // px, of the pixel centre from the mean
-    bool low_pass = false;  // it is drawn as the dot
+    Real inverse = 1, z = 1;  // depth of where the ray meets the plane, world units
+    Vec2<Real> uv{};          // the same place on the plane, standard deviations
+    Vec2<Real> offset{};      // px, of the pixel centre from the mean
+    bool low_pass = false;    // it is drawn as the dot
 };
 
+/// Forward and backward must decide alike, so both call this.
 template <class Real>
 TVSGS_HD SurfelHit<Real> surfel_hit(const SurfelShape<Real>& s, Vec2<Real> d) {
+    using std::abs;
+    const Real inverse =
+        multiply_add(s.slope.x, d.x, multiply_add(s.slope.y, d.y, s.inverse_depth));
+    constexpr double kMiddle = (kSurfelDepthRatio + 1 / kSurfelDepthRatio) / 2,
+                     kHalf = (kSurfelDepthRatio - 1 / kSurfelDepthRatio) / 2;
+    const bool meets =
+        abs(inverse - Real(kMiddle) * s.inverse_depth) < Real(kHalf) * s.inverse_depth;
     SurfelHit<Real> hit;
-    const Real inverse = s.inverse_depth + dot(s.slope, d), ratio = Real(kSurfelDepthRatio);
-    if (!(inverse * ratio > s.inverse_depth) || !(inverse < s.inverse_depth * ratio)) return hit;
-    const Real z = 1 / inverse;
-    const Vec2<Real> uv{z * dot(s.row_u, d), z * dot(s.row_v, d)};
+    hit.offset = d;
+    hit.inverse = meets ? inverse : s.inverse_depth;
+    hit.z = FastMath::inverse(hit.inverse);
+    const Vec2<Real> uv{hit.z * multiply_add(s.row_u.x, d.x, s.row_u.y * d.y),
+                        hit.z * multiply_add(s.row_v.x, d.x, s.row_v.y * d.y)};
     const Vec2<Real> from_dot = d - s.low_pass;
-    const Real by_plane = dot(uv, uv), by_dot = 2 * dot(from_dot, from_dot);
+    const Real by_plane = multiply_add(uv.x, uv.x, uv.y * uv.y),
+               by_dot = 2 * multiply_add(from_dot.x, from_dot.x, from_dot.y * from_dot.y);
     hit.low_pass = !(by_plane <= by_dot);
-    const Real gauss = std::exp(Real(-0.5) * (hit.low_pass ? by_dot : by_plane));
-    const Real alpha = s.opacity * gauss;
-    if (!(alpha >= Real(kLeastSurfelAlpha))) return hit;
-    hit.alpha = alpha < Real(kMostSurfelAlpha) ? alpha : Real(kMostSurfelAlpha);
-    hit.gauss = gauss, hit.z = z, hit.uv = uv, hit.offset = d;
+    const Real gauss = FastMath::decay(Real(0.5) * (hit.low_pass ? by_dot : by_plane)),
+               alpha = s.opacity * gauss;
+    const bool draws = meets && alpha >= Real(kLeastSurfelAlpha);
+    if (draws) hit.uv = uv;  // else it may be infinite, and add no zeros
+    hit.gauss = draws ? gauss : 0;
+    hit.alpha = !draws ? 0 : alpha < Real(kMostSurfelAlpha) ? alpha : Real(kMostSurfelAlpha);
     return hit;
 }
 
@@ -168,18 +182,17 @@ TVSGS_HD void surfel_hit_vjp(const SurfelShape<Real>& s,
                              Real dL_dz,
                              SurfelInverseGradient<Real>& g,
                              Real& dL_ddepth) {
+    // No branches: pixels side by side differ.
     const Vec2<Real> d = hit.offset, uv = hit.uv;
-    const Real slope = -hit.gauss * dL_dgauss;
-    if (hit.low_pass) {
-        g.low_pass += -2 * slope * (d - s.low_pass);
-        dL_ddepth += dL_dz;
-        return;
-    }
-    const Real by_u = slope * uv.x, by_v = slope * uv.y,
-               by_inverse = -hit.z * (hit.z * dL_dz + by_u * uv.x + by_v * uv.y);
-    const Vec3<Real> at{d.x, d.y, 1};
-    g.row_u += hit.z * by_u * at, g.row_v += hit.z * by_v * at;
-    g.row_w += by_inverse * at;
+    const Real slope = -hit.gauss * dL_dgauss, zero = 0, of_dot = hit.low_pass ? slope : zero,
+               of_plane = hit.low_pass ? zero : slope, by_z = hit.low_pass ? zero : dL_dz;
+    g.low_pass += -2 * of_dot * (d - s.low_pass);
+    dL_ddepth += hit.low_pass ? dL_dz : zero;
+    const Real u = hit.z * (of_plane * uv.x), v = hit.z * (of_plane * uv.y),
+               w = -hit.z * (hit.z * by_z + of_plane * dot(uv, uv));
+    g.row_u += {u * d.x, u * d.y, u};
+    g.row_v += {v * d.x, v * d.y, v};
+    g.row_w += {w * d.x, w * d.y, w};
 }
 
 /// dL/d of SurfelRows with all their entries.
@@ -234,19 +247,18 @@ TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
     return {column(0), column(1), column(2)};
 }
 
-/// Depths as the distortion measures them: equal steps are equal steps in disparity. The official
-/// far / (far - near) (1 - near / z) but for its constant: only differences count, and near 1 they
-/// would have no digits left.
-inline constexpr double kDistortionNear = 0.2, kDistortionFar = 100;
+/// Depths as the distortion measures them, of the inverse: equal steps are equal steps in
+/// disparity. The official far / (far - near) (1 - near / z) but for its constant: only differences
+/// count, and near 1 they would have no digits left.
+inline constexpr double kDistortionScale = -100 * 0.2 / (100 - 0.2);  // near 0.2, far 100
 template <class Real>
-TVSGS_HD Real distortion_depth(Real z) {
-    const Real near = Real(kDistortionNear), far = Real(kDistortionFar);
-    return -far * near / ((far - near) * z);
+TVSGS_HD Real distortion_depth(Real inverse) {
+    return Real(kDistortionScale) * inverse;
 }
+/// By z.
 template <class Real>
-TVSGS_HD Real distortion_depth_slope(Real z) {
-    const Real near = Real(kDistortionNear), far = Real(kDistortionFar);
-    return far * near / ((far - near) * z * z);
+TVSGS_HD Real distortion_depth_slope(Real inverse) {
+    return -Real(kDistortionScale) * inverse * inverse;
 }
 
 /// What a surfel adds to pixels.
@@ -263,7 +275,7 @@ struct SurfelPixel {
     Vec3<Real> color{}, normal{};
     Real z = 0;       // blended, not divided by the coverage
     Real median = 0;  // z of the last splat blended in front of which more than half gets through
-    Real first = 0, second = 0;  // moments: sums of w m and w m^2, m = distortion_depth(z)
+    Real first = 0, second = 0;  // moments: sums of w m and w m^2, m = distortion_depth(1 / z)
     Real distortion = 0;         // sum over pairs of w_i w_j (m_i - m_j)^2
 };
 
@@ -273,20 +285,19 @@ TVSGS_HD bool blend(SurfelPixel<Real>& pixel,
                     const SurfelHit<Real>& hit,
                     const SurfelFeatures<Real>& f) {
     const Real next = pixel.T * (1 - hit.alpha);
-    if (next < Real(1e-4)) return false;
-    if (!(hit.alpha > 0)) return true;
-    const Real w = hit.alpha * pixel.T;
+    const bool fits = !(next < Real(1e-4));  // no branch: pixels side by side differ
+    const Real w = fits ? hit.alpha * pixel.T : Real(0);
     pixel.color += w * f.color;
     if constexpr (kMaps) {
-        const Real m = distortion_depth(hit.z);
+        const Real m = distortion_depth(hit.inverse);
         pixel.distortion += w * (m * m * (1 - pixel.T) + pixel.second - 2 * m * pixel.first);
         pixel.first += w * m, pixel.second += w * m * m;
         pixel.normal += w * f.normal;
         pixel.z += w * hit.z;
-        if (pixel.T > Real(0.5)) pixel.median = hit.z;
+        pixel.median = w > 0 && pixel.T > Real(0.5) ? hit.z : pixel.median;
     }
-    pixel.T = next;
-    return true;
+    pixel.T = fits ? next : pixel.T;
+    return fits;
 }
 
 /// dL/d of a finished pixel, and what of it the way back needs.
@@ -308,16 +319,24 @@ struct SurfelPixelBackward {
 
 /// Sums of one surfel over pixels.
 template <class Real>
-struct alignas(16) SurfelGradients {
+struct alignas(16) SurfelColorGradients {
     SurfelInverseGradient<Real> inverse;
     Real opacity;
     Vec3<Real> color;
     Real front_pixels;  // as in blend_math.h
+
+    static constexpr int kCount = 16;
+};
+template <class Real>
+struct alignas(16) SurfelMapGradients : SurfelColorGradients<Real> {
     Vec3<Real> normal;
     Real depth;  // of the centre, by dots
 
-    static constexpr int kCount = 20, kOfColor = 16;  // the first ones are all that colour needs
+    static constexpr int kCount = 20;
 };
+template <bool kMaps, class Real>
+using SurfelGradients =
+    std::conditional_t<kMaps, SurfelMapGradients<Real>, SurfelColorGradients<Real>>;
 
 /// One surfel at one pixel, visited back to front; adds. A hit of alpha 0 adds nothing.
 template <bool kMaps, class Real>
@@ -325,19 +344,18 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
                         const SurfelShape<Real>& s,
                         const SurfelFeatures<Real>& f,
                         const SurfelHit<Real>& hit,
-                        SurfelGradients<Real>& g) {
-    if (!(hit.alpha > 0)) return;
+                        SurfelGradients<kMaps, Real>& g) {
     const SurfelPixelGradient<Real>& by = pixel.by;
-    const Real T = pixel.T / (1 - hit.alpha), w = hit.alpha * T;
-    const bool in_front = T > Real(0.5);
+    const Real T = pixel.T * FastMath::inverse(1 - hit.alpha), w = hit.alpha * T;
+    const bool in_front = hit.alpha > 0 && T > Real(0.5);
     Real dL_dw = dot(by.color, f.color), dL_dz = 0;
     if constexpr (kMaps) {
-        const Real m = distortion_depth(hit.z);
+        const Real m = distortion_depth(hit.inverse);
         dL_dw += dot(by.normal, f.normal) + by.coverage + by.z * hit.z +
                  by.distortion * (by.second + m * m * by.all - 2 * m * by.first);
-        dL_dz = w * by.z +
-                2 * by.distortion * w * (m * by.all - by.first) * distortion_depth_slope(hit.z);
-        if (in_front && !pixel.had_median) dL_dz += by.median;
+        dL_dz = w * by.z + 2 * by.distortion * w * (m * by.all - by.first) *
+                               distortion_depth_slope(hit.inverse);
+        dL_dz += in_front && !pixel.had_median ? by.median : Real(0);
         pixel.had_median = pixel.had_median || in_front;
         g.normal += w * by.normal;
     }
@@ -347,10 +365,12 @@ TVSGS_HD void blend_vjp(SurfelPixelBackward<Real>& pixel,
 
     // The upper clamp of alpha is passed straight through, as in the official code.
     const Real dL_dalpha = T * step;
-    g.opacity += hit.gauss * dL_dalpha;
+    g.opacity += hit.gauss * dL_dalpha;  // gauss is 0 where it does not draw
     g.color += w * by.color;
-    if (in_front) g.front_pixels += 1;
-    surfel_hit_vjp(s, hit, s.opacity * dL_dalpha, dL_dz, g.inverse, g.depth);
+    g.front_pixels += in_front ? Real(1) : Real(0);
+    Real by_depth = 0;
+    surfel_hit_vjp(s, hit, s.opacity * dL_dalpha, dL_dz, g.inverse, by_depth);
+    if constexpr (kMaps) g.depth += by_depth;
 }
 
 }  // namespace tvsgs

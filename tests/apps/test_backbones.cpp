@@ -92,7 +92,8 @@ TEST_F(Backbones, ThePlanLeavesOutWhatFlatSplatsDoNotNeed) {
     const Result plan =
         run_tool(folder_, "train", "--scene scene --device cpu --plan --set backbone=surfel");
     ASSERT_EQ(plan.code, 0) << plan;
-    EXPECT_NE(plan.out.find("flatten loss   off             the splats are flat"), std::string::npos)
+    EXPECT_NE(plan.out.find("flatten loss   off             the splats are flat"),
+              std::string::npos)
         << plan.out;
 }
 

@@ -151,9 +151,11 @@ SurfelPixel<double> blended(const Stack& stack, const Stack& at) {
     SurfelPixel<double> pixel;
     for (std::size_t i = 0; i < shapes.size(); ++i) {
         auto hit = surfel_hit(shapes[i], stack.pixel - shapes[i].mean);
-        if (hit.low_pass)
-            hit.z = surfel_hit(fixed[i], stack.pixel - fixed[i].mean).z + stack.axes[i].centre.z -
-                    at.axes[i].centre.z;
+        if (hit.low_pass) {
+            const double moved = stack.axes[i].centre.z - at.axes[i].centre.z;
+            hit.z = surfel_hit(fixed[i], stack.pixel - fixed[i].mean).z + moved;
+            hit.inverse = 1 / hit.z;
+        }
         blend<true>(pixel, hit, stack.features[i]);
     }
     return pixel;
@@ -212,7 +214,7 @@ TEST_P(SurfelDerivatives, AreThoseOfThePixel) {
         by.all = 1 - pixel.T, by.first = pixel.first, by.second = pixel.second;
         SurfelPixelBackward<double> back{pixel.T, by};
         for (std::size_t i = shapes.size(); i-- > 0;) {
-            SurfelGradients<double> g{};
+            SurfelGradients<true, double> g{};
             blend_vjp<true>(back, shapes[i], stack.features[i], hits[i], g);
             SurfelMatrixGradient<double> matrix = surfel_inverse_vjp(shapes[i], g.inverse);
             matrix.row_z.z += g.depth;
@@ -263,7 +265,8 @@ TEST(SurfelMath, DistortionAndMedianByTheirDefinitions) {
         double T = 1, median = 0;
         for (int i = 0; i < 12; ++i) {
             SurfelHit<double> hit;
-            hit.alpha = random.uniform(0.01, 0.7), hit.z = random.uniform(0.5, 20);
+            hit.alpha = random.uniform(0.01, 0.7), hit.z = random.uniform(0.5, 20),
+            hit.inverse = 1 / hit.z;
             if (T * (1 - hit.alpha) < 1e-4) break;
             if (T > 0.5) median = hit.z;
             w.push_back(hit.alpha * T);
