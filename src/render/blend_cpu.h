@@ -57,60 +57,110 @@ inline Vec2f pixel_centre(int x, int y) {
     return {static_cast<float>(x) + 0.5f, static_cast<float>(y) + 0.5f};
 }
 
-/// Tiles whose model has no packs: pixel by pixel.
+/// The pixels of a tile whose model has no packs, in blocks: a splat is tried in those that it may
+/// draw in.
+template <class State>
+struct TileBlocks {
+    static constexpr int kSide = 4, kPixels = kSide * kSide;
+
+    struct Pixel {
+        int x, y;
+        State state;
+    };
+    struct Block {
+        Vec2f low, high;  // pixel centres
+        int count = 0;
+        Pixel pixels[kPixels];
+    };
+    Block blocks[(kTileSize / kSide) * (kTileSize / kSide)];
+    int count = 0;
+
+    /// start(state, x, y) for each pixel.
+    template <class Start>
+    TileBlocks(const TileBounds& t, const Start& start) {
+        for (int top = t.top; top < t.bottom; top += kSide)
+            for (int left = t.left; left < t.right; left += kSide) {
+                Block& block = blocks[count++];
+                const int right = std::min(left + kSide, t.right),
+                          bottom = std::min(top + kSide, t.bottom);
+                block.low = pixel_centre(left, top);
+                block.high = pixel_centre(right - 1, bottom - 1);
+                for (int y = top; y < bottom; ++y)
+                    for (int x = left; x < right; ++x) {
+                        Pixel& pixel = block.pixels[block.count++];
+                        pixel.x = x, pixel.y = y;
+                        start(pixel.state, x, y);
+                    }
+            }
+    }
+
+    template <class Shape, class Visit>
+    void visit(const Shape& shape, const Visit& visit) {
+        for (int b = 0; b < count; ++b) {
+            Block& block = blocks[b];
+            if (!may_draw(shape, block.low, block.high)) continue;
+            for (int k = 0; k < block.count; ++k) visit(block.pixels[k]);
+        }
+    }
+};
+
 template <class Model>
 void blend_tile(const TilesForward<Model>& in, int tile) {
-    const TileBounds t = tile_bounds(in.grid, tile);
+    struct State {
+        typename Model::PixelForward pixel{};
+        std::uint32_t stop = 0;
+        bool full = false;
+    };
+    TileBlocks<State> blocks(tile_bounds(in.grid, tile), [](State&, int, int) {});
     const TileSpan span = in.spans[static_cast<std::size_t>(tile)];
-    for (int y = t.top; y < t.bottom; ++y)
-        for (int x = t.left; x < t.right; ++x) {
-            typename Model::PixelForward pixel{};
-            std::uint32_t stop = 0;
-            for (std::uint32_t at = span.begin; at < span.end; ++at) {
-                const std::uint32_t splat = in.splats[at];
-                const auto& shape = in.shapes[splat];
-                const auto hit = Model::hit(shape, Model::offset(shape, pixel_centre(x, y)));
-                if (hit.alpha == 0) continue;
-                if (!Model::blend(pixel, hit, in.features[splat])) break;
-                stop = at - span.begin + 1;
-            }
-            in.write(x, y, pixel);
-            in.stop_out[pixel_index(in.grid, x, y)] = stop;
+    int open = kTileSize * kTileSize;
+    for (std::uint32_t at = span.begin; at < span.end && open > 0; ++at) {
+        const std::uint32_t splat = in.splats[at];
+        const auto& shape = in.shapes[splat];
+        blocks.visit(shape, [&](auto& p) {
+            if (p.state.full) return;
+            const auto hit = Model::hit(shape, Model::offset(shape, pixel_centre(p.x, p.y)));
+            if (hit.alpha == 0) return;
+            if (Model::blend(p.state.pixel, hit, in.features[splat]))
+                p.state.stop = at - span.begin + 1;
+            else
+                p.state.full = true, --open;
+        });
+    }
+    for (int b = 0; b < blocks.count; ++b)
+        for (int k = 0; k < blocks.blocks[b].count; ++k) {
+            const auto& p = blocks.blocks[b].pixels[k];
+            in.write(p.x, p.y, p.state.pixel);
+            in.stop_out[pixel_index(in.grid, p.x, p.y)] = p.state.stop;
         }
 }
 
-/// Back to front, each splat over all pixels.
+/// Back to front.
 template <class Model>
 void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
-    const TileBounds t = tile_bounds(in.grid, tile);
-    struct Pixel {
-        Vec2f centre;
+    struct State {
         std::uint32_t stop;
-        typename Model::PixelBackward state;
-    } pixels[kTileSize * kTileSize];
-    int count = 0;
+        typename Model::PixelBackward pixel;
+    };
     std::uint32_t last = 0;
-    for (int y = t.top; y < t.bottom; ++y)
-        for (int x = t.left; x < t.right; ++x) {
-            const std::size_t p = pixel_index(in.grid, x, y);
-            last = std::max(last, in.stop_in[p]);
-            pixels[count++] = {pixel_centre(x, y),
-                               in.stop_in[p],
-                               {in.transmittance[p], in.read(static_cast<int>(p))}};
-        }
+    TileBlocks<State> blocks(tile_bounds(in.grid, tile), [&](State& state, int x, int y) {
+        const std::size_t at = pixel_index(in.grid, x, y);
+        state = {in.stop_in[at], {in.transmittance[at], in.read(static_cast<int>(at))}};
+        last = std::max(last, state.stop);
+    });
     const std::uint32_t begin = in.spans[static_cast<std::size_t>(tile)].begin;
     for (std::uint32_t position = last; position-- > 0;) {
         const std::uint32_t splat = in.splats[begin + position];
         const auto& shape = in.shapes[splat];
         typename Model::Gradients sum{};
         bool drawn = false;
-        for (int k = 0; k < count; ++k) {
-            if (position >= pixels[k].stop) continue;
-            const auto hit = Model::hit(shape, Model::offset(shape, pixels[k].centre));
-            if (hit.alpha == 0) continue;
-            Model::blend_vjp(pixels[k].state, shape, in.features[splat], hit, sum);
+        blocks.visit(shape, [&](auto& p) {
+            if (position >= p.state.stop) return;
+            const auto hit = Model::hit(shape, Model::offset(shape, pixel_centre(p.x, p.y)));
+            if (hit.alpha == 0) return;
+            Model::blend_vjp(p.state.pixel, shape, in.features[splat], hit, sum);
             drawn = true;
-        }
+        });
         if (!drawn) continue;
         const std::uint32_t fragment = in.fragments[begin + position];
         in.gradients[fragment] = sum;
