@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "render/backbone_ewa.h"
+#include "render/backbone_rade.h"
 #include "render/backbone_surfel.h"
 
 namespace tvsgs {
@@ -31,17 +32,18 @@ inline void require_depth(const char* backbone,
                                          "; expected that or auto, or another backbone"));
 }
 
-/// Refuses what only rasterisers that project covariances go by.
-inline void refuse_covariance_options(const char* backbone, const BackboneOptions& options) {
-    const BackboneOptions usual;
-    const char* const key = options.low_pass_px2 != usual.low_pass_px2   ? "low_pass_px2"
-                            : options.exact_clamp_grad                   ? "exact_clamp_grad"
-                            : options.pixel_center != usual.pixel_center ? "pixel_center"
-                                                                         : nullptr;
-    if (key != nullptr)
+/// Refuses an option, off its default, that the rasteriser does not go by.
+inline void refuse(const char* backbone, bool changed, const char* key) {
+    if (changed)
         throw Error(ExitCode::usage,
                     str("render.", key, ": backbone '", backbone,
                         "' does not go by it; expected its default, or another backbone"));
+}
+inline void refuse_low_pass(const char* backbone, const BackboneOptions& o) {
+    refuse(backbone, o.low_pass_px2 != BackboneOptions{}.low_pass_px2, "low_pass_px2");
+}
+inline void refuse_pixel_center(const char* backbone, const BackboneOptions& o) {
+    refuse(backbone, o.pixel_center != PixelCenter::exact, "pixel_center");
 }
 
 /// Earlier versions called a rasteriser after the methods that it serves.
@@ -65,8 +67,17 @@ inline constexpr BackboneEntry<Device> kBackbones[] = {
     {"surfel",
      [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
          require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
-         refuse_covariance_options("surfel", o);
+         refuse_low_pass("surfel", o);
+         refuse("surfel", o.exact_clamp_grad, "exact_clamp_grad");
+         refuse_pixel_center("surfel", o);
          return std::make_unique<SurfelBackbone<Device>>(o);
+     }},
+    {"rade",
+     [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
+         require_depth("rade", o, o.depth != SurfaceDepth::plane, "expected and median");
+         refuse_low_pass("rade", o);
+         refuse_pixel_center("rade", o);
+         return std::make_unique<RadeBackbone<Device>>(o);
      }},
 };
 

@@ -18,6 +18,38 @@ struct ViewParameters {
     bool exact_clamp;
 };
 
+/// Where a splat is in the image. No tiles: it is not in view, and the rest means nothing.
+struct ViewEllipse {
+    SplatShape<float> shape;
+    TileRect rect;
+    float radius;  // the 3-sigma radius of 3DGS, px: statistics only, tiles come from an exact test
+};
+
+/// Of a splat at `p`, in front of the camera; `R`: world_from_gaussian. It is not drawn where the
+/// determinant of its covariance in the image, px^4, is not above `least_det`.
+TVSGS_HD inline ViewEllipse view_ellipse(const ViewParameters& view,
+                                         Vec3f p,
+                                         const Mat3f& R,
+                                         Vec3f scales,
+                                         float opacity,
+                                         float least_det) {
+    ViewEllipse out{};
+    const ImageEllipse<float> e =
+        image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
+    if (!(e.det > least_det) || !(e.det < 1e30f)) return out;
+    out.shape = {project_point(view.camera, p), ellipse_root(e), opacity,
+                 splat_reach(opacity, view.cull_alpha)};
+    const TileGrid& grid = view.grid;
+    const TileRect rect = tile_rect(out.shape.mean, splat_extent(out.shape), grid);
+    // Which of the tiles it meets is tested where their lists are built.
+    if (rect.count() == 0 || !meets_tiles(out.shape, grid, rect)) return out;
+    out.rect = rect;
+    const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
+    const float under_root = mid * mid - e.det;
+    out.radius = std::ceil(3 * std::sqrt(mid + std::sqrt(under_root > 0.1f ? under_root : 0.1f)));
+    return out;
+}
+
 template <Channels kChannels>
 struct ProjectBody {
     ViewParameters view;
@@ -39,27 +71,15 @@ struct ProjectBody {
         if (!(opacity > view.cull_alpha)) return;  // nowhere visible
 
         const Mat3f R = rotation(normalize(quats[i]));
-        const Vec3f scales = exp(log_scales[i]);
-        const ImageEllipse<float> e =
-            image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
-        if (!(e.det > 0) || !(e.det < 1e30f)) return;
-
-        const SplatShape<float> s{project_point(view.camera, p), ellipse_root(e), opacity,
-                                  splat_reach(opacity, view.cull_alpha)};
-        const TileGrid& grid = view.grid;
-        const TileRect rect = tile_rect(s.mean, splat_extent(s), grid);
-        // Which of the tiles it meets is tested where their lists are built.
-        if (rect.count() == 0 || !meets_tiles(s, grid, rect)) return;
-
-        // The 3-sigma radius of 3DGS: statistics only, the tiles come from the exact test.
-        const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
-        const float under_root = mid * mid - e.det;
-        radii[i] = std::ceil(3 * std::sqrt(mid + std::sqrt(under_root > 0.1f ? under_root : 0.1f)));
+        const ViewEllipse e =
+            view_ellipse(view, p, R, exp(log_scales[i]), opacity, /*least_det=*/0);
+        if (e.rect.count() == 0) return;
+        radii[i] = e.radius;
         SplatShape<float>& shape = shapes[i];  // as a whole nvcc copies it byte by byte
-        shape.mean = s.mean, shape.root = s.root;
-        shape.opacity = s.opacity, shape.reach = s.reach;
+        shape.mean = e.shape.mean, shape.root = e.shape.root;
+        shape.opacity = e.shape.opacity, shape.reach = e.shape.reach;
         depths[i] = p.z;
-        rects[i] = rect;
+        rects[i] = e.rect;
 
         if constexpr (has_plane(kChannels)) {
             const CameraPlane<float> plane =
