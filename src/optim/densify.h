@@ -10,6 +10,7 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "core/scan.h"
+#include "core/smoothing_filter.h"
 #include "optim/adam.h"
 #include "optim/growth_rules.h"
 #include "optim/splat_order.h"
@@ -33,8 +34,11 @@ struct DensifyOptions {
     template <class Visitor>
     void fields(Visitor& field) {
         field("enabled", enabled, "grow and prune at all");
-        field.choice("rule", rule, {"thresholds"},
-                     "which splats grow; thresholds: those of mean screen gradients");
+        field.choice(
+            "rule", rule, {"thresholds", "quantile"},
+            "which splats grow; thresholds: those of mean screen gradients, and large ones "
+            "of mean absolute ones; quantile: as many again by the absolute ones as there "
+            "are above gradient_threshold");
         field("from", from, {0, 1e9}, "no densification up to and including this iteration");
         field("until", until, {0, 1e9}, "none from this iteration on");
         field("every", every, {1, 1e9}, "iterations between densifications");
@@ -53,7 +57,7 @@ struct DensifyOptions {
         field("prune_large_after", prune_large_after, {0, 1e9},
               "no such pruning up to and including this iteration");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
-              "mean absolute screen gradient that splits a large splat");
+              "mean absolute screen gradient that splits a large splat, by rule thresholds");
         field("abs_radius_px", abs_radius_px, {0, 1e6},
               "largest radius on the screen above which it does, px");
         field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
@@ -72,13 +76,14 @@ struct AccumulateBody {
     Span<const float> radii_px;
     Span<const Vec2f> gradient, abs_gradient;
     Span<const int> front_pixels;
+    GrowthRule rule;
     Span<GrowthStatistics> statistics;
 
     TVSGS_HD void operator()(int i) const {
         if (!(radii_px[i] > 0)) return;
         GrowthStatistics& s = statistics[i];
         s.gradient += std::sqrt(dot(gradient[i], gradient[i]));
-        s.abs_gradient += std::sqrt(dot(abs_gradient[i], abs_gradient[i]));
+        s.abs_gradient += abs_gradient_of_view(rule, abs_gradient[i]);
         s.views += 1;
         if (front_pixels[i] > 0 && radii_px[i] > s.max_radius_px) s.max_radius_px = radii_px[i];
     }
@@ -94,10 +99,7 @@ struct CountBody {
 
     TVSGS_HD void operator()(int i) const {
         const bool split = growth[i] >= Growth::split;
-        const Vec3f l = log_scales[i];
-        const float largest =
-            std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z)) /
-            (split ? 1.6f : 1.0f);
+        const float largest = largest_scale(log_scales[i]) / (split ? 1.6f : 1.0f);
         const bool pruned = opacity_logits[i] < min_opacity_logit || largest > max_scale;
         counts[i] = pruned ? 0 : growth[i] == Growth::none ? 1 : 2;
     }
@@ -142,11 +144,20 @@ struct ScatterChildrenBody {
     }
 };
 
+/// Opacities as they are drawn come down to `most`: where a filter dims a splat, its own stays
+/// higher by as much.
 struct ResetOpacityBody {
-    float most;  // a logit
+    float most, most_logit;
+    Span<const Vec3f> log_scales;
+    Span<const float> filter;  // or empty
     Span<float> logits, m, v;
     TVSGS_HD void operator()(int i) const {
-        logits[i] = logits[i] < most ? logits[i] : most;
+        float limit = most_logit;
+        if (!filter.empty()) {
+            const float own = most / smoothed(log_scales[i], filter[i]).dimming;
+            limit = own < 1 ? std::log(own / (1 - own)) : logits[i];
+        }
+        logits[i] = logits[i] < limit ? logits[i] : limit;
         m[i] = v[i] = 0;
     }
 };
@@ -205,7 +216,7 @@ public:
         parallel_for(Device{}, g.size(),
                      AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
                                     screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
-                                    statistics_.span()});
+                                    options_.rule, statistics_.span()});
         if (step > options_.from && step % options_.every == 0) {
             grow_and_prune(step, g);
             event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
@@ -220,7 +231,9 @@ public:
         }
         if (resets_opacity(step)) {
             parallel_for(Device{}, g.size(),
-                         ResetOpacityBody{logit(options_.reset_opacity), g.opacity_logits.span(),
+                         ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
+                                          std::as_const(g.log_scales).span(),
+                                          std::as_const(g.filter).span(), g.opacity_logits.span(),
                                           adam.first_moments().opacity_logits.span(),
                                           adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
@@ -274,7 +287,7 @@ private:
         growth_.resize(n), score_.resize(n), counts_.resize(n);
         propose_growth<Device>(
             options_.rule,
-            {statistics_.span(), g, options_.gradient_threshold,
+            {statistics_, g, options_.gradient_threshold,
              options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
              options_.percent_dense * extent_, options_.abs_radius_px},
             growth_.span(), score_.span());

@@ -2,8 +2,10 @@
 // and in DensifyOptions, and a line in propose_growth().
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <vector>
 
 #include "core/gaussians.h"
 #include "core/parallel.h"
@@ -13,6 +15,9 @@ namespace tvsgs {
 /// Running sums of what decides about growth.
 struct GrowthStatistics {
     float gradient, abs_gradient, views, max_radius_px;
+
+    TVSGS_HD float mean_gradient() const { return views > 0 ? gradient / views : 0; }
+    TVSGS_HD float mean_abs_gradient() const { return views > 0 ? abs_gradient / views : 0; }
 };
 
 enum class Growth : std::uint8_t { none, clone, split, abs_split };
@@ -20,12 +25,17 @@ enum class Growth : std::uint8_t { none, clone, split, abs_split };
 /// What a rule goes by.
 template <class Device>
 struct GrowthInputs {
-    Span<const GrowthStatistics> statistics;  // [N]
+    const Buffer<GrowthStatistics, Device>& statistics;  // [N]
     const Gaussians<Device>& gaussians;
     float gradient_threshold, abs_gradient_threshold;  // per NDC unit
     float size_threshold;                              // of the largest scale, world units
     float abs_radius_px;
 };
+
+TVSGS_HD inline float largest_scale(Vec3f log_scales) {
+    const Vec3f l = log_scales;
+    return std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
+}
 
 /// Mean screen gradients above a threshold clone small splats and split large ones; large ones also
 /// split by their mean absolute gradient.  [docs/method/pgsr.md#growth]
@@ -38,12 +48,8 @@ struct ThresholdsBody {
 
     TVSGS_HD void operator()(int i) const {
         const GrowthStatistics& s = statistics[i];
-        const float gradient = s.views > 0 ? s.gradient / s.views : 0,
-                    abs = s.views > 0 ? s.abs_gradient / s.views : 0;
-        const Vec3f l = log_scales[i];
-        const float largest =
-            std::exp(l.x > l.y ? (l.x > l.z ? l.x : l.z) : (l.y > l.z ? l.y : l.z));
-        const bool large = largest > size_threshold;
+        const float gradient = s.mean_gradient(), abs = s.mean_abs_gradient();
+        const bool large = largest_scale(log_scales[i]) > size_threshold;
         growth[i] = gradient >= gradient_threshold ? (large ? Growth::split : Growth::clone)
                     : large && s.max_radius_px > abs_radius_px && abs >= abs_threshold
                         ? Growth::abs_split
@@ -56,12 +62,70 @@ struct ThresholdsBody {
 template <class Device>
 void grow_by_thresholds(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     parallel_for(Device{}, in.gaussians.size(),
-                 ThresholdsBody{in.statistics, in.gaussians.log_scales.span(),
+                 ThresholdsBody{in.statistics.span(), in.gaussians.log_scales.span(),
                                 in.gradient_threshold, in.abs_gradient_threshold, in.size_threshold,
                                 in.abs_radius_px, growth, score});
 }
 
-enum class GrowthRule { thresholds };
+/// Splats of mean screen gradients above a threshold grow, and all whose mean absolute gradient is
+/// in the quantile of the same share: of rho N splats above the threshold, rho N more at most, but
+/// for ties. Small ones are cloned, large ones split. Splats without a gradient never grow.
+/// [docs/method/rade.md#growth]
+struct QuantileBody {
+    Span<const GrowthStatistics> statistics;
+    Span<const Vec3f> log_scales;
+    float gradient_threshold, abs_quantile, size_threshold;
+    Span<Growth> growth;
+    Span<float> score;
+
+    TVSGS_HD void operator()(int i) const {
+        const GrowthStatistics& s = statistics[i];
+        const float gradient = s.mean_gradient(), abs = s.mean_abs_gradient();
+        const bool grows = gradient >= gradient_threshold || (abs > 0 && abs >= abs_quantile);
+        growth[i] = !grows                                          ? Growth::none
+                    : largest_scale(log_scales[i]) > size_threshold ? Growth::split
+                                                                    : Growth::clone;
+        score[i] = grows ? gradient : 0;
+    }
+};
+
+/// Between the two nearest values, at `share` (N - 1) of them in ascending order; reorders them.
+inline float quantile(std::vector<float>& values, double share) {
+    if (values.empty()) return 0;
+    const double at = share * static_cast<double>(values.size() - 1);
+    const auto below = static_cast<std::ptrdiff_t>(at);
+    std::nth_element(values.begin(), values.begin() + below, values.end());
+    const float low = values[static_cast<std::size_t>(below)];
+    const auto next = std::min_element(values.begin() + below + 1, values.end());
+    if (next == values.end()) return low;
+    return low + static_cast<float>(at - static_cast<double>(below)) * (*next - low);
+}
+
+/// As propose_growth(). The quantile is found on the host: it is rare, and the same on both
+/// devices.
+template <class Device>
+void grow_by_quantile(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
+    std::vector<float> abs;
+    std::size_t above = 0;
+    for (const GrowthStatistics& s : to_host(in.statistics)) {
+        abs.push_back(s.mean_abs_gradient());
+        above += s.mean_gradient() >= in.gradient_threshold;
+    }
+    const double share =
+        abs.empty() ? 0 : static_cast<double>(above) / static_cast<double>(abs.size());
+    parallel_for(
+        Device{}, in.gaussians.size(),
+        QuantileBody{in.statistics.span(), in.gaussians.log_scales.span(), in.gradient_threshold,
+                     quantile(abs, 1 - share), in.size_threshold, growth, score});
+}
+
+enum class GrowthRule { thresholds, quantile };
+
+/// What one view adds to GrowthStatistics::abs_gradient; `sums`: over its pixels, of the absolute
+/// values of each component.
+TVSGS_HD inline float abs_gradient_of_view(GrowthRule rule, Vec2f sums) {
+    return rule == GrowthRule::quantile ? sums.x + sums.y : std::sqrt(dot(sums, sums));
+}
 
 /// Overwrites the growth that a rule proposes for each splat, and the score by which a quota would
 /// choose, both [N].
@@ -73,6 +137,8 @@ void propose_growth(GrowthRule rule,
     switch (rule) {
         case GrowthRule::thresholds:
             return grow_by_thresholds(in, growth, score);
+        case GrowthRule::quantile:
+            return grow_by_quantile(in, growth, score);
     }
 }
 

@@ -2,8 +2,8 @@
 
 namespace tvsgs::test {
 
-DensifyResult densify_case_cuda() {
-    return densify_case<Cuda>();
+DensifyResult densify_case_cuda(GrowthRule rule) {
+    return densify_case<Cuda>(rule);
 }
 
 }  // namespace tvsgs::test

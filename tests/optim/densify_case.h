@@ -11,8 +11,9 @@ struct DensifyResult {
     std::vector<int> parents;
 };
 
+/// By rule `quantile` the splats have a filter, too.
 template <class Device>
-DensifyResult densify_case() {
+DensifyResult densify_case(GrowthRule rule) {
     const int n = 1000;
     Random random(31);
     const auto draw = [&](double low, double high) {
@@ -37,8 +38,10 @@ DensifyResult densify_case() {
     };
     Gaussians<Device> g;
     copy(random_gaussians(n, 30, 0.08, 2), g);
+    if (rule == GrowthRule::quantile) copy(std::vector<float>(n, 0.02f), g.filter);
     Adam<Device> adam({}, g);
     DensifyOptions options;
+    options.rule = rule;
     options.max_abs_split = 30;
     options.percent_dense = 0.08f;
     Densifier<Device> densifier(options, 1, 7);
@@ -64,6 +67,6 @@ DensifyResult densify_case() {
 }
 
 /// densify_case<Cuda>, compiled by nvcc.
-DensifyResult densify_case_cuda();
+DensifyResult densify_case_cuda(GrowthRule rule);
 
 }  // namespace tvsgs::test
