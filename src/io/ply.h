@@ -35,14 +35,17 @@ PlyGeometry read_ply_geometry(const std::string& path);
 enum class PlyScales { three, two };
 
 /// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
-/// splats are dropped with a warning. `scales`: what the file has.
+/// splats are dropped with a warning. A smoothing filter (filter_3D) goes into scales and
+/// opacities, so that every rasteriser draws the same; Gaussians::filter is empty. `scales`: what
+/// the file has.
 Gaussians<Cpu> read_splat_ply(const std::string& path,
                               Vec3d origin = {},
                               PlyScales* scales = nullptr);
 
 /// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
 /// Error(ExitCode::numerical) naming the first non-finite value instead of writing it. Positions
-/// are floats, or doubles where there is an origin to add.
+/// are floats, or doubles where there is an origin to add. A filter is written as it is, beside
+/// the scales and opacities that it has not touched.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},

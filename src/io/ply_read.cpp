@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "core/log.h"
+#include "core/smoothing_filter.h"
 #include "io/ply.h"
 #include "io/ply_parser.h"
 
@@ -254,15 +255,11 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
             looks_activated && opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
         if (columns.filter >= 0) {
             // mip-splatting's 3D filter, baked: wider scales, fainter in proportion.  [Yu24]
-            const float filter = value(columns.filter);
-            double shrink = 1;
-            for (int c = 0; c < 3; ++c) {
-                const double variance = std::exp(2.0 * log_scale[c]),
-                             filtered = variance + double{filter} * filter;
-                shrink *= std::sqrt(variance / filtered);
-                log_scale[c] = static_cast<float>(0.5 * std::log(filtered));
-            }
-            const double alpha = shrink / (1 + std::exp(-double{opacity}));
+            const auto smooth = smoothed(vec_cast<double>(log_scale),
+                                         row[static_cast<std::size_t>(columns.filter)]);
+            for (int c = 0; c < 3; ++c)
+                log_scale[c] = static_cast<float>(std::log(smooth.scales[c]));
+            const double alpha = smooth.dimming / (1 + std::exp(-double{opacity}));
             opacity = static_cast<float>(std::log(alpha / (1 - alpha)));
         }
         const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),

@@ -101,6 +101,8 @@ void write_splat_ply(const std::string& path,
     names.push_back("opacity");
     for (int i = 0; i < scale_count; ++i) names.push_back(str("scale_", i));
     for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
+    if (!g.filter.empty()) names.push_back("filter_3D");
+    check_size(path, g.filter.size(), count, "filters");
     std::string text = header(count, origin, false);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
@@ -124,6 +126,7 @@ void write_splat_ply(const std::string& path,
         to = std::copy_n(&g.log_scales[i].x, scale_count, to);
         const Quatf q = g.quats[i];
         for (const float value : {q.w, q.x, q.y, q.z}) *to++ = value;
+        if (!g.filter.empty()) *to++ = g.filter[i];
         for (std::size_t p = 0; p < row.size(); ++p) {
             if (!std::isfinite(row[p]))
                 throw Error(ExitCode::numerical,

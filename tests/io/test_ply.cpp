@@ -4,6 +4,7 @@
 #include <limits>
 
 #include "core/rng.h"
+#include "core/smoothing_filter.h"
 #include "io/io_test.h"
 #include "io/ply.h"
 
@@ -282,6 +283,32 @@ TEST_F(Ply, FlatSplatsAndFilters) {
                                   {"1.7320508075688772 0 0 0 0 1 3 2 1 0 0 0 0 0 0"})));
     EXPECT_NEAR(g.log_scales[0].y, std::log(2.0), 1e-6);
     EXPECT_NEAR(1 / (1 + std::exp(-g.opacity_logits[0])), 1.0 / 16, 1e-6);
+}
+
+TEST_F(Ply, AFilterComesBackInScalesAndOpacities) {
+    Gaussians<Cpu> g = random_splats(20, 3);
+    copy(std::vector<float>(20, 0.05f), g.filter);
+    g.filter[7] = 0;
+    const std::string path = (folder / "filtered.ply").string();
+    write_splat_ply(path, g);
+    const Gaussians<Cpu> read = read_splat_ply(path);
+    EXPECT_TRUE(read.filter.empty());
+    ASSERT_EQ(read.size(), 20);
+    for (std::size_t i = 0; i < 20; ++i) {
+        const auto s = smoothed(g.log_scales[i], g.filter[i]);
+        for (int c = 0; c < 3; ++c)
+            EXPECT_NEAR(std::exp(read.log_scales[i][c]), s.scales[c], 1e-6 * s.scales[c]);
+        EXPECT_NEAR(1 / (1 + std::exp(-read.opacity_logits[i])),
+                    s.dimming / (1 + std::exp(-g.opacity_logits[i])), 1e-6);
+        EXPECT_EQ(read.quats[i].x, g.quats[i].x);
+    }
+    EXPECT_NEAR(read.opacity_logits[7], g.opacity_logits[7], 1e-5);
+    g.filter[3] = kNan;
+    expect_error(ExitCode::numerical, "filter_3D of splat 3 is nan",
+                 [&] { write_splat_ply((folder / "none.ply").string(), g); });
+    g.filter.resize(19);
+    expect_error(ExitCode::internal, "19 filters for 20",
+                 [&] { write_splat_ply((folder / "none.ply").string(), g); });
 }
 
 TEST_F(Ply, HarmonicsOfDegreeFourAreCutAndOddNumbersRefused) {
