@@ -63,7 +63,7 @@ struct TrainOptions {
         field("photo_bytes", photo_bytes, {0, 9e15},
               "photographs to hold on the device, bytes; where there are more, they come from the "
               "host while it works, with the same results; 0: all");
-        field("backbone", backbone, "the rasteriser: ewa or surfel");
+        field("backbone", backbone, "the rasteriser: ewa, rade or surfel");
         field.group("model", model, "the Gaussians");
         field.group("render", render, "the rasteriser");
         field.group("lr", lr, "learning rates");

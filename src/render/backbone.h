@@ -70,7 +70,7 @@ struct RenderedImages {
     Buffer<Vec3f, Device> color;  // [H W] not clamped
     Buffer<float, Device>
         transmittance;             // [H W] left behind all splats; coverage is 1 - transmittance
-    Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended and not normalised
+    Buffer<Vec3f, Device> normal;  // [H W] camera frame, blended; some rasterisers normalise it
     Buffer<float, Device> depth;   // [H W] z-depth of the surface; 0 where it is undefined
     Buffer<float, Device> distortion;  // [H W] how far apart in depth is what a pixel blends
     Buffer<float, Device>

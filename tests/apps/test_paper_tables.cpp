@@ -97,26 +97,34 @@ TEST_F(PaperTables, EveryMatrixPrintsCommandsThatOurProgramsTake) {
 
 TEST_F(PaperTables, TheConfigurationsAreThePapers) {
     const std::string configs = TVSGS_SOURCE_DIR "/configs/";
-    for (const bool dense : {false, true}) {
-        // Without --iterations, which would fit the schedule.
-        const std::string path = configs + (dense ? "tv_sgs_p_dense.json" : "tv_sgs_p.json");
-        const JsonValue c = parse_json_value(read_bytes(path), path);
-        EXPECT_EQ(c["iterations"].number, dense ? 30000 : 15000);
-        EXPECT_EQ(c["loss"]["tv_normal"]["start"].number, dense ? 20000 : 1);
-        EXPECT_EQ(c["loss"]["tv_position"]["start"].number, dense ? 25000 : 1);
-        EXPECT_EQ(c["tv"]["refresh_every"].number, dense ? 500 : 100);
-        EXPECT_EQ(c["tv"]["vote_every"].number, 10);
-        EXPECT_EQ(c["loss"]["multi_view_ncc"]["start"].number, 7001);
-        EXPECT_EQ(c["loss"]["multi_view_geometry"]["start"].number, 7001);
-        EXPECT_EQ(c["loss"]["tv_normal"]["weight"].number, 0.5);
-        EXPECT_EQ(c["loss"]["tv_position"]["weight"].number, 1);
-        EXPECT_EQ(c["tv"]["vote_map"].text, "covariant");
-        EXPECT_EQ(c["tv"]["curvature"].text, "literal");
-        EXPECT_EQ(c["tv"]["flatness_limit"].number, 0);
-        EXPECT_EQ(c["tv"]["flatness_limit_position"].number, 0);
-        const JsonValue run = resolved("--config '" + path + "'");
-        EXPECT_EQ(run["tv"]["vote_map"].text, "covariant") << "the program takes the file";
-    }
+    for (const std::string on : {"p", "r"})  // the rasteriser's letter
+        for (const bool dense : {false, true}) {
+            // Without --iterations, which would fit the schedule.
+            const std::string path = configs + "tv_sgs_" + on + (dense ? "_dense.json" : ".json");
+            const JsonValue c = parse_json_value(read_bytes(path), path);
+            EXPECT_EQ(c["iterations"].number, dense ? 30000 : 15000);
+            EXPECT_EQ(c["loss"]["tv_normal"]["start"].number, dense ? 20000 : 1);
+            EXPECT_EQ(c["loss"]["tv_position"]["start"].number, dense ? 25000 : 1);
+            EXPECT_EQ(c["tv"]["refresh_every"].number, dense ? 500 : 100);
+            EXPECT_EQ(c["tv"]["vote_every"].number, 10);
+            if (on == "p") {
+                EXPECT_EQ(c["loss"]["multi_view_ncc"]["start"].number, 7001);
+                EXPECT_EQ(c["loss"]["multi_view_geometry"]["start"].number, 7001);
+            } else {
+                EXPECT_EQ(c["loss"]["normal_consistency"]["start"].number, dense ? 15000 : 7001);
+                EXPECT_EQ(c["loss"]["normal_consistency"]["weight"].number, 0.05);
+                EXPECT_EQ(c["loss"]["normal_consistency"]["expected"].number, 0.4);
+                EXPECT_EQ(c["densify"]["rule"].text, "quantile");
+            }
+            EXPECT_EQ(c["loss"]["tv_normal"]["weight"].number, 0.5);
+            EXPECT_EQ(c["loss"]["tv_position"]["weight"].number, 1);
+            EXPECT_EQ(c["tv"]["vote_map"].text, "covariant");
+            EXPECT_EQ(c["tv"]["curvature"].text, "literal");
+            EXPECT_EQ(c["tv"]["flatness_limit"].number, 0);
+            EXPECT_EQ(c["tv"]["flatness_limit_position"].number, 0);
+            const JsonValue run = resolved("--config '" + path + "'");
+            EXPECT_EQ(run["tv"]["vote_map"].text, "covariant") << "the program takes the file";
+        }
 }
 
 }  // namespace

@@ -42,7 +42,8 @@ const std::string kAlsoEnglish = "fates";  // so it counts as the name of a type
 
 /// Where else a name may stand, with the reason.
 const std::set<std::pair<std::string, std::string>> kAllowed{
-    {"src/optim/train.h", "ewa"},  // the default of `backbone`
+    {"src/optim/train.h", "ewa"},   // the default of `backbone` ...
+    {"src/optim/train.h", "rade"},  // ... whose help names them all
     // Configurations that the program carries with it have the names of their files.
     {"src/pipeline/built_in_configs.cpp.in", "pgsr"},
     // The records of EWA under names that are not its own: Adam's fused step reads these ...
