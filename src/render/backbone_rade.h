@@ -32,7 +32,7 @@ struct NearestDepthBody {
 };
 
 /// Depths to filters.
-struct FilterBody {
+struct SmoothingFilterBody {
     float unseen_depth, longest_fx;
     Span<float> filter;
     TVSGS_HD void operator()(int i) const {
@@ -202,7 +202,8 @@ public:
                                       std::as_const(g.means).span(), g.filter.span()});
         float farthest = 0;
         for (const float depth : to_host(g.filter)) farthest = std::max(farthest, depth);
-        parallel_for(Device{}, g.size(), FilterBody{farthest, longest_fx, g.filter.span()});
+        parallel_for(Device{}, g.size(),
+                     SmoothingFilterBody{farthest, longest_fx, g.filter.span()});
     }
 
     const RenderedImages<Device>& forward(const Gaussians<Device>& g,
