@@ -329,6 +329,24 @@ TEST(Rade, NothingDrawnHasNoDepthAndNoNormal) {
     EXPECT_TRUE(is_finite(dL.means[0]) && is_finite(dL.log_scales[0]));
 }
 
+/// Round ones of 0.031 and 0.032 px, without a filter: their determinants are about 1e-6 px^4.
+TEST(Rade, SplatsFinerThanAThousandthOfAPixelSquaredVanish) {
+    Gaussians<Cpu> g = random_gaussians(1, 1, 0.01, 0);
+    Camera camera = test_camera(17, 17);
+    camera.camera_from_world = {};
+    camera.cx_px = camera.cy_px = 8.5f, camera.fx_px = camera.fy_px = 20;
+    g.means[0] = {0, 0, 2};
+    g.quats[0] = {1, 0, 0, 0};
+    g.opacity_logits[0] = 2;
+    const auto backbone = make_backbone<Cpu>("rade", {});
+    for (const float px : {0.031f, 0.032f}) {
+        const float l = std::log(px / 10);
+        g.log_scales[0] = {l, l, l};
+        const float T = backbone->forward(g, camera, 0, Maps::color).transmittance[8 * 17 + 8];
+        EXPECT_NEAR(T, px < 0.0315f ? 1 : 1 - 1 / (1 + std::exp(-2.0f)), 1e-5) << px;
+    }
+}
+
 TEST(Rade, BrokenSplatsAreNotDrawn) {
     Gaussians<Cpu> g = filtered_gaussians(12, 5, 0.2);
     const float nan = std::nanf(""), inf = std::numeric_limits<float>::infinity();

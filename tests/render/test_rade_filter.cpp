@@ -21,7 +21,7 @@ TEST(RadeFilter, GoesByTheNearestViewAndTheLongestLens) {
     g.means[1] = {0, 0, -100};
     g.means[2] = {0, 0, -4};  // behind the near one
     const auto backbone = make_backbone<Cpu>("rade", {});
-    backbone->prepare(0, true, {near, far}, g);
+    backbone->prepare(0, true, {far, near}, g);
     ASSERT_EQ(g.filter.size(), 3u);
     const float per_depth = std::sqrt(0.2f) / 80;
     EXPECT_NEAR(g.filter[0], 3 * per_depth, 1e-6);

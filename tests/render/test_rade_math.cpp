@@ -2,6 +2,8 @@
 // central differences.
 #include <gtest/gtest.h>
 
+#include <vector>
+
 #include "core/smoothing_filter.h"
 #include "render/blend_rade.h"
 #include "render/rade_math.h"
@@ -298,6 +300,98 @@ TEST(RadeMath, TwoPlanesHaveTheMedianOfTheBackOneAndAMeanBetween) {
     EXPECT_NEAR(depths.expected, (0.4 * 2 + 0.54 * 5.1) / 0.94 / 1.5, 1e-12);
     ASSERT_TRUE(blend(pixel, 0.5, {0, 0}, {{}, {}, 9}, {0, 0}));
     EXPECT_NEAR(pixel.median, 5.1, 1e-12) << "less than half of the light gets there";
+}
+
+/// Splats at one pixel, and what is taken of their blend: colours, normals, the mean of distances
+/// and the median one.
+struct PixelCase {
+    struct Layer {
+        Vec2<double> mean, slope;
+        EllipseRoot<double> root;
+        double opacity;
+        SplatFeatures<double> f;
+    };
+    std::vector<Layer> layers;
+    SplatFeatures<double> by;  // `distance`: of the mean
+    double by_median;
+
+    RadePixel<double> blended() const {
+        RadePixel<double> pixel;
+        for (const Layer& l : layers)
+            blend(pixel, alpha(l).alpha, l.mean, l.f, l.slope);  // the pixel is at the origin
+        return pixel;
+    }
+    double value() const {
+        const RadePixel<double> p = blended();
+        return dot(by.color, p.sum.color) + dot(by.normal, p.sum.normal) +
+               by.distance * p.sum.distance / (1 - p.T) + by_median * p.median;
+    }
+    static SplatAlpha<double> alpha(const Layer& l) {
+        return splat_alpha(SplatShape<double>{l.mean, l.root, l.opacity, 10}, l.mean);
+    }
+    /// One for each layer, completed as the backbone does.
+    std::vector<RadeGradients<double>> gradients() const {
+        const RadePixel<double> p = blended();
+        RadePixelBackward<double> back{p.T, {by, p.sum.distance / (1 - p.T), by_median}};
+        back.by.by.distance /= 1 - p.T;
+        std::vector<RadeGradients<double>> out(layers.size());
+        for (std::size_t i = layers.size(); i-- > 0;) {
+            const Layer& l = layers[i];
+            blend_vjp(back, l.root, l.mean, whitened(l.root, l.mean), alpha(l), l.f, l.slope,
+                      out[i]);
+            complete(out[i].of, SplatShape<double>{l.mean, l.root, l.opacity, 10});
+            out[i].of.mean += out[i].of.features.distance * l.slope;
+        }
+        return out;
+    }
+};
+
+TEST(RadeMath, DerivativesOfABlendedPixel) {
+    test::Random random(8);
+    const auto pair = [&](double size) {
+        return Vec2<double>{random.uniform(-size, size), random.uniform(-size, size)};
+    };
+    for (int trial = 0; trial < 20; ++trial) {
+        PixelCase c;
+        c.by = {random.normal3(), random.normal3(), random.normal()};
+        c.by_median = random.normal();
+        for (int i = 0; i < 5; ++i)
+            c.layers.push_back(
+                {pair(1),
+                 pair(0.5),
+                 {random.uniform(0.3, 0.8), random.uniform(-0.3, 0.3), random.uniform(0.3, 0.8)},
+                 random.uniform(0.2, 0.9),
+                 {random.normal3(), random.normal3(), random.uniform(1, 3)}});
+        const auto g = c.gradients();
+        // A median that changes hands within the step would be none.
+        double T = 1;
+        bool near_half = false;
+        for (const auto& l : c.layers)
+            T *= 1 - PixelCase::alpha(l).alpha, near_half = near_half || std::abs(T - 0.5) < 0.01;
+        if (near_half) continue;
+        for (std::size_t i = 0; i < c.layers.size(); ++i) {
+            const auto check = [&](double analytic, double& parameter, const char* what) {
+                const double kept = parameter;
+                const double expected = central_difference(
+                    [&](double t) {
+                        parameter = kept + t;
+                        return c.value();
+                    },
+                    1e-4);
+                parameter = kept;
+                EXPECT_TRUE(close(analytic, expected, 1e-6)) << what << ' ' << i << ' ' << trial;
+            };
+            auto& l = c.layers[i];
+            check(g[i].of.features.distance, l.f.distance, "distance");
+            check(g[i].slope.x, l.slope.x, "slope");
+            check(g[i].slope.y, l.slope.y, "slope");
+            check(g[i].of.mean.x, l.mean.x, "mean");
+            check(g[i].of.mean.y, l.mean.y, "mean");
+            check(g[i].of.opacity, l.opacity, "opacity");
+            check(g[i].of.features.color.y, l.f.color.y, "colour");
+            check(g[i].of.features.normal.z, l.f.normal.z, "normal");
+        }
+    }
 }
 
 TEST(RadeMath, PixelsOutOfReachAddZeros) {
