@@ -97,8 +97,8 @@ struct ScreenStatistics {
 };
 
 /// What the depth of a surface is, of the depths that a pixel blends: by the blended plane; their
-/// mean by weight; or that of the last splat in front of which more than half of the light gets
-/// through. `automatic`: plane where the rasteriser has planes, else median.
+/// mean by weight; or where half of the light is gone (of surfels: the last one that more than half
+/// gets to). `automatic`: plane where the rasteriser has planes, else median.
 enum class SurfaceDepth { automatic, plane, expected, median };
 
 struct BackboneOptions {
@@ -126,8 +126,8 @@ struct BackboneOptions {
                      "PGSR's code (for parity studies)");
         field.choice(
             "depth", depth, {"auto", "plane", "expected", "median"},
-            "the surface's depth: of the blended plane, or the mean or the median of the "
-            "depths that a pixel blends; auto: plane where the rasteriser has planes, else "
+            "the surface's depth: of the blended plane, the mean of what a pixel blends, or "
+            "where half of its light is gone; auto: plane where the rasteriser has planes, else "
             "median");
     }
 };

@@ -1,5 +1,6 @@
 // EWA splatting of 3D Gaussians with PGSR's plane channels: the backbone `ewa`. Plane channels are
-// rendered where losses or callers ask for depth or normals.
+// rendered where losses or callers ask for depth or normals; depth is the plane's, or one along
+// rays.
 #pragma once
 
 #include "core/parallel.h"
@@ -42,7 +43,7 @@ public:
                                           int sh_degree,
                                           Maps maps) override {
         camera_ = ray_camera(camera, options_.pixel_center);
-        channels_ = channels_of(maps);
+        channels_ = is_along_rays() ? along_rays(channels_of(maps)) : channels_of(maps);
         grid_ = tile_grid(camera.width_px, camera.height_px);
         view_ = {pinhole<float>(camera),
                  camera_centre(camera),
@@ -71,25 +72,30 @@ public:
     bool fuses() const override { return true; }
 
     const ViewGradients* blend_backward(const ImageGradients<Device>& dL_dimages) override {
+        const bool by_depth = has_plane(channels_) && !dL_dimages.depth.empty();
         this->clock()("blend backward", [&] {
             Span<const Vec3f> normal = dL_dimages.normal.span();
             Span<const float> distance{};
-            if (has_plane(channels_) && !dL_dimages.depth.empty()) {
+            if (by_depth && !has_ray(channels_)) {
                 resolve_depth(dL_dimages);
                 normal = std::as_const(plane_normal_).span();
                 distance = std::as_const(plane_distance_).span();
             }
             with_channels(channels_, [&]<Channels kChannels>() {
-                blend_tiles_vjp<EwaModel<kChannels>>(splats_, lists_, grid_,
-                                                     {dL_dimages.color.span(), normal, distance},
-                                                     images_.transmittance, stops_, fragments_);
+                blend_tiles_vjp<EwaModel<blended(kChannels)>>(
+                    splats_, lists_, grid_, {dL_dimages.color.span(), normal, distance},
+                    images_.transmittance, stops_, fragments_);
             });
         });
+        ray_depth_.fragments.resize(0);
+        if (by_depth && has_ray(channels_))
+            this->clock()("depth backward", [&] { ray_depth_back(dL_dimages.depth); });
         const std::size_t n = splats_.shapes.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
         const EwaFragmentGradients<Device>& fragments = fragments_;
+        const RayDepthFragments<Device>& ray = ray_depth_.fragments;
         gradients_ = {view_,
                       channels_,
                       splats_.shapes.span(),
@@ -100,7 +106,9 @@ public:
                       fragments.drawn.span(),
                       statistics_.dL_dmeans2d.span(),
                       statistics_.abs_dL_dmeans2d.span(),
-                      statistics_.front_pixels.span()};
+                      statistics_.front_pixels.span(),
+                      ray.gradients.span(),
+                      ray.drawn.span()};
         return &gradients_;
     }
 
@@ -114,9 +122,14 @@ public:
         return count_blend_work<EwaModel<Channels::color>>(splats_, lists_, grid_);
     }
 
-    void use_atomic_sums() override { fragments_.atomic = true; }
+    void use_atomic_sums() override { fragments_.atomic = ray_depth_.fragments.atomic = true; }
 
 private:
+    bool is_along_rays() const {
+        return options_.depth == SurfaceDepth::expected || options_.depth == SurfaceDepth::median;
+    }
+    bool is_median() const { return options_.depth == SurfaceDepth::median; }
+
     void resize_images() {
         const std::size_t pixels = std::size_t(grid_.width) * grid_.height;
         const std::size_t color = has_color(channels_) ? pixels : 0,
@@ -146,10 +159,10 @@ private:
         clock("project", [&] {
             parallel_for(
                 Device{}, g.size(),
-                ProjectBody<kChannels>{view_, g.means.span(), g.log_scales.span(), g.quats.span(),
-                                       g.opacity_logits.span(), splats_.shapes.span(),
-                                       splats_.features.span(), splats_.depths.span(),
-                                       splats_.rects.span(), statistics_.radii_px.span()});
+                ProjectBody<blended(kChannels)>{
+                    view_, g.means.span(), g.log_scales.span(), g.quats.span(),
+                    g.opacity_logits.span(), splats_.shapes.span(), splats_.features.span(),
+                    splats_.depths.span(), splats_.rects.span(), statistics_.radii_px.span()});
         });
         if constexpr (has_color(kChannels)) {
             const Span<const float> radii = std::as_const(statistics_.radii_px).span();
@@ -161,9 +174,47 @@ private:
         }
         clock("tile lists", [&] { build_tile_lists(splats_, grid_, lists_); });
         clock("blend", [&] {
-            blend_tiles<EwaModel<kChannels>>(splats_, lists_, grid_, {images_, distance_, camera_},
-                                             stops_);
+            blend_tiles<EwaModel<blended(kChannels)>>(splats_, lists_, grid_,
+                                                      {images_, distance_, camera_}, stops_);
         });
+        if constexpr (has_ray(kChannels)) clock("depth", [&] { find_ray_depth(g); });
+    }
+
+    /// Overwrites the planes' depth.
+    void find_ray_depth(const Gaussians<Device>& g) {
+        const std::size_t pixels = images_.depth.size();
+        RayDepth& r = ray_depth_;
+        r.profiles.resize(g.means.size());
+        r.stops.resize(pixels), r.slope.resize(is_median() ? pixels : 0);
+        parallel_for(Device{}, g.size(),
+                     RayProfileBody{view_.camera, g.means.span(), g.log_scales.span(),
+                                    g.quats.span(), std::as_const(statistics_.radii_px).span(),
+                                    view_.camera.cx - camera_.cx_px, r.profiles.span()});
+        const RenderedImages<Device>& images = images_;
+        if (is_median())
+            find_medians(Device{},
+                         {std::as_const(splats_.shapes).span(), std::as_const(r.profiles).span(),
+                          std::as_const(lists_.spans).span(), std::as_const(lists_.splats).span(),
+                          grid_, images.transmittance.span(), std::as_const(stops_).span(),
+                          images_.depth.span(), r.slope.span(), r.stops.span()});
+        else
+            blend_tiles<MeanDepthModel>({splats_.shapes, r.profiles}, lists_, grid_,
+                                        {images_.depth.span(), grid_.width}, r.stops);
+    }
+
+    void ray_depth_back(const Buffer<float, Device>& dL_ddepth) {
+        const RenderedImages<Device>& images = images_;
+        RayDepth& r = ray_depth_;
+        if (is_median())
+            blend_tiles_vjp<MedianDepthModel>(
+                {splats_.shapes, r.profiles}, lists_, grid_,
+                {images.depth.span(), std::as_const(r.slope).span(), dL_ddepth.span()},
+                images.transmittance, r.stops, r.fragments);
+        else
+            blend_tiles_vjp<MeanDepthModel>(
+                {splats_.shapes, r.profiles}, lists_, grid_,
+                {images.depth.span(), images.transmittance.span(), dL_ddepth.span()},
+                images.transmittance, r.stops, r.fragments);
     }
 
     template <Channels kChannels>
@@ -191,6 +242,12 @@ private:
     ScreenStatistics<Device> statistics_;
     EwaFragmentGradients<Device> fragments_;
     ViewGradients gradients_{};
+    struct RayDepth {
+        Buffer<RayProfile<float>, Device> profiles;  // [N]
+        Buffer<std::uint32_t, Device> stops;         // [H W] of the mean or of the median
+        Buffer<float, Device> slope;                 // [H W] see MedianView
+        RayDepthFragments<Device> fragments;         // none where depth has no gradient
+    } ray_depth_;
     Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives
     Buffer<float, Device> plane_distance_;
 };

@@ -61,7 +61,6 @@ template <class Device>
 inline constexpr BackboneEntry<Device> kBackbones[] = {
     {"ewa",
      [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
-         require_depth("ewa", o, o.depth == SurfaceDepth::plane, "plane");
          return std::make_unique<EwaBackbone<Device>>(o);
      }},
     {"surfel",

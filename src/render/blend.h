@@ -32,34 +32,52 @@ inline constexpr float kOutOfReach = 1e25f;
 ///   Reader     read(at) is the PixelGradient of pixel `at`; PixelGradient{} is zero
 ///
 /// A model that also names ForwardPacks and BackwardPacks is blended several pixels at a time by
-/// the CPU twin.
+/// the CPU twin. One without blend() and what it needs is for the way back alone.
 template <class Model>
-concept BlendModel = requires(const typename Model::Shape& shape,
-                              const typename Model::Features& features,
-                              typename Model::Features& batch,
-                              const typename Model::Hit& hit,
-                              typename Model::PixelForward& forward,
-                              typename Model::PixelBackward& backward,
-                              typename Model::Gradients& gradients,
-                              const typename Model::Writer& write,
-                              const typename Model::Reader& read) {
+concept BlendBackModel = requires(const typename Model::Shape& shape,
+                                  const typename Model::Features& features,
+                                  typename Model::Features& batch,
+                                  const typename Model::Hit& hit,
+                                  typename Model::PixelBackward& backward,
+                                  typename Model::Gradients& gradients,
+                                  const typename Model::Reader& read) {
     { Model::offset(shape, Vec2f{}) } -> std::same_as<Vec2f>;
     { Model::hit(shape, Vec2f{}) } -> std::same_as<typename Model::Hit>;
     { hit.alpha } -> std::convertible_to<float>;
-    { Model::blend(forward, hit, features) } -> std::same_as<bool>;
     Model::blend_vjp(backward, shape, features, hit, gradients);
     { backward.T } -> std::convertible_to<float>;
     Model::copy(features, batch);
     { Model::filled(0) } -> std::same_as<int>;
-    write(0, 0, forward);
     { read(0) } -> std::same_as<typename Model::PixelGradient>;
     {typename Model::PixelBackward{1.0f, read(0)}};
     requires Model::Gradients::kCount % 4 == 0 && alignof(typename Model::Gradients) == 16 &&
         sizeof(typename Model::Gradients) == Model::Gradients::kCount * sizeof(float);
 };
 
+template <class Model>
+concept BlendModel = BlendBackModel<Model> && requires(const typename Model::Features& features,
+                                                       const typename Model::Hit& hit,
+                                                       typename Model::PixelForward& forward,
+                                                       const typename Model::Writer& write) {
+    { Model::blend(forward, hit, features) } -> std::same_as<bool>;
+    write(0, 0, forward);
+};
+
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;
+
+/// What blending reads of the view's splats; their records may lie in two places.
+template <class Model, class Device>
+struct BlendSplats {
+    Span<const typename Model::Shape> shapes;
+    Span<const typename Model::Features> features;
+
+    BlendSplats(const SplatsOf<Model, Device>& splats)
+        : BlendSplats(splats.shapes, splats.features) {}
+    BlendSplats(const Buffer<typename Model::Shape, Device>& s,
+                const Buffer<typename Model::Features, Device>& f)
+        : shapes(s.span()), features(f.span()) {}
+};
 
 /// Gradients of the view's splats, each in the place of the splat's first fragment. The other
 /// places are scratch: what each fragment adds. Only members that the model fills are defined.
@@ -81,14 +99,14 @@ enum class PackWidth { narrow, widest };
 /// Writes all pixels, and to `stops`, [H W], the place in the tile's list behind the last splat
 /// blended.
 template <BlendModel Model>
-void blend_tiles(const SplatsOf<Model, Cpu>& splats,
+void blend_tiles(const BlendSplats<Model, Cpu>& splats,
                  const TileLists<Cpu>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cpu>& stops,
                  PackWidth width = PackWidth::widest);
 template <BlendModel Model>
-void blend_tiles(const SplatsOf<Model, Cuda>& splats,
+void blend_tiles(const BlendSplats<Model, Cuda>& splats,
                  const TileLists<Cuda>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
@@ -96,8 +114,8 @@ void blend_tiles(const SplatsOf<Model, Cuda>& splats,
 
 /// dL/d of the pixels to one gradient per splat; `fragments` is resized and overwritten. No
 /// floating-point atomics: bit-identical from run to run.
-template <BlendModel Model>
-void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
+template <BlendBackModel Model>
+void blend_tiles_vjp(const BlendSplats<Model, Cpu>& splats,
                      const TileLists<Cpu>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,
@@ -105,8 +123,8 @@ void blend_tiles_vjp(const SplatsOf<Model, Cpu>& splats,
                      const Buffer<std::uint32_t, Cpu>& stops,
                      FragmentGradients<Cpu, typename Model::Gradients>& fragments,
                      PackWidth width = PackWidth::widest);
-template <BlendModel Model>
-void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
+template <BlendBackModel Model>
+void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
                      const TileLists<Cuda>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,

@@ -426,20 +426,20 @@ __global__ void __launch_bounds__(kThreads)
 }  // namespace blend_detail
 
 template <BlendModel Model>
-void blend_tiles(const SplatsOf<Model, Cuda>& splats,
+void blend_tiles(const BlendSplats<Model, Cuda>& splats,
                  const TileLists<Cuda>& lists,
                  const TileGrid& grid,
                  const typename Model::Writer& write,
                  Buffer<std::uint32_t, Cuda>& stops) {
     using namespace blend_detail;
-    blend_kernel<Model><<<grid.count(), kThreads>>>(splats.shapes.span(), splats.features.span(),
+    blend_kernel<Model><<<grid.count(), kThreads>>>(splats.shapes, splats.features,
                                                     lists.splats.span(), lists.spans.span(), grid,
                                                     write, stops.span());
     check_launch();
 }
 
-template <BlendModel Model>
-void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
+template <BlendBackModel Model>
+void blend_tiles_vjp(const BlendSplats<Model, Cuda>& splats,
                      const TileLists<Cuda>& lists,
                      const TileGrid& grid,
                      const typename Model::Reader& read,
@@ -455,9 +455,9 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
     if (fragments.atomic) fragments.gradients.fill_zero();
     const auto kernel =
         fragments.atomic ? blend_vjp_kernel<Model, true> : blend_vjp_kernel<Model, false>;
-    kernel<<<grid.count(), kThreads>>>(
-        splats.shapes.span(), splats.features.span(), lists.fragments.span(), lists.splats.span(),
-        lists.spans.span(), grid, transmittance.span(), stops.span(), read, out);
+    kernel<<<grid.count(), kThreads>>>(splats.shapes, splats.features, lists.fragments.span(),
+                                       lists.splats.span(), lists.spans.span(), grid,
+                                       transmittance.span(), stops.span(), read, out);
     check_launch();
     if (lists.visible_count == 0 || fragments.atomic) return;
     constexpr int kLanes = kSplatLanes<Gradients>;
@@ -467,14 +467,16 @@ void blend_tiles_vjp(const SplatsOf<Model, Cuda>& splats,
     check_launch();
 }
 
-/// Compiles all of that for a model.
-#define TVSGS_BLEND_CUDA(Model)                                                            \
-    template void blend_tiles<Model>(const SplatsOf<Model, Cuda>&, const TileLists<Cuda>&, \
-                                     const TileGrid&, const typename Model::Writer&,       \
-                                     Buffer<std::uint32_t, Cuda>&);                        \
-    template void blend_tiles_vjp<Model>(                                                  \
-        const SplatsOf<Model, Cuda>&, const TileLists<Cuda>&, const TileGrid&,             \
-        const typename Model::Reader&, const Buffer<float, Cuda>&,                         \
+/// Compiles all of that for a model, or its way back alone.
+#define TVSGS_BLEND_CUDA(Model)                                                               \
+    template void blend_tiles<Model>(const BlendSplats<Model, Cuda>&, const TileLists<Cuda>&, \
+                                     const TileGrid&, const typename Model::Writer&,          \
+                                     Buffer<std::uint32_t, Cuda>&);                           \
+    TVSGS_BLEND_BACK_CUDA(Model)
+#define TVSGS_BLEND_BACK_CUDA(Model)                                              \
+    template void blend_tiles_vjp<Model>(                                         \
+        const BlendSplats<Model, Cuda>&, const TileLists<Cuda>&, const TileGrid&, \
+        const typename Model::Reader&, const Buffer<float, Cuda>&,                \
         const Buffer<std::uint32_t, Cuda>&, FragmentGradients<Cuda, typename Model::Gradients>&);
 
 }  // namespace tvsgs

@@ -138,8 +138,18 @@ TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {
     pixels += T > Real(kFrontTransmittance) && alpha > 0 ? Real(1) : Real(0);
 }
 
+/// Adds what a splat's alpha gives at a pixel, but for the factors that are the splat's, see
+/// complete(); `change`: dL/dopacity, the exponent is |w|^2.
+template <class Real, class Gradients>
+TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
+    const Real x = change * w.x, y = change * w.y;
+    g.opacity += change;
+    g.mean.x += x, g.mean.y += y;
+    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
+}
+
 /// One splat at one pixel, visited back to front; w = whitened(root, mean - pixel centre). Adds to
-/// `g` without the factors that are the splat's, see complete(). An `a` of zeros adds nothing. The
+/// `g` without the factors that are the splat's. An `a` of zeros adds nothing. The
 /// upper clamp of alpha is passed straight through, as in the official code.
 template <Channels kChannels, class Real>
 TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
@@ -155,12 +165,10 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     pixel.behind += a.alpha * step;  // features behind <- alpha f + (1 - alpha) features behind
     pixel.T = T;
 
-    const Real change = a.gauss * (T * step);  // dL/dopacity; the exponent is |w|^2
+    const Real change = a.gauss * (T * step);
+    add_alpha_gradient(change, w, g);
     const Real x = change * w.x, y = change * w.y;
-    g.opacity += change;
-    g.mean.x += x, g.mean.y += y;
     g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
-    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
     count_front(g.front_pixels, T, a.alpha);
 }
 

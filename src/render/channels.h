@@ -6,13 +6,30 @@
 
 namespace tvsgs {
 
-enum class Channels { color, color_plane, plane };
+/// With _ray depth comes from where rays meet splats, not from blended planes; blending does not
+/// know of it.
+enum class Channels { color, color_plane, plane, color_ray, ray };
 
 constexpr bool has_color(Channels channels) {
-    return channels != Channels::plane;
+    return channels != Channels::plane && channels != Channels::ray;
 }
 constexpr bool has_plane(Channels channels) {
     return channels != Channels::color;
+}
+constexpr bool has_ray(Channels channels) {
+    return channels == Channels::color_ray || channels == Channels::ray;
+}
+
+/// What is blended.
+constexpr Channels blended(Channels channels) {
+    return !has_ray(channels)    ? channels
+           : has_color(channels) ? Channels::color_plane
+                                 : Channels::plane;
+}
+constexpr Channels along_rays(Channels channels) {
+    return !has_plane(channels)  ? channels
+           : has_color(channels) ? Channels::color_ray
+                                 : Channels::ray;
 }
 
 /// The least that makes the maps.
@@ -32,6 +49,10 @@ void with_channels(Channels channels, const Run& run) {
             return run.template operator()<Channels::color_plane>();
         case Channels::plane:
             return run.template operator()<Channels::plane>();
+        case Channels::color_ray:
+            return run.template operator()<Channels::color_ray>();
+        case Channels::ray:
+            return run.template operator()<Channels::ray>();
     }
 }
 

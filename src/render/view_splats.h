@@ -4,6 +4,7 @@
 #include "core/parallel.h"
 #include "render/blend_ewa.h"
 #include "render/projection_math.h"
+#include "render/ray_depth.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
@@ -116,9 +117,20 @@ struct ViewGradients {
     Span<const std::uint8_t> drawn;   // 0: the gradient is not written
     Span<Vec2f> stat_grad, stat_abs;  // overwritten
     Span<int> stat_front;
+    Span<const RayDepthGradients>
+        ray_fragments;  // as `fragments`; none where depth has no gradient
+    Span<const std::uint8_t> ray_drawn;
 
-    /// Completes the gradients of Gaussian i and writes its statistics. False if it drew nothing:
-    /// `g` is then unchanged, and the statistics are zero.
+    /// Null if depth says nothing of Gaussian i, which drew something.
+    TVSGS_HD const RayDepthGradients* ray_gradients(int i) const {
+        if (ray_fragments.empty() || !ray_drawn[first_fragment[i]]) return nullptr;
+        return &ray_fragments[first_fragment[i]];
+    }
+
+    /// Completes the gradients of Gaussian i and writes its statistics, those of absolute values
+    /// without depth along rays. False if it drew nothing: `g` is then unchanged, and the
+    /// statistics are zero.
+    template <Channels kChannels>
     TVSGS_HD bool finish(int i, SplatGradients<float>& g) const {
         if (fragment_counts[i] == 0 || !drawn[first_fragment[i]]) {
             stat_grad[i] = stat_abs[i] = {};
@@ -126,6 +138,13 @@ struct ViewGradients {
             return false;
         }
         g = fragments[first_fragment[i]];
+        if constexpr (has_ray(kChannels)) {
+            if (const RayDepthGradients* const by_depth = ray_gradients(i)) {
+                g.mean += by_depth->mean, g.opacity += by_depth->opacity;
+                g.spread.xx += by_depth->spread.xx, g.spread.xy += by_depth->spread.xy;
+                g.spread.yy += by_depth->spread.yy;
+            }
+        }
         complete(g, shapes[i]);
         const float half_w = 0.5f * static_cast<float>(view.grid.width),
                     half_h = 0.5f * static_cast<float>(view.grid.height);
@@ -137,16 +156,19 @@ struct ViewGradients {
 };
 
 /// The statistics alone.
+template <Channels kChannels>
 struct StatisticsBody {
     ViewGradients in;
     TVSGS_HD void operator()(int i) const {
         SplatGradients<float> g;
-        in.finish(i, g);
+        in.finish<kChannels>(i, g);
     }
 };
 template <class Device>
 void write_statistics(Device device, const ViewGradients& in) {
-    parallel_for(device, in.shapes.size(), StatisticsBody{in});
+    with_channels(in.channels, [&]<Channels kChannels>() {
+        parallel_for(device, in.shapes.size(), StatisticsBody<kChannels>{in});
+    });
 }
 
 /// The parameters of one Gaussian but its colour, or their gradients.
@@ -173,7 +195,7 @@ template <Channels kChannels, class Visit>
 TVSGS_HD bool splat_vjp(
     const ViewGradients& in, int i, const SplatGeometry& splat, SplatGeometry& sum, Visit& visit) {
     SplatGradients<float> g;
-    if (!in.finish(i, g)) return false;
+    if (!in.finish<kChannels>(i, g)) return false;
     const ViewParameters& view = in.view;
     Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
     if constexpr (has_color(kChannels))
@@ -198,6 +220,15 @@ TVSGS_HD bool splat_vjp(
             ellipse.dL_dR[0][k] += here * plane.dL_daxis.x;
             ellipse.dL_dR[1][k] += here * plane.dL_daxis.y;
             ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
+        }
+    }
+    if constexpr (has_ray(kChannels)) {
+        if (const RayDepthGradients* const by_depth = in.ray_gradients(i)) {
+            const auto ray = ray_profile_vjp(view.camera, R, scales, p, by_depth->profile);
+            dL_dp += ray.dL_dp;
+            ellipse.dL_dlog_s += ray.dL_dlog_s;
+            for (int r = 0; r < 3; ++r)
+                for (int c = 0; c < 3; ++c) ellipse.dL_dR[r][c] += ray.dL_dR[r][c];
         }
     }
     sum.mean += dL_dmean + transpose_times(view.camera.camera_from_world.R, dL_dp);

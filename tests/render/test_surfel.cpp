@@ -246,15 +246,12 @@ TEST(Surfel, PlaneHasExactDepthAndNormal) {
 }
 
 TEST(Surfel, WhatIsNotMadeIsRefused) {
-    for (const auto& [backbone, depth] :
-         {std::pair{"surfel", SurfaceDepth::plane}, {"ewa", SurfaceDepth::median}}) {
-        try {
-            make_backbone<Cpu>(backbone, with_depth(depth));
-            FAIL() << backbone;
-        } catch (const Error& error) {
-            EXPECT_EQ(error.code(), ExitCode::usage);
-            EXPECT_NE(std::string(error.what()).find(backbone), std::string::npos);
-        }
+    try {
+        make_backbone<Cpu>("surfel", with_depth(SurfaceDepth::plane));
+        FAIL();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::usage);
+        EXPECT_NE(std::string(error.what()).find("surfel"), std::string::npos);
     }
 }
 
