@@ -166,9 +166,9 @@ TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
     pixel.T = T;
 
     const Real change = a.gauss * (T * step);
-    add_alpha_gradient(change, w, g);
     const Real x = change * w.x, y = change * w.y;
     g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
+    add_alpha_gradient(change, w, g);
     count_front(g.front_pixels, T, a.alpha);
 }
 

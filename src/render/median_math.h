@@ -86,6 +86,7 @@ struct MedianSearch {
             points[k] = at < first ? first : at > to ? to : at;
         }
         points[0] = first, points[kPoints - 1] = to;
+        high = to;
     }
 
     /// By T^2 at the points. False if it has been above a quarter everywhere: there is no median.
@@ -113,17 +114,25 @@ struct MedianSearch {
         for (int k = 0; k < kPoints; ++k) points[k] = multiply_add(Real(k + 1), step, low);
     }
 
-    TVSGS_HD Real estimate() const {
+    /// On the straight line between the two.
+    TVSGS_HD Real median() const {
         const Real share = (at_low - Real(kMedianSquare)) / (at_low - at_high);
         return low + share * (high - low);
     }
-    /// A step of Newton's from `depth`; slope: of ln T.
-    TVSGS_HD Real improved(Real depth, Real square, Real slope) const {
-        const Real step = Real(0.5) * std::log(square / Real(kMedianSquare)) / slope;
-        const Real to = depth - step;
-        return to > low && to < high ? to : depth;
-    }
 };
+
+/// Runs the turns on a ray whose T^2 at a depth is square(depth). False if there is no median.
+template <class Real, class Square>
+bool find_median(const MedianRange<Real>& range, const Square& square, MedianSearch<Real>& search) {
+    search.start(range);
+    for (int turn = 0; turn < search.kMostTurns && !search.done(); ++turn) {
+        Real squares[MedianSearch<Real>::kPoints];
+        for (int k = 0; k < search.kPoints; ++k) squares[k] = square(search.points[k]);
+        if (!search.narrow(squares)) return false;
+        search.spread_points();
+    }
+    return search.found();
+}
 
 /// dL/d(ln T at the median), of all splats together; slope: d ln T / dt, below 0. Where that is
 /// next to nothing the median has no derivative.

@@ -35,24 +35,16 @@ struct Median {
     float depth = 0, slope = 0;
     std::uint32_t stop = 0;
 };
-Median find_median(const std::vector<Crossing>& splats) {
+Median median_of(const std::vector<Crossing>& splats) {
     MedianRange<float> range;
     for (const Crossing& c : splats) range.add(c.alpha, c.point);
     MedianSearch<float> search;
-    search.start(range);
-    int turn = 0;
-    do {
-        float square[MedianSearch<float>::kPoints];
-        for (int k = 0; k < MedianSearch<float>::kPoints; ++k)
-            square[k] = passed(splats, search.points[k]);
-        if (!search.narrow(square)) return {};
-        search.spread_points();
-    } while (!search.done() && ++turn < MedianSearch<float>::kMostTurns);
-    if (!search.found()) return {};
+    if (!find_median(
+            range, [&](float t) { return passed(splats, t); }, search))
+        return {};
     Median median;
-    const float depth = search.estimate();
-    median.slope = slope_at(splats, depth);
-    median.depth = search.improved(depth, passed(splats, depth), median.slope);
+    median.depth = search.median();
+    median.slope = slope_at(splats, median.depth);
     for (const Crossing& c : splats)
         if (c.point.depth - kProfileReach * c.point.deviation < search.high)
             median.stop = c.position + 1;
@@ -80,7 +72,7 @@ void find_medians(Cpu, const MedianView& in) {
                         splats.push_back(
                             {hit.alpha, ray_point(in.profiles[splat], hit.offset), at});
                 }
-                const Median median = covered ? find_median(splats) : Median{};
+                const Median median = covered ? median_of(splats) : Median{};
                 in.depth[pixel] = median.depth, in.slope[pixel] = median.slope;
                 in.median_stops[pixel] = median.stop;
             }

@@ -175,7 +175,6 @@ __global__ void __launch_bounds__(kThreads) median_kernel(MedianView in) {
     for (int k = 0; k < kPixels; ++k) {
         open[k] = walk.stop[k] > 0;
         search[k].start(ranges[k]);
-        search[k].high = ranges[k].to;
     }
     for (int turn = 0; turn < Search::kMostTurns && __any_sync(kAll, open[0] || open[1]); ++turn) {
         float square[kPixels][Search::kPoints];
@@ -189,13 +188,13 @@ __global__ void __launch_bounds__(kThreads) median_kernel(MedianView in) {
         }
     }
 
-    float depth[kPixels], square[kPixels], slope[kPixels] = {};
+    float depth[kPixels], slope[kPixels] = {};
     std::uint32_t last[kPixels];
 #pragma unroll
     for (int k = 0; k < kPixels; ++k) {
         if (!search[k].found()) walk.stop[k] = 0;
-        depth[k] = search[k].estimate();
-        square[k] = window.before[k], last[k] = window.last_before[k];
+        depth[k] = search[k].median();
+        last[k] = window.last_before[k];
     }
     walk(window.from, window.to,
          [&](std::uint32_t position, const float(&alphas)[kPixels],
@@ -203,9 +202,8 @@ __global__ void __launch_bounds__(kThreads) median_kernel(MedianView in) {
 #pragma unroll
              for (int k = 0; k < kPixels; ++k) {
                  const float x = (depth[k] - points[k].depth) * points[k].inverse;
-                 const auto by = passed_vjp(alphas[k], x, points[k].deviation, points[k].inverse);
-                 square[k] *= passed_square(alphas[k], x);
-                 slope[k] += by.by_depth;
+                 slope[k] +=
+                     passed_vjp(alphas[k], x, points[k].deviation, points[k].inverse).by_depth;
                  const float reach = kProfileReach * points[k].deviation;
                  if (alphas[k] > 0 && points[k].depth - reach < search[k].high)
                      last[k] = max(last[k], position + 1);
@@ -216,7 +214,7 @@ __global__ void __launch_bounds__(kThreads) median_kernel(MedianView in) {
         if (!p.inside[k]) continue;
         const int at = p.y[k] * in.grid.width + p.x;
         const bool found = walk.stop[k] > 0;
-        in.depth[at] = found ? search[k].improved(depth[k], square[k], slope[k]) : 0;
+        in.depth[at] = found ? depth[k] : 0;
         in.slope[at] = found ? slope[k] : 0;
         in.median_stops[at] = found ? last[k] : 0;
     }

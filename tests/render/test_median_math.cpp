@@ -216,31 +216,18 @@ Real median_by_search(const std::vector<OnRay>& splats, int* turns = nullptr) {
         return RayPoint<Real>{Real(s.depth), Real(s.deviation), Real(1 / s.deviation), 0};
     };
     for (const OnRay& s : splats) range.add(Real(s.alpha), point(s));
+    int looks = 0;
     const auto square = [&](Real t) {
+        ++looks;
         Real product = 1;
         for (const OnRay& s : splats)
             product *= passed_square(Real(s.alpha), (t - point(s).depth) * point(s).inverse);
         return product;
     };
     MedianSearch<Real> search;
-    search.start(range);
-    int turn = 0;
-    do {
-        Real squares[MedianSearch<Real>::kPoints];
-        for (int k = 0; k < MedianSearch<Real>::kPoints; ++k) squares[k] = square(search.points[k]);
-        if (!search.narrow(squares)) return 0;
-        search.spread_points();
-    } while (!search.done() && ++turn < MedianSearch<Real>::kMostTurns);
-    if (turns != nullptr) *turns = turn + 1;
-    if (!search.found()) return 0;
-    const Real t = search.estimate();
-    Real slope = 0;
-    for (const OnRay& s : splats) {
-        const auto p = point(s);
-        slope +=
-            passed_vjp(Real(s.alpha), (t - p.depth) * p.inverse, p.deviation, p.inverse).by_depth;
-    }
-    return search.improved(t, square(t), slope);
+    const bool found = find_median(range, square, search);
+    if (turns != nullptr) *turns = looks / MedianSearch<Real>::kPoints;
+    return found ? search.median() : 0;
 }
 
 TEST(Median, PassedLightIsTheDefinition) {
