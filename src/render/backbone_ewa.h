@@ -196,7 +196,8 @@ private:
                          {std::as_const(splats_.shapes).span(), std::as_const(r.profiles).span(),
                           std::as_const(lists_.spans).span(), std::as_const(lists_.splats).span(),
                           grid_, images.transmittance.span(), std::as_const(stops_).span(),
-                          images_.depth.span(), r.slope.span(), r.stops.span()});
+                          images_.depth.span(), r.slope.span(), r.stops.span()},
+                         r.crossings);
         else
             blend_tiles<MeanDepthModel>({splats_.shapes, r.profiles}, lists_, grid_,
                                         {images_.depth.span(), grid_.width}, r.stops);
@@ -246,6 +247,7 @@ private:
         Buffer<RayProfile<float>, Device> profiles;  // [N]
         Buffer<std::uint32_t, Device> stops;         // [H W] of the mean or of the median
         Buffer<float, Device> slope;                 // [H W] see MedianView
+        Buffer<Crossing, Device> crossings;          // scratch
         RayDepthFragments<Device> fragments;         // none where depth has no gradient
     } ray_depth_;
     Buffer<Vec3f, Device> plane_normal_;  // dL/d of the plane, where depth has derivatives

@@ -25,10 +25,10 @@ struct LanePixels {
     bool inside[kPixels];
     Vec2f low, high;  // in the image; high < low where the warp has none
 };
-__device__ inline LanePixels lane_pixels(const TileGrid& grid) {
+__device__ inline LanePixels lane_pixels(const TileGrid& grid, unsigned tile) {
     const int warp = threadIdx.x / 32, lane = threadIdx.x % 32;
-    const int left = blockIdx.x % grid.columns * kTileSize + warp % 2 * kQuarter;
-    const int top = blockIdx.x / grid.columns * kTileSize + warp / 2 * kQuarter;
+    const int left = tile % grid.columns * kTileSize + warp % 2 * kQuarter;
+    const int top = tile / grid.columns * kTileSize + warp / 2 * kQuarter;
     LanePixels p;
     p.x = left + lane % kQuarter;
     p.centre_x = static_cast<float>(p.x) + 0.5f;
@@ -96,7 +96,7 @@ __global__ void __launch_bounds__(kThreads)
                  Span<std::uint32_t> stop_out) {
     __shared__ Batch<Model> batches[kWarps];
     Batch<Model>& batch = batches[threadIdx.x / 32];
-    LanePixels p = lane_pixels(grid);
+    LanePixels p = lane_pixels(grid, blockIdx.x);
     for (int k = 0; k < kPixels; ++k)
         if (!p.inside[k]) p.centre_y[k] = kOutOfReach;
     const std::uint32_t lane = threadIdx.x % 32;
@@ -271,7 +271,7 @@ __global__ void __launch_bounds__(kThreads)
                                ? static_cast<int>(warp) * kBatch * kValues + Model::filled(value)
                                : -1);
     Batch<Model>& batch = batches[warp];
-    const LanePixels p = lane_pixels(grid);
+    const LanePixels p = lane_pixels(grid, blockIdx.x);
     const TileSpan span = spans[blockIdx.x];
     typename Model::PixelBackward pixels[kPixels];
     std::uint32_t stop[kPixels];

@@ -45,23 +45,36 @@ TVSGS_HD PassedGradients<Real> passed_vjp(Real alpha, Real x, Real deviation, Re
             Real(0.5) * y * x * (deviation * deviation)};
 }
 
-/// Where to look for a median, from the splats at the front of a list.
+/// The splats that have a part in a pixel's depth: those that it blends, in blending's order, up to
+/// the first behind which T is below this, and no more than that many. All passes go by it. What
+/// comes later in the list has next to no part in the colour either, and costs as much again.
+inline constexpr float kDepthTransmittance = 0.05f;
+inline constexpr int kDepthSplats = 32;
+
+/// Where these splats are along the ray.
 template <class Real>
 struct MedianRange {
-    Real T = 1, from = Real(3e38), to = Real(-3e38);
-    Real guess = 0;  // depth of the last splat
+    int count = 0;
+    Real T = 1;                                     // behind all of them
+    Real from = Real(3e38), to = Real(-3e38);       // where their profiles begin and end
+    Real first = 0, weight = 0, sum = 0, sum2 = 0;  // moments by blending's weights
 
-    /// Below this T is below a half at `to`: profiles that end there leave less than 2 % more.
-    TVSGS_HD bool complete() const { return T < Real(0.49); }
+    TVSGS_HD bool complete() const {
+        return T < Real(kDepthTransmittance) || count == kDepthSplats;
+    }
 
-    /// The next splat of the list; of alpha 0 it changes nothing.
-    TVSGS_HD void add(Real alpha, const RayPoint<Real>& point) {
-        if (!(alpha > 0) || complete()) return;
+    /// The next splat of the list; of alpha 0 it changes nothing. False if it has no part.
+    TVSGS_HD bool add(Real alpha, const RayPoint<Real>& point) {
+        if (!(alpha > 0) || complete()) return false;
         const Real reach = Real(kProfileReach) * point.deviation;
         from = point.depth - reach < from ? point.depth - reach : from;
         to = point.depth + reach > to ? point.depth + reach : to;
-        guess = point.depth;
+        if (weight == 0) first = point.depth;
+        const Real w = T * alpha, d = point.depth - first;
+        weight += w, sum += w * d, sum2 += w * (d * d + point.deviation * point.deviation);
         T *= 1 - alpha;
+        ++count;
+        return true;
     }
 };
 
@@ -70,66 +83,68 @@ struct MedianRange {
 template <class Real>
 struct MedianSearch {
     static constexpr int kPoints = 8;
-    static constexpr int kMostTurns = 12;
+    static constexpr int kMostTurns = 24;  // each leaves 0.4 of the range at most
 
-    Real low = 0, high = 0;         // the median is between these
-    Real at_low = 1, at_high = -1;  // T^2; -1: never looked
-    Real points[kPoints] = {};      // ascending
+    Real low = 0, high = 0;        // the median is between these
+    Real at_low = 1, at_high = 1;  // T^2 there
+    Real points[kPoints] = {};
 
-    /// Next to the guess first: it is near the median where blending's order is right.
-    TVSGS_HD void start(const MedianRange<Real>& range) {
-        using std::abs;
-        const Real first = range.from > 0 ? range.from : Real(0), to = range.to;
-        constexpr float kSteps[kPoints] = {0, -2e-2f, -2e-3f, -2e-4f, 2e-4f, 2e-3f, 2e-2f, 0};
-        for (int k = 1; k < kPoints - 1; ++k) {
-            const Real at = range.guess + abs(range.guess) * Real(kSteps[k]);
-            points[k] = at < first ? first : at > to ? to : at;
-        }
-        points[0] = first, points[kPoints - 1] = to;
-        high = to;
+    /// False if there is no median. Most are a little in front of the weights' mean.
+    TVSGS_HD bool start(const MedianRange<Real>& range) {
+        if (!(range.T <= Real(0.5)) || !(range.to > 0)) return false;
+        low = range.from > 0 ? range.from : Real(0), high = range.to, at_high = range.T * range.T;
+        const Real mean = range.sum / range.weight,
+                   square = range.sum2 / range.weight - mean * mean;
+        const Real deviation = std::sqrt(square > 0 ? square : Real(0));
+        constexpr float kSteps[kPoints] = {-2.2f, -1.4f, -0.9f, -0.5f, -0.15f, 0.25f, 0.8f, 1.8f};
+        for (int k = 0; k < kPoints; ++k)
+            points[k] = range.first + mean + Real(kSteps[k]) * deviation;
+        return true;
     }
 
-    /// By T^2 at the points. False if it has been above a quarter everywhere: there is no median.
-    TVSGS_HD bool narrow(const Real (&square)[kPoints]) {
-        bool above = true;
+    /// By T^2 at the points, which are moved on.
+    TVSGS_HD void narrow(const Real (&square)[kPoints]) {
         for (int k = 0; k < kPoints; ++k) {
-            const bool here = above && square[k] > Real(kMedianSquare);
-            if (here)
-                low = points[k], at_low = square[k];
-            else if (above)
-                high = points[k], at_high = square[k];
-            above = here;
+            const bool inside =
+                points[k] > low && points[k]<high, above = square[k]> Real(kMedianSquare);
+            if (inside && above) low = points[k], at_low = square[k];
+            if (inside && !above) high = points[k], at_high = square[k];
         }
-        return at_high >= 0;
+        // Close to where an even fall of ln T would have it, and some away.
+        const Real width = high - low, fall = std::log(at_low / at_high),
+                   share = std::log(at_low / Real(kMedianSquare)) / fall;
+        constexpr float kSteps[kPoints - 2] = {-0.15f, -0.04f, -0.01f, 0.01f, 0.04f, 0.15f};
+        for (int k = 0; k < kPoints - 2; ++k) points[k] = low + (share + Real(kSteps[k])) * width;
+        points[kPoints - 2] = low + Real(0.3) * width,
+                         points[kPoints - 1] = low + Real(0.7) * width;
     }
 
-    /// T changes by 0.2 % at most, or depth by next to nothing.
+    /// T changes by 1.5 % at most, or depth by next to nothing.
     TVSGS_HD bool done() const {
         return high - low <= Real(1e-6) * high || at_low <= Real(1.004) * at_high;
     }
     /// Not where half of the light is taken before depth 0.
     TVSGS_HD bool found() const { return done() && low > 0; }
-    TVSGS_HD void spread_points() {
-        const Real step = (high - low) / (kPoints + 1);
-        for (int k = 0; k < kPoints; ++k) points[k] = multiply_add(Real(k + 1), step, low);
-    }
 
     /// On the straight line between the two.
     TVSGS_HD Real median() const {
         const Real share = (at_low - Real(kMedianSquare)) / (at_low - at_high);
         return low + share * (high - low);
     }
+    /// Of ln T between them.
+    TVSGS_HD Real slope() const { return Real(0.5) * std::log(at_high / at_low) / (high - low); }
 };
 
-/// Runs the turns on a ray whose T^2 at a depth is square(depth). False if there is no median.
-template <class Real, class Square>
-bool find_median(const MedianRange<Real>& range, const Square& square, MedianSearch<Real>& search) {
-    search.start(range);
+/// Runs the turns; look(points, squares) computes T^2. False if there is no median.
+template <class Real, class Look>
+TVSGS_HD bool find_median(const MedianRange<Real>& range,
+                          const Look& look,
+                          MedianSearch<Real>& search) {
+    if (!search.start(range)) return false;
     for (int turn = 0; turn < search.kMostTurns && !search.done(); ++turn) {
         Real squares[MedianSearch<Real>::kPoints];
-        for (int k = 0; k < search.kPoints; ++k) squares[k] = square(search.points[k]);
-        if (!search.narrow(squares)) return false;
-        search.spread_points();
+        look(search.points, squares);
+        search.narrow(squares);
     }
     return search.found();
 }

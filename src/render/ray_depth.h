@@ -149,7 +149,7 @@ struct MedianDepthModel : RayDepthModel {
 };
 
 /// Median depths of a view, from the transmittance and the stops that blending wrote, all [H W].
-/// Splats take part where blending drew them; nothing behind its stop does.
+/// Which splats have a part: kDepthTransmittance.
 struct MedianView {
     Span<const SplatShape<float>> shapes;
     Span<const RayProfile<float>> profiles;
@@ -158,11 +158,32 @@ struct MedianView {
     TileGrid grid;
     Span<const float> transmittance;
     Span<const std::uint32_t> stops;
-    // Overwritten: 0 where there is no median.
+    // Overwritten; 0 where there is no median.
     Span<float> depth, slope;          // slope: of ln T, per unit of depth
-    Span<std::uint32_t> median_stops;  // behind the last in the list that takes light before it
+    Span<std::uint32_t> median_stops;  // behind the last splat in the list that has a part
 };
-void find_medians(Cpu, const MedianView& view);
-void find_medians(Cuda, const MedianView& view);
+
+/// A splat with a part in a pixel's depth.
+struct Crossing {
+    float alpha, depth, inverse;  // as in RayPoint
+};
+
+/// `crossings`: scratch, resized as the device needs it.
+void find_medians(Cpu, const MedianView& view, Buffer<Crossing, Cpu>& crossings);
+void find_medians(Cuda, const MedianView& view, Buffer<Crossing, Cuda>& crossings);
+
+/// T^2 at the points of a search, of splats that crossing(i) gives.
+template <class CrossingAt>
+TVSGS_HD void look_along(int count,
+                         const CrossingAt& crossing,
+                         const float (&points)[MedianSearch<float>::kPoints],
+                         float (&squares)[MedianSearch<float>::kPoints]) {
+    for (float& square : squares) square = 1;
+    for (int i = 0; i < count; ++i) {
+        const Crossing c = crossing(i);
+        for (int k = 0; k < MedianSearch<float>::kPoints; ++k)
+            squares[k] *= passed_square(c.alpha, (points[k] - c.depth) * c.inverse);
+    }
+}
 
 }  // namespace tvsgs

@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "render/backbone.h"
 #include "render/blend_math.h"
-#include "render/ray_profile_math.h"
+#include "render/median_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -103,7 +103,8 @@ struct Reference {
                     if (pixel.T * (1 - alpha) < 1e-4) break;
                     const Vec3d r = root[i] * ray;
                     const double depth = dot(r, root[i] * p[i]) / dot(r, r);
-                    splats.push_back({alpha, depth, 1 / norm(r)});
+                    if (pixel.T >= double(kDepthTransmittance) && splats.size() < kDepthSplats)
+                        splats.push_back({alpha, depth, 1 / norm(r)});
                     pixel.mean += alpha * pixel.T * depth;
                     pixel.T *= 1 - alpha;
                 }
