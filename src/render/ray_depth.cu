@@ -27,6 +27,7 @@ __device__ void find_tile_medians(const MedianView& in,
     const std::uint32_t begin = in.spans[tile].begin, lane = threadIdx.x % 32;
     std::uint32_t stop[kPixels] = {}, last[kPixels] = {};
     MedianRange<float> ranges[kPixels];
+#pragma unroll
     for (int k = 0; k < kPixels; ++k) {
         const int at = p.y[k] * in.grid.width + p.x;
         if (p.inside[k] && in.transmittance[at] <= 0.5f) stop[k] = in.stops[at];
@@ -57,6 +58,7 @@ __device__ void find_tile_medians(const MedianView& in,
         }
         __syncwarp();  // before the next batch overwrites this one
     }
+#pragma unroll
     for (int k = 0; k < kPixels; ++k) {
         if (!p.inside[k]) continue;
         MedianSearch<float> search;

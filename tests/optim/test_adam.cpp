@@ -134,12 +134,19 @@ struct Stepped {
 
 enum class Way { in_memory, fused };
 
-/// A view after the other.
+/// A view after the other. `depth`: what depth with gradients; automatic: colours alone.
 template <class Device>
-Stepped step_views(Way way, int steps, bool with_extra = true) {
+Stepped step_views(Way way,
+                   int steps,
+                   bool with_extra = true,
+                   SurfaceDepth depth = SurfaceDepth::automatic) {
     Gaussians<Device> g, extra, gradients;
     copy(test::random_gaussians(120, 7, 0.05), g);
-    const auto backbone = make_backbone<Device>("ewa", {});
+    BackboneOptions render;
+    render.depth = depth;
+    const auto backbone = make_backbone<Device>("ewa", render);
+    const bool with_depth = depth != SurfaceDepth::automatic;
+    const Maps maps = Maps::color | (with_depth ? kGeometryMaps : Maps::none);
     AdamOptions options;
     options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
     Adam<Device> adam(options, g);
@@ -151,12 +158,13 @@ Stepped step_views(Way way, int steps, bool with_extra = true) {
         std::vector<Vec3f> dL(24 * 16);
         for (Vec3f& p : dL) p = vec_cast<float>(random.normal3());
         copy(dL, dL_dimages.color);
+        if (with_depth) copy(std::vector<float>(24 * 16, 2), dL_dimages.depth);
         if (with_extra) {
             Gaussians<Cpu> host = test::random_gaussians(120, 100 + static_cast<unsigned>(t));
             host.sh.resize(0);
             copy(host, extra);
         }
-        backbone->forward(g, narrow_camera(t % 3), degree, Maps::color);
+        backbone->forward(g, narrow_camera(t % 3), degree, maps);
         if (way == Way::fused) {
             adam.step(t, 1, *backbone->blend_backward(dL_dimages), extra, g, true);
         } else {
@@ -192,7 +200,16 @@ TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
 #if defined(__FMA__)
     GTEST_SKIP() << "built for a processor on which the compiler fuses as it likes";
 #endif
-    EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40), step_views<Cpu>(Way::fused, 40)));
+    for (const SurfaceDepth depth : {SurfaceDepth::automatic, SurfaceDepth::plane,
+                                     SurfaceDepth::expected, SurfaceDepth::median})
+        EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40, true, depth),
+                              step_views<Cpu>(Way::fused, 40, true, depth)))
+            << static_cast<int>(depth);
+}
+
+TEST(FusedStep, DepthHasItsShare) {
+    EXPECT_FALSE(same_bits(step_views<Cpu>(Way::fused, 1, true, SurfaceDepth::expected),
+                           step_views<Cpu>(Way::fused, 1, true, SurfaceDepth::median)));
 }
 
 TEST(FusedStep, AHaltedStepChangesNothing) {
