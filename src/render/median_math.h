@@ -105,8 +105,8 @@ struct MedianSearch {
     /// By T^2 at the points, which are moved on.
     TVSGS_HD void narrow(const Real (&square)[kPoints]) {
         for (int k = 0; k < kPoints; ++k) {
-            const bool inside =
-                points[k] > low && points[k]<high, above = square[k]> Real(kMedianSquare);
+            const bool inside = !(points[k] <= low) && points[k] < high;
+            const bool above = square[k] > Real(kMedianSquare);
             if (inside && above) low = points[k], at_low = square[k];
             if (inside && !above) high = points[k], at_high = square[k];
         }
@@ -115,11 +115,11 @@ struct MedianSearch {
                    share = std::log(at_low / Real(kMedianSquare)) / fall;
         constexpr float kSteps[kPoints - 2] = {-0.15f, -0.04f, -0.01f, 0.01f, 0.04f, 0.15f};
         for (int k = 0; k < kPoints - 2; ++k) points[k] = low + (share + Real(kSteps[k])) * width;
-        points[kPoints - 2] = low + Real(0.3) * width,
-                         points[kPoints - 1] = low + Real(0.7) * width;
+        points[kPoints - 2] = low + Real(0.3) * width;
+        points[kPoints - 1] = low + Real(0.7) * width;
     }
 
-    /// T changes by 1.5 % at most, or depth by next to nothing.
+    /// T changes by 0.2 % at most, or depth by next to nothing.
     TVSGS_HD bool done() const {
         return high - low <= Real(1e-6) * high || at_low <= Real(1.004) * at_high;
     }
