@@ -20,6 +20,7 @@ void find_medians(Cpu, const MedianView& in, Buffer<Crossing, Cpu>&) {
                     const auto& shape = in.shapes[splat];
                     const auto hit = RayDepthModel::hit(
                         shape, RayDepthModel::offset(shape, detail::pixel_centre(x, y)));
+                    if (hit.alpha == 0) continue;
                     const RayPoint<float> point = ray_point(in.profiles[splat], hit.offset);
                     if (!range.add(hit.alpha, point)) continue;
                     crossings[range.count - 1] = {hit.alpha, point.depth, point.inverse};
