@@ -19,6 +19,14 @@ struct DepthRules {
     float reach = 0;         // of a contracted volume, from its centre; 0: any
     Vec3f centre;
     DepthWeighting weighting = DepthWeighting::unit;
+
+    /// Also true without a box. NaN is outside.
+    TVSGS_HD bool in_box(Vec3f p) const {
+        if (!has_box) return true;
+        for (int axis = 0; axis < 3; ++axis)
+            if (!(p[axis] >= box_min[axis] && p[axis] <= box_max[axis])) return false;
+        return true;
+    }
 };
 
 /// What became of the pixels; each is counted once, under the first rule that drops it.

@@ -42,11 +42,7 @@ struct CleanDepthBody {
                 return DepthFate::grazing;
         }
         const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
-        if (rules.has_box) {
-            for (int axis = 0; axis < 3; ++axis)
-                if (!(p[axis] >= rules.box_min[axis] && p[axis] <= rules.box_max[axis]))
-                    return DepthFate::outside;
-        }
+        if (!rules.in_box(p)) return DepthFate::outside;
         if (rules.reach > 0 && !(norm(p - rules.centre) < rules.reach))
             return DepthFate::out_of_reach;
         return DepthFate::kept;

@@ -48,6 +48,9 @@ public:
     /// A mesher may tighten them before the first view.
     DepthRules& rules() { return rules_; }
 
+    /// Whether what lies outside of the views' masks is dropped.
+    bool masks() const { return masks_; }
+
     /// Renders view i; valid until the next call, or another render by the backbone.
     DepthView<Device> view(int i) {
         const View& view = views_[static_cast<std::size_t>(i)];

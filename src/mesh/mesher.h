@@ -27,6 +27,7 @@ struct MesherInputs {
     Backbone<Device>& backbone;
     DepthViews<Device>& depth;  // of `views`, rendered by `backbone`
     MeshRegion region;
+    float near;                       // the backbone draws nothing nearer to a camera's plane
     std::int64_t max_bytes;           // that the mesher may take
     const std::string& spill_folder;  // for what does not fit, meanwhile
     spdlog::level::level_enum level;  // of what is said

@@ -11,18 +11,21 @@
 
 #include "core/error.h"
 #include "core/nearest_name.h"
+#include "mesh/mesher_tetrahedra.h"
 #include "mesh/mesher_tsdf.h"
 
 namespace tvsgs {
 
 struct MesherOptions {
     TsdfMesherOptions tsdf;
+    TetrahedraMesherOptions tetrahedra;
 
     /// A mesher's keys are a group of its name; only tsdf's are not, as they are older than the
     /// list.
     template <class Visitor>
     void fields(Visitor& field) {
         tsdf.fields(field);
+        field.group("tetrahedra", tetrahedra, "the mesher of that name");
     }
 };
 
@@ -31,6 +34,7 @@ template <class Device, class Visit>
 void visit_meshers(const MesherOptions& o, const Visit& visit) {
     using std::type_identity;
     visit(type_identity<TsdfMesher<Device>>{}, "tsdf", o.tsdf);
+    visit(type_identity<TetrahedraMesher<Device>>{}, "tetrahedra", o.tetrahedra);
 }
 
 template <class Device>

@@ -26,7 +26,7 @@ struct MeshOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("method", method, "what makes the surface of the splats: tsdf");
+        field("method", method, "what makes the surface of the splats: tsdf, tetrahedra");
         meshers.fields(field);
         field("depth_max", depth_max, {0, 1e9},
               "depths from there on are dropped; 0: twice the distance of the cameras' focus, or "
@@ -111,9 +111,9 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
         focus = detail::focus_of_scene(views, gaussians, *backbone, level);
     const MeshRegion region = detail::mesh_region(options, focus, rules);
     DepthViews<Device> depth(views, gaussians, *backbone, rules, options.masks);
-    ExtractedMesh found = mesher->extract({views, gaussians, *backbone, depth, region,
-                                           detail::memory_of_mesher(options, free_bytes(Device{})),
-                                           spill_folder, level});
+    ExtractedMesh found = mesher->extract(
+        {views, gaussians, *backbone, depth, region, train.render.near,
+         detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
     const std::string cleaned = detail::clean_mesh(found.mesh, options.clusters, level);
     const std::string& why = found.why_empty.empty() ? cleaned : found.why_empty;
     if (why_empty)

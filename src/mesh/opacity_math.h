@@ -1,0 +1,150 @@
+// How opaque a Gaussian is along a ray up to a point, without an approximation of the projection.
+// docs/method/tetrahedra.md
+#pragma once
+
+#include "core/camera.h"
+#include "core/fast_math.h"
+#include "core/parallel.h"
+#include "render/blend_math.h"
+
+namespace tvsgs {
+
+/// Scales and opacity of a splat that a filter widens: its opacity falls as its density does.
+/// [Yu24, Eq. 9]
+template <class Real>
+struct WidenedSplat {
+    Vec3<Real> scales;
+    Real opacity;
+};
+
+/// `filter` is the standard deviation of the filter, 0: none. Axis by axis, as the product of three
+/// small squares would vanish.
+template <class Real>
+TVSGS_HD WidenedSplat<Real> widened_splat(Vec3<Real> scales, Real opacity, Real filter) {
+    WidenedSplat<Real> wide{scales, opacity};
+    if (!(filter > 0)) return wide;
+    for (int k = 0; k < 3; ++k) {
+        wide.scales[k] = std::sqrt(scales[k] * scales[k] + filter * filter);
+        wide.opacity *= scales[k] / wide.scales[k];
+    }
+    return wide;
+}
+
+/// A Gaussian as rays from a camera's centre meet it: in its own axes, each measured in units of
+/// its standard deviation over the smallest one's. A flat splat then gives no large numbers, and
+/// nothing is inverted. In whole 16-byte words.
+template <class Real>
+struct alignas(16) RayGaussian {
+    Mat3<Real> W;      // from the camera frame
+    Vec3<Real> start;  // the camera's centre
+    Real variance;     // the smallest, world units
+    Real opacity;
+    Real reach2;  // squared standard deviations up to which alpha is at least kMinAlpha
+    Real unused = 0;
+};
+
+/// The axes that a splat keeps: thinner than a millionth of its width is no thinner in float.
+template <class Real>
+TVSGS_HD Vec3<Real> kept_scales(Vec3<Real> s) {
+    const Real largest = s.x > s.y ? (s.x > s.z ? s.x : s.z) : (s.y > s.z ? s.y : s.z);
+    const Real least = Real(1e-6) * largest;
+    return {s.x > least ? s.x : least, s.y > least ? s.y : least, s.z > least ? s.z : least};
+}
+
+/// `axes`: the splat's, as columns, in the camera frame; `scales`: kept_scales().
+template <class Real>
+TVSGS_HD RayGaussian<Real> ray_gaussian(const Mat3<Real>& axes,
+                                        Vec3<Real> scales,
+                                        Vec3<Real> mean_camera,
+                                        Real opacity) {
+    RayGaussian<Real> g;
+    Real smallest = scales.x < scales.y ? scales.x : scales.y;
+    smallest = scales.z < smallest ? scales.z : smallest;
+    for (int k = 0; k < 3; ++k) {
+        const Real weight = smallest / scales[k];
+        for (int c = 0; c < 3; ++c) g.W[k][c] = weight * axes[c][k];
+    }
+    g.start = -(g.W * mean_camera);
+    g.variance = smallest * smallest;
+    g.opacity = opacity;
+    g.reach2 = 2 * splat_reach(opacity);
+    return g;
+}
+
+/// The largest alpha on the way from the camera along `ray` (z = 1, camera frame) to depth z > 0; 0
+/// below kMinAlpha. The squared distance from the mean, in standard deviations, is a parabola over
+/// the depth, least where the ray is next to the mean.
+template <class Real>
+TVSGS_HD Real alpha_up_to(const RayGaussian<Real>& g, Vec3<Real> ray, Real z) {
+    const Vec3<Real> b = g.W * ray, moment = cross(g.start, b);
+    const Real bb = dot(b, b), unit = bb * g.variance;
+    // In units of `unit`, so that what is out of reach takes no division: most splats are.
+    Real distance2 = dot(moment, moment);
+    const Real limit = (g.reach2 + Real(1e-3)) * unit;
+    if (!(distance2 < limit)) return 0;
+    const Real along = dot(g.start, b);  // -bb times the depth next to the mean
+    const Real y = along > 0 ? along : z * bb + along < 0 ? z * bb + along : Real(0);
+    distance2 += y * y;
+    if (!(distance2 < limit)) return 0;
+    const Real alpha = g.opacity * ExactMath::decay(Real(0.5) * distance2 / unit);
+    if (!(alpha >= Real(kMinAlpha))) return 0;
+    return alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha);
+}
+
+/// Where a Gaussian reaches kMinAlpha: the image of an ellipsoid, an ellipse, as `mean` +- `root`
+/// with a reach of 1/2. It is a little too large; the reach says how the tiles take it.
+template <class Real>
+struct EllipsoidImage {
+    Vec2<Real> mean;   // px
+    Sym2<Real> shape;  // px^2: the squares of its half-widths, and their product
+    bool bounded;      // else it reaches to the camera's plane and may be anywhere in the image
+};
+
+/// The dual conic of the ellipsoid (x - mean)^T Sigma^-1 (x - mean) <= reach2, without the terms
+/// that cancel.
+///   axes   of the splat as columns, in the camera frame
+template <class Real>
+TVSGS_HD EllipsoidImage<Real> ellipsoid_image(
+    const Camera& camera, const Mat3<Real>& axes, Vec3<Real> scales, Vec3<Real> mean, Real reach2) {
+    Sym3<Real> N{};  // reach2 Sigma
+    for (int k = 0; k < 3; ++k) {
+        const Vec3<Real> a = column(axes, k);
+        const Real w = reach2 * scales[k] * scales[k];
+        N.xx += w * a.x * a.x, N.xy += w * a.x * a.y, N.xz += w * a.x * a.z;
+        N.yy += w * a.y * a.y, N.yz += w * a.y * a.z, N.zz += w * a.z * a.z;
+    }
+    const Real D = mean.z * mean.z - N.zz;
+    EllipsoidImage<Real> image{};
+    image.bounded = D > Real(1e-3) * mean.z * mean.z;
+    if (!image.bounded) return image;
+    const Real fx = static_cast<Real>(camera.fx_px), fy = static_cast<Real>(camera.fy_px);
+    image.mean = {fx * (mean.x * mean.z - N.xz) / D + static_cast<Real>(camera.cx_px),
+                  fy * (mean.y * mean.z - N.yz) / D + static_cast<Real>(camera.cy_px)};
+    const Real x = mean.x, y = mean.y, z = mean.z, over = 1 / (D * D);
+    image.shape = {
+        fx * fx * over *
+            (N.xx * z * z - 2 * N.xz * x * z + N.zz * x * x - (N.xx * N.zz - N.xz * N.xz)),
+        fx * fy * over *
+            (N.xy * z * z - N.xz * y * z - N.yz * x * z + N.zz * x * y -
+             (N.xy * N.zz - N.xz * N.yz)),
+        fy * fy * over *
+            (N.yy * z * z - 2 * N.yz * y * z + N.zz * y * y - (N.yy * N.zz - N.yz * N.yz))};
+    return image;
+}
+
+/// A point is clear in a view if half of the light from it gets to the camera.
+inline constexpr float kClear = 0.5f;
+
+/// How many views have a point in their image, and in how many of them it is clear. Counted no
+/// further than is_free() needs.
+struct Sight {
+    int views = 0, clear = 0;
+};
+
+/// Whether a point lies in free space: clear in one view of up to two, and in `needed` (1 or 2) of
+/// more.
+TVSGS_HD inline bool is_free(Sight sight, int needed) {
+    return sight.clear >= (sight.views > 2 ? needed : 1);
+}
+
+}  // namespace tvsgs

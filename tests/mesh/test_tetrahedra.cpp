@@ -1,0 +1,449 @@
+// The surface in tetrahedra: its cases, its points, and whole meshes of surfaces that are known.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <set>
+
+#include "core/error.h"
+#include "mesh/mesher_tetrahedra.h"
+#include "mesh/splat_surfaces.h"
+#include "support/numeric.h"
+
+namespace tvsgs {
+namespace {
+
+using test::Random;
+
+Vec3d corner(const TriangleMesh& mesh, int i) {
+    return vec_cast<double>(mesh.vertices[static_cast<std::size_t>(i)]);
+}
+Vec3d face_normal(const TriangleMesh& mesh, Vec3i f) {
+    return cross(corner(mesh, f.y) - corner(mesh, f.x), corner(mesh, f.z) - corner(mesh, f.x));
+}
+
+struct Topology {
+    int rims = 0, shared_wrong = 0;  // edges of one face; of more than two, or of a turned one
+    long euler = 0;
+};
+Topology topology(const TriangleMesh& mesh) {
+    std::map<std::pair<int, int>, std::pair<int, int>> edges;  // faces in and against its direction
+    std::set<int> vertices;
+    for (const Vec3i f : mesh.faces)
+        for (int k = 0; k < 3; ++k) {
+            const int a = f[k], b = f[(k + 1) % 3];
+            vertices.insert(a);
+            auto& [along, against] = edges[std::minmax(a, b)];
+            ++(a < b ? along : against);
+        }
+    Topology t;
+    for (const auto& [edge, faces] : edges) {
+        t.rims += faces.first + faces.second == 1;
+        t.shared_wrong += faces.first > 1 || faces.second > 1;
+    }
+    t.euler = static_cast<long>(vertices.size()) - static_cast<long>(edges.size()) +
+              static_cast<long>(mesh.faces.size());
+    return t;
+}
+
+/// The vertices in the middle of the edges.
+TriangleMesh halfway(const TetrahedraSurface& surface, const std::vector<Vec3f>& positions) {
+    TriangleMesh mesh;
+    mesh.faces = surface.faces;
+    for (const CrossedEdge& e : surface.edges)
+        mesh.vertices.push_back(0.5f * (positions[static_cast<std::size_t>(e.free_end)] +
+                                        positions[static_cast<std::size_t>(e.inside_end)]));
+    return mesh;
+}
+
+const std::vector<Vec3f> kCorners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+
+TEST(MarchingTetrahedra, AllCasesFaceFreeSpace) {
+    for (int inside = 0; inside < 16; ++inside) {
+        std::vector<PointSide> sides;
+        int count = 0;
+        for (int i = 0; i < 4; ++i) {
+            sides.push_back(inside >> i & 1 ? PointSide::inside : PointSide::free);
+            count += inside >> i & 1;
+        }
+        const TetrahedraSurface surface =
+            marching_tetrahedra({{0, 1, 2, 3}}, sides, kCorners, std::vector<float>(4, 1));
+        const int faces = count == 2 ? 2 : count == 0 || count == 4 ? 0 : 1;
+        ASSERT_EQ(static_cast<int>(surface.faces.size()), faces) << inside;
+        EXPECT_EQ(static_cast<int>(surface.edges.size()), count * (4 - count)) << inside;
+        const TriangleMesh mesh = halfway(surface, kCorners);
+        double area = 0;
+        for (const Vec3i f : mesh.faces) {
+            const Vec3d n = face_normal(mesh, f);
+            area += norm(n) / 2;
+            for (int i = 0; i < 4; ++i) {
+                const double side = dot(
+                    n, vec_cast<double>(kCorners[static_cast<std::size_t>(i)]) - corner(mesh, f.x));
+                EXPECT_GT(inside >> i & 1 ? -side : side, 0)
+                    << "case " << inside << ", corner " << i;
+            }
+        }
+        // Halves of a rectangle of 1 / 2 by 1 / sqrt 2 that do not overlap.
+        if (count == 2) {
+            EXPECT_NEAR(area, 1 / std::sqrt(8.0), 1e-6) << inside;
+        }
+        EXPECT_EQ(topology(mesh).shared_wrong, 0) << inside;
+    }
+}
+
+TEST(MarchingTetrahedra, AnyFieldGivesAClosedManifold) {
+    Random random(2);
+    std::vector<Vec3i> grid;
+    std::vector<Vec3f> positions;
+    std::vector<PointSide> sides;
+    for (int i = 0; i < 600; ++i) {
+        Vec3i p;
+        for (int axis = 0; axis < 3; ++axis) p[axis] = static_cast<int>(random.uniform(1000, 9000));
+        grid.push_back(p);
+        sides.push_back(random.uniform(0, 1) < 0.4 ? PointSide::inside : PointSide::free);
+    }
+    for (int k = 0; k < 8; ++k) {
+        grid.push_back({k & 1 ? 10000 : 0, k & 2 ? 10000 : 0, k & 4 ? 10000 : 0});
+        sides.push_back(PointSide::free);
+    }
+    for (const Vec3i p : grid) positions.push_back(vec_cast<float>(p));
+    const auto tetrahedra = delaunay(grid);
+    const TetrahedraSurface surface =
+        marching_tetrahedra(tetrahedra, sides, positions, std::vector<float>(grid.size(), 1e5f));
+    const Topology t = topology(halfway(surface, positions));
+    EXPECT_GT(surface.faces.size(), 2000u);
+    EXPECT_EQ(t.rims, 0);
+    EXPECT_EQ(t.shared_wrong, 0);
+    EXPECT_EQ(t.euler % 2, 0);
+    std::set<std::pair<int, int>> edges;
+    for (const CrossedEdge& e : surface.edges) {
+        EXPECT_EQ(sides[static_cast<std::size_t>(e.free_end)], PointSide::free);
+        EXPECT_EQ(sides[static_cast<std::size_t>(e.inside_end)], PointSide::inside);
+        EXPECT_TRUE(edges.insert({e.free_end, e.inside_end}).second);
+    }
+}
+
+TEST(MarchingTetrahedra, LeavesOutCaps) {
+    std::vector<PointSide> sides(4, PointSide::free);
+    sides[0] = PointSide::inside;
+    const std::vector<Tetrahedron> one{{0, 1, 2, 3}};
+    // The edges have length 1.
+    std::vector<float> radii{0.6f, 0.5f, 0.41f, 0.4f};
+    EXPECT_EQ(marching_tetrahedra(one, sides, kCorners, radii).faces.size(), 1u);
+    radii[3] = 0.39f;
+    TetrahedraSurface surface = marching_tetrahedra(one, sides, kCorners, radii);
+    EXPECT_TRUE(surface.faces.empty() && surface.edges.empty());
+    EXPECT_EQ(surface.far_faces, 1);
+    // What no view has seen is no surface, unless another corner is hidden.
+    radii.assign(4, 1);
+    sides[0] = PointSide::unseen;
+    surface = marching_tetrahedra(one, sides, kCorners, radii);
+    EXPECT_TRUE(surface.faces.empty());
+    EXPECT_EQ(surface.unseen_faces, 1);
+    sides[1] = PointSide::inside;
+    EXPECT_EQ(marching_tetrahedra(one, sides, kCorners, radii).faces.size(), 2u);
+    sides[1] = PointSide::unseen;
+    EXPECT_EQ(marching_tetrahedra(one, sides, kCorners, radii).unseen_faces, 2);
+}
+
+TEST(Pivots, LieOnBothSidesOfTheSplat) {
+    Gaussians<Cpu> g;
+    resize(g, 3, 0);
+    const Vec3d n = normalize(Vec3d{1, 2, 2});
+    test::set_flat_splat(g, 0, {0.1, 0, 0}, n, 0.2, 0.05);
+    test::set_flat_splat(g, 1, {0, 0.3, 0.2}, n, 0.2, 1e-6);  // thinner than a pixel
+    test::set_flat_splat(g, 2, {0, 0, 20}, n, 0.2, 0.05);     // in no image
+    g.opacity_logits[1] = 0.1f;
+    std::vector<View> views{test::view_from({0, 0, 3}, 100), test::view_from({0, 0, -2}, 100)};
+    FieldSplats<Cpu> splats = field_splats(g);
+    const FieldViews field{views, true, 0.2f, 2};
+    DepthRules rules;
+    rules.depth_max = 10;
+    const auto footprints = pixel_footprints(splats, field, rules);
+    EXPECT_FLOAT_EQ(footprints[0], 2.0f / 100);  // of the nearer view
+    EXPECT_FLOAT_EQ(footprints[1], 2.2f / 100);
+    EXPECT_EQ(footprints[2], 0);
+    std::size_t total = 0;
+    auto found = surface_pivots(splats, footprints, PivotKind::pivots, 1, 100, total);
+    ASSERT_TRUE(found);
+    EXPECT_EQ(total, 4u);
+    ASSERT_EQ(found->size(), 4u);
+    const double deviations[] = {0.05, 0.022 / 4};
+    for (std::size_t i = 0; i < 4; ++i) {
+        const int splat = found->splats[i];
+        const Vec3d d = vec_cast<double>(found->positions[i] - g.means[std::size_t(splat)]);
+        EXPECT_NEAR(std::abs(dot(d, n)), 3 * deviations[splat], 1e-6);
+        EXPECT_NEAR(norm(cross(d, n)), 0, 1e-6);
+        EXPECT_NEAR(found->radii[i], 0.6, 1e-3);
+    }
+    EXPECT_LT(dot(found->positions[0] - g.means[std::size_t(found->splats[0])],
+                  found->positions[1] - g.means[std::size_t(found->splats[1])]),
+              0);
+
+    EXPECT_FALSE(surface_pivots(splats, footprints, PivotKind::pivots, 1, 3, total));
+
+    // As published: also of faint ones.
+    splats.opacities[0] = 0.1f;
+    EXPECT_EQ(surface_pivots(splats, footprints, PivotKind::pivots, 1, 100, total)->size(), 2u);
+    const auto corners = surface_pivots(splats, footprints, PivotKind::corners, 0, 100, total);
+    ASSERT_EQ(corners->size(), 18u);
+    Vec3d mean{};
+    double farthest = 0;
+    for (std::size_t i = 0; i < 18; ++i)
+        if (corners->splats[i] == 0) {
+            const Vec3d d = vec_cast<double>(corners->positions[i] - g.means[0]);
+            mean += d / 9, farthest = std::max(farthest, norm(d));
+        }
+    EXPECT_NEAR(norm(mean), 0, 1e-6);
+    EXPECT_NEAR(farthest, 3 * std::sqrt(0.05 * 0.05 + 2 * 0.2 * 0.2), 1e-5);
+
+    // Masks and boxes hide.
+    views[0].mask = views[1].mask = ImageU8(100, 100, 1, 0);
+    EXPECT_EQ(pixel_footprints(splats, field, rules)[0], 0);
+    EXPECT_GT(pixel_footprints(splats, {views, false, 0.2f, 2}, rules)[0], 0);
+    views[0].mask = views[1].mask = {};
+    rules.depth_max = 2.5f;
+    EXPECT_FLOAT_EQ(pixel_footprints(splats, field, rules)[0], 2.0f / 100);
+    rules.depth_max = 1.5f;
+    EXPECT_EQ(pixel_footprints(splats, field, rules)[0], 0);
+    rules.depth_max = 10, rules.has_box = true;
+    rules.box_min = {-1, -1, -1}, rules.box_max = {0.05f, 1, 1};
+    EXPECT_EQ(pixel_footprints(splats, field, rules)[0], 0);
+    EXPECT_GT(pixel_footprints(splats, field, rules)[1], 0);
+}
+
+TEST(Pivots, OfACellTheFirstStays) {
+    Gaussians<Cpu> g;
+    resize(g, 200, 0);
+    for (int i = 0; i < 200; ++i)  // 100 places, each twice
+        test::set_flat_splat(g, i, {0.02 * (i / 2), 1e-7 * (i % 2), 0}, {0, 0, 1}, 0.1, 0.01);
+    const auto splats = field_splats(g);
+    std::size_t total = 0;
+    const std::vector<float> footprints(200, 0.01f);
+    const auto all = surface_pivots(splats, footprints, PivotKind::pivots, 1e-9f, 1000, total);
+    EXPECT_EQ(all->size(), 400u);
+    EXPECT_EQ(surface_pivots(splats, footprints, PivotKind::pivots, 1, 1000, total)->size(), 200u);
+    EXPECT_EQ(total, 400u);
+    const auto few = surface_pivots(splats, footprints, PivotKind::pivots, 64, 1000, total);
+    EXPECT_EQ(few->size(), 32u);  // cells of 1/8 on a line of 2
+    for (const float radius : few->radii) EXPECT_NEAR(radius, 0.3, 0.01);  // three deviations
+    const auto fewer = surface_pivots(splats, footprints, PivotKind::pivots, 256, 1000, total);
+    EXPECT_EQ(fewer->size(), 8u);
+    for (const float radius : fewer->radii) EXPECT_NEAR(radius, 0.64, 0.01);  // a cell
+}
+
+TEST(Pivots, GridKeepsPlacesAndAddsABox) {
+    Gaussians<Cpu> g = test::sphere_splats(300, 1, 0.05);
+    g.log_scales[7] = {9, 9, 9};  // its points lie thousands away
+    const auto splats = field_splats(g);
+    std::size_t total = 0;
+    auto pivots =
+        *surface_pivots(splats, std::vector<float>(300, 0.01f), PivotKind::pivots, 1, 1000, total);
+    const Pivots before = pivots;
+    const auto grid = snap_to_grid(splats, {}, pivots);
+    ASSERT_EQ(pivots.size(), before.size() - 2 + 8);
+    ASSERT_EQ(grid.size(), pivots.size());
+    for (std::size_t i = 0, k = 0; i < before.size(); ++i) {
+        if (before.splats[i] == 7) continue;
+        EXPECT_LT(norm(before.positions[i] - pivots.positions[k]), 8.0f / (1 << 24));
+        EXPECT_EQ(before.splats[i], pivots.splats[k]);
+        EXPECT_EQ(before.radii[i], pivots.radii[k]);
+        ++k;
+    }
+    EXPECT_NEAR(norm(pivots.positions.back()), 4 * std::sqrt(3.0), 0.1);
+    EXPECT_EQ(pivots.splats.back(), -1);
+    EXPECT_EQ(pivots.radii.back(), 0);
+
+    // Contracted, the far ones are nearer on the grid, and the box lies beyond the world's end.
+    g.log_scales[7] = g.log_scales[8];
+    for (int i = 0; i < 100; ++i) g.means[std::size_t(i)] = 50.0f * g.means[std::size_t(i)];
+    const auto wide = field_splats(g);
+    pivots =
+        *surface_pivots(wide, std::vector<float>(300, 0.01f), PivotKind::pivots, 1, 1000, total);
+    const Pivots far = pivots;
+    const auto contracted = snap_to_grid(wide, {{0, 0, 0}, 1.5}, pivots);
+    ASSERT_EQ(contracted.size(), far.size() + 8);
+    for (std::size_t i = 0; i < far.size(); ++i)
+        EXPECT_LT(norm(far.positions[i] - pivots.positions[i]), 0.01f);
+    EXPECT_FALSE(is_finite(pivots.positions.back()));
+    // All in one point: no extent.
+    Pivots one{{{0, 0, 0}}, {1}, {3}};
+    EXPECT_TRUE(snap_to_grid(splats, {}, one).empty());
+}
+
+constexpr std::int64_t kPlenty = std::int64_t{1} << 30;
+
+template <class Device = Cpu>
+ExtractedMesh extract(const Gaussians<Cpu>& gaussians,
+                      const std::vector<View>& views,
+                      const TetrahedraMesherOptions& options = {},
+                      std::int64_t max_bytes = kPlenty) {
+    const auto backbone = make_backbone<Device>("ewa", {});
+    Gaussians<Device> g;
+    copy(gaussians, g);
+    DepthRules rules;
+    rules.depth_max = 100, rules.alpha_min = 0.5f;
+    DepthViews<Device> depth(views, g, *backbone, rules, true);
+    TetrahedraMesher<Device> mesher(options);
+    const MeshRegion region{false, {}, 3};
+    return mesher.extract(
+        {views, g, *backbone, depth, region, 0.2f, max_bytes, "", spdlog::level::trace});
+}
+
+void expect_sphere(const TriangleMesh& mesh, double size, double bound) {
+    const Topology t = topology(mesh);
+    EXPECT_EQ(t.rims, 0);
+    EXPECT_EQ(t.shared_wrong, 0);
+    EXPECT_EQ(t.euler, 2);
+    double sum = 0, farthest = 0;
+    for (const Vec3f v : mesh.vertices) {
+        const double error = std::abs(norm(vec_cast<double>(v)) - 1);
+        sum += error, farthest = std::max(farthest, error);
+    }
+    EXPECT_LT(sum / static_cast<double>(mesh.vertices.size()), bound * size);
+    EXPECT_LT(farthest, 0.5 * size);
+    double volume = 0;  // above zero if faces face outside
+    for (const Vec3i f : mesh.faces) volume += dot(face_normal(mesh, f), corner(mesh, f.x)) / 6;
+    EXPECT_NEAR(volume, 4 * M_PI / 3, 3 * 4 * M_PI / 3 * bound * size + 0.02);
+    ASSERT_EQ(mesh.colors.size(), mesh.vertices.size());
+    double color_error = 0;  // next to an outline a pixel shows some of what is behind: nothing
+    for (const Vec3f c : mesh.colors)
+        color_error =
+            std::max(color_error, norm(vec_cast<double>(c - Vec3f{0.782f, 0.5f, 0.218f})));
+    EXPECT_LT(color_error, 0.12);
+}
+
+TEST(TetrahedraMesher, SphereIsClosedAndExact) {
+    const int count = 1000;
+    const double size = 2 / std::sqrt(count);
+    // Surfels of a thousandth, PGSR's flat splats, and thicker ones.
+    for (const double flatness : {1e-3, 1e-6, 0.1}) {
+        const ExtractedMesh found =
+            extract(test::sphere_splats(count, 1, flatness), test::views_around(20, 64));
+        EXPECT_EQ(found.why_empty, "");
+        EXPECT_GT(found.mesh.faces.size(), 4000u);
+        // A thick splat hides what is half in it: the surface comes out 1 to 2 thicknesses too far.
+        expect_sphere(found.mesh, size, flatness > 0.01 ? 0.25 : 0.08);
+    }
+}
+
+TEST(TetrahedraMesher, SphereOfPublishedPoints) {
+    TetrahedraMesherOptions options;
+    options.points = PivotKind::corners, options.views = 1;
+    const int count = 600;
+    const ExtractedMesh found =
+        extract(test::sphere_splats(count, 1, 0.05), test::views_around(20, 64), options);
+    expect_sphere(found.mesh, 2 / std::sqrt(count), 0.25);
+}
+
+TEST(TetrahedraMesher, SphereWithFilter) {
+    const int count = 1500;
+    Gaussians<Cpu> g = test::sphere_splats(count, 1, 1e-4);
+    g.filter.resize(count);
+    // Widened to a fortieth of their width; their opacity falls with it, so some is given back.
+    for (float& f : g.filter.span()) f = static_cast<float>(2 / std::sqrt(count) / 40);
+    const auto at_most_half = extract(g, test::views_around(20, 64));
+    EXPECT_NE(at_most_half.why_empty, "") << "filtered to an opacity of 0.004";
+    for (Vec3f& s : g.log_scales.span()) s.z = s.x - std::log(40.0f);
+    const ExtractedMesh found = extract(g, test::views_around(20, 64));
+    expect_sphere(found.mesh, 2 / std::sqrt(count), 0.1);
+}
+
+TEST(TetrahedraMesher, PlaneOfThreeViews) {
+    const std::vector<View> views{test::view_from({0, 0, 3}, 96), test::view_from({1, 0.3, 3}, 96),
+                                  test::view_from({-0.8, 0.7, 3}, 96)};
+    const ExtractedMesh found = extract(test::plane_splats(30, 1e-3), views);
+    ASSERT_GT(found.mesh.faces.size(), 1000u);
+    double sum = 0, up = 0, area = 0;
+    for (const Vec3f v : found.mesh.vertices) sum += std::abs(double(v.z));
+    // Splats of 0.04 side by side, seen with pixels of 0.03.
+    EXPECT_LT(sum / static_cast<double>(found.mesh.vertices.size()), 0.004);
+    for (const Vec3i f : found.mesh.faces) {
+        const Vec3d n = face_normal(found.mesh, f);
+        up += n.z / 2, area += norm(n) / 2;
+    }
+    EXPECT_NEAR(up, 4, 0.3);  // one sheet of the square, seen from above
+    EXPECT_LT(area, 1.1 * up);
+    EXPECT_EQ(topology(found.mesh).shared_wrong, 0);
+}
+
+TEST(TetrahedraMesher, KeepsToItsBudget) {
+    const Gaussians<Cpu> g = test::sphere_splats(1500, 1, 1e-3);
+    const auto views = test::views_around(20, 64);
+    // Room for a third of the points.
+    const std::int64_t bytes = 1500 * kFieldBytesPerSplat + 1000 * kPivotBytes;
+    const ExtractedMesh found = extract(g, views, {}, bytes);
+    const ExtractedMesh all = extract(g, views);
+    EXPECT_GT(found.mesh.faces.size(), 200u);
+    EXPECT_LT(found.mesh.faces.size(), all.mesh.faces.size() / 2);
+    double sum = 0;
+    for (const Vec3f v : found.mesh.vertices) sum += std::abs(double(norm(v)) - 1);
+    EXPECT_LT(sum / static_cast<double>(found.mesh.vertices.size()), 0.02);
+    EXPECT_EQ(topology(found.mesh).euler, 2);
+    try {
+        extract(g, views, {}, 1500 * kFieldBytesPerSplat);
+        FAIL() << "no points fit";
+    } catch (const Error& e) {
+        EXPECT_EQ(e.code(), ExitCode::memory);
+        EXPECT_NE(std::string(e.what()).find("raise --memory"), std::string::npos) << e.what();
+    }
+}
+
+TEST(TetrahedraMesher, SaysWhyThereIsNothing) {
+    const auto views = test::views_around(5, 32);
+    Gaussians<Cpu> g;
+    resize(g, 0, 0);
+    EXPECT_NE(extract(g, views).why_empty.find("none of the 0 splats"), std::string::npos);
+    g = test::sphere_splats(100, 1, 0.01);
+    for (float& logit : g.opacity_logits.span()) logit = -1;
+    EXPECT_NE(extract(g, views).why_empty.find("opacity of 0.5"), std::string::npos);
+    g = test::sphere_splats(1, 1, 0.01);
+    EXPECT_NE(extract(g, views).why_empty.find("in one point"), std::string::npos);
+    for (View& view : const_cast<std::vector<View>&>(views)) view.mask = ImageU8(32, 32, 1, 0);
+    g = test::sphere_splats(100, 1, 0.01);
+    EXPECT_NE(extract(g, views).why_empty.find("--no-masks"), std::string::npos);
+}
+
+TEST(TetrahedraMesher, HostileSplatsChangeNothing) {
+    const int count = 800;
+    const float nan = std::nanf(""), inf = INFINITY;
+    Gaussians<Cpu> g = test::sphere_splats(count, 1, 1e-3);
+    const ExtractedMesh clean = extract(g, test::views_around(12, 48));
+    Gaussians<Cpu> more = test::sphere_splats(count + 7, 1, 1e-3);
+    const auto to = [&](int i) { return static_cast<std::size_t>(i); };
+    for (int i = 0; i < count; ++i) {
+        more.means[to(i)] = g.means[to(i)], more.quats[to(i)] = g.quats[to(i)];
+        more.log_scales[to(i)] = g.log_scales[to(i)];
+    }
+    more.means[to(count)] = {nan, 0, 0}, more.log_scales[to(count + 1)].x = nan;
+    more.quats[to(count + 2)].x = inf, more.opacity_logits[to(count + 3)] = nan;
+    more.means[to(count + 4)] = {1e30f, 0, 0}, more.log_scales[to(count + 5)] = {88, 88, 88};
+    more.log_scales[to(count + 6)] = {-90, -90, -200};
+    const ExtractedMesh hostile = extract(more, test::views_around(12, 48));
+    EXPECT_EQ(topology(hostile.mesh).shared_wrong, 0);
+    EXPECT_NEAR(static_cast<double>(hostile.mesh.faces.size()),
+                static_cast<double>(clean.mesh.faces.size()), 100);
+    for (const Vec3f v : hostile.mesh.vertices) ASSERT_TRUE(is_finite(v));
+}
+
+TEST(TetrahedraMesherTwin, SameMesh) {
+    if (const std::string why = test::no_cuda(); !why.empty()) GTEST_SKIP() << why;
+    if constexpr (kHasCuda) {
+        const Gaussians<Cpu> g = test::sphere_splats(1500, 1, 1e-3);
+        const auto views = test::views_around(20, 64);
+        const ExtractedMesh host = extract(g, views), device = extract<Cuda>(g, views);
+        // The points are the same bits; a sign on the brink may differ.
+        EXPECT_NEAR(static_cast<double>(device.mesh.faces.size()),
+                    static_cast<double>(host.mesh.faces.size()), 20);
+        if (device.mesh.vertices.size() == host.mesh.vertices.size()) {
+            std::size_t elsewhere = 0;
+            for (std::size_t i = 0; i < host.mesh.vertices.size(); ++i)
+                elsewhere += norm(host.mesh.vertices[i] - device.mesh.vertices[i]) > 1e-5f;
+            EXPECT_LE(elsewhere, host.mesh.vertices.size() / 100);
+        }
+        expect_sphere(device.mesh, 2 / std::sqrt(1500.0), 0.06);
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
