@@ -47,7 +47,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--verbose", arguments.verbose, "more detail")->excludes(quiet);
     flags.add_scene("Scene (default: that of the run)");
     const char* group = "Volume";
-    flags.add("--method", "mesh.method", "tsdf: what makes the surface [tsdf]", group);
+    flags.add("--method", "mesh.method", "tsdf or tetrahedra: what makes the surface [tsdf]",
+              group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",

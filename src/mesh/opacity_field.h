@@ -11,15 +11,18 @@
 
 namespace tvsgs {
 
-/// Where a splat may reach kMinAlpha in the image.
-struct FieldShape {
-    SplatShape<float> ellipse;
+/// Where a splat may reach kMinAlpha: in an ellipse of the image, as SplatShape has it, from a
+/// depth on. A little too large.
+struct alignas(16) FieldShape {
+    Vec2f mean;
+    EllipseRoot<float> root;
+    float reach, front;
 };
 
 /// Points lie anywhere in the pixels, while tiles are given by their pixels' centres.
 TVSGS_HD inline bool may_draw(const FieldShape& s, Vec2f low, Vec2f high) {
-    return may_draw(s.ellipse, Vec2f{low.x - 0.5f, low.y - 0.5f},
-                    Vec2f{high.x + 0.5f, high.y + 0.5f});
+    return may_draw(SplatShape<float>{s.mean, s.root, 1, s.reach},
+                    Vec2f{low.x - 0.5f, low.y - 0.5f}, Vec2f{high.x + 0.5f, high.y + 0.5f});
 }
 
 /// The splats as the field takes them, all [N]: activated, with the filter where there is one. Made

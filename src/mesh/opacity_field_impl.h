@@ -37,22 +37,19 @@ struct FieldSplatBody {
         const EllipsoidImage<float> image = ellipsoid_image(camera, axes, s, p, reach2);
         const float xx = 1.001f * image.shape.xx + 0.1f, yy = 1.001f * image.shape.yy + 0.1f;
         const float xy = image.shape.xy, det = xx * yy - xy * xy;
-        SplatShape<float> ellipse{image.mean, {1, 0, 1}, opacity, INFINITY};
+        FieldShape shape{image.mean, {1, 0, 1}, INFINITY, p.z - 1.001f * image.half_depth};
         TileRect rect{0, 0, static_cast<std::uint16_t>(grid.columns),
                       static_cast<std::uint16_t>(grid.rows)};
         if (image.bounded && det > 0 && det < 1e30f) {
-            ellipse.root = ellipse_root(Sym2f{xx, xy, yy}, det), ellipse.reach = 0.5f;
+            shape.root = ellipse_root(Sym2f{xx, xy, yy}, det), shape.reach = 0.5f;
             if (!is_finite(Vec3f{image.mean.x, image.mean.y, xx + yy})) return;
             rect = tile_rect(image.mean, {std::sqrt(xx), std::sqrt(yy)}, grid);
         }
-        if (!meets_tiles_of(rect, ellipse)) return;
-        shapes[i] = {ellipse};
+        if (rect.count() == 0 || !meets_tiles(shape, grid, rect)) return;
+        shapes[i] = shape;
         gaussians[i] = ray_gaussian(axes, s, p, opacity);
         depths[i] = p.z;
         rects[i] = rect;
-    }
-    TVSGS_HD bool meets_tiles_of(TileRect rect, const SplatShape<float>& ellipse) const {
-        return rect.count() > 0 && meets_tiles(FieldShape{ellipse}, grid, rect);
     }
 };
 
@@ -64,6 +61,7 @@ struct FieldView {
     Span<const std::uint8_t> mask;  // may be empty
     Span<const TileSpan> spans;
     Span<const std::uint32_t> splats;
+    Span<const FieldShape> shapes;
     Span<const RayGaussian<float>> gaussians;
 
     /// Counts the view if it has the point in its image. Front to back, as a hidden point is known
@@ -81,8 +79,13 @@ struct FieldView {
         if (!mask.empty() && mask[y * camera.width_px + x] < 128) return;
         const TileSpan span = spans[y / kTileSize * grid.columns + x / kTileSize];
         float T = 1;
-        for (std::uint32_t at = span.begin; at < span.end && T >= kClear; ++at)
-            T *= 1 - alpha_up_to(gaussians[splats[at]], ray, p.z);
+        for (std::uint32_t at = span.begin; at < span.end && T >= kClear; ++at) {
+            const std::uint32_t i = splats[at];
+            const FieldShape& s = shapes[i];
+            const Vec2f w = whitened(s.root, Vec2f{s.mean.x - u, s.mean.y - v});
+            if (p.z < s.front || dot(w, w) > s.reach) continue;  // most
+            T *= 1 - alpha_up_to(gaussians[i], ray, p.z);
+        }
         ++sight.views;
         sight.clear += T >= kClear;
     }
@@ -133,6 +136,7 @@ FieldView make_view(const FieldSplats<Device>& splats,
             std::as_const(scratch.mask).span(),
             std::as_const(scratch.lists.spans).span(),
             std::as_const(scratch.lists.splats).span(),
+            std::as_const(scratch.splats.shapes).span(),
             std::as_const(scratch.splats.features).span()};
 }
 

@@ -91,12 +91,12 @@ TVSGS_HD Real alpha_up_to(const RayGaussian<Real>& g, Vec3<Real> ray, Real z) {
     return alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha);
 }
 
-/// Where a Gaussian reaches kMinAlpha: the image of an ellipsoid, an ellipse, as `mean` +- `root`
-/// with a reach of 1/2. It is a little too large; the reach says how the tiles take it.
+/// Where a Gaussian reaches kMinAlpha: the image of an ellipsoid, which is an ellipse.
 template <class Real>
 struct EllipsoidImage {
     Vec2<Real> mean;   // px
     Sym2<Real> shape;  // px^2: the squares of its half-widths, and their product
+    Real half_depth;   // world units
     bool bounded;      // else it reaches to the camera's plane and may be anywhere in the image
 };
 
@@ -115,6 +115,7 @@ TVSGS_HD EllipsoidImage<Real> ellipsoid_image(
     }
     const Real D = mean.z * mean.z - N.zz;
     EllipsoidImage<Real> image{};
+    image.half_depth = std::sqrt(N.zz);
     image.bounded = D > Real(1e-3) * mean.z * mean.z;
     if (!image.bounded) return image;
     const Real fx = static_cast<Real>(camera.fx_px), fy = static_cast<Real>(camera.fy_px);

@@ -121,6 +121,38 @@ TEST_F(ExtractMesh, UnboundedWithinABudget) {
     EXPECT_TRUE(contents(folder_ / "whole.ply") == contents(folder_ / "parts.ply"));
 }
 
+TEST_F(ExtractMesh, Tetrahedra) {
+    const std::string flags = "--method tetrahedra --no-preview ";
+    const Result bounded = extract(flags);
+    ASSERT_EQ(bounded.code, 0) << bounded;
+    EXPECT_TRUE(bounded.says("4008 points of 6000 splats")) << bounded;  // of the ball, and a box
+    std::vector<double> all = radii();
+    EXPECT_GT(all.size(), 3000u);
+    // Where fewer than two views see a splat, its points decide, at most 3/4 px away, 4.5 / 64.
+    EXPECT_NEAR(all.front(), kBall, 0.055);
+    EXPECT_NEAR(all.back(), kBall, 0.055);
+    EXPECT_NEAR(all[all.size() / 2], kBall, 0.004);
+
+    // The dome's splats are 2 to 3 wide, seen by one or two views each.
+    const Result unbounded = extract(flags + "--unbounded");
+    ASSERT_EQ(unbounded.code, 0) << unbounded;
+    std::size_t near = 0, far = 0;
+    all = radii();
+    for (const double r : all) near += std::abs(r - kBall) < 0.055, far += std::abs(r - kDome) < 2;
+    EXPECT_GT(near, 3000u);
+    EXPECT_GT(far, 500u);
+    EXPECT_EQ(near + far, all.size());
+
+    const Result boxed = extract(flags + "--bbox=-2,-2,0,2,2,2");
+    ASSERT_EQ(boxed.code, 0) << boxed;
+    EXPECT_LT(static_cast<double>(radii().size()), 0.6 * static_cast<double>(all.size()));
+
+    const Result small = extract(flags + "--memory 4M");
+    ASSERT_EQ(small.code, 0) << small;
+    EXPECT_TRUE(small.says("to keep within --memory")) << small;
+    EXPECT_NEAR(radii().front(), kBall, 0.06);
+}
+
 TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     const auto expect_refused = [&](const std::string& flags, int code, const char* says) {
         const Result r = extract(flags, "refused.ply");
@@ -131,7 +163,10 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
     expect_refused("--weight depth", 2, "inv-depth2");
     expect_refused("--method tsfd", 2,
-                   "mesh.method = 'tsfd': expected one of tsdf; did you mean 'tsdf'?");
+                   "mesh.method = 'tsfd': expected one of tsdf, tetrahedra; did you mean 'tsdf'?");
+    expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
+    expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
+    expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
     expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
     MeshOptions late;
