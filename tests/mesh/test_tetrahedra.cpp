@@ -271,6 +271,50 @@ TEST(Pivots, GridKeepsPlacesAndAddsABox) {
     EXPECT_TRUE(snap_to_grid(splats, {}, one).empty());
 }
 
+TEST(VertexColors, AreThoseOfPixelsThatShowTheVertex) {
+    // A wall at depth 2, red in one camera and green in another of half the resolution.
+    struct Wall {
+        Camera camera;
+        std::vector<float> depth;
+        std::vector<Vec3f> color;
+    };
+    std::vector<Wall> walls;
+    for (const int size : {40, 20}) {
+        const auto pixels = static_cast<std::size_t>(size * size);
+        const Vec3f color = size == 40 ? Vec3f{1, 0, 0} : Vec3f{0, 1, 0};
+        walls.push_back({test::look_at_origin({0, 0, 2}, size), std::vector<float>(pixels, 2),
+                         std::vector<Vec3f>(pixels, color)});
+    }
+    walls[0].depth[20 * 40 + 30] = 0;  // a pixel that shows nothing
+    // On the wall; a pixel of the first camera (2 / 40) behind; far behind; beside the images; in
+    // the empty pixel.
+    const float x = 2 * (30.5f - 20) / 40, y = 2 * (20.5f - 20) / 40;
+    const auto vertices = to_device<Cpu>(std::vector<Vec3f>{
+        {0.01f, 0.01f, 0}, {0.01f, 0.01f, -0.05f}, {0, 0, -2}, {0, 3, 0}, {x, -y, 0}});
+    Buffer<ColorSum, Cpu> sums(5);
+    sums.fill_zero();
+    for (const Wall& wall : walls)
+        add_colors({wall.camera,
+                    {wall.depth.data(), wall.depth.size()},
+                    {wall.color.data(), wall.color.size()}},
+                   vertices, sums);
+    const std::vector<CrossedEdge> edges(5, {0, 1});
+    const std::vector<Vec3f> colors =
+        detail::mean_colors(to_host(sums), edges, {2, -1}, {{}, {}, {1, 0, -9}});
+    EXPECT_NEAR(colors[0].x, 0.8, 1e-6);  // by the squares of the resolutions
+    EXPECT_NEAR(colors[0].y, 0.2, 1e-6);
+    const double z = 2.05, d1 = 0.05 * 40 / z, d2 = 0.05 * 20 / z;
+    const double w1 = 1600 / std::pow(1 + d1 * d1, 2), w2 = 400 / std::pow(1 + d2 * d2, 2);
+    EXPECT_NEAR(colors[1].x, w1 / (w1 + w2), 1e-5);
+    for (const int unseen :
+         {2, 3}) {  // the colour of the splat, of the free end as the other has none
+        EXPECT_NEAR(colors[std::size_t(unseen)].x, 0.78209, 1e-4);
+        EXPECT_EQ(colors[std::size_t(unseen)].y, 0.5f);
+        EXPECT_EQ(colors[std::size_t(unseen)].z, 0);
+    }
+    EXPECT_EQ(colors[4].y, 1);
+}
+
 constexpr std::int64_t kPlenty = std::int64_t{1} << 30;
 
 template <class Device = Cpu>
