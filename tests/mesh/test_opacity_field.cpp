@@ -89,6 +89,47 @@ TEST(AlphaUpTo, ByHand) {
     EXPECT_NEAR(alpha_up_to(g, {0.05, 0, 1}, 3.0), std::exp(-0.5 / (1 + 0.0025)), 1e-12);
 }
 
+TEST(AlphaUpTo, CountsNothingBehindTheCamera) {
+    const Mat3<double> one = mat_cast<double>(Mat3f{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}});
+    const auto g = ray_gaussian<double>(one, {0.1, 0.1, 0.1}, {0, 0, -0.1}, 0.9);
+    EXPECT_NEAR(alpha_up_to(g, {0, 0, 1}, 1.0), 0.9 * std::exp(-0.5), 1e-12);
+    EXPECT_NEAR(alpha_up_to(g, {0.3, 0, 1}, 1.0), 0.9 * std::exp(-0.5), 1e-12);
+}
+
+TEST(EllipsoidImage, IsTheOutlineOfTheEllipsoid) {
+    Random random(6);
+    Camera camera = test::test_camera(640, 480);
+    for (int i = 0; i < 40; ++i) {
+        const Mat3<double> R = rotation(normalize(random.quat()));
+        const Vec3d s{random.uniform(0.05, 0.3), random.uniform(0.05, 0.3),
+                      i % 2 ? 1e-6 : random.uniform(0.05, 0.3)};
+        const Vec3d mean{random.uniform(-2, 2), random.uniform(-2, 2), random.uniform(2, 4)};
+        const double reach2 = 4;
+        const EllipsoidImage<double> image = ellipsoid_image(camera, R, s, mean, reach2);
+        ASSERT_TRUE(image.bounded);
+        double most = 0, left = 0, top = 0, depth = 0;
+        const double det = image.shape.xx * image.shape.yy - image.shape.xy * image.shape.xy;
+        for (int k = 0; k < 20000; ++k) {
+            const Vec3d p = mean + R * (2.0 * (s * normalize(random.normal3())));
+            const double x = double(camera.fx_px) * p.x / p.z + double(camera.cx_px) - image.mean.x,
+                         y = double(camera.fy_px) * p.y / p.z + double(camera.cy_px) - image.mean.y;
+            const Sym2<double>& S = image.shape;
+            most = std::max(most, (S.yy * x * x - 2 * S.xy * x * y + S.xx * y * y) / det);
+            left = std::max(left, -x), top = std::max(top, -y);
+            depth = std::max(depth, mean.z - p.z);
+        }
+        EXPECT_LE(most, 1 + 1e-6) << i;  // all inside, and some at its rim all around
+        EXPECT_GT(most, 0.99) << i;
+        EXPECT_NEAR(left / std::sqrt(image.shape.xx), 1, 0.02) << i;
+        EXPECT_NEAR(top / std::sqrt(image.shape.yy), 1, 0.02) << i;
+        EXPECT_NEAR(depth / image.half_depth, 1, 0.02) << i;
+    }
+    // Behind the camera's plane in part.
+    EXPECT_FALSE(ellipsoid_image<double>(camera, mat_cast<double>(camera.camera_from_world.R),
+                                         {0.1, 0.1, 1}, {0, 0, 1}, 4)
+                     .bounded);
+}
+
 TEST(WidenedSplat, KeepsWhatItAbsorbs) {
     const auto wide = widened_splat<double>({3, 0.4, 1e-9}, 0.8, 0.3);
     EXPECT_NEAR(wide.scales.y, 0.5, 1e-15);
@@ -228,6 +269,23 @@ TEST(OpacityField, IsTheProductOverAllSplats) {
     Random random(4);
     for (float& f : field.gaussians.filter.span()) f = static_cast<float>(random.uniform(0, 0.05));
     expect_definition(field, true, 0.2f);
+}
+
+TEST(OpacityField, SplatsBelowAPixelHideWhatIsBehind) {
+    // At all places about the border of two tiles, also beside the pixels' centres.
+    View view = test::view_from({0, 0, 3}, 64);
+    const std::vector<View> views{view};
+    for (int i = 0; i <= 40; ++i) {
+        const double u = 15 + 0.05 * i + 0.01, x = 3 * (u - 32) / 64;
+        Gaussians<Cpu> g;
+        resize(g, 1, 0);
+        test::set_flat_splat(g, 0, {x, 0, 0}, {0, 0, 1}, 0.001, 0.0001);
+        const Vec3d behind = 1.1 * Vec3d{x, 0, -3} + Vec3d{0, 0, 3};
+        const std::vector<Vec3f> points{vec_cast<float>(behind), {float(x), 0, 0.1f}};
+        const auto sights = seen(g, {views, true, 0.2f, 2}, points);
+        EXPECT_FALSE(is_free(sights[0], 2)) << u;
+        EXPECT_TRUE(is_free(sights[1], 2)) << u;
+    }
 }
 
 TEST(OpacityField, HostileSplatsAreLeftOut) {

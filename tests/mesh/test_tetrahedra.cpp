@@ -182,6 +182,12 @@ TEST(Pivots, LieOnBothSidesOfTheSplat) {
 
     EXPECT_FALSE(surface_pivots(splats, footprints, PivotKind::pivots, 1, 3, total));
 
+    // Smaller than a pixel: its two points still count as neighbours.
+    splats.scales[1] = {1e-4f, 1e-4f, 1e-5f};
+    found = surface_pivots(splats, footprints, PivotKind::pivots, 1, 100, total);
+    for (std::size_t i = 0; i < 4; ++i)
+        EXPECT_NEAR(found->radii[i], found->splats[i] == 1 ? 3 * 0.022 / 4 : 0.6, 1e-3);
+
     // As published: also of faint ones.
     splats.opacities[0] = 0.1f;
     EXPECT_EQ(surface_pivots(splats, footprints, PivotKind::pivots, 1, 100, total)->size(), 2u);
