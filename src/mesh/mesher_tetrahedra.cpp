@@ -46,20 +46,18 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
     PivotTetrahedra made;
     const std::size_t most = most_points(max_bytes, splats.size());
     const std::vector<float> footprints = pixel_footprints(splats, views, rules);
+    const std::vector<int> chosen = pivot_splats(splats, footprints, kind);
     float grain = kind == PivotKind::pivots ? 1.0f : 0.0f;
-    std::size_t total = 0;
-    for (bool merged = false;; merged = true) {
-        auto found = surface_pivots(splats, footprints, kind, grain, most, total);
-        if (found) {
-            made.pivots = std::move(*found);
-            if (merged)
-                spdlog::log(level,
-                            "{} of {} points, merged within {:.3g} px to keep within --memory",
-                            made.pivots.size(), total, grain / 4);
-            break;
-        }
+    auto found = surface_pivots(splats, chosen, footprints, kind, grain, most);
+    const bool fits = found.has_value();
+    while (!found) {
         grain = std::max(1.0f, grain * kGrainGrowth);
+        found = surface_pivots(splats, chosen, footprints, kind, grain, most);
     }
+    made.pivots = std::move(*found);
+    if (!fits)
+        spdlog::log(level, "{} of {} points, merged within {:.3g} px to keep within --memory",
+                    made.pivots.size(), chosen.size() * pivots_per_splat(kind), grain / 4);
     if (made.pivots.size() == 0) {
         made.why_empty = why_no_points(splats, footprints);
         return made;

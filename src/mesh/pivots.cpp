@@ -110,29 +110,34 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
     return footprints;
 }
 
+std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
+                              const std::vector<float>& footprints,
+                              PivotKind kind) {
+    Buffer<int, Cpu> order;
+    morton_order(splats.means.span(), order);
+    std::vector<int> chosen;
+    for (const int splat : order.span()) {
+        const auto i = static_cast<std::size_t>(splat);
+        if (footprints[i] > 0 && (kind == PivotKind::corners || splats.opacities[i] >= kSolid))
+            chosen.push_back(splat);
+    }
+    return chosen;
+}
+
 std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
+                                     const std::vector<int>& chosen,
                                      const std::vector<float>& footprints,
                                      PivotKind kind,
                                      float grain,
-                                     std::size_t most,
-                                     std::size_t& total) {
-    // Neighbours in space follow each other: so do the tiles in which their light is followed.
-    Buffer<int, Cpu> order;
-    morton_order(splats.means.span(), order);
-    const auto is_used = [&](std::size_t i) {
-        return footprints[i] > 0 && (kind == PivotKind::corners || splats.opacities[i] >= kSolid);
-    };
-    const std::size_t each = kind == PivotKind::pivots ? 2 : 9;
-    total = 0;
-    for (std::size_t i = 0; i < footprints.size(); ++i) total += is_used(i) ? each : 0;
-    const std::size_t room = std::min(most, total);
-    if (grain == 0 && total > most) return std::nullopt;
+                                     std::size_t most) {
+    const std::size_t each = pivots_per_splat(kind);
+    if (grain == 0 && chosen.size() * each > most) return std::nullopt;
+    const std::size_t room = std::min(most, chosen.size() * each);
     SmallSet cells(grain > 0 ? room / each + 1 : 0);
     Pivots found;
     found.positions.reserve(room), found.radii.reserve(room), found.splats.reserve(room);
-    for (const int splat : order.span()) {
+    for (const int splat : chosen) {
         const auto i = static_cast<std::size_t>(splat);
-        if (!is_used(i)) continue;
         const float cell = footprints[i] * grain / 4;
         if (grain > 0 && !cells.insert(cell_key(splats.means[i], cell))) continue;
         if (found.size() + each > most) return std::nullopt;

@@ -32,16 +32,26 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
                                     const FieldViews& views,
                                     const DepthRules& rules);
 
-/// Points of the splats that have a footprint p (pivots: and an opacity of at least 1/2; their
-/// standard deviation counts as p / 4 at least). Of the splats in one cell of a grid, of between
-/// p grain / 8 and p grain / 4, the first in Morton order stands for all; with `grain` 0, each for
-/// itself. Empty where there would be more points than `most`. `total`: without merging.
+/// The splats that have a footprint, for pivots those of an opacity of at least 1/2 among them, in
+/// Morton order: the light of neighbours is followed in the same tiles.
+std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
+                              const std::vector<float>& footprints,
+                              PivotKind kind);
+
+inline std::size_t pivots_per_splat(PivotKind kind) {
+    return kind == PivotKind::pivots ? 2 : 9;
+}
+
+/// Points of the `chosen` splats. With pivots, the standard deviation counts as p / 4 at least, p
+/// the footprint. Of the splats in one cell of a grid, of between p grain / 8 and p grain / 4, the
+/// first stands for all; with `grain` 0, each for itself. Empty where there would be more points
+/// than `most`.
 std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
+                                     const std::vector<int>& chosen,
                                      const std::vector<float>& footprints,
                                      PivotKind kind,
                                      float grain,
-                                     std::size_t most,
-                                     std::size_t& total);
+                                     std::size_t most);
 
 /// Takes the points to the integer grid of delaunay(), in contracted space if the contraction is
 /// on, and adds the corners of a box of four times the extent of the splats, with radius 0 and
