@@ -30,12 +30,15 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
                     NAN,
                     NAN,
                     {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
-    const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
+    const auto backbone = make_backbone<Cpu>(options.train.backbone, options.train.render);
+    const char* const why = backbone->flat()                ? "the splats are flat"
+                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
+                                                            : nullptr;
     for (const TermOnList& term : terms_on_list(options.train.loss))
-        if (flat && term.needs.thickness && term.weight > 0)
+        if (why != nullptr && term.needs.thickness && term.weight > 0)
             plan.apply({str(term.key, " loss"),
                         "off",
-                        "the splats are flat",
+                        why,
                         NAN,
                         NAN,
                         {{str("loss.", term.key, ".weight"), "0"}}});

@@ -162,6 +162,9 @@ public:
     /// Whether splats are discs: their third scale, along the normal, is not theirs to choose.
     virtual bool flat() const { return false; }
 
+    /// Whether splats thinner than a pixel are drawn fainter, so that nothing should flatten them.
+    virtual bool fades_thin_splats() const { return false; }
+
     /// Called before the first step of a training (`step` is 0) and after each. Updates what the
     /// rasteriser keeps beside the parameters (Gaussians::filter). `changed`: the step added,
     /// removed or re-ordered splats; the filter's entries were re-ordered with them. `cameras`: of

@@ -179,6 +179,8 @@ class RadeBackbone final : public Backbone<Device> {
 public:
     explicit RadeBackbone(const BackboneOptions& options) : options_(options) {}
 
+    bool fades_thin_splats() const override { return true; }
+
     Maps maps() const override { return Maps::color | kGeometryMaps | Maps::expected_depth; }
 
     /// The filter is computed at first and where splats have come and gone, and now and then once

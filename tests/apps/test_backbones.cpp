@@ -89,12 +89,16 @@ TEST_F(Backbones, TermsThatARasteriserDoesNotServeAreRefused) {
 }
 
 TEST_F(Backbones, ThePlanLeavesOutWhatFlatSplatsDoNotNeed) {
-    const Result plan =
-        run_tool(folder_, "train", "--scene scene --device cpu --plan --set backbone=surfel");
-    ASSERT_EQ(plan.code, 0) << plan;
-    EXPECT_NE(plan.out.find("flatten loss   off             the splats are flat"),
-              std::string::npos)
-        << plan.out;
+    for (const auto& [backbone, why] : {std::pair{"surfel", "the splats are flat"},
+                                        {"rade", "the rasteriser fades thin splats"}}) {
+        const Result plan =
+            run_tool(folder_, "train",
+                     std::string("--scene scene --device cpu --plan --set backbone=") + backbone);
+        ASSERT_EQ(plan.code, 0) << plan;
+        EXPECT_NE(plan.out.find(std::string("flatten loss   off             ") + why),
+                  std::string::npos)
+            << plan.out;
+    }
 }
 
 }  // namespace
