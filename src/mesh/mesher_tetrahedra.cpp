@@ -31,14 +31,14 @@ std::string why_no_points(const FieldSplats<Cpu>& splats, const std::vector<floa
                    " splats lies in the image of a view; raise --depth-max, or look at the masks "
                    "(--no-masks) and --bbox");
     return str("none of the ", seen,
-               " splats in view has an opacity of 0.5; try mesh.tetrahedra.points=corners");
+               " splats in view has the opacity of mesh.tetrahedra.min_opacity; lower it");
 }
 
 }  // namespace
 
 PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  const FieldViews& views,
-                                 PivotKind kind,
+                                 const TetrahedraMesherOptions& options,
                                  const DepthRules& rules,
                                  const MeshRegion& region,
                                  std::int64_t max_bytes,
@@ -46,7 +46,9 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
     PivotTetrahedra made;
     const std::size_t most = most_points(max_bytes, splats.size());
     const std::vector<float> footprints = pixel_footprints(splats, views, rules);
-    const std::vector<int> chosen = pivot_splats(splats, footprints, kind);
+    const PivotKind kind = options.points;
+    const std::vector<int> chosen = pivot_splats(
+        splats, footprints, kind == PivotKind::pivots ? options.min_opacity : kMinAlpha);
     float grain = kind == PivotKind::pivots ? 1.0f : 0.0f;
     auto found = surface_pivots(splats, chosen, footprints, kind, grain, most);
     const bool fits = found.has_value();

@@ -15,14 +15,15 @@ namespace tvsgs {
 
 struct TetrahedraMesherOptions {
     PivotKind points = PivotKind::pivots;
+    float min_opacity = 0.3f;
     int views = 2, bisections = 8;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice(
-            "points", points, {"pivots", "corners"},
-            "of a splat: one on either side of its plane, of those of opacity 0.5 or more; "
-            "or centre and corners of its box, as published");
+        field.choice("points", points, {"pivots", "corners"},
+                     "of a splat: one on either side of its plane; or centre and corners of its "
+                     "box, of all splats, as published");
+        field("min_opacity", min_opacity, {0, 1}, "of the splats that have pivots");
         field("views", views, {1, 2},
               "that have to see through to a point of free space, where more than two have it in "
               "their image; 1: as published");
@@ -44,7 +45,7 @@ struct PivotTetrahedra {
 /// Error(ExitCode::memory) if that is not enough for any.
 PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
                                  const FieldViews& views,
-                                 PivotKind kind,
+                                 const TetrahedraMesherOptions& options,
                                  const DepthRules& rules,
                                  const MeshRegion& region,
                                  std::int64_t max_bytes,
@@ -87,8 +88,8 @@ private:
         detail::PivotTetrahedra points;
         {
             const FieldSplats<Cpu> on_host = field_splats(host_geometry(in.gaussians));
-            points = detail::pivot_tetrahedra(on_host, views, options_.points, in.depth.rules(),
-                                              in.region, in.max_bytes, in.level);
+            points = detail::pivot_tetrahedra(on_host, views, options_, in.depth.rules(), in.region,
+                                              in.max_bytes, in.level);
             copy(on_host, splats);
         }
         ExtractedMesh found;

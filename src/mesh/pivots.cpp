@@ -12,7 +12,6 @@ namespace tvsgs {
 namespace {
 
 constexpr float kReach = 3;       // standard deviations
-constexpr float kSolid = 0.5f;    // opacity of a splat that can be a surface by itself
 constexpr float kSlack = 1.001f;  // of radii, for what the grid moves
 constexpr double kBoxFactor = 4;  // of the box over the splats' extent
 
@@ -112,14 +111,13 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
 
 std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
-                              PivotKind kind) {
+                              float min_opacity) {
     Buffer<int, Cpu> order;
     morton_order(splats.means.span(), order);
     std::vector<int> chosen;
     for (const int splat : order.span()) {
         const auto i = static_cast<std::size_t>(splat);
-        if (footprints[i] > 0 && (kind == PivotKind::corners || splats.opacities[i] >= kSolid))
-            chosen.push_back(splat);
+        if (footprints[i] > 0 && splats.opacities[i] >= min_opacity) chosen.push_back(splat);
     }
     return chosen;
 }

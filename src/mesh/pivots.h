@@ -32,11 +32,11 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
                                     const FieldViews& views,
                                     const DepthRules& rules);
 
-/// The splats that have a footprint, for pivots those of an opacity of at least 1/2 among them, in
-/// Morton order: the light of neighbours is followed in the same tiles.
+/// The splats that have a footprint and the opacity, in Morton order: the light of neighbours is
+/// followed in the same tiles.
 std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
-                              PivotKind kind);
+                              float min_opacity);
 
 inline std::size_t pivots_per_splat(PivotKind kind) {
     return kind == PivotKind::pivots ? 2 : 9;
