@@ -1,5 +1,6 @@
 #include "mesh/opacity_field.h"
 
+#include "core/smoothing_filter.h"
 #include "mesh/opacity_field_impl.h"
 #include "render/tiles_cpu.h"
 
@@ -14,11 +15,11 @@ FieldSplats<Cpu> field_splats(const Gaussians<Cpu>& gaussians) {
     splats.quats.resize(n), splats.opacities.resize(n);
     parallel_for(Cpu{}, gaussians.size(), [&](int at) {
         const auto i = static_cast<std::size_t>(at);
-        const WidenedSplat<float> wide =
-            widened_splat(exp(gaussians.log_scales[i]), sigmoid(gaussians.opacity_logits[i]),
-                          gaussians.filter.empty() ? 0 : gaussians.filter[i]);
-        splats.means[i] = gaussians.means[i], splats.scales[i] = wide.scales;
-        splats.quats[i] = normalize(gaussians.quats[i]), splats.opacities[i] = wide.opacity;
+        const auto smooth = smoothed(gaussians.log_scales[i],
+                                     gaussians.filter.empty() ? 0.0f : gaussians.filter[i]);
+        splats.means[i] = gaussians.means[i], splats.scales[i] = smooth.scales;
+        splats.quats[i] = normalize(gaussians.quats[i]);
+        splats.opacities[i] = smooth.dimming * sigmoid(gaussians.opacity_logits[i]);
     });
     return splats;
 }

@@ -9,27 +9,6 @@
 
 namespace tvsgs {
 
-/// Scales and opacity of a splat that a filter widens: its opacity falls as its density does.
-/// [Yu24, Eq. 9]
-template <class Real>
-struct WidenedSplat {
-    Vec3<Real> scales;
-    Real opacity;
-};
-
-/// `filter` is the standard deviation of the filter, 0: none. Axis by axis, as the product of three
-/// small squares would vanish.
-template <class Real>
-TVSGS_HD WidenedSplat<Real> widened_splat(Vec3<Real> scales, Real opacity, Real filter) {
-    WidenedSplat<Real> wide{scales, opacity};
-    if (!(filter > 0)) return wide;
-    for (int k = 0; k < 3; ++k) {
-        wide.scales[k] = std::sqrt(scales[k] * scales[k] + filter * filter);
-        wide.opacity *= scales[k] / wide.scales[k];
-    }
-    return wide;
-}
-
 /// A Gaussian as rays from a camera's centre meet it: in its own axes, each measured in units of
 /// its standard deviation over the smallest one's. A flat splat then gives no large numbers, and
 /// nothing is inverted. In whole 16-byte words.

@@ -130,18 +130,6 @@ TEST(EllipsoidImage, IsTheOutlineOfTheEllipsoid) {
                      .bounded);
 }
 
-TEST(WidenedSplat, KeepsWhatItAbsorbs) {
-    const auto wide = widened_splat<double>({3, 0.4, 1e-9}, 0.8, 0.3);
-    EXPECT_NEAR(wide.scales.y, 0.5, 1e-15);
-    EXPECT_NEAR(wide.scales.z, 0.3, 1e-12);
-    // The integral of the density: opacity times the product of the deviations.
-    EXPECT_NEAR(wide.opacity * wide.scales.x * wide.scales.y * wide.scales.z, 0.8 * 3 * 0.4 * 1e-9,
-                1e-22);
-    const auto same = widened_splat<double>({3, 0.4, 0.1}, 0.8, 0);
-    EXPECT_EQ(same.opacity, 0.8);
-    EXPECT_EQ(same.scales.z, 0.1);
-}
-
 TEST(Sight, TwoViewsOfThreeHaveToSeeThrough) {
     EXPECT_FALSE(is_free({0, 0}, 2));
     EXPECT_FALSE(is_free({1, 0}, 2));
