@@ -299,6 +299,37 @@ void expect_few_differ(const Buffer<Vec3f, Cpu>& a, const Buffer<Vec3f, Cpu>& b,
         << static_cast<unsigned>(maps) << ": " << differ << " of " << sizes.size();
 }
 
+/// What is smaller than a pixel is a dot, whose depth is its centre's.
+TEST(Surfel, ADotsDepthGoesToItsCentre) {
+    const Camera camera = test_camera(40, 30, 0.3f);
+    const Mat3f& R = camera.camera_from_world.R;
+    Gaussians<Cpu> g = random_gaussians(1, 5, 1e-4);
+    g.quats[0] = {std::cos(0.15f), 0, -std::sin(0.15f), 0};  // faces the camera
+    for (const Vec3f p : {Vec3f{0, 0, 0}, Vec3f{0.4f, -0.3f, 0.2f}}) {
+        g.means[0] = p, g.opacity_logits[0] = 1;
+        const auto backbone = make_backbone<Cpu>("surfel", with_depth(SurfaceDepth::expected));
+        const auto& images = backbone->forward(g, camera, 0, kGeometryMaps);
+        const float z = (camera.camera_from_world * p).z;
+        ImageGradients<Cpu> by;
+        std::vector<float> depth(images.depth.size());
+        double sum = 0;
+        int covered = 0;
+        for (std::size_t at = 0; at < depth.size(); ++at) {
+            depth[at] = 0.1f * static_cast<float>(at % 7);
+            if (!(images.depth[at] > 0)) continue;
+            EXPECT_NEAR(images.depth[at], z, 1e-4 * z);
+            sum += depth[at], ++covered;
+        }
+        ASSERT_GT(covered, 4);
+        copy(depth, by.depth);
+        Gaussians<Cpu> dL;
+        resize(dL, 1, 3), fill_zero(dL);
+        backbone->backward(g, by, dL);
+        const Vec3f expected = transpose_times(R, Vec3f{0, 0, static_cast<float>(sum)});
+        EXPECT_LT(norm(dL.means[0] - expected), 1e-3 * sum);
+    }
+}
+
 TEST(SurfelTwins, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
