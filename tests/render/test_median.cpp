@@ -7,6 +7,7 @@
 #include <cstring>
 
 #include "core/error.h"
+#include "double_splats.h"
 #include "render/backbone.h"
 #include "render/blend_math.h"
 #include "render/median_math.h"
@@ -35,20 +36,8 @@ struct ReferencePixel {
     double slope;  // of T at the median
 };
 
-/// Parameters in double, so that differences can be taken.
-struct Reference {
-    std::vector<Vec3d> means, log_scales;
-    std::vector<Quat<double>> quats;
-    std::vector<double> logits;
-
-    explicit Reference(const Gaussians<Cpu>& g) {
-        for (std::size_t i = 0; i < g.means.size(); ++i) {
-            means.push_back(vec_cast<double>(g.means[i]));
-            log_scales.push_back(vec_cast<double>(g.log_scales[i]));
-            quats.push_back(quat_cast<double>(g.quats[i]));
-            logits.push_back(static_cast<double>(g.opacity_logits[i]));
-        }
-    }
+struct Reference : test::DoubleSplats {
+    using DoubleSplats::DoubleSplats;
 
     struct OnRay {
         double alpha, depth, deviation;
@@ -200,54 +189,25 @@ TEST_P(RayDepthBackward, AgainstDifferencesOfBruteForce) {
             if (with_depth[p]) sum += static_cast<double>(by.depth[p]) * of(pixels[p], GetParam());
         return sum;
     };
-    int outliers = 0, checked = 0;
-    const auto check = [&](float analytic, double& parameter, double scale) {
-        const double kept = parameter, h = 1e-6;
-        parameter = kept + h;
-        const double high = loss();
-        parameter = kept - h;
-        const double low = loss();
-        parameter = kept;
-        ++checked;
-        outliers += !close(static_cast<double>(analytic), (high - low) / (2 * h), 5e-3, scale);
-    };
+    test::Differences differences(loss, 5e-3);
     for (std::size_t i = 0; i < 40; i += 2) {
         for (int axis = 0; axis < 3; ++axis) {
-            check(dL.means[i][axis], reference.means[i][axis], 3);
-            check(dL.log_scales[i][axis], reference.log_scales[i][axis], 0.3);
+            differences.check(dL.means[i][axis], reference.means[i][axis], 3);
+            differences.check(dL.log_scales[i][axis], reference.log_scales[i][axis], 0.3);
         }
-        check(dL.quats[i].w, reference.quats[i].w, 0.3);
-        check(dL.quats[i].x, reference.quats[i].x, 0.3);
-        check(dL.quats[i].y, reference.quats[i].y, 0.3);
-        check(dL.quats[i].z, reference.quats[i].z, 0.3);
-        check(dL.opacity_logits[i], reference.logits[i], 0.3);
+        differences.check(dL.quats[i].w, reference.quats[i].w, 0.3);
+        differences.check(dL.quats[i].x, reference.quats[i].x, 0.3);
+        differences.check(dL.quats[i].y, reference.quats[i].y, 0.3);
+        differences.check(dL.quats[i].z, reference.quats[i].z, 0.3);
+        differences.check(dL.opacity_logits[i], reference.logits[i], 0.3);
     }
     // A cut-off crossed within 2h jumps the difference.
-    std::printf("  %d of %d differ\n", outliers, checked);
-    EXPECT_LE(outliers, checked / 20) << outliers << " of " << checked;
+    std::printf("  %d of %d differ\n", differences.outliers, differences.checked);
+    EXPECT_LE(differences.outliers, differences.checked / 20)
+        << differences.outliers << " of " << differences.checked;
 }
 
 INSTANTIATE_TEST_SUITE_P(Kinds, RayDepthBackward, testing::ValuesIn(kKinds));
-
-/// Splat i of flat ones on a surface: at `at`, `normal` there, turned at random.
-void lay_flat(Gaussians<Cpu>& g,
-              std::size_t i,
-              Vec3f at,
-              Vec3f normal,
-              Vec3f log_scale,
-              test::Random& random) {
-    const Vec3f a = normalize(
-                    cross(normal, std::abs(normal.y) < 0.9f ? Vec3f{0, 1, 0} : Vec3f{1, 0, 0})),
-                b = cross(normal, a);
-    const float turn = float(random.uniform(0, 6.28));
-    const Vec3f t1 = std::cos(turn) * a + std::sin(turn) * b, t2 = cross(normal, t1);
-    const double w = 0.5 * std::sqrt(std::max(1e-9, double(1 + t1.x + t2.y + normal.z)));
-    g.means[i] = at;
-    g.quats[i] = quat_cast<float>(Quat<double>{w, double(t2.z - normal.y) / (4 * w),
-                                               double(normal.x - t1.z) / (4 * w),
-                                               double(t1.y - t2.x) / (4 * w)});
-    g.log_scales[i] = log_scale;
-}
 
 TEST(RayDepth, PlaneOfFlatSplatsHasItsDepth) {
     const Vec3f n = normalize(Vec3f{0.3f, -0.2f, -0.9f});
@@ -258,9 +218,9 @@ TEST(RayDepth, PlaneOfFlatSplatsHasItsDepth) {
         test::Random random(9);
         Gaussians<Cpu> g = random_gaussians(600, 10);
         for (std::size_t i = 0; i < g.means.size(); ++i)
-            lay_flat(g, i,
-                     -3 * n + float(random.uniform(-2, 2)) * a + float(random.uniform(-2, 2)) * b,
-                     n, {std::log(0.15f), std::log(0.1f), std::log(thin)}, random);
+            test::lay_flat(
+                g, i, -3 * n + float(random.uniform(-2, 2)) * a + float(random.uniform(-2, 2)) * b,
+                n, {std::log(0.15f), std::log(0.1f), std::log(thin)}, random);
         for (const SurfaceDepth kind : kKinds)
             for (const PixelCenter center : {PixelCenter::exact, PixelCenter::official}) {
                 const auto backbone = backbone_with(kind, center);
@@ -286,7 +246,7 @@ TEST(RayDepth, SphereOfSplatsHasItsDepth) {
     Gaussians<Cpu> g = random_gaussians(6000, 3);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
         const Vec3f n = normalize(vec_cast<float>(random.normal3()));
-        lay_flat(g, i, n, n, {std::log(0.05f), std::log(0.05f), std::log(1e-3f)}, random);
+        test::lay_flat(g, i, n, n, {std::log(0.05f), std::log(0.05f), std::log(1e-3f)}, random);
         g.opacity_logits[i] = 1;
     }
     Camera camera = test_camera(64, 64);

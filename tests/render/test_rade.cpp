@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "double_splats.h"
 #include "rade_case.h"
 #include "render/blend_math.h"
 #include "render/rade_math.h"
@@ -27,22 +28,8 @@ struct Pixel {
     Vec3d color{}, normal{};
 };
 
-/// Parameters in double, so that differences can be taken.
-struct Reference {
-    std::vector<Vec3d> means, log_scales, sh;
-    std::vector<Quat<double>> quats;
-    std::vector<double> logits, filters;
-
-    explicit Reference(const Gaussians<Cpu>& g) {
-        for (std::size_t i = 0; i < g.means.size(); ++i) {
-            means.push_back(vec_cast<double>(g.means[i]));
-            log_scales.push_back(vec_cast<double>(g.log_scales[i]));
-            quats.push_back(quat_cast<double>(g.quats[i]));
-            logits.push_back(static_cast<double>(g.opacity_logits[i]));
-            filters.push_back(g.filter.empty() ? 0 : static_cast<double>(g.filter[i]));
-        }
-        for (std::size_t k = 0; k < g.sh.size(); ++k) sh.push_back(vec_cast<double>(g.sh[k]));
-    }
+struct Reference : test::DoubleSplats {
+    using DoubleSplats::DoubleSplats;
 
     /// Every splat is tried at every pixel. Distances are of pixels, not yet depths.
     std::vector<Pixel> render(const Camera& c) const {
@@ -205,29 +192,20 @@ TEST_P(RadeBackward, AgainstDifferencesOfBruteForce) {
         }
         return sum;
     };
-    int outliers = 0, checked = 0;
-    const auto check = [&](float analytic, double& parameter, double scale) {
-        const double kept = parameter, h = 1e-6;
-        parameter = kept + h;
-        const double high = loss();
-        parameter = kept - h;
-        const double low = loss();
-        parameter = kept;
-        ++checked;
-        outliers += !close(analytic, (high - low) / (2 * h), 2e-3, scale);
-    };
+    test::Differences differences(loss, 2e-3);
     for (std::size_t i = 0; i < n; i += 2) {
         for (int axis = 0; axis < 3; ++axis) {
-            check(dL.means[i][axis], reference.means[i][axis], 5);
-            check(dL.log_scales[i][axis], reference.log_scales[i][axis], 1);
-            check(dL.sh[2 * n + i][axis], reference.sh[2 * n + i][axis], 0.5);
+            differences.check(dL.means[i][axis], reference.means[i][axis], 5);
+            differences.check(dL.log_scales[i][axis], reference.log_scales[i][axis], 1);
+            differences.check(dL.sh[2 * n + i][axis], reference.sh[2 * n + i][axis], 0.5);
         }
-        check(dL.quats[i].w, reference.quats[i].w, 1);
-        check(dL.quats[i].y, reference.quats[i].y, 1);
-        check(dL.opacity_logits[i], reference.logits[i], 1);
+        differences.check(dL.quats[i].w, reference.quats[i].w, 1);
+        differences.check(dL.quats[i].y, reference.quats[i].y, 1);
+        differences.check(dL.opacity_logits[i], reference.logits[i], 1);
     }
     // A cut-off crossed within 2h jumps the difference, and so does a median that changes hands.
-    EXPECT_LE(outliers, checked / (median ? 8 : 25)) << outliers << " of " << checked;
+    EXPECT_LE(differences.outliers, differences.checked / (median ? 8 : 25))
+        << differences.outliers << " of " << differences.checked;
 }
 
 INSTANTIATE_TEST_SUITE_P(Depths,
@@ -247,15 +225,9 @@ PlaneErrors errors_on_plane(float size) {
     const int count = static_cast<int>(3 / (size * size));
     Gaussians<Cpu> g = random_gaussians(count, 10);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
-        const float u = float(random.uniform(-0.7, 0.7)), v = float(random.uniform(-0.7, 0.7)),
-                    turn = float(random.uniform(0, 6.28));
-        g.means[i] = Vec3f{0, 0, 3} + u * a + v * b;
-        const Vec3f t1 = std::cos(turn) * a + std::sin(turn) * b, t2 = cross(n, t1);
-        const Mat3f R{{{t1.x, t2.x, n.x}, {t1.y, t2.y, n.y}, {t1.z, t2.z, n.z}}};
-        const float w = 0.5f * std::sqrt(std::max(1e-6f, 1 + R[0][0] + R[1][1] + R[2][2]));
-        g.quats[i] = {w, (R[2][1] - R[1][2]) / (4 * w), (R[0][2] - R[2][0]) / (4 * w),
-                      (R[1][0] - R[0][1]) / (4 * w)};
-        g.log_scales[i] = {std::log(size), std::log(0.7f * size), std::log(1e-4f * size)};
+        const float u = float(random.uniform(-0.7, 0.7)), v = float(random.uniform(-0.7, 0.7));
+        test::lay_flat(g, i, Vec3f{0, 0, 3} + u * a + v * b, n,
+                       {std::log(size), std::log(0.7f * size), std::log(1e-4f * size)}, random);
     }
     Camera camera = test_camera(80, 60);
     camera.camera_from_world = {};

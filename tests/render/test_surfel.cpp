@@ -6,6 +6,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "double_splats.h"
 #include "render/backbone.h"
 #include "render/blend_math.h"
 #include "render/sh_math.h"
@@ -27,21 +28,8 @@ BackboneOptions with_depth(SurfaceDepth depth) {
     return options;
 }
 
-/// Parameters in double, so that differences can be taken.
-struct Reference {
-    std::vector<Vec3d> means, log_scales, sh;
-    std::vector<Quat<double>> quats;
-    std::vector<double> logits;
-
-    explicit Reference(const Gaussians<Cpu>& g) {
-        for (std::size_t i = 0; i < g.means.size(); ++i) {
-            means.push_back(vec_cast<double>(g.means[i]));
-            log_scales.push_back(vec_cast<double>(g.log_scales[i]));
-            quats.push_back(quat_cast<double>(g.quats[i]));
-            logits.push_back(static_cast<double>(g.opacity_logits[i]));
-        }
-        for (std::size_t k = 0; k < g.sh.size(); ++k) sh.push_back(vec_cast<double>(g.sh[k]));
-    }
+struct Reference : test::DoubleSplats {
+    using DoubleSplats::DoubleSplats;
 
     /// Every surfel is tried at every pixel.
     std::vector<SurfelPixel<double>> render(const Camera& c) const {
@@ -177,31 +165,22 @@ TEST_P(SurfelBackward, AgainstDifferencesOfBruteForce) {
         }
         return sum;
     };
-    int outliers = 0, checked = 0;
-    const auto check = [&](float analytic, double& parameter, double scale) {
-        const double kept = parameter, h = 1e-6;
-        parameter = kept + h;
-        const double high = loss();
-        parameter = kept - h;
-        const double low = loss();
-        parameter = kept;
-        ++checked;
-        outliers += !close(analytic, (high - low) / (2 * h), 2e-3, scale);
-    };
+    test::Differences differences(loss, 2e-3);
     for (std::size_t i = 0; i < 40; i += 3) {
         for (int axis = 0; axis < 3; ++axis) {
-            check(dL.means[i][axis], reference.means[i][axis], 5);
-            check(dL.sh[2 * 40 + i][axis], reference.sh[2 * 40 + i][axis], 0.5);
+            differences.check(dL.means[i][axis], reference.means[i][axis], 5);
+            differences.check(dL.sh[2 * 40 + i][axis], reference.sh[2 * 40 + i][axis], 0.5);
         }
-        check(dL.log_scales[i].x, reference.log_scales[i].x, 1);
-        check(dL.log_scales[i].y, reference.log_scales[i].y, 1);
-        check(dL.quats[i].w, reference.quats[i].w, 1);
-        check(dL.quats[i].y, reference.quats[i].y, 1);
-        check(dL.opacity_logits[i], reference.logits[i], 1);
+        differences.check(dL.log_scales[i].x, reference.log_scales[i].x, 1);
+        differences.check(dL.log_scales[i].y, reference.log_scales[i].y, 1);
+        differences.check(dL.quats[i].w, reference.quats[i].w, 1);
+        differences.check(dL.quats[i].y, reference.quats[i].y, 1);
+        differences.check(dL.opacity_logits[i], reference.logits[i], 1);
         EXPECT_EQ(dL.log_scales[i].z, 0);
     }
     // A cut-off crossed within 2h jumps the difference, and so does a median that changes hands.
-    EXPECT_LE(outliers, checked / (median ? 8 : 20)) << outliers << " of " << checked;
+    EXPECT_LE(differences.outliers, differences.checked / (median ? 8 : 20))
+        << differences.outliers << " of " << differences.checked;
 }
 
 INSTANTIATE_TEST_SUITE_P(Depths,
@@ -215,15 +194,9 @@ TEST(Surfel, PlaneHasExactDepthAndNormal) {
     test::Random random(9);
     Gaussians<Cpu> g = random_gaussians(600, 10);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
-        const float u = float(random.uniform(-2, 2)), v = float(random.uniform(-2, 2)),
-                    turn = float(random.uniform(0, 6.28));
-        g.means[i] = -3 * n + u * a + v * b;
-        const Vec3f t1 = std::cos(turn) * a + std::sin(turn) * b, t2 = cross(n, t1);
-        const Mat3f R{{{t1.x, t2.x, n.x}, {t1.y, t2.y, n.y}, {t1.z, t2.z, n.z}}};
-        const float w = 0.5f * std::sqrt(std::max(1e-6f, 1 + R[0][0] + R[1][1] + R[2][2]));
-        g.quats[i] = {w, (R[2][1] - R[1][2]) / (4 * w), (R[0][2] - R[2][0]) / (4 * w),
-                      (R[1][0] - R[0][1]) / (4 * w)};
-        g.log_scales[i] = {std::log(0.15f), std::log(0.1f), 0};
+        const float u = float(random.uniform(-2, 2)), v = float(random.uniform(-2, 2));
+        test::lay_flat(g, i, -3 * n + u * a + v * b, n, {std::log(0.15f), std::log(0.1f), 0},
+                       random);
     }
     Camera camera = test_camera(80, 60);
     camera.camera_from_world = {};
