@@ -50,11 +50,11 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
     const std::vector<int> chosen = pivot_splats(
         splats, footprints, kind == PivotKind::pivots ? options.min_opacity : kMinAlpha);
     float grain = kind == PivotKind::pivots ? 1.0f : 0.0f;
-    auto found = surface_pivots(splats, chosen, footprints, kind, grain, options.reach_px, most);
+    auto found = surface_pivots(splats, chosen, footprints, kind, grain, most);
     const bool fits = found.has_value();
     while (!found) {
         grain = std::max(1.0f, grain * kGrainGrowth);
-        found = surface_pivots(splats, chosen, footprints, kind, grain, options.reach_px, most);
+        found = surface_pivots(splats, chosen, footprints, kind, grain, most);
     }
     made.pivots = std::move(*found);
     if (!fits)

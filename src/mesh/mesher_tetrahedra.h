@@ -15,7 +15,7 @@ namespace tvsgs {
 
 struct TetrahedraMesherOptions {
     PivotKind points = PivotKind::pivots;
-    float min_opacity = 0.3f, reach_px = 3;
+    float min_opacity = 0.3f;
     int views = 2, bisections = 8;
 
     template <class Visitor>
@@ -24,9 +24,6 @@ struct TetrahedraMesherOptions {
                      "of a splat: one on either side of its plane; or centre and corners of its "
                      "box, of all splats, as published");
         field("min_opacity", min_opacity, {0, 1}, "of the splats that have pivots");
-        field("reach_px", reach_px, {0, 1000},
-              "edges between two splats are kept up to so many pixels of each, or up to three "
-              "standard deviations where that is more; 0: as published");
         field("views", views, {1, 2},
               "that have to see through to a point of free space, where more than two have it in "
               "their image; 1: as published");

@@ -127,7 +127,6 @@ std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
                                      const std::vector<float>& footprints,
                                      PivotKind kind,
                                      float grain,
-                                     float reach_px,
                                      std::size_t most) {
     const std::size_t each = pivots_per_splat(kind);
     if (grain == 0 && chosen.size() * each > most) return std::nullopt;
@@ -140,8 +139,7 @@ std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
         const float cell = footprints[i] * grain / 4;
         if (grain > 0 && !cells.insert(cell_key(splats.means[i], cell))) continue;
         if (found.size() + each > most) return std::nullopt;
-        append_points(splats, splat, kind, footprints[i] / 4,
-                      std::max(cell, reach_px * footprints[i]), found);
+        append_points(splats, splat, kind, footprints[i] / 4, cell, found);
     }
     return found;
 }

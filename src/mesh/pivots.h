@@ -44,14 +44,13 @@ inline std::size_t pivots_per_splat(PivotKind kind) {
 
 /// Points of the `chosen` splats. With pivots, the standard deviation counts as p / 4 at least, p
 /// the footprint. Of the splats in one cell of a grid, of between p grain / 8 and p grain / 4, the
-/// first stands for all; with `grain` 0, each for itself. A radius is `reach_px` footprints at
-/// least. Empty where there would be more points than `most`.
+/// first stands for all; with `grain` 0, each for itself. Empty where there would be more points
+/// than `most`.
 std::optional<Pivots> surface_pivots(const FieldSplats<Cpu>& splats,
                                      const std::vector<int>& chosen,
                                      const std::vector<float>& footprints,
                                      PivotKind kind,
                                      float grain,
-                                     float reach_px,
                                      std::size_t most);
 
 /// Takes the points to the integer grid of delaunay(), in contracted space if the contraction is
