@@ -15,7 +15,7 @@ namespace tvsgs {
 
 struct TetrahedraMesherOptions {
     PivotKind points = PivotKind::pivots;
-    float min_opacity = 0.3f;
+    float min_opacity = 0.5f;
     int views = 2, bisections = 8;
 
     template <class Visitor>

@@ -291,7 +291,7 @@ TEST(ToyMesher, MeshesByItsName) {
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::usage);
         EXPECT_STREQ(error.what(),
-                     "mesh.method = 'gird': expected one of tsdf, grid; did you mean 'grid'?");
+                     "mesh.method = 'gird': expected one of tsdf, tetrahedra, grid; did you mean 'grid'?");
     }
 }
 
