@@ -312,16 +312,16 @@ Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOpt
         throw Error(ExitCode::input,
                     str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
                         train.backbone,
-                        "' draws ellipsoids; expected scale_2, too, or a backbone that draws "
-                        "discs: --set backbone=",
-                        backbones_of(true)));
+                        "' draws ellipsoids; expected scale_2, too, or --set backbone=X with one "
+                        "that draws discs (",
+                        backbones_of(true), ")"));
     if (flat && scales == PlyScales::three && !are_thin(splats))
         throw Error(ExitCode::input,
                     str("E_PLY_SCALES: ", file,
                         ": ellipsoids (splats with three scales), but backbone '", train.backbone,
-                        "' draws discs; expected two scales, or a backbone that draws ellipsoids: "
-                        "--set backbone=",
-                        backbones_of(false)));
+                        "' draws discs; expected two scales, or --set backbone=X with one that "
+                        "draws ellipsoids (",
+                        backbones_of(false), ")"));
     if (splats.size() == 0)
         throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
     return splats;
