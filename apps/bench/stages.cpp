@@ -237,9 +237,9 @@ Measured measure(const StageCase& c, Channels channels, bool atomic, int warm_up
                 photometric_loss(images.color.span(), photo.span(), c.width, c.height, {0.8f, 0.2f},
                                  scratch, dL_dimages.color.span(), pixel_loss.span(), Device{});
             });
-        const ViewGradients& gradients = *backbone->blend_backward(dL_dimages);
+        const FusedGradients& gradients = *backbone->blend_backward(splats, dL_dimages);
         clock("project backward and Adam",
-              [&] { adam.step(1, 1, gradients, no_more, splats, true); });
+              [&] { adam.step(1, 1, kShDegree, gradients, no_more, splats, true); });
     };
     Measured out = time_stages<Device>(iteration, *backbone, warm_up, repetitions);
     out.channels = channels;

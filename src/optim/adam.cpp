@@ -1,5 +1,7 @@
 #include "optim/adam.h"
 
+#include "render/fused_gradients.h"
+
 namespace tvsgs {
 
 void update_parameters(Cpu, int count, const AdamBody& body, const int* halted) {
@@ -46,11 +48,12 @@ struct KeepShGradient {
 };
 
 /// Ahead of its use: neighbours' gradients lie wherever their depths put them.
-void fetch_gradient(const ViewGradients& view, int i) {
+template <class Gradients>
+void fetch_gradient(const SplatSums<Gradients>& sums, int i) {
     const auto at = static_cast<std::size_t>(i);
-    if (view.fragment_counts[at] == 0) return;
-    __builtin_prefetch(&view.drawn[view.first_fragment[at]]);
-    __builtin_prefetch(&view.fragments[view.first_fragment[at]]);
+    if (sums.fragment_counts[at] == 0) return;
+    __builtin_prefetch(&sums.drawn[sums.first_fragment[at]]);
+    __builtin_prefetch(&sums.fragments[sums.first_fragment[at]]);
 }
 
 int chunks(int count) {
@@ -59,16 +62,16 @@ int chunks(int count) {
 
 }  // namespace
 
-void take_step(Cpu, int count, const AdamStep& step) {
+void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step) {
     if (step.halted != nullptr && *step.halted != 0) return;
-    with_channels(step.view.channels, [&]<Channels kChannels>() {
+    gradients.visit([&](const auto& vjp) {
         parallel_for_heavy(Cpu{}, chunks(count), [&](int chunk) {
             const int begin = chunk * kChunk, end = std::min(count, begin + kChunk);
             Vec3f dL[kMaxShCount * kChunk];
-            for (int i = begin; i < end; ++i) fetch_gradient(step.view, i);
+            for (int i = begin; i < end; ++i) fetch_gradient(vjp.sums, i);
             for (int i = begin; i < end; ++i) {
                 KeepShGradient keep{step.sh, i, i - begin, dL};
-                step_splat<kChannels>(step, i, keep);
+                step_splat(vjp, step, i, keep);
                 for (int k = 0; !keep.given && k < kMaxShCount; ++k)
                     dL[k * kChunk + i - begin] = {};
             }

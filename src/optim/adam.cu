@@ -1,4 +1,5 @@
 #include "optim/adam.h"
+#include "render/fused_gradients.h"
 
 namespace tvsgs {
 namespace {
@@ -16,13 +17,14 @@ constexpr int kThreads = 128, kBlocks = 5;  // of a multiprocessor: many loads u
 // Few harmonics at a time: registers. More than one, so that several loads are under way.
 constexpr int kHarmonics = 2;
 
-template <Channels kChannels>
-__global__ void __launch_bounds__(kThreads, kBlocks) step_kernel(int count, AdamStep step) {
+template <SplatVjp Vjp>
+__global__ void __launch_bounds__(kThreads, kBlocks)
+    step_kernel(int count, Vjp vjp, AdamStep step) {
     if (step.halted != nullptr && *step.halted != 0) return;
     const int i = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
     if (i >= count) return;
     ShStep<kHarmonics> sh{step.sh, i, step.sh_scale};
-    if (step_splat<kChannels>(step, i, sh)) sh.decay();
+    if (step_splat(vjp, step, i, sh)) sh.decay();
 }
 
 }  // namespace
@@ -31,11 +33,11 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
     parallel_for(Cuda{}, count, HaltingAdamBody{body, halted});
 }
 
-void take_step(Cuda, int count, const AdamStep& step) {
+void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep& step) {
     if (count == 0) return;
     const int blocks = (count + kThreads - 1) / kThreads;
-    with_channels(step.view.channels, [&]<Channels kChannels>() {
-        step_kernel<kChannels><<<blocks, kThreads>>>(count, step);
+    gradients.visit([&]<class Vjp>(const Vjp& vjp) {
+        step_kernel<Vjp><<<blocks, kThreads>>>(count, vjp, step);
     });
     check_launch();
 }

@@ -105,25 +105,24 @@ public:
         update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, n, active);
     }
 
-    /// The same from the gradients of the splats as they appear in the image, and those that losses
-    /// add to the geometry (`extra`; empty: none), without gradients of parameters in memory.
+    /// The same from what the splats add up over pixels, and what losses add to the geometry
+    /// (`extra`; empty: nothing), without gradients of parameters in memory.
     void step(int step,
               float extent,
-              const ViewGradients& view,
+              int sh_degree,
+              const FusedGradients& gradients,
               Gaussians<Device>& extra,
               Gaussians<Device>& g,
               bool with_opacity,
               const int* halted = nullptr) {
         using enum ParameterGroup;
         begin_step(step, extent);
-        take_step(Device{}, g.size(),
-                  {view,
-                   geometry_spans(g),
+        take_step(Device{}, g.size(), gradients,
+                  {geometry_spans(g),
                    geometry_spans(m_),
                    geometry_spans(v_),
                    geometry_spans(extra),
-                   {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(),
-                    sh_count(view.view.sh_degree)},
+                   {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)},
                    {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
                    {rate(sh_dc), rate(sh_rest), root_},
                    with_opacity,

@@ -3,7 +3,8 @@
 #pragma once
 
 #include "optim/adam_math.h"
-#include "render/view_splats.h"
+#include "render/backbone.h"
+#include "render/splat_vjp.h"
 
 namespace tvsgs {
 
@@ -61,7 +62,6 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
 }
 
 struct AdamStep {
-    ViewGradients view;
     GeometrySpans values, m, v;
     GeometrySpans extra;  // gradients that losses give without the image; may be null
     ShAdam sh;
@@ -73,11 +73,10 @@ struct AdamStep {
 
 /// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
 /// sh_color_vjp. True if there are none; the caller then steps them by gradients of zero.
-template <Channels kChannels, class Visit>
-TVSGS_HD bool step_splat(const AdamStep& in, int i, Visit& visit) {
+template <SplatVjp Vjp, class Visit>
+TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();
-    const bool colored =
-        splat_vjp<kChannels>(in.view, i, splat, gradient, visit) && has_color(kChannels);
+    const bool colored = vjp(i, splat, gradient, visit) && Vjp::kColor;
     if (in.extra.means != nullptr) add(gradient, in.extra.load(i));
     SplatGeometry m = in.m.load(i), v = in.v.load(i);
     step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
@@ -87,7 +86,7 @@ TVSGS_HD bool step_splat(const AdamStep& in, int i, Visit& visit) {
 
 // The twins go through the harmonics in the order that suits them: on a GPU each lane through those
 // of its Gaussian, on a CPU one coefficient after the other of some Gaussians side by side.
-void take_step(Cpu, int count, const AdamStep& step);
-void take_step(Cuda, int count, const AdamStep& step);
+void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step);
+void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep& step);
 
 }  // namespace tvsgs

@@ -128,7 +128,7 @@ public:
                         [&] { others->backward(gaussians, objective_.dL_dgaussians); });
             fused_ = nullptr;
             if (fuses())
-                fused_ = backbone_->blend_backward(objective_.dL_dimages);
+                fused_ = backbone_->blend_backward(gaussians, objective_.dL_dimages);
             else
                 backbone_->backward(gaussians, objective_.dL_dimages, objective_.dL_dgaussians);
             for_each_array(
@@ -147,7 +147,8 @@ public:
         clock("adam", [&] {
             details("project backward and Adam", [&] {
                 if (fused_ != nullptr)
-                    adam.step(step, extent_, *fused_, gradients, gaussians, with_opacity, halted);
+                    adam.step(step, extent_, sh_degree_, *fused_, gradients, gaussians,
+                              with_opacity, halted);
                 else
                     adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity,
                               halted);
@@ -218,8 +219,8 @@ private:
     float extent_;
     Objective<Device> objective_;
     std::vector<std::string> loss_stages_;
-    int sh_degree_ = 0;                     // of the last propagate()
-    const ViewGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
+    int sh_degree_ = 0;                      // of the last propagate()
+    const FusedGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
 };
 
 }  // namespace tvsgs

@@ -77,16 +77,20 @@ MemoryPlan estimate_memory(const Scene& scene,
     const LossNeeds needs = needs_of(o.loss);
     const bool plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
-    const std::int64_t parameters = 4 * (11 + 3 * sh_count(o.model.sh_degree));
+    const std::int64_t geometry = 4 * 11,
+                       parameters = geometry + 4 * 3 * sh_count(o.model.sh_degree);
+    // A fused step wants in memory what terms give without the image alone.
+    const bool fuses = make_backbone<Cpu>(o.backbone, o.render)->fuses();
+    const std::int64_t gradients = !fuses ? parameters : needs.splat_gradients ? geometry : 0;
     const std::int64_t renders = 1 + needs.rendered_views;
 
     MemoryPlan plan;
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
-    // Values, gradients and two moments; growing takes room for another copy, and buffers that grow
+    // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
     buffers.per_splat =
-        4 * parameters + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
+        3 * parameters + gradients + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
     if (votes)
         buffers.per_splat +=
             kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);

@@ -149,7 +149,7 @@ struct BlendWork {
     std::int64_t sums = 0;           // draws by several lanes, whose gradients have to be added up
 };
 
-struct ViewGradients;  // view_splats.h
+struct FusedGradients;  // fused_gradients.h
 
 template <class Device>
 class Backbone {
@@ -192,11 +192,11 @@ public:
     /// in memory.
     virtual bool fuses() const { return false; }
 
-    /// The first half of backward(): the gradients of the splats as they appear in the image. The
-    /// second half, splat_vjp(), carries them to the parameters and writes statistics(); Adam's
-    /// step calls it where it uses them. Valid until the next call of any method; null unless
-    /// fuses().
-    virtual const ViewGradients* blend_backward(const ImageGradients<Device>& /*dL_dimages*/) {
+    /// The first half of backward(): what the splats add up over pixels. The second half, a
+    /// SplatVjp, carries it to the parameters and writes statistics(); Adam's step calls it where
+    /// it uses the gradients. Valid until the next call of any method; null unless fuses().
+    virtual const FusedGradients* blend_backward(const Gaussians<Device>& /*gaussians*/,
+                                                 const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
     }
 
@@ -227,6 +227,10 @@ public:
 private:
     StageClock<Device> clock_;
 };
+
+/// In the place of the second half of backward(): the statistics() that it writes.
+template <class Device>
+void write_statistics(Device device, const FusedGradients& gradients);
 
 /// Adds a backbone of a program that links this library: make_backbone() then knows its name. To be
 /// called before any training starts. The library's own are in backbones_list.h.

@@ -3,9 +3,8 @@
 // rays.
 #pragma once
 
-#include "core/parallel.h"
 #include "render/blend_work.h"
-#include "render/view_splats.h"
+#include "render/tiled_backbone.h"
 
 namespace tvsgs {
 
@@ -34,7 +33,7 @@ struct PlaneOfDepthBody {
 };
 
 template <class Device>
-class EwaBackbone final : public Backbone<Device> {
+class EwaBackbone final : public TiledBackbone<Device> {
 public:
     explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
 
@@ -60,18 +59,8 @@ public:
         return images_;
     }
 
-    void backward(const Gaussians<Device>& gaussians,
-                  const ImageGradients<Device>& dL_dimages,
-                  Gaussians<Device>& dL_dgaussians) override {
-        const ViewGradients& in = *blend_backward(dL_dimages);
-        with_channels(channels_, [&]<Channels kChannels>() {
-            backward_as<kChannels>(in, gaussians, dL_dgaussians);
-        });
-    }
-
-    bool fuses() const override { return true; }
-
-    const ViewGradients* blend_backward(const ImageGradients<Device>& dL_dimages) override {
+    const FusedGradients* blend_backward(const Gaussians<Device>&,
+                                         const ImageGradients<Device>& dL_dimages) override {
         const bool by_depth = has_plane(channels_) && !dL_dimages.depth.empty();
         this->clock()("blend backward", [&] {
             Span<const Vec3f> normal = dL_dimages.normal.span();
@@ -90,34 +79,18 @@ public:
         ray_depth_.fragments.resize(0);
         if (by_depth && has_ray(channels_))
             this->clock()("depth backward", [&] { ray_depth_back(dL_dimages.depth); });
-        const std::size_t n = splats_.shapes.size();
-        statistics_.dL_dmeans2d.resize(n);
-        statistics_.abs_dL_dmeans2d.resize(n);
-        statistics_.front_pixels.resize(n);
-        const EwaFragmentGradients<Device>& fragments = fragments_;
         const RayDepthFragments<Device>& ray = ray_depth_.fragments;
-        gradients_ = {view_,
-                      channels_,
-                      splats_.shapes.span(),
-                      splats_.features.span(),
-                      lists_.fragment_counts.span(),
-                      lists_.first_fragment.span(),
-                      fragments.gradients.span(),
-                      fragments.drawn.span(),
-                      statistics_.dL_dmeans2d.span(),
-                      statistics_.abs_dL_dmeans2d.span(),
-                      statistics_.front_pixels.span(),
-                      ray.gradients.span(),
-                      ray.drawn.span()};
+        with_channels(channels_, [&]<Channels kChannels>() {
+            gradients_.vjp = EwaVjp<kChannels>{view_,
+                                               splats_.shapes.span(),
+                                               splats_.features.span(),
+                                               this->sums(fragments_),
+                                               ray.gradients.span(),
+                                               ray.drawn.span()};
+        });
         return &gradients_;
     }
 
-    void observe(const Gaussians<Device>&) override {
-        write_statistics(Device{}, *blend_backward({}));
-    }
-
-    const ScreenStatistics<Device>& statistics() const override { return statistics_; }
-    RenderCounts counts() const override { return {lists_.visible_count, lists_.fragment_count}; }
     BlendWork blend_work() const override {
         return count_blend_work<EwaModel<Channels::color>>(splats_, lists_, grid_);
     }
@@ -125,6 +98,10 @@ public:
     void use_atomic_sums() override { fragments_.atomic = ray_depth_.fragments.atomic = true; }
 
 private:
+    using TiledBackbone<Device>::images_, TiledBackbone<Device>::lists_,
+        TiledBackbone<Device>::statistics_, TiledBackbone<Device>::stops_,
+        TiledBackbone<Device>::gradients_;
+
     bool is_along_rays() const {
         return options_.depth == SurfaceDepth::expected || options_.depth == SurfaceDepth::median;
     }
@@ -218,31 +195,14 @@ private:
                 images.transmittance, r.stops, r.fragments);
     }
 
-    template <Channels kChannels>
-    void backward_as(const ViewGradients& in, const Gaussians<Device>& g, Gaussians<Device>& dL) {
-        this->clock()("project backward", [&] {
-            parallel_for(Device{}, g.size(),
-                         ProjectBackwardBody<kChannels>{in, g.means.span(), g.log_scales.span(),
-                                                        g.quats.span(), g.opacity_logits.span(),
-                                                        g.sh.span(), dL.means.span(),
-                                                        dL.log_scales.span(), dL.quats.span(),
-                                                        dL.opacity_logits.span(), dL.sh.span()});
-        });
-    }
-
     BackboneOptions options_;
     Camera camera_;  // of the rays of depth
     Channels channels_ = Channels::color;
     TileGrid grid_{};
     ViewParameters view_{};
     EwaSplats<Device> splats_;
-    TileLists<Device> lists_;
-    RenderedImages<Device> images_;
-    Buffer<float, Device> distance_;       // [H W] blended plane distances, world units
-    Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
-    ScreenStatistics<Device> statistics_;
+    Buffer<float, Device> distance_;  // [H W] blended plane distances, world units
     EwaFragmentGradients<Device> fragments_;
-    ViewGradients gradients_{};
     struct RayDepth {
         Buffer<RayProfile<float>, Device> profiles;  // [N]
         Buffer<std::uint32_t, Device> stops;         // [H W] of the mean or of the median

@@ -56,4 +56,12 @@ void with_channels(Channels channels, const Run& run) {
     }
 }
 
+/// For splats that blend all maps of the geometry or none: run() as a template of <whether they do,
+/// whether there is colour>. Where no maps are asked for, there is.
+template <class Run>
+void with_maps(bool maps, bool color, const Run& run) {
+    if (!maps) return run.template operator()<false, true>();
+    color ? run.template operator()<true, true>() : run.template operator()<true, false>();
+}
+
 }  // namespace tvsgs

@@ -27,13 +27,15 @@ struct Source {
     std::string stem() const { return fs::path(path).stem().string(); }
 };
 
-/// Headers below `prefix`, one a method, and the list that alone includes them.
+/// Headers below `prefix`, one a method, and the lists that alone include them.
 struct Kind {
-    std::string prefix, list;
+    std::string prefix;
+    std::set<std::string> lists;
 };
-const std::vector<Kind> kKinds{{"src/optim/loss_", "src/optim/losses_list.h"},
-                               {"src/render/backbone_", "src/render/backbones_list.h"},
-                               {"src/mesh/mesher_", "src/mesh/meshers_list.h"}};
+const std::vector<Kind> kKinds{
+    {"src/optim/loss_", {"src/optim/losses_list.h"}},
+    {"src/render/backbone_", {"src/render/backbones_list.h", "src/render/fused_gradients.h"}},
+    {"src/mesh/mesher_", {"src/mesh/meshers_list.h"}}};
 
 /// Names of methods, as words of file names, identifiers and strings.
 const std::set<std::string> kMethods{"pgsr",  "3dgs", "2dgs",    "rade", "radegs",
@@ -46,9 +48,7 @@ const std::set<std::pair<std::string, std::string>> kAllowed{
     {"src/optim/train.h", "rade"},  // ... whose help names them all
     // Configurations that the program carries with it have the names of their files.
     {"src/pipeline/built_in_configs.cpp.in", "pgsr"},
-    // The records of EWA under names that are not its own: Adam's fused step reads these ...
-    {"src/render/view_splats.h", "ewa"},
-    // ... and a model whose splats are ellipses, too, finds its tiles with EWA's packs.
+    // Splats that are ellipses, too: their tiles are found with the packs of EWA.
     {"src/render/blend_rade.cpp", "ewa"},
 };
 
@@ -171,7 +171,7 @@ std::vector<std::string> types_known_elsewhere(const std::vector<Source>& source
             const auto at = home.find(piece.text);
             if (at == home.end() || !said.insert(piece.text).second) continue;
             const auto& [owner, kind] = at->second;
-            if (s.path != kind->list && !same_part(s, *owner))
+            if (!kind->lists.contains(s.path) && !same_part(s, *owner))
                 faults.push_back(s.path + ": " + piece.text);
         }
     }
@@ -184,7 +184,7 @@ std::vector<std::string> names_known_elsewhere(
     std::vector<std::string> faults;
     for (const Source& s : sources) {
         if (std::any_of(kKinds.begin(), kKinds.end(),
-                        [&](const Kind& kind) { return s.path == kind.list; }))
+                        [&](const Kind& kind) { return kind.lists.contains(s.path); }))
             continue;
         std::set<std::string> own;
         for (const std::string& word : words_of(fs::path(s.path).filename().string()))

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "optim/losses_list.h"
-#include "render/view_splats.h"
+#include "render/backbone.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

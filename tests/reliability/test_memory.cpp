@@ -81,7 +81,7 @@ protected:
 };
 
 TEST_F(Memory, EstimatesAreNearTheMeasuredPeak) {
-    for (const std::string config : {"3dgs", "pgsr_sparse", "pgsr_dense"})
+    for (const std::string config : {"3dgs", "pgsr_sparse", "pgsr_dense", "2dgs", "rade_gs"})
         for (const bool grows : {false, true}) {
             const std::string run = config + (grows ? "_grows" : "");
             const Result r = train(

@@ -1,0 +1,130 @@
+// The splats of one view of the backbone `rade`, one at a time on both devices: to the image, and
+// from what they add up there to their parameters.  [RaDe-GS], filter: [Yu24]
+#pragma once
+
+#include "core/smoothing_filter.h"
+#include "render/blend_rade.h"
+#include "render/rade_math.h"
+#include "render/splat_vjp.h"
+#include "render/view_splats.h"
+
+namespace tvsgs {
+
+/// Splat i under its filter, none where these are empty.
+TVSGS_HD inline SmoothedSplat<float> smoothed_at(Span<const float> filter, int i, Vec3f log_scale) {
+    return smoothed(log_scale, filter.empty() ? 0.0f : filter[i]);
+}
+
+/// Below this determinant in the image, px^4, the official code draws nothing.
+inline constexpr float kLeastRadeDet = 1e-6f;
+
+struct ProjectRadeBody {
+    ViewParameters view;
+    bool color, maps;
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<const Vec3f> sh;
+    Span<const float> filter;  // may be empty
+    Span<SplatShape<float>> shapes;
+    Span<RadeRecord> features;
+    Span<float> depths;
+    Span<TileRect> rects;
+    Span<float> radii;
+
+    TVSGS_HD void operator()(int i) const {
+        rects[i] = {};
+        radii[i] = 0;
+        const Mat3f& to_camera = view.camera.camera_from_world.R;
+        const Vec3f mean = means[i], p = view.camera.camera_from_world * mean;
+        if (!(p.z > view.near) || !is_finite(p)) return;
+        const SmoothedSplat<float> smooth = smoothed_at(filter, i, log_scales[i]);
+        const float opacity = smooth.dimming * sigmoid(opacity_logits[i]);
+        if (!(opacity > view.cull_alpha)) return;
+
+        const Mat3f R = rotation(normalize(quats[i]));
+        const ViewEllipse e = view_ellipse(view, p, R, smooth.scales, opacity, kLeastRadeDet);
+        if (e.rect.count() == 0) return;
+        shapes[i] = e.shape;
+        depths[i] = p.z;
+        rects[i] = e.rect;
+        radii[i] = e.radius;
+        RadeRecord& out = features[i];
+        out.f.color = color ? sh_color<float>(view.sh_degree, normalize(mean - view.centre),
+                                              sh.data, means.count, i)
+                            : Vec3f{};
+        if (!maps) return;
+        const auto plane = rade_plane(view.camera, {to_camera * R, smooth.scales}, p);
+        out.f.normal = plane.normal, out.f.distance = plane.distance;
+        out.slope = plane.slope;
+    }
+};
+
+/// From the sums of each splat to its parameters.
+template <bool kMaps, bool kColor_>
+struct RadeVjp {
+    static constexpr bool kColor = kColor_;
+
+    ViewParameters view;
+    Span<const SplatShape<float>> shapes;
+    Span<const RadeRecord> features;
+    SplatSums<RadeGradients<float>> sums;
+    Span<const float> filter;  // [N] or empty
+
+    template <class Visit>
+    TVSGS_HD bool operator()(int i,
+                             const SplatGeometry& splat,
+                             SplatGeometry& sum,
+                             Visit& visit) const {
+        RadeGradients<float> all;
+        if (!finish(i, all)) return false;
+        const SplatGradients<float>& g = all.of;
+        Vec3f dL_dmean{};
+        if constexpr (kColor)
+            dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+                                           features[i].f.color, g.features.color, visit);
+        const SplatShape<float> shape = shapes[i];
+        const Vec3f p = view.camera.camera_from_world * splat.mean;
+        const Mat3f& to_camera = view.camera.camera_from_world.R;
+        const Mat3f R = rotation(normalize(splat.quat));
+        const SmoothedSplat<float> smooth = smoothed_at(filter, i, splat.log_scale);
+
+        auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, smooth.scales,
+                                         shape.root, g.spread);
+        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
+        if constexpr (kMaps) {
+            const auto plane = rade_plane_vjp(view.camera, {to_camera * R, smooth.scales}, p,
+                                              {g.features.normal, all.slope, g.features.distance});
+            dL_dp += plane.dL_dp;
+            ellipse.dL_dlog_s += plane.dL_dlog_scales;
+            const Mat3f by_R = transpose(to_camera) * plane.dL_daxes;
+            for (int r = 0; r < 3; ++r)
+                for (int c = 0; c < 3; ++c) ellipse.dL_dR[r][c] += by_R[r][c];
+        }
+        sum.log_scale += smoothed_vjp(smooth, shape.opacity, ellipse.dL_dlog_s, g.opacity);
+        sum.opacity_logit += smooth.dimming * sigmoid_slope(splat.opacity_logit) * g.opacity;
+        add(sum.quat, rotation_vjp(splat.quat, ellipse.dL_dR));
+        sum.mean += transpose_times(to_camera, dL_dp) + dL_dmean;
+        return true;
+    }
+
+    TVSGS_HD void observe(int i) const {
+        RadeGradients<float> all;
+        finish(i, all);
+    }
+
+private:
+    /// Completes the sums of Gaussian i and writes its statistics. False if it drew nothing.
+    TVSGS_HD bool finish(int i, RadeGradients<float>& all) const {
+        const RadeGradients<float>* const blended = sums.of(i);
+        if (blended == nullptr) return false;
+        all = *blended;
+        SplatGradients<float>& g = all.of;
+        complete(g, shapes[i]);
+        if constexpr (kMaps) g.mean += g.features.distance * features[i].slope;
+        sums.write(i, per_ndc(view.grid, g.mean), per_ndc(view.grid, g.abs_mean), g.front_pixels);
+        return true;
+    }
+};
+
+}  // namespace tvsgs
