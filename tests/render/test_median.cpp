@@ -412,13 +412,14 @@ TEST(RayDepth, BitIdenticalForAnyNumberOfThreads) {
 }
 
 /// Shares of pixels or splats that differ: a pixel whose light is at a half between two surfaces,
-/// or a splat at its cut-off, may take the one or the other.
+/// or a splat at its cut-off, may take the one or the other. Below `least` is rounding.
 template <class T>
 void expect_few_differ(const char* name,
                        const std::vector<T>& a,
                        const std::vector<T>& b,
                        double relative,
-                       double share) {
+                       double share,
+                       double least = 1e-4) {
     constexpr std::size_t kNumbers = sizeof(T) / sizeof(float);
     const auto* const x = reinterpret_cast<const float*>(a.data());
     const auto* const y = reinterpret_cast<const float*>(b.data());
@@ -429,7 +430,7 @@ void expect_few_differ(const char* name,
     if (sizes.empty()) return;
     std::nth_element(sizes.begin(), sizes.begin() + std::ptrdiff_t(sizes.size() / 2), sizes.end());
     // One splat's mean depth does not depend on its opacity: what is left of that is rounding.
-    const double middle = std::max(static_cast<double>(sizes[sizes.size() / 2]), 1e-4);
+    const double middle = std::max(static_cast<double>(sizes[sizes.size() / 2]), least);
     std::size_t differ = 0;
     for (std::size_t i = 0; i < a.size() * kNumbers; ++i) {
         const double here = static_cast<double>(x[i]), there = static_cast<double>(y[i]);
@@ -467,7 +468,9 @@ TEST(RayDepthTwins, CpuAgainstCuda) {
                 expect_few_differ("scales", cpu.log_scales, cuda.log_scales, 1e-2, 2e-2);
                 expect_few_differ("quats", cpu.quats, cuda.quats, 1e-2, 2e-2);
                 expect_few_differ("logits", cpu.logits, cuda.logits, 1e-2, 2e-2);
-                expect_few_differ("screen", cpu.screen, cuda.screen, 1e-2, 2e-2);
+                expect_few_differ("screen", cpu.screen, cuda.screen, 1e-2, 2e-2,
+                                  // Nor does it on the splat's place in the image.
+                                  c.count == 1 ? 0.1 : 1e-4);
                 EXPECT_TRUE(same_bits(cuda.depth, again.depth)) << "not reproducible";
                 EXPECT_TRUE(same_bits(cuda.means, again.means)) << "not reproducible";
             }
