@@ -251,6 +251,9 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
     if (!in.dense)
         by_cloud("densify", covered ? "off" : "on",
                  {{"densify.enabled", covered ? "false" : "true"}});
+    // Files keep three scales, for the viewers of 3DGS.
+    if (covered && in.discs)
+        by_cloud("rasteriser", "discs", {{"backbone", kDiscs}, {"output.ply_scales", "three"}});
     if (covered) by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
     if (covered && in.options.tv.enabled) {
         by_cloud("votes", str("every ", kVoteEvery),

@@ -31,6 +31,9 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits);
 /// What was measured, for people.
 std::string summary(const SceneLook& look);
 
+/// The rasteriser that the plan chooses where it may.
+inline constexpr const char* kDiscs = "surfel";
+
 /// Keys and what they are to be.
 using Settings = std::vector<std::pair<std::string, std::string>>;
 
@@ -50,6 +53,7 @@ Decision plan_cloud(const SceneLook& look, bool dense);
 /// What the plan of the training goes by, beside the look.
 struct PlanInputs {
     bool dense = false;      // the settings that were chosen
+    bool discs = false;      // kDiscs may be chosen: fast here, and nobody asks for another
     TrainOptions options;    // as resolved so far
     int configured = 0;      // iterations that their schedule was made for
     int wanted = 0;          // iterations that the user asks for; 0: none

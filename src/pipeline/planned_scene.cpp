@@ -18,6 +18,38 @@ TrainOptions options_of(const char* config) {
     return options.train;
 }
 
+/// Leaves out what makes splats thin where the rasteriser has no use for it.
+void plan_thickness(const TrainOptions& options, RunPlan& plan) {
+    const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
+    const char* const why = backbone->flat()                ? "the splats are flat"
+                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
+                                                            : nullptr;
+    for (const TermOnList& term : terms_on_list(options.loss))
+        if (why != nullptr && term.needs.thickness && term.weight > 0)
+            plan.apply({str(term.key, " loss"),
+                        "off",
+                        why,
+                        NAN,
+                        NAN,
+                        {{str("loss.", term.key, ".weight"), "0"}}});
+}
+
+/// Not on a CPU, where their iterations take several times as long, nor where the user asks for a
+/// rasteriser, or for what discs do not have.
+bool may_draw_discs(const DeviceChoice& device, const TrainOptions& options, const RunPlan& plan) {
+    if (!device.cuda || plan.pinned("backbone")) return false;
+    for (const TermOnList& term : terms_on_list(options.loss))
+        if (term.needs.thickness && term.weight > 0 &&
+            plan.pinned(str("loss.", term.key, ".weight")))
+            return false;
+    try {
+        make_backbone<Cpu>(kDiscs, options.render);
+        return true;
+    } catch (const Error&) {  // of an option that it does not go by
+        return false;
+    }
+}
+
 /// Chooses the settings to start from; returns whether they are the dense ones.
 bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
     const Decision settings = plan_settings(train_views);
@@ -30,18 +62,7 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
                     NAN,
                     NAN,
                     {{"loss.tv_normal.weight", "0"}, {"loss.tv_position.weight", "0"}}});
-    const auto backbone = make_backbone<Cpu>(options.train.backbone, options.train.render);
-    const char* const why = backbone->flat()                ? "the splats are flat"
-                            : backbone->fades_thin_splats() ? "the rasteriser fades thin splats"
-                                                            : nullptr;
-    for (const TermOnList& term : terms_on_list(options.train.loss))
-        if (why != nullptr && term.needs.thickness && term.weight > 0)
-            plan.apply({str(term.key, " loss"),
-                        "off",
-                        why,
-                        NAN,
-                        NAN,
-                        {{str("loss.", term.key, ".weight"), "0"}}});
+    plan_thickness(options.train, plan);
     check_consistency(options.train);
     return dense;
 }
@@ -150,9 +171,11 @@ Scene read_and_plan(const DeviceChoice& device,
     const TrainOptions multi_view = options_of(kDenseConfig);
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
               wanted = plan.pinned("iterations") ? options.train.iterations : 0;
+    const bool discs = may_draw_discs(device, options.train, plan);
     for (const Decision& decision :
-         plan_training(seen, {dense, options.train, configured, wanted, multi_view.loss}))
+         plan_training(seen, {dense, discs, options.train, configured, wanted, multi_view.loss}))
         plan.apply(decision);
+    plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     plan.finish();
     return scene;

@@ -161,6 +161,21 @@ TEST(Plan, DenseSettingsKeepTheirGrowth) {
     EXPECT_EQ(plan_cloud(look_of(patch_scene(25, 2, 2000)), true).choice, "the model's");
 }
 
+TEST(Plan, DiscsForCoveringCloudsWhereTheyMayBeChosen) {
+    const SceneLook covered = look_of(patch_scene(3, 10, 2400)),
+                    sparse = look_of(patch_scene(3, 10, 100));
+    PlanInputs in;
+    in.configured = 15000;
+    EXPECT_EQ(choice(plan_training(covered, in), "rasteriser"), "no such decision");
+    in.discs = true;
+    const auto plan = plan_training(covered, in);
+    EXPECT_TRUE(sets(settings(plan, "rasteriser"), "backbone", kDiscs));
+    EXPECT_TRUE(sets(settings(plan, "rasteriser"), "output.ply_scales", "three"));
+    EXPECT_EQ(choice(plan_training(sparse, in), "rasteriser"), "no such decision");
+    in.dense = true;
+    EXPECT_EQ(choice(plan_training(covered, in), "rasteriser"), "no such decision");
+}
+
 TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
     const auto plan = plan_of(look_of(patch_scene(3, 10, 1)), false, 300);
     EXPECT_EQ(choice(plan, "iterations"), "300");

@@ -1,6 +1,8 @@
 // The plan as a user meets it: printed, pinned, kept, and the two ways to end a run by time.
 #include <regex>
 
+#include "pipeline/planned_scene.h"
+// Its `json` would be shadowed.
 #include "command_test.h"
 
 namespace tvsgs {
@@ -119,6 +121,29 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
         << "40 degrees";
     EXPECT_EQ(decided("--views 45 --arc 200 --width 48", "settings"), "sparse") << "39 train";
     EXPECT_EQ(decided("--views 46 --arc 200 --width 48", "settings"), "dense") << "40 train";
+}
+
+TEST_F(PlanCommand, ChoosesDiscsWhereTheyAreFastAndNobodyMinds) {
+    const auto backbone = [&](bool cuda, const std::vector<std::string>& settings) {
+        RunOptions options;
+        OptionTable table;
+        options.add_to(table);
+        table.set("scene.path", (folder_ / "scene").string(), "a test");
+        table.set("plan.enabled", "true", "a test");
+        table.set_all(settings);
+        RunPlan plan(table);
+        read_and_plan({cuda, ""}, true, options, table, plan);
+        const bool flattens = options.train.loss.flatten.weight > 0;
+        EXPECT_EQ(flattens, options.train.backbone != kDiscs);
+        return options.train.backbone;
+    };
+    EXPECT_EQ(backbone(true, {}), kDiscs);
+    EXPECT_EQ(backbone(false, {}), "ewa");
+    EXPECT_EQ(backbone(true, {"backbone=ewa"}), "ewa");
+    EXPECT_EQ(backbone(true, {"loss.flatten.weight=10"}), "ewa");
+    EXPECT_EQ(backbone(true, {"loss.flatten.weight=0", "backbone=surfel"}), kDiscs);
+    EXPECT_EQ(backbone(true, {"render.depth=plane"}), "ewa");
+    EXPECT_EQ(backbone(true, {"render.depth=median"}), kDiscs);
 }
 
 TEST_F(PlanCommand, ATimeBudgetFitsTheSchedule) {
