@@ -1,0 +1,187 @@
+#include "mvs/descriptors.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/parallel.h"
+#include "core/prior_maps.h"
+#include "core/vec.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kLeastContrast = 0.01f;  // of grey values, which go from 0 to 1
+constexpr int kOrientations = 8, kRings = 4;
+constexpr float kPi = 3.14159265358979f;
+
+/// Beyond the border are the pixels on it.
+float pixel(const ImageF& image, int x, int y) {
+    return image.at(std::clamp(x, 0, image.width - 1), std::clamp(y, 0, image.height - 1));
+}
+
+/// Between pixel centres, which lie at whole numbers here.
+float between(const ImageF& image, float x, float y) {
+    const float left = std::floor(x), top = std::floor(y), u = x - left, v = y - top;
+    const int x0 = static_cast<int>(left), y0 = static_cast<int>(top);
+    return (1 - v) * ((1 - u) * pixel(image, x0, y0) + u * pixel(image, x0 + 1, y0)) +
+           v * ((1 - u) * pixel(image, x0, y0 + 1) + u * pixel(image, x0 + 1, y0 + 1));
+}
+
+/// The grey photograph at half its size (rounded up), or further down; the means of 2 x 2 pixels
+/// where that is even.
+ImageF shrunk(const ImageF& image, int width, int height) {
+    ImageF out(width, height, 1);
+    const float sx = static_cast<float>(image.width) / static_cast<float>(width),
+                sy = static_cast<float>(image.height) / static_cast<float>(height);
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x)
+            out.at(x, y) = between(image, sx * (static_cast<float>(x) + 0.5f) - 0.5f,
+                                   sy * (static_cast<float>(y) + 0.5f) - 0.5f);
+    return out;
+}
+
+ImageF grey_at(const ImageU8& photo, int width, int height) {
+    ImageF grey(photo.width, photo.height, 1);
+    for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
+        const std::uint8_t* p = &photo.pixels[3 * i];
+        grey.pixels[i] = (0.299f * static_cast<float>(p[0]) + 0.587f * static_cast<float>(p[1]) +
+                          0.114f * static_cast<float>(p[2])) /
+                         255;
+    }
+    while (grey.width > width || grey.height > height)
+        grey = shrunk(grey, std::max(width, (grey.width + 1) / 2),
+                      std::max(height, (grey.height + 1) / 2));
+    return grey;
+}
+
+/// Convolved with a Gaussian of that deviation, px.
+ImageF blurred(const ImageF& image, float sigma) {
+    const int reach = static_cast<int>(std::ceil(3 * sigma));
+    std::vector<float> weights;
+    float sum = 0;
+    for (int i = -reach; i <= reach; ++i) {
+        const float t = static_cast<float>(i) / sigma;
+        weights.push_back(std::exp(-0.5f * t * t));
+        sum += weights.back();
+    }
+    ImageF across(image.width, image.height, 1), out = across;
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x) {
+            float value = 0;
+            for (int i = -reach; i <= reach; ++i)
+                value += weights[static_cast<std::size_t>(i + reach)] * pixel(image, x + i, y);
+            across.at(x, y) = value / sum;
+        }
+    for (int y = 0; y < image.height; ++y)
+        for (int x = 0; x < image.width; ++x) {
+            float value = 0;
+            for (int i = -reach; i <= reach; ++i)
+                value += weights[static_cast<std::size_t>(i + reach)] * pixel(across, x, y + i);
+            out.at(x, y) = value / sum;
+        }
+    return out;
+}
+
+/// How strong edges of eight directions are around each pixel, over four distances. Each distance
+/// counts alike: what all directions share says nothing and goes, the rest has a length of about 1.
+void describe_orientations(const ImageF& grey, ViewMap& map) {
+    const ImageF smooth = blurred(grey, 1);
+    std::array<ImageF, kOrientations> edges;
+    edges.fill(ImageF(grey.width, grey.height, 1));
+    for (int y = 0; y < grey.height; ++y)
+        for (int x = 0; x < grey.width; ++x) {
+            const float gx = 0.5f * (pixel(smooth, x + 1, y) - pixel(smooth, x - 1, y)),
+                        gy = 0.5f * (pixel(smooth, x, y + 1) - pixel(smooth, x, y - 1));
+            for (int k = 0; k < kOrientations; ++k) {
+                const float angle = 2 * kPi * static_cast<float>(k) / kOrientations;
+                edges[static_cast<std::size_t>(k)].at(x, y) =
+                    std::max(0.0f, std::cos(angle) * gx + std::sin(angle) * gy);
+            }
+        }
+    std::vector<float> contrast(grey.pixels.size(), 0);  // squared
+    for (int group = 0; group < kDescriptorChannels / kOrientations; ++group) {
+        std::array<ImageF, kOrientations> around;
+        for (std::size_t k = 0; k < kOrientations; ++k)
+            around[k] = blurred(edges[k], static_cast<float>(1 << group));
+        for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
+            float mean = 0, squares = 0;
+            for (const ImageF& image : around) mean += image.pixels[i] / kOrientations;
+            for (const ImageF& image : around)
+                squares += (image.pixels[i] - mean) * (image.pixels[i] - mean);
+            contrast[i] += squares;
+            for (std::size_t k = 0; k < kOrientations; ++k)
+                map.values[kDescriptorChannels * i +
+                           kOrientations * static_cast<std::size_t>(group) + k] =
+                    (around[k].pixels[i] - mean) / (std::sqrt(squares) + 0.02f);
+        }
+    }
+    for (std::size_t i = 0; i < contrast.size(); ++i)
+        if (!(contrast[i] >= kLeastContrast * kLeastContrast))
+            std::fill_n(&map.values[kDescriptorChannels * i], kDescriptorChannels, 0.0f);
+}
+
+/// Whether points on four rings around each pixel are brighter or darker than it.
+void describe_census(const ImageF& grey, ViewMap& map) {
+    const ImageF smooth = blurred(grey, 0.7f);
+    std::vector<Vec2f> offsets;
+    for (int ring = 0; ring < kRings; ++ring)
+        for (int k = 0; k < kDescriptorChannels / kRings; ++k) {
+            const float radius = 1.5f * static_cast<float>(ring + 1),
+                        angle = kPi / 4 * (static_cast<float>(k) + (ring % 2 ? 0.5f : 0.0f));
+            offsets.push_back({radius * std::cos(angle), radius * std::sin(angle)});
+        }
+    for (int y = 0; y < grey.height; ++y)
+        for (int x = 0; x < grey.width; ++x) {
+            float* const descriptor =
+                &map.values[static_cast<std::size_t>(kDescriptorChannels) *
+                            (static_cast<std::size_t>(y) * static_cast<std::size_t>(grey.width) +
+                             static_cast<std::size_t>(x))];
+            float squares = 0;
+            for (std::size_t i = 0; i < offsets.size(); ++i) {
+                const float difference = between(smooth, static_cast<float>(x) + offsets[i].x,
+                                                 static_cast<float>(y) + offsets[i].y) -
+                                         smooth.at(x, y);
+                squares += difference * difference;
+                descriptor[i] = std::tanh(difference / 0.02f);
+            }
+            if (!(squares >= kLeastContrast * kLeastContrast))
+                std::fill_n(descriptor, kDescriptorChannels, 0.0f);
+        }
+}
+
+}  // namespace
+
+ViewMap describe_photo(
+    const ImageU8& photo, Descriptor kind, const std::string& name, int width_px, int height_px) {
+    ViewMap map{name, width_px, height_px, kDescriptorChannels, {}};
+    map.values.resize(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) *
+                      kDescriptorChannels);
+    const ImageF grey = grey_at(photo, width_px, height_px);
+    if (kind == Descriptor::orient)
+        describe_orientations(grey, map);
+    else
+        describe_census(grey, map);
+    return map;
+}
+
+std::int64_t add_descriptors(Descriptor kind, std::vector<View>& views) {
+    parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int v) {
+        View& view = views[static_cast<std::size_t>(v)];
+        const auto add = [&](std::string_view name, int divisor) {
+            view.maps.push_back(describe_photo(view.photo, kind, std::string(name),
+                                               (view.photo.width + divisor - 1) / divisor,
+                                               (view.photo.height + divisor - 1) / divisor));
+        };
+        add(prior_map::kFeatures, 2);
+        add(prior_map::kCoarseFeatures, 4);
+    });
+    std::int64_t bytes = 0;
+    for (const View& view : views)
+        for (const ViewMap& map : view.maps)
+            if (map.name == prior_map::kFeatures || map.name == prior_map::kCoarseFeatures)
+                bytes += static_cast<std::int64_t>(map.values.size() * sizeof(float));
+    return bytes;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,150 @@
+// Descriptors of photographs: what they tell apart, and what they are not to notice.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string>
+
+#include "core/prior_maps.h"
+#include "mvs/descriptors.h"
+#include "support/numeric.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr int kWidth = 48, kHeight = 40;
+
+/// Waves in grey, moved to the right by `shift` px.
+ImageU8 waves(double shift, double gain = 1, double offset = 0) {
+    ImageU8 photo(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const double u = x - shift;
+            const double grey = 128 + 45 * std::sin(0.5 * u + 0.2 * y) +
+                                40 * std::sin(0.37 * y - 0.13 * u + 0.01 * u * y);
+            for (int k = 0; k < 3; ++k)
+                photo.at(x, y, k) = static_cast<std::uint8_t>(gain * grey + offset);
+        }
+    return photo;
+}
+
+ViewMap describe(const ImageU8& photo, Descriptor kind) {
+    return describe_photo(photo, kind, "features", photo.width, photo.height);
+}
+
+double cosine(const ViewMap& a, int ax, int ay, const ViewMap& b, int bx, int by) {
+    double aa = 0, bb = 0, ab = 0;
+    for (int k = 0; k < 32; ++k) {
+        const double p = a.values[static_cast<std::size_t>(32 * (ay * a.width_px + ax) + k)],
+                     q = b.values[static_cast<std::size_t>(32 * (by * b.width_px + bx) + k)];
+        aa += p * p, bb += q * q, ab += p * q;
+    }
+    return aa > 0 && bb > 0 ? ab / std::sqrt(aa * bb) : 0;
+}
+
+class Descriptors : public testing::TestWithParam<Descriptor> {};
+INSTANTIATE_TEST_SUITE_P(Kinds,
+                         Descriptors,
+                         testing::Values(Descriptor::orient, Descriptor::census));
+
+TEST_P(Descriptors, AreOfTheirPlaceAlone) {
+    const ViewMap a = describe(waves(0), GetParam()), b = describe(waves(5), GetParam());
+    ASSERT_EQ(a.channels, 32);
+    ASSERT_EQ(a.values.size(), std::size_t{32 * kWidth * kHeight});
+    double alike = 0, apart = 0;
+    int count = 0;
+    for (int y = 12; y < 28; ++y)
+        for (int x = 14; x < 28; ++x, ++count) {
+            alike += cosine(a, x, y, b, x + 5, y);
+            apart += cosine(a, x, y, b, x, y);
+        }
+    // The border, which is repeated outwards, reaches in by the widest blur.
+    EXPECT_GT(alike / count, 0.97);
+    EXPECT_LT(apart / count, 0.5) << "another place looks the same";
+}
+
+TEST_P(Descriptors, DoNotNoticeTheExposure) {
+    const ViewMap a = describe(waves(0), GetParam()), b = describe(waves(0, 0.8, 20), GetParam());
+    double least = 1;
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) least = std::min(least, cosine(a, x, y, b, x, y));
+    EXPECT_GT(least, 0.9);
+}
+
+TEST_P(Descriptors, AreNothingWhereThereIsNoContrast) {
+    ImageU8 photo(kWidth, kHeight, 3, 90);
+    for (int y = 18; y < 22; ++y)
+        for (int x = 40; x < 44; ++x) photo.at(x, y, 0) = photo.at(x, y, 1) = 250;
+    const ViewMap map = describe(photo, GetParam());
+    const auto squares = [&](int x, int y) {
+        double sum = 0;
+        for (int k = 0; k < 32; ++k)
+            sum += std::pow(map.values[static_cast<std::size_t>(32 * (y * kWidth + x) + k)], 2);
+        return sum;
+    };
+    EXPECT_EQ(squares(3, 20), 0);
+    EXPECT_GT(squares(39, 20), 0.5);
+}
+
+TEST_P(Descriptors, ComeAtAnySizeWithTheSameContent) {
+    const ViewMap map = describe_photo(waves(0), GetParam(), "coarse", kWidth / 2, kHeight / 2);
+    EXPECT_EQ(map.name, "coarse");
+    EXPECT_EQ(map.values.size(), std::size_t{32 * kWidth * kHeight / 4});
+    for (const float v : map.values) ASSERT_TRUE(std::isfinite(v));
+    const ImageU8 odd(33, 1, 3, 7);
+    EXPECT_EQ(describe_photo(odd, GetParam(), "m", 17, 1).values.size(), std::size_t{32 * 17});
+}
+
+TEST(OrientDescriptor, HasTheDirectionInWhichItGetsBrighter) {
+    ImageU8 photo(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            for (int k = 0; k < 3; ++k) photo.at(x, y, k) = static_cast<std::uint8_t>(20 + 5 * y);
+    const ViewMap map = describe(photo, Descriptor::orient);
+    const float* const d = &map.values[32 * (20 * kWidth + 24)];
+    for (int group = 0; group < 4; ++group) {
+        // Eighths of a turn from x towards y: the third is down. Less their mean they are of length
+        // g / (g + 0.02), g that of a slope of 5 / 255 per pixel.
+        for (int k = 0; k < 8; ++k)
+            if (k != 2) {
+                EXPECT_GT(d[8 * group + 2], d[8 * group + k]) << group << ' ' << k;
+            }
+        double sum = 0, squares = 0;
+        for (int k = 0; k < 8; ++k)
+            sum += d[8 * group + k], squares += double{d[8 * group + k]} * d[8 * group + k];
+        EXPECT_NEAR(sum, 0, 1e-5);
+        // cos^2 of 0 and of +-45 degrees, less the mean of 1 + sqrt 2 over eight.
+        const double mean = (1 + std::sqrt(2)) / 8, g = 5 / 255.0 * std::sqrt(2 - 8 * mean * mean);
+        if (group < 3) {  // the widest one sees the border
+            EXPECT_NEAR(std::sqrt(squares), g / (g + 0.02), 0.01) << group;
+        }
+    }
+}
+
+TEST(CensusDescriptor, SaysWhatIsBrighter) {
+    ImageU8 photo(kWidth, kHeight, 3);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            for (int k = 0; k < 3; ++k) photo.at(x, y, k) = static_cast<std::uint8_t>(5 * x);
+    const ViewMap map = describe(photo, Descriptor::census);
+    const float* const d = &map.values[32 * (20 * kWidth + 24)];
+    // To the right on the ring of 1.5 px: 7.5 of 255.
+    EXPECT_NEAR(d[0], std::tanh(7.5 / 255 / 0.02), 0.01);
+    EXPECT_NEAR(d[4], -std::tanh(7.5 / 255 / 0.02), 0.01);
+    EXPECT_NEAR(d[2], 0, 0.01);
+    EXPECT_NEAR(d[16], std::tanh(22.5 / 255 / 0.02), 0.01);  // the ring of 4.5 px
+}
+
+TEST(AddDescriptors, GivesAllViewsBothSizes) {
+    std::vector<View> views(2);
+    views[0].photo = waves(0), views[1].photo = ImageU8(33, 21, 3, 5);
+    const std::int64_t bytes = add_descriptors(Descriptor::orient, views);
+    EXPECT_EQ(bytes, 4 * 32 * (24 * 20 + 12 * 10 + 17 * 11 + 9 * 6));
+    for (const View& view : views) {
+        ASSERT_EQ(view.maps.size(), 2u);
+        EXPECT_EQ(view.maps[0].name, prior_map::kFeatures);
+        EXPECT_EQ(view.maps[1].name, prior_map::kCoarseFeatures);
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
