@@ -40,6 +40,18 @@ TVSGS_HD inline void add_atomically(std::int64_t* target, std::int64_t value) {
 #endif
 }
 
+/// *target = min(*target, value), as safe and as independent of the order.
+TVSGS_HD inline void min_atomically(std::int64_t* target, std::int64_t value) {
+#if defined(__CUDA_ARCH__)
+    atomicMin(reinterpret_cast<long long*>(target), static_cast<long long>(value));
+#else
+    std::int64_t seen = __atomic_load_n(target, __ATOMIC_RELAXED);
+    while (value < seen && !__atomic_compare_exchange_n(target, &seen, value, true,
+                                                        __ATOMIC_RELAXED, __ATOMIC_RELAXED)) {
+    }
+#endif
+}
+
 /// Blocks of a fixed-shape reduction, and room for their partial sums.
 inline constexpr int kSumBlocks = 256;
 

@@ -20,7 +20,8 @@ enum class RandomStream : std::uint32_t {
     stereo = 8,
     thinning = 9,
     ransac = 10,
-    lines = 11
+    lines = 11,
+    depth_ranks = 21
 };
 
 struct Random4 {

@@ -10,6 +10,7 @@
 #include "core/options.h"
 #include "core/parallel.h"
 #include "core/state.h"
+#include "optim/depth_order_options.h"
 #include "optim/device_view.h"
 #include "optim/other_views.h"
 #include "render/backbone.h"
@@ -159,6 +160,9 @@ struct LossOptions {
     NormalConsistencyOptions normal_consistency;
     ScheduledOptions multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
     ViewPairOptions multi_view;
+    DepthRankOptions depth_rank;
+    DepthSmoothOptions depth_smooth;
+    FeatureOptions features;
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
@@ -178,6 +182,11 @@ struct LossOptions {
               "depth maps of two views against each other, PGSR");
         visit("multi_view_ncc", o.multi_view_ncc,
               "patches of photographs against those of another view, PGSR");
+        visit("depth_rank", o.depth_rank,
+              "which of two pixels is farther, by the render and by a prior, FatesGS");
+        visit("depth_smooth", o.depth_smooth, "smooth depth where a prior is smooth, FatesGS");
+        visit("features", o.features,
+              "descriptors of photographs where two views see one surface, FatesGS");
         visit("tv_normal", o.tv_normal, "splat normals against voted normals");
         visit("tv_position", o.tv_position, "splat centres against voted positions");
     }

@@ -7,7 +7,10 @@
 #include <type_traits>
 #include <vector>
 
+#include "optim/loss_depth_rank.h"
+#include "optim/loss_depth_smooth.h"
 #include "optim/loss_distortion.h"
+#include "optim/loss_features.h"
 #include "optim/loss_flatten.h"
 #include "optim/loss_multiview_geometry.h"
 #include "optim/loss_multiview_ncc.h"
@@ -32,6 +35,10 @@ void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit
           o.multi_view_geometry);
     visit(type_identity<MultiViewNccLoss<Device>>{}, "multi_view_ncc", o.multi_view_ncc,
           o.multi_view.samples, c.seed, c.pixel_center);
+    visit(type_identity<DepthRankLoss<Device>>{}, "depth_rank", o.depth_rank, c.length_unit,
+          c.seed);
+    visit(type_identity<DepthSmoothLoss<Device>>{}, "depth_smooth", o.depth_smooth, c.length_unit);
+    visit(type_identity<FeatureLoss<Device>>{}, "features", o.features);
     visit(type_identity<TvLoss<Device, false>>{}, "tv_normal", o.tv_normal, o.tv_reduction);
     visit(type_identity<TvLoss<Device, true>>{}, "tv_position", o.tv_position, o.tv_reduction,
           c.length_unit);

@@ -273,7 +273,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
             std::to_string(std::clamp(iterations / kOpaqueShare, 1, kOpaqueAfter));
         Settings settings, starts;
         for (const TermOnList& term : terms_on_list(in.multi_view)) {
-            if (term.needs.other_views == 0) continue;
+            if (term.needs.other_views == 0 || !(term.weight > 0)) continue;
             settings.emplace_back(str("loss.", term.key, ".weight"),
                                   on ? number(static_cast<double>(term.weight)) : "0");
             starts.emplace_back(str("loss.", term.key, ".start"), start);
