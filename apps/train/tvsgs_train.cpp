@@ -16,6 +16,7 @@
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/train_session.h"
+#include "pipeline/view_maps.h"
 #include "report/data.h"
 
 namespace tvsgs {
@@ -242,6 +243,7 @@ int command(int argc, char** argv) {
         std::fputs(plan.text().c_str(), stdout);
         return 0;
     }
+    complete_maps(options.train.loss, options.descriptors, scene.train);
     read_fixed_voters(options, scene);
     if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
         make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run

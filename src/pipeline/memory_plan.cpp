@@ -25,14 +25,23 @@ constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
+/// With all that comes with it.
+std::int64_t photo_bytes(const View& view) {
+    std::size_t bytes =
+        view.photo.pixels.size() + view.mask.pixels.size() + view.grey.pixels.size();
+    for (const ViewMap& map : view.maps) bytes += map.values.size() * sizeof(float);
+    return static_cast<std::int64_t>(bytes);
+}
+
 std::int64_t photo_bytes(const std::vector<View>& views) {
     std::int64_t bytes = 0;
-    for (const View& v : views) {
-        bytes += static_cast<std::int64_t>(v.photo.pixels.size() + v.mask.pixels.size() +
-                                           v.grey.pixels.size());
-        for (const ViewMap& map : v.maps)
-            bytes += static_cast<std::int64_t>(map.values.size() * sizeof(float));
-    }
+    for (const View& v : views) bytes += photo_bytes(v);
+    return bytes;
+}
+
+std::int64_t most_photo_bytes(const std::vector<View>& views) {
+    std::int64_t bytes = 0;
+    for (const View& v : views) bytes = std::max(bytes, photo_bytes(v));
     return bytes;
 }
 
@@ -99,9 +108,11 @@ MemoryPlan estimate_memory(const Scene& scene,
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = photo_bytes(scene.train);
     const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
-    // Else colours and grey of a few.
-    buffers.fixed = (all ? photos : views_at_hand(needs) * 4 * largest_view(scene)) +
-                    per_pixel * largest_view(scene);
+    // Else those of a few, grey ones beside the colours.
+    buffers.fixed =
+        (all ? photos
+             : views_at_hand(needs) * (most_photo_bytes(scene.train) + largest_view(scene))) +
+        per_pixel * largest_view(scene);
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);

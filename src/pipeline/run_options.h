@@ -3,6 +3,7 @@
 
 #include "io/config.h"
 #include "io/scene_reader.h"
+#include "mvs/descriptors.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"
 #include "pipeline/memory_plan.h"
@@ -27,6 +28,7 @@ struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
     StereoOptions stereo;  // for a scene with few points
+    DescriptorOptions descriptors;
     MeshOptions mesh;
     EvaluationOptions eval;
     MemoryOptions memory;
@@ -38,6 +40,7 @@ struct RunOptions {
         table.add("", train);
         table.add("scene", scene);
         table.add("stereo", stereo);
+        table.add("descriptors", descriptors);
         table.add("mesh", mesh);
         table.add("eval", eval);
         table.add("memory", memory);

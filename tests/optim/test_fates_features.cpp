@@ -1,0 +1,433 @@
+// The term that compares descriptors of views: against its definition in double, and where a plane
+// with a texture lies.
+#include <map>
+#include <numbers>
+
+#include "fates_case.h"
+#include "mvs/descriptors.h"
+#include "optim/feature_math.h"
+
+namespace tvsgs {
+namespace {
+
+using test::central_difference;
+using test::close;
+using test::evaluate;
+using test::FatesCase;
+using test::FatesResult;
+using test::FatesView;
+using Vec2d = Vec2<double>;
+
+constexpr float kWeight = 0.8f;
+
+Vec3d ray_d(const Camera& c, double x, double y) {
+    return {(x - c.cx_px) / c.fx_px, (y - c.cy_px) / c.fy_px, 1};
+}
+
+/// The plane n . X = 0.1 in the world, facing the cameras.
+const Vec3d kNormal = normalize(Vec3d{0.3, -0.2, -1});
+
+/// z of the plane at a point of the image (corner coordinates), times `scale`.
+double plane_depth(const Camera& c, double x, double y) {
+    const auto R = mat_cast<double>(c.camera_from_world.R);
+    const Vec3d centre = -transpose_times(R, vec_cast<double>(c.camera_from_world.t));
+    return (0.1 - dot(kNormal, centre)) / dot(R * kNormal, ray_d(c, x, y));
+}
+
+Vec3d plane_point(const Camera& c, double x, double y) {
+    const auto R = mat_cast<double>(c.camera_from_world.R);
+    const Vec3d p = plane_depth(c, x, y) * ray_d(c, x, y) - vec_cast<double>(c.camera_from_world.t);
+    return transpose_times(R, p);
+}
+
+/// Descriptors that belong to places of the plane, disturbed by noise.
+ViewMap plane_features(
+    const Camera& c, std::string_view name, int width, int height, double noise, unsigned seed) {
+    test::Random random(seed);
+    constexpr int kChannels = 6;
+    ViewMap map{std::string(name), width, height, kChannels, {}};
+    for (int y = 0; y < height; ++y)
+        for (int x = 0; x < width; ++x) {
+            const Vec3d p =
+                plane_point(c, (x + 0.5) * c.width_px / width, (y + 0.5) * c.height_px / height);
+            for (int k = 0; k < kChannels; ++k)
+                map.values.push_back(static_cast<float>(std::sin((2 + 0.4 * k) * p.x + k) +
+                                                        std::cos((3 - 0.3 * k) * p.y - k) +
+                                                        noise * random.normal()));
+        }
+    return map;
+}
+
+FatesView plane_view(float angle, int width, int height, unsigned seed, double noise) {
+    FatesView v;
+    v.camera = test::test_camera(width, height, angle);
+    v.maps.push_back(plane_features(v.camera, prior_map::kFeatures, 24, 20, noise, seed));
+    v.maps.push_back(plane_features(v.camera, prior_map::kCoarseFeatures, 13, 9, noise, seed + 50));
+    return v;
+}
+
+void set_depth(FatesCase& c, double scale, double noise = 0) {
+    test::Random random(77);
+    const Camera& camera = c.view.camera;
+    c.depth.clear();
+    for (int y = 0; y < camera.height_px; ++y)
+        for (int x = 0; x < camera.width_px; ++x)
+            c.depth.push_back(static_cast<float>(scale * plane_depth(camera, x + 0.5, y + 0.5) *
+                                                 (1 + noise * random.normal())));
+    c.transmittance.assign(c.depth.size(), 0);
+}
+
+/// Two other views of different sizes; depths and descriptors are off by a little.
+FatesCase plane_case() {
+    FatesCase c;
+    c.view = plane_view(0, 40, 30, 1, 0.2);
+    c.others = {plane_view(0.25f, 36, 28, 2, 0.2), plane_view(-0.3f, 40, 30, 3, 0.2)};
+    set_depth(c, 1, 0.01);
+    for (std::size_t i = 0; i < c.depth.size(); i += 37) c.depth[i] = 0;
+    c.options.photometric.weight = 0;
+    c.options.features.weight = kWeight;
+    return c;
+}
+
+/// A block in front of the plane, in the middle.
+FatesCase occluded_case() {
+    FatesCase c = plane_case();
+    for (int y = 10; y < 20; ++y)
+        for (int x = 15; x < 25; ++x) c.depth[static_cast<std::size_t>(40 * y + x)] = 2.8f;
+    c.options.features.max_error = 2;
+    return c;
+}
+
+const ViewMap* find_map(const FatesView& v, std::string_view name) {
+    for (const ViewMap& map : v.maps)
+        if (map.name == name) return &map;
+    return nullptr;
+}
+
+FeatureMap feature_map(const ViewMap& m) {
+    return {m.values.data(), m.width_px, m.height_px, m.channels};
+}
+
+/// One comparison of a pixel that counts, and what it costs at a depth.
+struct Sample {
+    ViewPair<double> pair;
+    Vec3d ray;
+    FeatureMap here, there;
+    Vec2d point, scale;
+    double weight;
+
+    double cost(double depth) const {
+        const auto seen = seen_point(pair, ray, depth);
+        return weight * feature_match(here, point, there,
+                                      {scale.x * seen.point.x, scale.y * seen.point.y}, 3.0)
+                            .error;
+    }
+};
+
+/// Of the pixels that are the nearest in their pixel of the other view, in the order of the depths.
+std::vector<bool> visible(const FatesCase& c, const FatesView& other) {
+    const Camera& camera = c.view.camera;
+    const auto pair = view_pair(camera, other.camera, c.min_depth);
+    std::map<std::pair<int, int>, std::pair<float, std::size_t>> nearest;
+    std::vector<bool> result(c.depth.size(), false);
+    for (std::size_t i = 0; i < c.depth.size(); ++i) {
+        const int at = static_cast<int>(i);
+        const auto seen = seen_point(
+            pair, pixel_ray(camera, at % camera.width_px, at / camera.width_px), c.depth[i]);
+        if (!seen.inside) continue;
+        const std::pair cell{static_cast<int>(seen.point.x), static_cast<int>(seen.point.y)};
+        const float distance = norm(seen.there);
+        const auto found = nearest.find(cell);
+        if (found == nearest.end() || distance < found->second.first) nearest[cell] = {distance, i};
+    }
+    for (const auto& [cell, winner] : nearest) result[winner.second] = true;
+    return result;
+}
+
+/// What counts, pixel by pixel.
+std::vector<std::vector<Sample>> samples_of(const FatesCase& c) {
+    std::vector<std::vector<Sample>> samples(c.depth.size());
+    const Camera& camera = c.view.camera;
+    double with_depth = 0;
+    for (const float d : c.depth) with_depth += d > 0;
+    double comparable = 0;
+    for (const FatesView& other : c.others)
+        comparable += find_map(other, prior_map::kFeatures) != nullptr;
+    for (const FatesView& other : c.others) {
+        if (!find_map(other, prior_map::kFeatures)) continue;
+        const std::vector<bool> seen = visible(c, other);
+        const bool both = find_map(c.view, prior_map::kCoarseFeatures) &&
+                          find_map(other, prior_map::kCoarseFeatures);
+        for (const bool coarse : {false, true}) {
+            if (coarse && !both) continue;
+            const auto name = coarse ? prior_map::kCoarseFeatures : prior_map::kFeatures;
+            const FeatureMap here = feature_map(*find_map(c.view, name)),
+                             there = feature_map(*find_map(other, name));
+            const double share = coarse ? 0.5 / 1.5 : both ? 1 / 1.5 : 1;
+            for (std::size_t i = 0; i < c.depth.size(); ++i) {
+                if (!(c.depth[i] > 0) || (c.options.features.z_buffer && !seen[i])) continue;
+                const double x = static_cast<double>(i %
+                                                     static_cast<std::size_t>(camera.width_px)) +
+                                 0.5,
+                             y = static_cast<double>(i /
+                                                     static_cast<std::size_t>(camera.width_px)) +
+                                 0.5;
+                const Sample s{
+                    view_pair<double>(camera, other.camera, c.min_depth),
+                    ray_d(camera, x, y),
+                    here,
+                    there,
+                    {x * here.width / camera.width_px, y * here.height / camera.height_px},
+                    {static_cast<double>(there.width) / other.camera.width_px,
+                     static_cast<double>(there.height) / other.camera.height_px},
+                    kWeight * share / comparable / with_depth};
+                const auto at = seen_point(s.pair, s.ray, static_cast<double>(c.depth[i]));
+                if (at.inside && feature_match(here, s.point, there,
+                                               {s.scale.x * at.point.x, s.scale.y * at.point.y},
+                                               static_cast<double>(c.options.features.max_error))
+                                     .valid)
+                    samples[i].push_back(s);
+            }
+        }
+    }
+    return samples;
+}
+
+void expect_sum_and_slopes(const FatesCase& c) {
+    const FatesResult r = evaluate<Cpu>(c);
+    const auto samples = samples_of(c);
+    double sum = 0;
+    int checked = 0;
+    for (std::size_t i = 0; i < samples.size(); ++i) {
+        const auto around = [&](double h) {
+            double cost = 0;
+            for (const Sample& s : samples[i]) cost += s.cost(static_cast<double>(c.depth[i]) + h);
+            return cost;
+        };
+        sum += around(0);
+        if (samples[i].empty()) {
+            ASSERT_EQ(r.dL_ddepth[i], 0) << i;
+            continue;
+        }
+        const double expected = central_difference(around, 1e-5);
+        if (std::abs(expected - central_difference(around, 3e-6)) > 1e-7) continue;  // a cell ends
+        ++checked;
+        // To the roundings of the 3 that stood there before, and of the sums in a cosine.
+        ASSERT_NEAR(r.dL_ddepth[i], expected, 2e-6) << i;
+    }
+    EXPECT_TRUE(close(r.value, sum, 1e-4));
+    EXPECT_GT(r.value, 0.003);
+    EXPECT_GT(checked, 500);
+}
+
+TEST(FeatureLoss, ValueAndGradient) {
+    FatesCase c = plane_case();
+    expect_sum_and_slopes(c);
+    c.options.features.z_buffer = false;
+    expect_sum_and_slopes(c);
+    c.options.features.max_error = 0.1f;
+    expect_sum_and_slopes(c);
+}
+
+TEST(FeatureLoss, OneResolutionAloneCountsFully) {
+    FatesCase c = plane_case();
+    c.others[0].maps.pop_back();  // of this pair alone
+    expect_sum_and_slopes(c);
+    c.view.maps.pop_back();
+    expect_sum_and_slopes(c);
+    // A view without descriptors is not compared with, and does not dilute the mean.
+    c.others[1].maps.clear();
+    expect_sum_and_slopes(c);
+}
+
+TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
+    const FatesCase c = occluded_case();
+    expect_sum_and_slopes(c);
+    // Points of the plane that the block hides from the other view, by geometry alone: the ray from
+    // its camera meets the block first.
+    const Camera& a = c.view.camera;
+    FatesCase without = c;
+    without.options.features.z_buffer = false;
+    int hidden = 0, removed = 0;
+    FatesCase one = c, one_without = without;
+    one.others.resize(1), one_without.others.resize(1);
+    const FatesResult with_buffer = evaluate<Cpu>(one), all = evaluate<Cpu>(one_without);
+    const auto pair = view_pair<double>(a, c.others[0].camera, 0.1);
+    for (int y = 0; y < 30; ++y)
+        for (int x = 0; x < 40; ++x) {
+            const auto i = static_cast<std::size_t>(40 * y + x);
+            if (!(c.depth[i] > 2.9f)) continue;
+            const Vec3d there =
+                pair.other_from_reference * (double{c.depth[i]} * ray_d(a, x + 0.5, y + 0.5));
+            // Along the ray to the other camera, where it is 2.8 deep in the reference.
+            const Vec3d back = transpose_times(pair.other_from_reference.R,
+                                               there - pair.other_from_reference.t),
+                        eye = transpose_times(pair.other_from_reference.R,
+                                              -pair.other_from_reference.t);
+            const double t = (2.8 - eye.z) / (back.z - eye.z);
+            const Vec3d p = eye + t * (back - eye);
+            const double u = a.fx_px * p.x / p.z + a.cx_px, v = a.fy_px * p.y / p.z + a.cy_px;
+            // Well inside the block: its points there fill pixels of the other view.
+            if (!(t > 0 && t < 1 && u > 16 && u < 24 && v > 11 && v < 19)) continue;
+            if (all.dL_ddepth[i] == 0) continue;
+            ++hidden;
+            removed += with_buffer.dL_ddepth[i] == 0;
+        }
+    EXPECT_GT(hidden, 20);
+    EXPECT_GT(removed, 0.9 * hidden);
+}
+
+TEST(FeatureLoss, IsLeastWhereThePlaneIs) {
+    for (const bool z_buffer : {false, true}) {
+        FatesCase c = plane_case();
+        c.view = plane_view(0, 40, 30, 1, 0);
+        c.others = {plane_view(0.25f, 40, 30, 2, 0)};
+        c.options.features.z_buffer = z_buffer;
+        const auto slope_at = [&](double scale) {
+            set_depth(c, scale);
+            const FatesResult r = evaluate<Cpu>(c);
+            double slope = 0;
+            for (std::size_t i = 0; i < c.depth.size(); ++i)
+                slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
+            return slope;
+        };
+        // What a tenth of a pixel is along the rays, of the whole scale.
+        const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
+        const Vec3d ray = ray_d(c.view.camera, 20, 15);
+        const double z = plane_depth(c.view.camera, 20, 15);
+        const Vec2d moved = seen_point(pair, ray, 1.01 * z).point - seen_point(pair, ray, z).point;
+        const double tenth = 0.1 / (100 * std::sqrt(dot(moved, moved)));
+        EXPECT_LT(slope_at(1 - tenth), 0);
+        EXPECT_GT(slope_at(1 + tenth), 0);
+        EXPECT_LT(slope_at(1 - 8 * tenth), 0);
+        EXPECT_GT(slope_at(1 + 8 * tenth), 0);
+    }
+}
+
+/// A photograph of a texture on the plane.
+ImageU8 plane_photo(const Camera& c) {
+    ImageU8 photo(c.width_px, c.height_px, 3);
+    for (int y = 0; y < c.height_px; ++y)
+        for (int x = 0; x < c.width_px; ++x) {
+            const Vec3d p = plane_point(c, x + 0.5, y + 0.5);
+            const double grey = 128 + 50 * std::sin(9 * p.x + 2 * p.y) +
+                                40 * std::sin(11 * p.y - 3 * p.x) +
+                                30 * std::sin(5 * p.x * p.y + 4 * p.x);
+            for (int k = 0; k < 3; ++k)
+                photo.at(x, y, k) = static_cast<std::uint8_t>(std::clamp(grey, 0.0, 255.0));
+        }
+    return photo;
+}
+
+TEST(FeatureLoss, OurDescriptorsFindThePlane) {
+    for (const Descriptor kind : {Descriptor::orient, Descriptor::census}) {
+        FatesCase c;
+        c.options.photometric.weight = 0;
+        c.options.features.weight = 1;
+        std::vector<View> views(2);
+        for (std::size_t v = 0; v < 2; ++v) {
+            views[v].camera = test::test_camera(161, 120, v ? 0.15f : 0.0f);
+            views[v].photo = plane_photo(views[v].camera);
+        }
+        EXPECT_EQ(add_descriptors(kind, views), 2 * 4 * 32 * (81 * 60 + 41 * 30));
+        c.view = {views[0].camera, views[0].maps};
+        c.others = {{views[1].camera, views[1].maps}};
+        const auto slope_at = [&](double scale) {
+            set_depth(c, scale);
+            const FatesResult r = evaluate<Cpu>(c);
+            double slope = 0;
+            for (std::size_t i = 0; i < c.depth.size(); ++i)
+                slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
+            return slope;
+        };
+        const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
+        const Vec3d ray = ray_d(c.view.camera, 80, 60);
+        const double z = plane_depth(c.view.camera, 80, 60);
+        const Vec2d moved = seen_point(pair, ray, 1.01 * z).point - seen_point(pair, ray, z).point;
+        const double pixel = 1 / (100 * std::sqrt(dot(moved, moved)));
+        // They are at half the size: a tenth of their pixel.
+        for (const double off : {0.2, 0.5, 1.0}) {
+            EXPECT_LT(slope_at(1 - off * pixel), 0) << off;
+            EXPECT_GT(slope_at(1 + off * pixel), 0) << off;
+        }
+    }
+}
+
+void expect_nothing(const FatesCase& c, const char* why) {
+    const FatesResult r = evaluate<Cpu>(c);
+    EXPECT_EQ(r.value, 0) << why;
+    for (const float g : r.dL_ddepth) ASSERT_EQ(g, 0) << why;
+}
+
+TEST(FeatureLoss, WhereNothingCanBeComparedItAddsNothing) {
+    const FatesCase full = plane_case();
+    FatesCase c = full;
+    c.others.clear();
+    expect_nothing(c, "no other view");
+    c = full;
+    c.view.maps.clear();
+    expect_nothing(c, "no descriptors here");
+    c = full;
+    for (FatesView& other : c.others) other.maps.clear();
+    expect_nothing(c, "no descriptors there");
+    c = full;
+    for (FatesView& other : c.others) {  // looks away
+        Camera& camera = other.camera;
+        const Mat3f turn = rotation(Quatf{0, 0, 1, 0});
+        camera.camera_from_world.R = turn * camera.camera_from_world.R;
+        camera.camera_from_world.t = turn * camera.camera_from_world.t;
+    }
+    expect_nothing(c, "no overlap");
+    c = full;
+    for (FatesView& other : c.others) other.camera.cx_px += 500;
+    expect_nothing(c, "beside the image");
+    c = full;
+    c.min_depth = 100;
+    expect_nothing(c, "too near to the other view");
+    c = full;
+    c.depth.assign(c.depth.size(), 0);
+    expect_nothing(c, "no depth");
+    c.depth.assign(c.depth.size(), NAN);
+    expect_nothing(c, "not a number");
+    c = full;
+    for (ViewMap& map : c.view.maps) std::fill(map.values.begin(), map.values.end(), 0.0f);
+    expect_nothing(c, "descriptors of nothing");
+    c = full;  // descriptors of something else: a few are alike by chance
+    for (ViewMap& map : c.view.maps)
+        for (float& value : map.values) value = -value;
+    EXPECT_LT(evaluate<Cpu>(c).value, 0.05 * evaluate<Cpu>(full).value);
+}
+
+TEST(FeatureLoss, DescriptorsOfDifferentKindsAreRefused) {
+    FatesCase c = plane_case();
+    c.others[1].maps[0].channels = 3;
+    c.others[1].maps[0].values.resize(24 * 20 * 3);
+    try {
+        evaluate<Cpu>(c);
+        ADD_FAILURE() << "it compares 6 numbers with 3";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::input);
+        EXPECT_NE(std::string(error.what()).find("features"), std::string::npos) << error.what();
+    }
+}
+
+TEST(FatesTwins, Features) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda)
+        for (const FatesCase& c : {plane_case(), occluded_case()}) {
+            const FatesResult a = evaluate<Cpu>(c), b = test::evaluate_cuda(c),
+                              again = test::evaluate_cuda(c);
+            // Roundings may decide otherwise who is nearest in a pixel, or beyond max_error.
+            EXPECT_TRUE(close(a.value, b.value, 5e-3));
+            EXPECT_EQ(b.value, again.value);
+            int differ = 0;
+            for (std::size_t i = 0; i < a.dL_ddepth.size(); ++i) {
+                differ += std::abs(a.dL_ddepth[i] - b.dL_ddepth[i]) > 3e-6f;
+                ASSERT_EQ(b.dL_ddepth[i], again.dL_ddepth[i]) << i;
+            }
+            EXPECT_LT(differ, 12);
+        }
+}
+
+}  // namespace
+}  // namespace tvsgs
