@@ -85,7 +85,7 @@ ImageF blurred(const ImageF& image, float sigma) {
 
 /// How strong edges of eight directions are around each pixel, over four distances. Each distance
 /// counts alike: what all directions share says nothing and goes, the rest has a length of about 1.
-void describe_orientations(const ImageF& grey, ViewMap& map) {
+void describe_orientations(const ImageF& grey, float roll_rad, ViewMap& map) {
     const ImageF smooth = blurred(grey, 1);
     std::array<ImageF, kOrientations> edges;
     edges.fill(ImageF(grey.width, grey.height, 1));
@@ -94,7 +94,7 @@ void describe_orientations(const ImageF& grey, ViewMap& map) {
             const float gx = 0.5f * (pixel(smooth, x + 1, y) - pixel(smooth, x - 1, y)),
                         gy = 0.5f * (pixel(smooth, x, y + 1) - pixel(smooth, x, y - 1));
             for (int k = 0; k < kOrientations; ++k) {
-                const float angle = 2 * kPi * static_cast<float>(k) / kOrientations;
+                const float angle = roll_rad + 2 * kPi * static_cast<float>(k) / kOrientations;
                 edges[static_cast<std::size_t>(k)].at(x, y) =
                     std::max(0.0f, std::cos(angle) * gx + std::sin(angle) * gy);
             }
@@ -122,13 +122,14 @@ void describe_orientations(const ImageF& grey, ViewMap& map) {
 }
 
 /// Whether points on four rings around each pixel are brighter or darker than it.
-void describe_census(const ImageF& grey, ViewMap& map) {
+void describe_census(const ImageF& grey, float roll_rad, ViewMap& map) {
     const ImageF smooth = blurred(grey, 0.7f);
     std::vector<Vec2f> offsets;
     for (int ring = 0; ring < kRings; ++ring)
         for (int k = 0; k < kDescriptorChannels / kRings; ++k) {
             const float radius = 1.5f * static_cast<float>(ring + 1),
-                        angle = kPi / 4 * (static_cast<float>(k) + (ring % 2 ? 0.5f : 0.0f));
+                        angle =
+                            roll_rad + kPi / 4 * (static_cast<float>(k) + (ring % 2 ? 0.5f : 0.0f));
             offsets.push_back({radius * std::cos(angle), radius * std::sin(angle)});
         }
     for (int y = 0; y < grey.height; ++y)
@@ -152,26 +153,39 @@ void describe_census(const ImageF& grey, ViewMap& map) {
 
 }  // namespace
 
-ViewMap describe_photo(
-    const ImageU8& photo, Descriptor kind, const std::string& name, int width_px, int height_px) {
+ViewMap describe_photo(const ImageU8& photo,
+                       Descriptor kind,
+                       const std::string& name,
+                       int width_px,
+                       int height_px,
+                       float roll_rad) {
     ViewMap map{name, width_px, height_px, kDescriptorChannels, {}};
     map.values.resize(static_cast<std::size_t>(width_px) * static_cast<std::size_t>(height_px) *
                       kDescriptorChannels);
     const ImageF grey = grey_at(photo, width_px, height_px);
     if (kind == Descriptor::orient)
-        describe_orientations(grey, map);
+        describe_orientations(grey, roll_rad, map);
     else
-        describe_census(grey, map);
+        describe_census(grey, roll_rad, map);
     return map;
 }
 
+float image_roll(const Camera& camera, Vec3f up) {
+    const Vec3f there = camera.camera_from_world.R * up;
+    constexpr float kLeast = 0.1f;  // nearer to the axis its direction in the image says little
+    if (!(there.x * there.x + there.y * there.y > kLeast * kLeast)) return 0;
+    return std::atan2(there.x, -there.y);
+}
+
 std::int64_t add_descriptors(Descriptor kind, std::vector<View>& views) {
+    if (views.empty()) return 0;
+    const Vec3f up = transpose_times(views[0].camera.camera_from_world.R, {0, -1, 0});
     parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int v) {
         View& view = views[static_cast<std::size_t>(v)];
         const auto add = [&](std::string_view name, int divisor) {
-            view.maps.push_back(describe_photo(view.photo, kind, std::string(name),
-                                               (view.photo.width + divisor - 1) / divisor,
-                                               (view.photo.height + divisor - 1) / divisor));
+            view.maps.push_back(describe_photo(
+                view.photo, kind, std::string(name), (view.photo.width + divisor - 1) / divisor,
+                (view.photo.height + divisor - 1) / divisor, image_roll(view.camera, up)));
         };
         add(prior_map::kFeatures, 2);
         add(prior_map::kCoarseFeatures, 4);

@@ -94,6 +94,37 @@ TEST_P(Descriptors, ComeAtAnySizeWithTheSameContent) {
     EXPECT_EQ(describe_photo(odd, GetParam(), "m", 17, 1).values.size(), std::size_t{32 * 17});
 }
 
+TEST_P(Descriptors, TurnWithTheirCamera) {
+    // A quarter turn from x to y: what was on the right is below.
+    const ImageU8 photo = waves(0);
+    ImageU8 turned(kHeight, kWidth, 3);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            for (int k = 0; k < 3; ++k) turned.at(kHeight - 1 - y, x, k) = photo.at(x, y, k);
+    Camera straight, rolled;
+    rolled.camera_from_world.R = {{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}};
+    const Vec3f up{0, -1, 0};
+    EXPECT_EQ(image_roll(straight, up), 0);
+    const float roll = image_roll(rolled, up);
+    EXPECT_NEAR(roll, std::acos(-1) / 2, 1e-6);
+    const ViewMap a = describe(photo, GetParam()),
+                  b = describe_photo(turned, GetParam(), "features", kHeight, kWidth, roll),
+                  not_told = describe(turned, GetParam());
+    double least = 1, without = 0;
+    for (int y = 8; y < kHeight - 8; ++y)
+        for (int x = 8; x < kWidth - 8; ++x) {
+            least = std::min(least, cosine(a, x, y, b, kHeight - 1 - y, x));
+            without += cosine(a, x, y, not_told, kHeight - 1 - y, x);
+        }
+    EXPECT_GT(least, 0.999);
+    EXPECT_LT(without, 0.5 * (kHeight - 16) * (kWidth - 16));
+}
+
+TEST(ImageRoll, IsNothingWhereTheCameraLooksAlongIt) {
+    EXPECT_EQ(image_roll(Camera{}, {0.05f, 0.05f, 1}), 0);
+    EXPECT_NEAR(image_roll(Camera{}, {1, -1, 0}), std::acos(-1) / 4, 1e-6);
+}
+
 TEST(OrientDescriptor, HasTheDirectionInWhichItGetsBrighter) {
     ImageU8 photo(kWidth, kHeight, 3);
     for (int y = 0; y < kHeight; ++y)
@@ -132,6 +163,20 @@ TEST(CensusDescriptor, SaysWhatIsBrighter) {
     EXPECT_NEAR(d[4], -std::tanh(7.5 / 255 / 0.02), 0.01);
     EXPECT_NEAR(d[2], 0, 0.01);
     EXPECT_NEAR(d[16], std::tanh(22.5 / 255 / 0.02), 0.01);  // the ring of 4.5 px
+}
+
+TEST(AddDescriptors, ViewsThatAreRolledGetTheSameDirections) {
+    std::vector<View> views(2);
+    views[0].photo = waves(0), views[1].photo = ImageU8(kHeight, kWidth, 3);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x)
+            for (int k = 0; k < 3; ++k)
+                views[1].photo.at(kHeight - 1 - y, x, k) = views[0].photo.at(x, y, k);
+    views[1].camera.camera_from_world.R = {{{0, -1, 0}, {1, 0, 0}, {0, 0, 1}}};
+    add_descriptors(Descriptor::orient, views);
+    EXPECT_GT(cosine(views[0].maps[0], 7, 9, views[1].maps[0], kHeight / 2 - 1 - 9, 7), 0.999);
+    std::vector<View> none;
+    EXPECT_EQ(add_descriptors(Descriptor::orient, none), 0);
 }
 
 TEST(AddDescriptors, GivesAllViewsBothSizes) {
