@@ -227,6 +227,13 @@ TEST(FeatureMatch, SaysNothingWhereItCannot) {
         EXPECT_FALSE(feature_match(m.first(), p, m.second(), out, 3.0).valid);
         EXPECT_FALSE(feature_match(m.first(), out, m.second(), p, 3.0).valid);
     }
+    // On the border itself, as just inside.
+    for (const Vec2d end : {Vec2d{8.5, 3.2}, Vec2d{3.2, 6.5}}) {
+        const auto on = feature_match(m.first(), p, m.second(), end, 3.0),
+                   in = feature_match(m.first(), p, m.second(), end - Vec2d{1e-9, 1e-9}, 3.0);
+        EXPECT_NEAR(on.derror_dpoint.x, in.derror_dpoint.x, 1e-6);
+        EXPECT_NEAR(on.derror_dpoint.y, in.derror_dpoint.y, 1e-6);
+    }
     const auto match = feature_match(m.first(), p, m.second(), p, 3.0);
     EXPECT_FALSE(feature_match(m.first(), p, m.second(), p, match.error).valid);
     EXPECT_TRUE(feature_match(m.first(), p, m.second(), p, match.error * 1.001).valid);

@@ -255,6 +255,26 @@ TEST(DepthSmoothLoss, ValueAndGradient) {
     expect_sum_and_slopes(c, smooth_parts(c));
 }
 
+TEST(DepthSmoothLoss, EachAxisHasAMeanOfItsOwn) {
+    FatesCase c;
+    c.view.camera = test::test_camera(5, 2);
+    c.view.maps.push_back(
+        {std::string(prior_map::kDepthOrder), 5, 2, 1, std::vector<float>(10, 0.3f)});
+    c.transmittance.assign(10, 0);
+    c.photo.assign(30, 9);
+    c.options.photometric.weight = 0;
+    c.options.depth_smooth = {.weight = 1, .tolerance = 0.5f};
+    c.depth = {1, 1, 4, 1, 1, 1, 1, 1, 1, 1};
+    // Two of 8 steps across and one of 5 down, of 3 each.
+    const FatesResult r = evaluate<Cpu>(c);
+    EXPECT_NEAR(r.value, 2.5 * (2 / 8.0 + 1 / 5.0), 1e-6);
+    EXPECT_NEAR(r.dL_ddepth[2], 2 / 8.0 + 1 / 5.0, 1e-6);
+    EXPECT_NEAR(r.dL_ddepth[1], -1 / 8.0, 1e-6);
+    EXPECT_NEAR(r.dL_ddepth[3], -1 / 8.0, 1e-6);
+    EXPECT_NEAR(r.dL_ddepth[7], -1 / 5.0, 1e-6);
+    EXPECT_NEAR(r.dL_ddepth[0], 0, 1e-6);
+}
+
 TEST(DepthOrderLosses, WithoutAPriorOrAnythingKnownTheyAddNothing) {
     const auto expect_nothing = [](const FatesCase& c, const char* why) {
         const FatesResult r = evaluate<Cpu>(c);
