@@ -277,6 +277,26 @@ TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
     EXPECT_GT(removed, 0.9 * hidden);
 }
 
+TEST(FeatureLoss, OfEquallyNearPointsOneIsSeen) {
+    FatesCase c;
+    c.view.camera = {8, 8, 8, 8, 4, 4, {}};
+    const auto map = [](std::vector<float> of_pixel) {
+        std::vector<float> values;
+        for (int i = 0; i < 4; ++i) values.insert(values.end(), of_pixel.begin(), of_pixel.end());
+        return ViewMap{std::string(prior_map::kFeatures), 2, 2, 2, values};
+    };
+    c.view.maps = {map({1, 0})};
+    // All points come into its one pixel; the four in the middle are as near as each other.
+    c.others = {{scaled_camera(c.view.camera, 1, 1), {map({0, 1})}}};
+    c.depth.assign(64, 2), c.transmittance.assign(64, 0);
+    c.options.photometric.weight = 0;
+    c.options.features.weight = 1;
+    c.options.features.max_error = 2;
+    EXPECT_NEAR(evaluate<Cpu>(c).value, 1 / 64.0, 1e-7);
+    c.options.features.z_buffer = false;  // within half a pixel of the map's border nothing is
+    EXPECT_NEAR(evaluate<Cpu>(c).value, 16 / 64.0, 1e-6);
+}
+
 TEST(FeatureLoss, IsLeastWhereThePlaneIs) {
     for (const bool z_buffer : {false, true}) {
         FatesCase c = plane_case();

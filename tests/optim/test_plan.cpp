@@ -66,7 +66,7 @@ std::vector<Decision> plan_of(const SceneLook& look, bool dense = false, int wan
     PlanInputs in;
     in.dense = dense, in.configured = 15000, in.wanted = wanted;
     in.options.iterations = wanted > 0 ? wanted : 15000, in.options.loss.tv_normal.start = 3000;
-    in.multi_view.multi_view_geometry.weight = 0.25f;
+    in.multi_view.multi_view_geometry.weight = in.multi_view.multi_view_ncc.weight = 0.25f;
     return plan_training(look, in);
 }
 
@@ -154,6 +154,8 @@ TEST(Plan, DenseSettingsKeepTheirGrowth) {
     const auto plan = plan_of(near, true);
     EXPECT_EQ(choice(plan, "iterations"), "15000");
     EXPECT_EQ(choice(plan, "densify"), "no such decision");
+    EXPECT_FALSE(sets(settings(plan, "multi-view"), "loss.features.weight", "0"))
+        << "not one of the dense settings";
     EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view_geometry.weight", "0.25"));
     EXPECT_TRUE(
         sets(settings(plan_of(far, true), "multi-view"), "loss.multi_view_geometry.weight", "0"));
