@@ -50,6 +50,34 @@ void check_png_chunks(const std::string& path, std::string_view bytes) {
     }
 }
 
+/// The pixels of a file, of 8 or 16 bits, in `channels` or in as many as it has (0).
+struct Decoded {
+    ImageSize size;
+    std::unique_ptr<stbi_us, StbFree> wide;    // 16 bits, or null
+    std::unique_ptr<stbi_uc, StbFree> narrow;  // 8 bits, or null
+
+    Decoded(const std::string& path, int channels) {
+        const std::string bytes = read_bytes(path);
+        if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
+            throw input_error("E_IMAGE_READ: ", path, ": the file is larger than 2 GiB");
+        const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
+        const int length = static_cast<int>(bytes.size());
+        int width = 0, height = 0, found = 0;
+        const int known = stbi_info_from_memory(data, length, &width, &height, &found);
+        size = checked_size(path, known, width, height, found);
+        check_png_chunks(path, bytes);
+        if (channels == 0) channels = found == 2 ? 4 : found;
+        size.channels = channels;
+        if (stbi_is_16_bit_from_memory(data, length))
+            wide.reset(stbi_load_16_from_memory(data, length, &width, &height, &found, channels));
+        else
+            narrow.reset(stbi_load_from_memory(data, length, &width, &height, &found, channels));
+        if (!wide && !narrow)
+            throw input_error("E_IMAGE_READ: ", path, ": decoding failed (", stbi_failure_reason(),
+                              "); the file may be cut off: copy it again");
+    }
+};
+
 /// Filter weights of one axis: output i is the sum of weights[i * taps + j] * input[first[i] + j].
 struct Resampling {
     int taps = 0;
@@ -113,39 +141,23 @@ ImageSize read_image_size(const std::string& path) {
 }
 
 ImageU8 read_image(const std::string& path, int channels) {
-    const std::string bytes = read_bytes(path);
-    if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
-        throw input_error("E_IMAGE_READ: ", path, ": the file is larger than 2 GiB");
-    const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
-    const int size = static_cast<int>(bytes.size());
-    int width = 0, height = 0, found = 0;
-    const int known = stbi_info_from_memory(data, size, &width, &height, &found);
-    checked_size(path, known, width, height, found);
-    check_png_chunks(path, bytes);
-    if (channels == 0) channels = found == 2 ? 4 : found;
+    const Decoded decoded(path, channels);
+    ImageU8 image(decoded.size.width, decoded.size.height, decoded.size.channels);
+    if (decoded.narrow)
+        std::copy_n(decoded.narrow.get(), image.pixels.size(), image.pixels.data());
+    else  // 65535 / 257 = 255: rounded to the nearest of 256 levels.
+        std::transform(decoded.wide.get(), decoded.wide.get() + image.pixels.size(),
+                       image.pixels.data(),
+                       [](int value) { return static_cast<std::uint8_t>((value + 128) / 257); });
+    return image;
+}
 
-    ImageU8 image;
-    image.width = width, image.height = height, image.channels = channels;
-    const std::size_t count = static_cast<std::size_t>(width) * height * channels;
-    const auto check = [&](const void* pixels) {
-        if (!pixels)
-            throw input_error("E_IMAGE_READ: ", path, ": decoding failed (", stbi_failure_reason(),
-                              "); the file may be cut off: copy it again");
-    };
-    if (stbi_is_16_bit_from_memory(data, size)) {
-        const std::unique_ptr<stbi_us, StbFree> pixels(
-            stbi_load_16_from_memory(data, size, &width, &height, &found, channels));
-        check(pixels.get());
-        image.pixels.resize(count);
-        // 65535 / 257 = 255: rounded to the nearest of 256 levels.
-        for (std::size_t i = 0; i < count; ++i)
-            image.pixels[i] = static_cast<std::uint8_t>((pixels.get()[i] + 128) / 257);
-    } else {
-        const std::unique_ptr<stbi_uc, StbFree> pixels(
-            stbi_load_from_memory(data, size, &width, &height, &found, channels));
-        check(pixels.get());
-        image.pixels.assign(pixels.get(), pixels.get() + count);
-    }
+ImageF read_image_numbers(const std::string& path) {
+    const Decoded decoded(path, 0);
+    ImageF image(decoded.size.width, decoded.size.height, decoded.size.channels);
+    for (std::size_t i = 0; i < image.pixels.size(); ++i)
+        image.pixels[i] =
+            static_cast<float>(decoded.wide ? int{decoded.wide.get()[i]} : decoded.narrow.get()[i]);
     return image;
 }
 

@@ -12,6 +12,10 @@ namespace tvsgs {
 /// Error(ExitCode::input) for unreadable or oversized files.
 ImageU8 read_image(const std::string& path, int channels = 0);
 
+/// The numbers as they are in the file, 0 to 255 or to 65535, in its channels. Throws as
+/// read_image.
+ImageF read_image_numbers(const std::string& path);
+
 /// Width and height without decoding the pixels.
 struct ImageSize {
     int width, height, channels;

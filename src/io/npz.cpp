@@ -6,6 +6,7 @@
 #include <cstring>
 #include <memory>
 
+#include "io/half.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -122,6 +123,8 @@ T load(const char* bytes, bool swap) {
 
 double number(char kind, std::size_t size, const char* bytes, bool swap) {
     switch (kind * 16 + static_cast<int>(size)) {
+        case 'f' * 16 + 2:
+            return half_to_double(load<std::uint16_t>(bytes, swap));
         case 'f' * 16 + 4:
             return static_cast<double>(load<float>(bytes, swap));
         case 'f' * 16 + 8:
@@ -147,7 +150,7 @@ double number(char kind, std::size_t size, const char* bytes, bool swap) {
 }
 
 bool known_type(char kind, std::size_t size) {
-    if (kind == 'f') return size == 4 || size == 8;
+    if (kind == 'f') return size == 2 || size == 4 || size == 8;
     if (kind == 'i' || kind == 'u') return size == 1 || size == 2 || size == 4 || size == 8;
     return kind == 'b' && size == 1;
 }
@@ -211,8 +214,8 @@ NpyArray parse_npy(std::string_view bytes, const std::string& name) {
     const std::size_t size = std::stoul(d.substr(2)) * (kind == 'U' ? 4 : 1);
     const bool text = kind == 'U' && header.shape.empty();
     if (!text && !known_type(kind, size))
-        fail(name,
-             str("unsupported type '", d, "'; expected float32, float64, an integer or bool"));
+        fail(name, str("unsupported type '", d,
+                       "'; expected a float of 16 to 64 bits, an integer or bool"));
 
     NpyArray array{header.shape, {}, {}, text};
     std::size_t count = 1;

@@ -19,9 +19,9 @@ struct NpyArray {
     std::int64_t size() const;
 };
 
-/// Bytes of one .npy file: bool, 8- to 64-bit integers, float32 and float64 of either byte order,
-/// scalar Unicode strings. `name` is for messages. Throws Error(ExitCode::input), also for pickled
-/// objects and structured types.
+/// Bytes of one .npy file: bool, 8- to 64-bit integers, floats of 16 to 64 bits of either byte
+/// order, scalar Unicode strings. `name` is for messages. Throws Error(ExitCode::input), also for
+/// pickled objects and structured types.
 NpyArray parse_npy(std::string_view bytes, const std::string& name);
 
 NpyArray read_npy(const std::string& path);

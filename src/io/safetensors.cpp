@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "io/half.h"
 #include "io/json_value.h"
 #include "io/read_file.h"
 
@@ -31,11 +32,7 @@ double load(const char* bytes) {
 double load_half(const char* bytes) {
     std::uint16_t bits;
     std::memcpy(&bits, bytes, sizeof bits);
-    const int exponent = bits >> 10 & 31, fraction = bits & 1023;
-    const double magnitude = exponent == 31  ? (fraction ? std::nan("") : INFINITY)
-                             : exponent == 0 ? std::ldexp(fraction, -24)
-                                             : std::ldexp(fraction + 1024, exponent - 25);
-    return bits >> 15 ? -magnitude : magnitude;
+    return half_to_double(bits);
 }
 
 constexpr Type kTypes[] = {
