@@ -2,10 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <exception>
 
 #include "core/log.h"
-#include "core/parallel.h"
+#include "core/parallel_errors.h"
 #include "io/image_file.h"
 #include "io/read_file.h"
 #include "io/scene_reader.h"
@@ -132,17 +131,10 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
                              Vec3d origin) {
     std::vector<View> views(sources.size());
-    std::vector<std::exception_ptr> errors(sources.size());
-    parallel_for_heavy(Cpu{}, static_cast<int>(sources.size()), [&](int i) {
+    parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
-        try {
-            views[at] = load_view(sources[at], options, origin);
-        } catch (...) {
-            errors[at] = std::current_exception();  // must not leave the parallel loop
-        }
+        views[at] = load_view(sources[at], options, origin);
     });
-    for (const auto& error : errors)
-        if (error) std::rethrow_exception(error);
     return views;
 }
 
