@@ -57,10 +57,6 @@ void throw_camera_model(const std::string& path,
         "OPENCV, FULL_OPENCV). Run \"colmap image_undistorter\" and pass its output folder.");
 }
 
-namespace {
-
-/// Where a pinhole's pixel lies in the photograph; false where it shows nothing: outside, or where
-/// the model's polynomials fold the picture over, so that another pixel is seen in the same place.
 bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
     const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
     const Vec2<double> from = distort(in.distortion, uv);
@@ -76,6 +72,8 @@ bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place
                        v = distort(in.distortion, {uv.x, uv.y + step});
     return (u.x - from.x) * (v.y - from.y) - (u.y - from.y) * (v.x - from.x) > 0;
 }
+
+namespace {
 
 /// Of a pinhole of the same size; by a grid.
 double share_in_photo(const Intrinsics& in) {

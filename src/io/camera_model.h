@@ -57,6 +57,10 @@ Intrinsics make_intrinsics(const std::string& path,
 /// The camera of the same view at another image size.
 Intrinsics scaled(Intrinsics intrinsics, int width_px, int height_px);
 
+/// Where a pinhole's pixel lies in the photograph; false where it shows nothing: outside, or where
+/// the model's polynomials fold the picture over, so that another pixel is seen in the same place.
+bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place);
+
 /// The image that the pinhole camera of the same focal lengths, centre and size would have taken,
 /// sampled bilinearly. `valid` [H, W, 1] becomes 0 where the image does not reach, and 255
 /// elsewhere. Fisheyes keep 120 degrees.
