@@ -1,0 +1,102 @@
+#include "mvs/prior_normals.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/eigen.h"
+#include "core/error.h"
+#include "core/parallel.h"
+#include "core/point_tree.h"
+
+namespace tvsgs {
+
+std::vector<Vec3f> cloud_normals(const std::vector<Vec3f>& points) {
+    constexpr std::size_t kNeighbours = 12;
+    constexpr double kFlat = 0.1;  // of the variances: across over along the plane
+    std::vector<Vec3f> normals(points.size());
+    if (points.size() < kNeighbours) return normals;
+    const PointTree<float> tree(points);
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        std::size_t index[kNeighbours];
+        float squared[kNeighbours];
+        const auto at = static_cast<std::size_t>(i);
+        const std::size_t count = tree.nearest(points[at], kNeighbours, index, squared);
+        Vec3d mean{};
+        for (std::size_t k = 0; k < count; ++k)
+            mean += vec_cast<double>(points[index[k]]) / static_cast<double>(count);
+        Sym3<double> spread{};
+        for (std::size_t k = 0; k < count; ++k) {
+            const Vec3d d = vec_cast<double>(points[index[k]]) - mean;
+            spread.xx += d.x * d.x, spread.xy += d.x * d.y, spread.xz += d.x * d.z;
+            spread.yy += d.y * d.y, spread.yz += d.y * d.z, spread.zz += d.z * d.z;
+        }
+        const SymEigen3<double> eigen = sym_eigen(spread);
+        if (eigen.values.y > 0 && eigen.values.z < kFlat * eigen.values.y)
+            normals[at] = vec_cast<float>(column(eigen.vectors, 2));
+    });
+    return normals;
+}
+
+NormalReading reading_of(const NormalConvention& convention) {
+    NormalReading reading;
+    if (convention.frame == NormalFrame::world) reading.world = true;
+    if (convention.frame == NormalFrame::camera_opengl) reading.signs = {1, -1, -1};
+    if (convention.facing_away) reading.signs = -reading.signs;
+    return reading;
+}
+
+std::string text_of(const NormalReading& reading) {
+    const Vec3f s = reading.signs;
+    if (reading.world) return s.x > 0 ? "world" : "world, facing away";
+    if (s.x > 0 && s.y > 0 && s.z > 0) return "camera_opencv";
+    if (s.x > 0 && s.y < 0 && s.z < 0) return "camera_opengl";
+    if (s.x < 0 && s.y < 0 && s.z < 0) return "camera_opencv, facing away";
+    if (s.x < 0 && s.y > 0 && s.z > 0) return "camera_opengl, facing away";
+    return str("camera_opencv with", s.x < 0 ? " x" : "", s.y < 0 ? " y" : "", s.z < 0 ? " z" : "",
+               " turned");
+}
+
+NormalChoice choose_normals(const std::vector<NormalSample>& samples,
+                            const NormalConvention& convention) {
+    constexpr std::size_t kFewest = 50;
+    constexpr double kClearly = 0.2, kLeast = 0.3;
+    NormalChoice choice{reading_of(convention), 0, samples.size()};
+    if (samples.size() < kFewest) return choice;
+    const auto cosine = [&](const NormalReading& r) {
+        double sum = 0;
+        for (const NormalSample& s : samples)
+            sum += dot(vec_cast<double>(r.signs) * (r.world ? s.found_world : s.found), s.expected);
+        return sum / static_cast<double>(samples.size());
+    };
+    NormalReading best;
+    double highest = -2;
+    const auto consider = [&](const NormalReading& r) {
+        if (const double c = cosine(r); c > highest) best = r, highest = c;
+    };
+    for (int turned = 0; turned < 8; ++turned)
+        consider(
+            {false, {turned & 1 ? -1.f : 1.f, turned & 2 ? -1.f : 1.f, turned & 4 ? -1.f : 1.f}});
+    consider({true, {1, 1, 1}}), consider({true, {-1, -1, -1}});
+
+    const double expected = cosine(choice.reading);
+    const auto two_digits = [](double c) { return std::round(100 * c) / 100; };
+    if (!(highest > kLeast))
+        throw Error(ExitCode::input,
+                    str("E_PRIORS: normals: against the surface at ", samples.size(),
+                        " points no frame agrees (mean cosine ", two_digits(highest), " at best, ",
+                        text_of(best), "); expected above ", kLeast,
+                        ": are these the normals of these photographs?"));
+    choice.cosine = expected;
+    if (highest < expected + kClearly) return choice;
+    if (!convention.declared_by.empty())
+        throw Error(ExitCode::input,
+                    str("E_PRIORS: ", convention.declared_by, ": normals in frame ",
+                        text_of(choice.reading), " agree with the surface at ", samples.size(),
+                        " points to a mean cosine of ", two_digits(expected), ", those in frame ",
+                        text_of(best), " to ", two_digits(highest),
+                        "; expected frame and facing to be the latter"));
+    choice.reading = best, choice.cosine = highest, choice.by_points = true;
+    return choice;
+}
+
+}  // namespace tvsgs
