@@ -42,6 +42,10 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     flags.add_scene();
     flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
               "Scene");
+    flags.add("--priors", "priors.dir",
+              "folder of depth, normals and features that others made of the photographs [looked "
+              "for in the scene]",
+              "Scene");
     const char* group = "Training";
     flags.add("--iterations", "iterations", "training iterations", group);
     flags.add("--seed", "seed", "of all random numbers", group);
@@ -160,6 +164,7 @@ Scene read_training_scene(const DeviceChoice& device,
     if (!point) return read_and_plan(device, arguments.plan, options, table, plan);
     Scene scene = read_views(options, true, table);
     adopt_scene(*point, scene);
+    read_wanted_priors(options, scene);
     return scene;
 }
 

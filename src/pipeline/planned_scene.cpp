@@ -126,6 +126,10 @@ Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
     return load_and_hold_out(choose_views(options.scene), options, resumed, table);
 }
 
+void read_wanted_priors(const RunOptions& options, Scene& scene) {
+    read_priors(options.priors, needs_of(options.train.loss).view_maps, options.scene, scene);
+}
+
 Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
@@ -136,6 +140,7 @@ Scene read_and_plan(const DeviceChoice& device,
         Scene scene = read_views(options, false, table);
         prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
+        read_wanted_priors(options, scene);
         return scene;
     }
     options.scene.points_required = false;
@@ -177,6 +182,7 @@ Scene read_and_plan(const DeviceChoice& device,
         plan.apply(decision);
     plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
+    if (!plan_only) read_wanted_priors(options, scene);
     plan.finish();
     return scene;
 }

@@ -16,10 +16,14 @@ void check_consistency(const TrainOptions& options);
 /// would have to hold one out, as it has trained on all of its views.
 Scene read_views(const RunOptions& options, bool resumed, OptionTable& table);
 
-/// The scene with its initial cloud. Where a plan is asked for, its decisions are made as soon as
-/// what they go by is known: the views, the cloud that comes with them, the cloud that training
-/// starts from. `plan_only`: the plan is only printed, so stereo does not run. `table` refers to
-/// `options`.
+/// Fills the maps that the losses ask for (pipeline/priors.h). A run that is resumed has the points
+/// of its checkpoint then, so that the maps are those it began with.
+void read_wanted_priors(const RunOptions& options, Scene& scene);
+
+/// The scene with its initial cloud and its priors. Where a plan is asked for, its decisions are
+/// made as soon as what they go by is known: the views, the cloud that comes with them, the cloud
+/// that training starts from. `plan_only`: the plan is only printed, so stereo does not run.
+/// `table` refers to `options`.
 Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,

@@ -8,6 +8,7 @@
 #include "optim/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/mesh_extraction.h"
+#include "pipeline/priors.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/train_evaluation.h"
 
@@ -29,6 +30,7 @@ struct RunOptions {
     TrainOptions train;
     StereoOptions stereo;  // for a scene with few points
     DescriptorOptions descriptors;
+    PriorOptions priors;
     MeshOptions mesh;
     EvaluationOptions eval;
     MemoryOptions memory;
@@ -41,6 +43,7 @@ struct RunOptions {
         table.add("scene", scene);
         table.add("stereo", stereo);
         table.add("descriptors", descriptors);
+        table.add("priors", priors);
         table.add("mesh", mesh);
         table.add("eval", eval);
         table.add("memory", memory);
