@@ -9,6 +9,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/synth/photo.h"
+#include "apps/synth/priors.h"
 #include "apps/synth/views.h"
 #include "core/scene.h"
 #include "io/atomic_file.h"
@@ -257,7 +258,10 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     for (int i = 0; i < options.views; ++i) {
         SignalGuard::check();
         write_view(out, mesh, highlights.get(), options, views, i, points, truth);
+        if (!options.priors.format.empty())
+            write_priors(out, mesh, options, views[static_cast<std::size_t>(i)], i);
     }
+    finish_priors(out, mesh, options, views);
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
     write_colmap(out + "/sparse/0", views, points, options.seed);
@@ -289,6 +293,7 @@ int run(const SynthOptions& options) {
         throw Error(ExitCode::usage, str("--test-views ", *options.test_views, ": ", options.views,
                                          " views leave fewer than two to train; expected at most ",
                                          options.views - 2, ", or more --views"));
+    check_priors(options.priors);
     make_shape(options.shape);  // a wrong name is said before anything is touched
     const fs::path out = fs::path(options.out).lexically_normal();
     std::error_code failure;
@@ -405,6 +410,30 @@ int command(int argc, char** argv) {
                    "standard deviation of the sensor noise, in 8-bit steps")
         ->check(CLI::Range(0.0, 100.0))
         ->capture_default_str();
+    SynthPriors& priors = options.priors;
+    app.add_option("--priors", priors.format, "exact depth and normals as another program has them")
+        ->check(CLI::IsMember(kPriorFormats));
+    const CLI::IsMember quantities({"depth", "inverse_depth", "log_depth"});
+    app.add_option("--prior-quantity", priors.quantity,
+                   "with npy, vggt, omnidata or json: what the numbers of the depth maps are")
+        ->check(quantities)
+        ->capture_default_str();
+    app.add_option("--prior-declare", priors.declare, "with json: the quantity that it claims")
+        ->check(quantities);
+    app.add_flag("--prior-ray", priors.ray, "depth along the ray instead of the optical axis");
+    app.add_option("--prior-scale", priors.scale, "depths are that many times too large")
+        ->check(CLI::Range(1e-3, 1e3))
+        ->capture_default_str();
+    app.add_option("--prior-noise", priors.noise, "standard deviation, as a share of the depth")
+        ->check(CLI::Range(0.0, 1.0))
+        ->capture_default_str();
+    app.add_option("--prior-holes", priors.holes, "share of the blocks of 8 pixels without a value")
+        ->check(CLI::Range(0.0, 1.0))
+        ->capture_default_str();
+    app.add_option("--prior-normals", priors.frame, "frame of the normals")
+        ->check(CLI::IsMember({"camera_opencv", "camera_opengl", "world"}))
+        ->capture_default_str();
+    app.add_flag("--prior-normals-away", priors.normals_away, "normals that face away");
     app.add_option("--seed", options.seed, "texture, samples and noise")->capture_default_str();
     app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
     app.add_flag("--quiet", quiet, "warnings and errors only");

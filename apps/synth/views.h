@@ -15,6 +15,16 @@ namespace tvsgs::synth {
 
 constexpr Vec3d kLookAt{0, 0, 0.85};
 
+/// What is written beside the scene as priors, and what is wrong with it.
+struct SynthPriors {
+    std::string format{};                 // empty: none
+    std::string quantity = "depth";       // npy, vggt, json: what the numbers are
+    std::string frame = "camera_opencv";  // of normals, where the format leaves it open
+    std::string declare{};                // json: the quantity that it claims
+    bool ray = false, normals_away = false;
+    double scale = 1, noise = 0, holes = 0;
+};
+
 struct SynthOptions {
     std::string out, shape = "bust";
     int views = 24, width = 160, height = 120, points = 8000;
@@ -24,6 +34,7 @@ struct SynthOptions {
     std::string background = "empty";
     std::uint64_t seed = 1;
     bool masks = true, overwrite = false;
+    SynthPriors priors;
 };
 
 struct SynthView {

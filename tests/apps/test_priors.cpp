@@ -1,0 +1,434 @@
+// Priors of a made scene, as other programs would have written them: found, understood, fitted.
+#include <gtest/gtest.h>
+#include <spdlog/sinks/ostream_sink.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <sstream>
+#include <tuple>
+
+#include "apps/synth/priors.h"
+#include "core/error.h"
+#include "core/log.h"
+#include "core/prior_maps.h"
+#include "io/npz.h"
+#include "io/ply.h"
+#include "io/scene_reader.h"
+#include "mesh/mesh_render.h"
+#include "pipeline/priors.h"
+#include "support/command.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr MapNames kAll{prior_map::kDepth,  prior_map::kDepthOrder, prior_map::kConfidence,
+                        prior_map::kNormal, prior_map::kFeatures,   prior_map::kCoarseFeatures};
+
+const ViewMap* find(const View& view, std::string_view name) {
+    for (const ViewMap& map : view.maps)
+        if (map.name == name) return &map;
+    return nullptr;
+}
+
+class Priors : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_priors_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        ASSERT_EQ(run_tool(folder_, "synth", "--out scene --views 5 --points 3000 --quiet").code,
+                  0);
+        synth_.views = 5;
+        const PlyContents ply = read_ply(folder_ / "scene/gt/mesh.ply");
+        mesh_ = {ply.points.positions, ply.points.colors, ply.faces};
+        SceneOptions options;
+        options.path = folder_ / "scene";
+        scene_ = read_scene(options);
+        for (const View& view : scene_.train) truth_.push_back(render_mesh(mesh_, view.camera));
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    /// Writes priors into a folder of their own in the scene.
+    std::string write(const synth::SynthPriors& priors) const {
+        const std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
+        const fs::path out = folder_ / "scene" / name;
+        fs::remove_all(out);
+        synth::SynthOptions options = synth_;
+        options.priors = priors;
+        const std::vector<synth::SynthView> views = synth::make_views(options);
+        for (int i = 0; i < options.views; ++i)
+            synth::write_priors(out, mesh_, options, views[static_cast<std::size_t>(i)], i);
+        synth::finish_priors(out, mesh_, options, views);
+        return name;
+    }
+    Scene read_folder(const std::string& dir,
+                      PriorOptions options = {},
+                      const MapNames& wanted = kAll) {
+        Scene scene = scene_;
+        options.dir = dir;
+        SceneOptions scene_options;
+        scene_options.path = folder_ / "scene";
+        const auto kept = spdlog::default_logger();
+        std::ostringstream log;
+        spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+            "", std::make_shared<spdlog::sinks::ostream_sink_mt>(log)));
+        try {
+            read_priors(options, wanted, scene_options, scene);
+        } catch (...) {
+            spdlog::set_default_logger(kept);
+            throw;
+        }
+        spdlog::set_default_logger(kept);
+        said_ = log.str();
+        return scene;
+    }
+    Scene read(const synth::SynthPriors& priors, const PriorOptions& options = {}) {
+        return read_folder(write(priors) + (priors.format == "json" ? "/priors" : ""), options);
+    }
+    void expect_refused(const synth::SynthPriors& priors,
+                        const std::string& text,
+                        const PriorOptions& options = {}) {
+        try {
+            read(priors, options);
+            ADD_FAILURE() << "read; expected an error with '" << text << "': " << said_;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::input);
+            EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
+        }
+    }
+    bool said(const std::string& text) const { return said_.find(text) != std::string::npos; }
+
+    /// Median of |depth / truth - 1|, and the share of the surface that has a depth.
+    static void expect_depth(const Scene& scene, double error, double share = 0.95) {
+        for (std::size_t v = 0; v < scene.train.size(); ++v) {
+            const ViewMap* const map = find(scene.train[v], prior_map::kDepth);
+            ASSERT_NE(map, nullptr) << scene.train[v].name;
+            ASSERT_EQ(map->width_px, scene.train[v].photo.width);
+            ASSERT_EQ(map->values.size(), truth_[v].depth.pixels.size());
+            std::vector<double> errors;
+            double surface = 0;
+            for (std::size_t i = 0; i < map->values.size(); ++i) {
+                const float z = truth_[v].depth.pixels[i];
+                surface += z > 0;
+                if (map->values[i] > 0 && z > 0)
+                    errors.push_back(std::abs(double(map->values[i]) / double(z) - 1));
+            }
+            EXPECT_GE(static_cast<double>(errors.size()), share * surface) << v;
+            std::nth_element(errors.begin(), errors.begin() + std::ssize(errors) / 2, errors.end());
+            EXPECT_LT(errors[errors.size() / 2], error) << scene.train[v].name;
+        }
+    }
+    static void expect_normals(const Scene& scene, double least_cosine) {
+        for (std::size_t v = 0; v < scene.train.size(); ++v) {
+            const ViewMap* const map = find(scene.train[v], prior_map::kNormal);
+            ASSERT_NE(map, nullptr) << scene.train[v].name;
+            double sum = 0, count = 0;
+            for (std::size_t i = 0; i < map->values.size() / 3; ++i) {
+                const float* const n = &map->values[3 * i];
+                const float* const t = &truth_[v].normal.pixels[3 * i];
+                if (n[0] == 0 && n[1] == 0 && n[2] == 0) continue;
+                ASSERT_NEAR(n[0] * n[0] + n[1] * n[1] + n[2] * n[2], 1, 1e-4f);
+                const int x = static_cast<int>(i) % map->width_px,
+                          y = static_cast<int>(i) / map->width_px;
+                ASSERT_LT(dot(Vec3f{n[0], n[1], n[2]}, pixel_ray(scene.train[v].camera, x, y)), 0);
+                sum += std::abs(double(n[0] * t[0] + n[1] * t[1] + n[2] * t[2])), ++count;
+            }
+            EXPECT_GT(count, 1000);
+            EXPECT_GT(sum / count, least_cosine) << scene.train[v].name;
+        }
+    }
+
+    std::string said_;
+    static inline fs::path folder_;
+    static inline synth::SynthOptions synth_;
+    static inline TriangleMesh mesh_;
+    static inline Scene scene_;
+    static inline std::vector<MeshRender> truth_;
+};
+
+// Scale and shift to 0.1 %, whatever the numbers are: each is found by the points.
+TEST_F(Priors, AreUnderstoodByThePoints) {
+    for (const char* quantity : {"depth", "inverse_depth", "log_depth"})
+        for (const bool ray : {false, true}) {
+            SCOPED_TRACE(str(quantity, ray ? " along the ray" : ""));
+            const Scene scene = read({.format = "npy", .quantity = quantity, .ray = ray});
+            expect_depth(scene, 1e-3);
+            EXPECT_EQ(said("along the ray"), ray) << said_;
+            EXPECT_EQ(said("relative inverse depth"), std::string(quantity) == "inverse_depth")
+                << said_;
+            EXPECT_EQ(said("log depth"), std::string(quantity) == "log_depth") << said_;
+        }
+    EXPECT_TRUE(
+        said("priors: 5 depth maps (depth_npy/*_pred.npy: relative log depth along the "
+             "ray), fitted to "))
+        << said_;
+}
+
+TEST_F(Priors, OfEachFormat) {
+    for (const auto& [format, what] :
+         {std::pair{"vggt", "depth_vggt/*_pred.npy: up to scale depth"},
+          {"3dgs", "depths/*.png: in scene units inverse depth"},
+          {"colmap", "depth_maps/*.geometric.bin: in scene units depth"},
+          {"mvsnet", "depth_est/*.pfm: in scene units depth"},
+          {"acmm", "ACMM/*/depths_geom.dmb: in scene units depth"},
+          {"json", "depth/*.npy, tvsgs-synth: relative depth"}}) {
+        SCOPED_TRACE(format);
+        const Scene scene = read({.format = format});
+        expect_depth(scene, 1e-3);
+        EXPECT_TRUE(said(what)) << said_;
+        const std::string name = format;
+        if (name != "mvsnet" && name != "3dgs") expect_normals(scene, 0.99);
+        if (name == "vggt" || name == "mvsnet") {
+            const ViewMap* const confidence = find(scene.train[0], prior_map::kConfidence);
+            ASSERT_NE(confidence, nullptr);
+            EXPECT_NEAR(*std::max_element(confidence->values.begin(), confidence->values.end()),
+                        0.8f, 1e-6f);
+            EXPECT_EQ(*std::min_element(confidence->values.begin(), confidence->values.end()), 0);
+        } else {
+            EXPECT_EQ(find(scene.train[0], prior_map::kConfidence), nullptr);
+        }
+    }
+}
+
+TEST_F(Priors, OfTheMiddleOfThePhotograph) {
+    const Scene scene = read({.format = "omnidata"});
+    expect_depth(scene, 1e-3, 0.5);
+    expect_normals(scene, 0.99);
+    const ViewMap* const depth = find(scene.train[0], prior_map::kDepth);
+    for (int y = 0; y < 120; ++y)
+        for (const int x : {0, 19, 140, 159})  // the square is 20 to 140
+            EXPECT_EQ(depth->values[static_cast<std::size_t>(y * 160 + x)], 0);
+}
+
+TEST_F(Priors, WithNoiseAndHoles) {
+    const Scene scene =
+        read({.format = "npy", .quantity = "inverse_depth", .noise = 0.05, .holes = 0.3});
+    expect_depth(scene, 0.06, 0.6);
+    EXPECT_TRUE(said("median residual 2.")) << said_;  // 0.674 of 5 %, of four pixels mixed
+    const ViewMap* const depth = find(scene.train[0], prior_map::kDepth);
+    double holes = 0, surface = 0;
+    for (std::size_t i = 0; i < depth->values.size(); ++i)
+        if (truth_[0].depth.pixels[i] > 0) ++surface, holes += depth->values[i] == 0;
+    EXPECT_NEAR(holes / surface, 0.3, 0.06);
+}
+
+// What order grows with depth, and is 0 and 1 at its percentiles.
+TEST_F(Priors, HaveAnOrder) {
+    for (const char* quantity : {"depth", "inverse_depth"}) {
+        const Scene scene = read({.format = "npy", .quantity = quantity});
+        const ViewMap& order = *find(scene.train[1], prior_map::kDepthOrder);
+        const ViewMap& depth = *find(scene.train[1], prior_map::kDepth);
+        std::vector<float> values;
+        for (std::size_t i = 0; i < order.values.size(); ++i) {
+            EXPECT_EQ(std::isnan(order.values[i]), depth.values[i] == 0);
+            if (!std::isnan(order.values[i])) values.push_back(order.values[i]);
+        }
+        std::sort(values.begin(), values.end());
+        EXPECT_EQ(values[(values.size() - 1) * 2 / 100], 0);
+        EXPECT_EQ(values[(values.size() - 1) * 98 / 100], 1);
+        int pairs = 0;
+        for (std::size_t i = 0; i + 997 < depth.values.size(); i += 7) {
+            const float a = depth.values[i], b = depth.values[i + 997];
+            if (a == 0 || b == 0 || std::abs(a - b) < 1e-3f) continue;
+            EXPECT_EQ(a < b, order.values[i] < order.values[i + 997]);
+            ++pairs;
+        }
+        EXPECT_GT(pairs, 200);
+    }
+}
+
+TEST_F(Priors, OfFewPointsHaveAnOrderAlone) {
+    const std::vector<Vec3f> kept = scene_.points.positions;
+    scene_.points.positions.resize(5);
+    const Scene few = read({.format = "npy"});
+    scene_.points.positions.clear();
+    PriorOptions inverse;
+    inverse.quantity = PriorQuantity::inverse_depth;
+    const Scene none = read({.format = "npy", .quantity = "inverse_depth"}, inverse);
+    scene_.points.positions = kept;
+    EXPECT_TRUE(said("untested")) << said_;
+    EXPECT_TRUE(said("only the order")) << said_;
+    for (const Scene* scene : {&few, &none}) {
+        EXPECT_EQ(find(scene->train[0], prior_map::kDepth), nullptr);
+        const ViewMap& order = *find(scene->train[0], prior_map::kDepthOrder);
+        int pairs = 0;
+        for (std::size_t i = 0; i + 997 < order.values.size(); i += 7) {
+            const float a = truth_[0].depth.pixels[i], b = truth_[0].depth.pixels[i + 997];
+            if (std::isnan(order.values[i]) || std::isnan(order.values[i + 997]) ||
+                std::abs(a - b) < 1e-3f)
+                continue;
+            EXPECT_EQ(a < b, order.values[i] < order.values[i + 997]);
+            ++pairs;
+        }
+        EXPECT_GT(pairs, 200);
+    }
+}
+
+TEST_F(Priors, ThatContradictWhatIsDeclaredAreRefused) {
+    expect_refused({.format = "json", .quantity = "inverse_depth", .declare = "depth"},
+                   "expected quantity (priors.quantity) inverse_depth");
+    expect_refused({.format = "json", .declare = "inverse_depth"},
+                   "expected quantity (priors.quantity) depth");
+    expect_refused({.format = "json", .quantity = "log_depth", .declare = "depth"}, "log_depth");
+    expect_depth(read({.format = "json", .quantity = "log_depth", .declare = "log_depth"}), 1e-3);
+    PriorOptions forced;
+    forced.quantity = PriorQuantity::inverse_depth;
+    expect_refused({.format = "npy"}, "priors.quantity: inverse depth against", forced);
+    forced.quantity = PriorQuantity::depth;
+    expect_depth(read({.format = "npy"}, forced), 1e-3);
+}
+
+// Where the files do not say it, units are found as well.
+TEST_F(Priors, InOtherUnits) {
+    for (const char* format : {"colmap", "3dgs"}) {
+        const Scene scene = read({.format = format, .scale = 1.7});
+        expect_depth(scene, 1e-3);
+        EXPECT_TRUE(said("up to scale")) << said_;
+    }
+}
+
+TEST_F(Priors, ThatFitNothingAreRefused) {
+    const std::string dir = write({.format = "npy"});
+    const fs::path maps = folder_ / "scene" / dir / "depth_npy";
+    for (int i = 0; i < 5; ++i) {
+        ImageF other(160, 120, 1);
+        for (std::size_t k = 0; k < other.pixels.size(); ++k)
+            other.pixels[k] = static_cast<float>((k * 7919) % 1009);
+        write_npy(maps / str("000", i, "_pred.npy"), {120, 160}, other.pixels.data());
+    }
+    try {
+        PriorOptions strict;
+        strict.max_residual = 0.03f;
+        read_folder(dir, strict);
+        ADD_FAILURE() << said_;
+    } catch (const Error& error) {
+        const std::string what = error.what();
+        EXPECT_NE(what.find("do not fit within priors.max_residual"), std::string::npos) << what;
+        EXPECT_NE(what.find("inverse depth (affine) fits"), std::string::npos) << what;
+    }
+}
+
+TEST_F(Priors, OfOneBadViewAreLeftOut) {
+    const std::string dir = write({.format = "vggt"});
+    const fs::path maps = folder_ / "scene" / dir / "depth_vggt";
+    ImageF other(160, 120, 1);
+    for (std::size_t k = 0; k < other.pixels.size(); ++k)
+        other.pixels[k] = 1 + static_cast<float>((k * 7919) % 1009);
+    write_npy(maps / "0002_pred.npy", {120, 160}, other.pixels.data());
+    const Scene scene = read_folder(dir);
+    EXPECT_TRUE(said("depth maps of 1 views are left out")) << said_;
+    EXPECT_TRUE(said("0002.png (")) << said_;
+    EXPECT_TRUE(said("priors: 4 depth maps of 5 views")) << said_;
+    EXPECT_EQ(find(scene.train[2], prior_map::kDepth), nullptr);
+    EXPECT_EQ(find(scene.train[2], prior_map::kDepthOrder), nullptr);
+    EXPECT_NE(find(scene.train[1], prior_map::kDepth), nullptr);
+}
+
+TEST_F(Priors, NormalsOfAnyFrame) {
+    for (const char* frame : {"camera_opencv", "camera_opengl", "world"})
+        for (const bool away : {false, true}) {
+            SCOPED_TRACE(str(frame, away ? " away" : ""));
+            const Scene scene = read({.format = "npy", .frame = frame, .normals_away = away});
+            expect_normals(scene, 0.99);
+            EXPECT_TRUE(
+                said(std::string(frame) + (away ? ", facing away, agreeing" : ", agreeing")))
+                << said_;
+        }
+}
+
+TEST_F(Priors, NormalsThatContradictWhatIsDeclaredAreRefused) {
+    const std::string dir = write({.format = "json", .frame = "camera_opengl"});
+    const std::string file = folder_ / "scene" / dir / "priors/priors.json";
+    std::string text = contents(file);
+    text.replace(text.find("\"layout\""), 0, "\"frame\": \"camera_opencv\", ");
+    std::ofstream(file) << text;
+    try {
+        read_folder(dir + "/priors");
+        ADD_FAILURE() << said_;
+    } catch (const Error& error) {
+        EXPECT_NE(std::string(error.what()).find("those in frame camera_opengl to"),
+                  std::string::npos)
+            << error.what();
+    }
+}
+
+TEST_F(Priors, FeaturesKeepTheirSize) {
+    const Scene scene = read({.format = "npy"});
+    const ViewMap &fine = *find(scene.train[0], prior_map::kFeatures),
+                  &coarse = *find(scene.train[0], prior_map::kCoarseFeatures);
+    EXPECT_EQ(std::tuple(fine.width_px, fine.height_px, fine.channels), std::tuple(80, 60, 8));
+    EXPECT_EQ(std::tuple(coarse.width_px, coarse.height_px, coarse.channels),
+              std::tuple(40, 30, 8));
+    // Each channel lies beside the others: of one pixel, eight sines of the same place.
+    double most = 0;
+    for (int c = 0; c < 8; ++c) {
+        float mean = 0;
+        for (const int at : {0, 1, 80, 81})
+            mean += fine.values[static_cast<std::size_t>((40 * 80 + 40 + at) * 8 + c)] / 4;
+        const float half = coarse.values[static_cast<std::size_t>((20 * 40 + 20) * 8 + c)];
+        EXPECT_NEAR(half, mean, 1e-6f) << c;
+        most = std::max(most, std::abs(double(half)));
+    }
+    EXPECT_GT(most, 0.1);
+}
+
+TEST_F(Priors, TheSkyHasNone) {
+    synth_.background = "sky";
+    const std::string dir = write({.format = "json"});
+    synth_.background = "empty";
+    // Networks give the sky a depth, too.
+    const fs::path maps = folder_ / "scene" / dir / "priors";
+    for (std::size_t v = 0; v < scene_.train.size(); ++v) {
+        std::vector<float> depth = truth_[v].depth.pixels, normal(3 * depth.size());
+        for (float& z : depth)
+            if (z == 0) z = 7;
+        for (std::size_t i = 2; i < normal.size(); i += 3) normal[i] = -1;
+        const std::string name = fs::path(scene_.train[v].name).stem().string() + ".npy";
+        write_npy(maps / "depth" / name, {120, 160}, depth.data());
+        write_npy(maps / "normal" / name, {120, 160, 3}, normal.data());
+    }
+    const Scene scene = read_folder(dir + "/priors");
+    for (const std::string_view name :
+         {prior_map::kDepth, prior_map::kDepthOrder, prior_map::kNormal}) {
+        const ViewMap& map = *find(scene.train[0], name);
+        for (std::size_t i = 0; i < truth_[0].depth.pixels.size(); ++i) {
+            const float value = map.values[i * static_cast<std::size_t>(map.channels) +
+                                           static_cast<std::size_t>(map.channels) - 1];
+            const bool none = name == prior_map::kDepthOrder ? std::isnan(value) : value == 0;
+            EXPECT_EQ(none, truth_[0].depth.pixels[i] == 0) << name << ' ' << i;
+            if (::testing::Test::HasFailure()) return;
+        }
+    }
+}
+
+TEST_F(Priors, AreReadOnlyWhereALossAsksForThem) {
+    const std::string dir = write({.format = "npy"});
+    EXPECT_TRUE(read_folder(dir, {}, {}).train[0].maps.empty());
+    EXPECT_EQ(said_, "");
+    const Scene order = read_folder(dir, {}, {prior_map::kDepthOrder});
+    ASSERT_EQ(order.train[0].maps.size(), 1u);
+    EXPECT_EQ(order.train[0].maps[0].name, prior_map::kDepthOrder);
+    PriorOptions none;
+    none.source = PriorOptions::Source::none;
+    EXPECT_TRUE(read_folder(dir, none).train[0].maps.empty());
+}
+
+TEST_F(Priors, ThatAreMissingAreSaid) {
+    const Scene scene = read_folder("");
+    EXPECT_TRUE(scene.train[0].maps.empty());
+    EXPECT_TRUE(said("no prior depth, normals, features in ")) << said_;
+    PriorOptions disk;
+    disk.source = PriorOptions::Source::disk;
+    try {
+        read_folder("", disk);
+        ADD_FAILURE() << said_;
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::input);
+    }
+    EXPECT_THROW(read_folder("nowhere"), Error);
+}
+
+}  // namespace
+}  // namespace tvsgs
