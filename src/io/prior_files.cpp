@@ -68,7 +68,7 @@ ImageF read_pfm(const std::string& path) {
     double scale = 0;
     if ((kind != "Pf" && kind != "PF") || !parse_number(next_word(head), width) ||
         !parse_number(next_word(head), height) || !parse_number(next_word(head), scale) ||
-        !(scale != 0) || head.empty())
+        !std::isfinite(scale) || scale == 0 || head.empty())
         throw prior_error(path, "begins with '", shown(bytes),
                           "'; expected Pf or PF, width, height and a scale that is not 0");
     head.remove_prefix(1);  // one white space, then numbers

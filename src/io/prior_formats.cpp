@@ -109,6 +109,11 @@ DepthSource find_depth(const Place& place) {
     constexpr auto kDepth = PriorQuantity::depth;
     const Strings kNumbers{"_pred.npy", "_depth.npy", "_raw_depth_meter.npy", ".npy",
                            ".pfm",      "_pred.png",  "_depth.png",           ".png"};
+    Strings midas{".pfm", ".png"};  // its run.py appends the model: 0001-dpt_large_384.pfm
+    for (const char* model : {"dpt_beit_large_512", "dpt_beit_large_384", "dpt_swin2_large_384",
+                              "dpt_large_384", "dpt_hybrid_384", "midas_v21_384"})
+        for (const char* ending : {".png", ".pfm"})
+            midas.insert(midas.begin(), str("-", model, ending));
     DepthSource found =
         find_in(place, {{"depth_vggt", {"_pred.npy", ".npy"}, kDepth, kAnyGeometry, scale, true},
                         {"depth_npy", kNumbers, kAnything, kAnyGeometry, affine, false}});
@@ -130,7 +135,7 @@ DepthSource find_depth(const Place& place) {
                                 {"depths", kNumbers, kAnything, kAnyGeometry, affine, false},
                                 {"depth", kNumbers, kAnything, kAnyGeometry, affine, false},
                                 {"vis_depth", kNumbers, kAnything, kAnyGeometry, affine, false},
-                                {"midas", kNumbers, kAnything, kAnyGeometry, affine, false}});
+                                {"midas", midas, kAnything, kAnyGeometry, affine, false}});
     if (found.empty())
         found = depth_source(acmm_maps(place, {"depths_geom.dmb", "depths.dmb"}),
                              {"", {}, kDepth, PriorGeometry::z, metric, true});

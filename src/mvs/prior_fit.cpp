@@ -178,11 +178,12 @@ double prior_depth(double value, const PriorFit& fit, const PriorReading& readin
 
 PriorFit fit_prior(const PriorSamples& samples, const PriorReading& reading) {
     PriorFit fit;
-    const Unknowns unknown = unknowns_of(reading);
+    Unknowns unknown = unknowns_of(reading);
     if (samples.size() < (unknown.scale && unknown.shift ? kFewestForShift : kFewestForScale))
         return fit;
     const Equations equations = equations_of(samples, reading);
-    if (unknown.scale && unknown.shift && !varies(equations)) return fit;
+    if (unknown.scale && unknown.shift && !varies(equations))
+        (reading.quantity == PriorQuantity::log_depth ? unknown.scale : unknown.shift) = false;
     Line line{1, 0};
     if (unknown.scale || unknown.shift)
         line = refine(equations, unknown, first_line(equations, unknown));

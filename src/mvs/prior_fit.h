@@ -38,8 +38,9 @@ inline constexpr std::size_t kFewestForScale = 6, kFewestForShift = 12;
 
 /// A fit that up to nearly half of the points may contradict (points that the surface hides): the
 /// best in the median of one by medians and of 100 through two points each, then reweighted least
-/// squares (Huber), all in double, about the mean. Not found: too few points, all values alike
-/// where the shift is not known either, or a scale that is not positive.
+/// squares (Huber), all in double, about the mean. Where the values are nearly alike (a standard
+/// deviation of a thousandth), nothing tells scale from shift, and the unit alone is found. Not
+/// found: too few points, or a scale that is not positive.
 PriorFit fit_prior(const PriorSamples& samples, const PriorReading& reading);
 
 /// z of a value; `cosine` of the angle between ray and axis. 0 where there is none.
