@@ -19,6 +19,8 @@
 #include "io/mat_file.h"
 #include "io/npz.h"
 #include "io/ply.h"
+#include "io/prior_files.h"
+#include "io/prior_sources.h"
 #include "io/read_file.h"
 #include "io/safetensors.h"
 #include "io/scene_layout.h"
@@ -95,6 +97,38 @@ void read_configuration(const std::string&, const std::string& file) {
     table.json();
 }
 
+/// An array as depth, normals and descriptors.
+void read_map_array(const std::string&, const std::string& file) {
+    read_npy_map(file, 0);
+    try {
+        read_npy_map(file, 1);
+    } catch (const Error&) {
+        read_npy_map(file, 3);
+    }
+}
+
+/// Beside files that it may be about.
+void find_priors_in(const std::string& scene, std::initializer_list<const char*> files) {
+    for (const char* name : files) {
+        const fs::path path = fs::path(scene) / name;
+        if (fs::exists(path)) continue;
+        fs::create_directories(path.parent_path());
+        write(path.string(), "");
+    }
+    find_priors({scene, "", {"0001.png", "a/0002.png"}});
+}
+void read_priors_file(const std::string& folder, const std::string&) {
+    find_priors_in(folder, {"priors/depth/0001.npy", "priors/depth/0002.pfm",
+                            "priors/normal/0001.png", "priors/confidence/0001.npy",
+                            "priors/features/0001.npy", "priors/sky/0001.png"});
+}
+void read_params(const std::string& folder, const std::string&) {
+    find_priors_in(folder, {"depths/0001.png"});
+}
+void read_depth_paths(const std::string& folder, const std::string&) {
+    find_priors_in(folder, {"d/0001.png", "d/0002.npy"});
+}
+
 /// The header, and the pixels of images that do not claim more than a few of them.
 void read_picture(const std::string&, const std::string& file) {
     const ImageSize size = read_image_size(file);
@@ -166,6 +200,13 @@ const std::vector<Target>& targets() {
         {"config", "config.json", read_configuration, nullptr},
         {"checkpoint", "a.ckpt", [](S, S file) { read_checkpoint(file); }, with_checksums},
         {"image", "a.png", read_picture, nullptr},
+        {"map_pfm", "a.pfm", [](S, S file) { read_pfm(file); }, nullptr},
+        {"map_dmb", "a.dmb", [](S, S file) { read_dmb(file); }, nullptr},
+        {"map_colmap", "a.bin", [](S, S file) { read_colmap_map(file); }, nullptr},
+        {"map_npy", "a.npy", read_map_array, nullptr},
+        {"priors", "priors/priors.json", read_priors_file, nullptr},
+        {"depth_params", "sparse/0/depth_params.json", read_params, nullptr},
+        {"depth_paths", "transforms.json", read_depth_paths, nullptr},
     };
     return all;
 }

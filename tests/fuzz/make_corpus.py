@@ -243,3 +243,34 @@ seed("image", "claims_much", png(60000, 60000, 8, 2, b"\0"))
 bmp = struct.pack("<2sIHHIIiiHHIIiiII", b"BM", 70, 0, 0, 54, 40, 2, 2, 1, 24, 0, 16, 1, 1, 0, 0)
 seed("image", "good_bmp", bmp + bytes(range(16)))
 seed("image", "jpeg_without_image", b"\xff\xd8\xff\xd9")
+
+# Priors
+grid = [1, 2, 3, 4, 5, 6]
+seed("map_pfm", "good_little", b"Pf\n3 2\n-1.0\n" + struct.pack("<6f", *grid))
+seed("map_pfm", "good_big_endian", b"PF\n2 1\n1\n" + struct.pack(">6f", *grid))
+seed("map_pfm", "claims_much", b"Pf\n30000 3000\n-1\n" + bytes(8))
+seed("map_dmb", "good_depth", struct.pack("<4i6f", 1, 2, 3, 1, *grid))
+seed("map_dmb", "good_normals", struct.pack("<4i6f", 1, 1, 2, 3, *grid))
+seed("map_dmb", "negative", struct.pack("<4i6f", 1, -2, -3, 1, *grid))
+seed("map_colmap", "good_depth", b"3&2&1&" + struct.pack("<6f", *grid))
+seed("map_colmap", "good_normals", b"2&1&3&" + struct.pack("<6f", *grid))
+seed("map_colmap", "claims_much", b"65535&65535&3&" + struct.pack("<6f", *grid))
+seed("map_npy", "good_half", npy("<f2", "(1, 2, 3)", struct.pack("<6e", *grid)))
+seed("map_npy", "good_normals", npy("<f4", "(2, 1, 3)", struct.pack("<6f", *grid)))
+seed("map_npy", "empty", npy("<f4", "(0, 3)", b""))
+seed("priors", "good_all", json.dumps({
+    "version": 1,
+    "depth": {"dir": "depth", "encoding": "pfm", "quantity": "inverse_depth", "geometry": "ray",
+              "alignment": "affine", "png_scale": 0.001, "invalid": [0, -1], "producer": "x",
+              "per_image": {"a/0002": {"scale": 2, "shift": 1, "crop": [0, 0, 8, 6]}}},
+    "confidence": {"range": "ge1"}, "sky": {"dir": "sky"}, "features": {"layout": "chw"},
+    "normal": {"encoding": "png8", "frame": "world", "facing": "away", "range": "unit"},
+    "pairs": "pair.txt"}))
+seed("priors", "good_least", '{"depth": {}}')
+seed("priors", "wrong", '{"depth": {"dir": "../..", "quantity": 7}}')
+seed("depth_params", "good_one", '{"0001": {"scale": 1.5, "offset": -0.25}}')
+seed("depth_params", "none", '{"0002": {"scale": 1.5, "offset": -0.25}}')
+seed("depth_paths", "good_two", json.dumps(
+    {"depth_unit_scale_factor": 0.002,
+     "frames": [{"file_path": "./0001.png", "depth_file_path": "./d/0001.png"},
+                {"file_path": "images/0002", "depth_file_path": "d/0002.npy"}, {}]}))
