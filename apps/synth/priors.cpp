@@ -239,7 +239,7 @@ void write_priors(const std::string& out,
                     mapped(maps.depth, 0.37f * scale, 0, 0));
         write_array(path(str("depth_vggt/", stem, "_conf.npy")), mapped(maps.depth, 0, 5, 1));
         write_array(path(str("normal/", stem, "_normal.npy")), maps.normal);
-    } else if (format == "3dgs") {
+    } else if (format == "params") {
         const float low = 1 / maps.high;
         ImageF inverse = maps.depth;
         for (float& value : inverse.pixels)
@@ -281,7 +281,7 @@ void finish_priors(const std::string& out,
                    const SynthOptions& options,
                    const std::vector<SynthView>& views) {
     const SynthPriors& priors = options.priors;
-    if (priors.format == "3dgs") {
+    if (priors.format == "params") {
         std::string text = "{";
         for (int i = 0; i < options.views; ++i) {
             const SynthView& view = views[static_cast<std::size_t>(i)];

@@ -9,7 +9,7 @@
 namespace tvsgs::synth {
 
 /// The formats of --priors, for its help and check.
-inline const std::vector<std::string> kPriorFormats{"npy",    "vggt", "3dgs",     "colmap",
+inline const std::vector<std::string> kPriorFormats{"npy",    "vggt", "params",   "colmap",
                                                     "mvsnet", "acmm", "omnidata", "json"};
 
 /// Throws Error(ExitCode::usage) for a quantity where the format has its own.

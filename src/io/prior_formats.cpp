@@ -46,7 +46,7 @@ DepthSource find_in(const Place& place, const std::vector<DepthFolder>& rows) {
     return {};
 }
 
-DepthSource find_3dgs(const Place& place) {
+DepthSource find_with_params(const Place& place) {
     const fs::path params = place.folder / "sparse/0/depth_params.json";
     std::error_code failure;
     if (!fs::is_regular_file(params, failure)) return {};
@@ -117,7 +117,7 @@ DepthSource find_depth(const Place& place) {
     DepthSource found =
         find_in(place, {{"depth_vggt", {"_pred.npy", ".npy"}, kDepth, kAnyGeometry, scale, true},
                         {"depth_npy", kNumbers, kAnything, kAnyGeometry, affine, false}});
-    if (found.empty()) found = find_3dgs(place);
+    if (found.empty()) found = find_with_params(place);
     if (found.empty()) found = read_transforms_depth(place.folder.string(), place.views);
     if (found.empty())
         found = depth_source(colmap_maps(place, "depth_maps"),

@@ -169,7 +169,7 @@ TEST_F(Priors, AreUnderstoodByThePoints) {
 TEST_F(Priors, OfEachFormat) {
     for (const auto& [format, what] :
          {std::pair{"vggt", "depth_vggt/*_pred.npy: up to scale depth"},
-          {"3dgs", "depths/*.png: in scene units inverse depth"},
+          {"params", "depths/*.png: in scene units inverse depth"},
           {"colmap", "depth_maps/*.geometric.bin: in scene units depth"},
           {"mvsnet", "depth_est/*.pfm: in scene units depth"},
           {"acmm", "ACMM/*/depths_geom.dmb: in scene units depth"},
@@ -179,7 +179,7 @@ TEST_F(Priors, OfEachFormat) {
         expect_depth(scene, 1e-3);
         EXPECT_TRUE(said(what)) << said_;
         const std::string name = format;
-        if (name != "mvsnet" && name != "3dgs") expect_normals(scene, 0.99);
+        if (name != "mvsnet" && name != "params") expect_normals(scene, 0.99);
         if (name == "vggt" || name == "mvsnet") {
             const ViewMap* const confidence = find(scene.train[0], prior_map::kConfidence);
             ASSERT_NE(confidence, nullptr);
@@ -282,7 +282,7 @@ TEST_F(Priors, ThatContradictWhatIsDeclaredAreRefused) {
 
 // Where the files do not say it, units are found as well.
 TEST_F(Priors, InOtherUnits) {
-    for (const char* format : {"colmap", "3dgs"}) {
+    for (const char* format : {"colmap", "params"}) {
         const Scene scene = read({.format = format, .scale = 1.7});
         expect_depth(scene, 1e-3);
         EXPECT_TRUE(said("up to scale")) << said_;

@@ -118,9 +118,9 @@ void find_priors_in(const std::string& scene, std::initializer_list<const char*>
     find_priors({scene, "", {"0001.png", "a/0002.png"}});
 }
 void read_priors_file(const std::string& folder, const std::string&) {
-    find_priors_in(folder, {"priors/depth/0001.npy", "priors/depth/0002.pfm",
-                            "priors/normal/0001.png", "priors/confidence/0001.npy",
-                            "priors/features/0001.npy", "priors/sky/0001.png"});
+    find_priors_in(
+        folder, {"priors/depth/0001.npy", "priors/depth/0002.pfm", "priors/normal/0001.png",
+                 "priors/confidence/0001.npy", "priors/features/0001.npy", "priors/sky/0001.png"});
 }
 void read_params(const std::string& folder, const std::string&) {
     find_priors_in(folder, {"depths/0001.png"});
