@@ -59,7 +59,7 @@ Backbone<Device>& BenchIteration<Device>::backbone() {
 
 template <class Device>
 Maps BenchIteration<Device>::maps() const {
-    return needs_at(parts_->losses, parts_->step, true).maps;
+    return needs_at(parts_->losses, parts_->step, 0, true).maps;
 }
 
 template <class Device>

@@ -13,14 +13,16 @@
 
 namespace tvsgs {
 
-/// What the terms that act at a step want, of a view that has other views to look at or has none.
+/// What the terms that act at a step want of view `view`, which has other views to look at or has
+/// none.
 template <class Device>
 LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                    int step,
+                   int view,
                    bool has_others) {
     LossNeeds all;
     for (const auto& term : losses)
-        if (const LossNeeds needs = term->needs();
+        if (const LossNeeds needs = term->needs_at(step, view);
             term->active(step) && (has_others || needs.other_views == 0))
             all |= needs;
     all.maps |= Maps::color;
@@ -75,7 +77,7 @@ public:
     const DeviceView<Device>& fetch(int step, int view, const Losses& losses, const Next& next) {
         const DeviceView<Device>& here = views_.get(view);
         if (views_.all_resident()) return here;
-        const bool looks_around = needs_at(losses, step, true).other_views > 0;
+        const bool looks_around = needs_at(losses, step, view, true).other_views > 0;
         if (looks_around)
             for (const int other : others_->choose(step, view)) views_.get(other);
         const int after = next();
@@ -98,14 +100,14 @@ public:
                    const Watch& watch) {
         sh_degree_ = sh_degree_at(model_, step);
         OtherViews<Device>* others = nullptr;
-        if (needs_at(losses, step, true).other_views > 0)
+        if (needs_at(losses, step, view.index, true).other_views > 0)
             clock("other views", [&] {
                 details("other views, forward", [&] {
                     others_->begin(step, view.index, views_.views(), gaussians);
                     if (others_->count() > 0) others = others_.get();
                 });
             });
-        const LossNeeds needs = needs_at(losses, step, others != nullptr);
+        const LossNeeds needs = needs_at(losses, step, view.index, others != nullptr);
         const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
             return backbone_->forward(gaussians, view.camera, sh_degree_, needs.maps);
         });

@@ -75,6 +75,9 @@ public:
 
     virtual LossNeeds needs() const = 0;
 
+    /// Of one step with one view; not more than needs(). For terms that look around now and then.
+    virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
+
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
     virtual void add_to(Objective<Device>& objective,
                         double* value,

@@ -2,6 +2,7 @@
 #pragma once
 
 #include "optim/loss.h"
+#include "optim/patch_pair.h"
 
 namespace tvsgs {
 
@@ -24,10 +25,7 @@ struct PatchTerm {
 
 /// Draws and scores patch `i` of as many as there are comparable pixels, at most one per pixel.
 struct PatchBody {
-    ViewPair<float> pair;  // lenses of the grey images
-    Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
-    Camera camera;       // of the render
-    GreyBytes reference, other;
+    PatchPair patches;
     Span<const Vec3f> normal;
     Span<const float> depth, pixel_weight;
     Span<const int> pixels;
@@ -40,13 +38,11 @@ struct PatchBody {
         const auto valid = static_cast<std::uint32_t>(*count);
         if (static_cast<std::uint32_t>(i) < valid) {
             const int at = pixels[permuted(static_cast<std::uint32_t>(i), valid, key)];
-            const int x = at % camera.width_px, y = at / camera.width_px;
-            const Vec2f centre{scale.x * (static_cast<float>(x) + 0.5f),
-                               scale.y * (static_cast<float>(y) + 0.5f)};
+            const Camera& camera = patches.camera;
             // The plane with this normal through the surface point.
-            const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, x, y);
-            const auto score =
-                patch_score(pair, centre, n, -dot(n, point), reference, other, shift);
+            const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, at % camera.width_px,
+                                                                      at / camera.width_px);
+            const auto score = patches.score(at, n, point);
             const float w = pixel_weight[at];
             if (score.valid)
                 term = {at, w * score.error,
@@ -122,23 +118,11 @@ public:
 
         const int samples = samples_ < all ? samples_ : all;
         terms_.resize(static_cast<std::size_t>(samples));
-        const DeviceView<Device>&a = in.view, &b = other.view();
         const Buffer<PatchTerm, Device>& terms = terms_;
         parallel_for(
             Device{}, samples,
-            PatchBody{view_pair(scaled_camera(images.camera, a.grey_width, a.grey_height),
-                                scaled_camera(other.images().camera, b.grey_width, b.grey_height),
-                                other.pair().min_depth),
-                      scale_of(a),
-                      shift_of(a),
-                      images.camera,
-                      {a.grey.data(), a.grey_width, a.grey_height},
-                      {b.grey.data(), b.grey_width, b.grey_height},
-                      images.normal.span(),
-                      images.depth.span(),
-                      other.weight(),
-                      pixels_.span(),
-                      other.valid_count(),
+            PatchBody{patch_pair(images, in.view, other, pixel_center_), images.normal.span(),
+                      images.depth.span(), other.weight(), pixels_.span(), other.valid_count(),
                       random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
                       terms_.span()});
         objective.count.fill_zero();
@@ -153,15 +137,6 @@ public:
     }
 
 private:
-    static Vec2f scale_of(const DeviceView<Device>& view) {
-        return {static_cast<float>(view.grey_width) / static_cast<float>(view.camera.width_px),
-                static_cast<float>(view.grey_height) / static_cast<float>(view.camera.height_px)};
-    }
-    /// The official code scales pixel indices, not corners, and so reads half a training pixel off.
-    Vec2f shift_of(const DeviceView<Device>& view) const {
-        return pixel_center_ == PixelCenter::exact ? Vec2f{0.5f, 0.5f} : 0.5f * scale_of(view);
-    }
-
     ScheduledOptions options_;
     int samples_;
     std::uint64_t seed_;
