@@ -21,6 +21,7 @@ enum class RandomStream : std::uint32_t {
     thinning = 9,
     ransac = 10,
     lines = 11,
+    depth_pairs = 20,
     depth_ranks = 21
 };
 

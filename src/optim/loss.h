@@ -11,6 +11,7 @@
 #include "core/parallel.h"
 #include "core/state.h"
 #include "optim/depth_order_options.h"
+#include "optim/depth_prior_options.h"
 #include "optim/device_view.h"
 #include "optim/other_views.h"
 #include "render/backbone.h"
@@ -166,6 +167,10 @@ struct LossOptions {
     DepthRankOptions depth_rank;
     DepthSmoothOptions depth_smooth;
     FeatureOptions features;
+    RelativeDepthOptions relative_depth;
+    PriorNormalOptions prior_normal;
+    PriorDepthOptions prior_depth;
+    AnchoredDepthOptions anchored_depth;
     ScheduledOptions tv_normal, tv_position;
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
@@ -190,6 +195,12 @@ struct LossOptions {
         visit("depth_smooth", o.depth_smooth, "smooth depth where a prior is smooth, FatesGS");
         visit("features", o.features,
               "descriptors of photographs where two views see one surface, FatesGS");
+        visit("relative_depth", o.relative_depth,
+              "which of two pixels is farther, by the render and by a prior, VGGS");
+        visit("prior_normal", o.prior_normal, "normals of the depth map against a prior's, VGGS");
+        visit("prior_depth", o.prior_depth, "depth against a prior in world units");
+        visit("anchored_depth", o.anchored_depth,
+              "depth against a prior that is fitted to pixels that views agree on, VGGS");
         visit("tv_normal", o.tv_normal, "splat normals against voted normals");
         visit("tv_position", o.tv_position, "splat centres against voted positions");
     }

@@ -7,6 +7,7 @@
 #include <type_traits>
 #include <vector>
 
+#include "optim/loss_anchored_depth.h"
 #include "optim/loss_depth_rank.h"
 #include "optim/loss_depth_smooth.h"
 #include "optim/loss_distortion.h"
@@ -17,6 +18,9 @@
 #include "optim/loss_normal.h"
 #include "optim/loss_normal_consistency.h"
 #include "optim/loss_photometric.h"
+#include "optim/loss_prior_depth.h"
+#include "optim/loss_prior_normal.h"
+#include "optim/loss_relative_depth.h"
 #include "optim/loss_tv.h"
 
 namespace tvsgs {
@@ -39,6 +43,12 @@ void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit
           c.seed);
     visit(type_identity<DepthSmoothLoss<Device>>{}, "depth_smooth", o.depth_smooth, c.length_unit);
     visit(type_identity<FeatureLoss<Device>>{}, "features", o.features);
+    visit(type_identity<RelativeDepthLoss<Device>>{}, "relative_depth", o.relative_depth,
+          c.length_unit, c.seed);
+    visit(type_identity<PriorNormalLoss<Device>>{}, "prior_normal", o.prior_normal);
+    visit(type_identity<PriorDepthLoss<Device>>{}, "prior_depth", o.prior_depth);
+    visit(type_identity<AnchoredDepthLoss<Device>>{}, "anchored_depth", o.anchored_depth,
+          c.length_unit, c.views, c.pixel_center);
     visit(type_identity<TvLoss<Device, false>>{}, "tv_normal", o.tv_normal, o.tv_reduction);
     visit(type_identity<TvLoss<Device, true>>{}, "tv_position", o.tv_position, o.tv_reduction,
           c.length_unit);

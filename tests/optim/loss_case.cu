@@ -6,4 +6,11 @@ LossResult evaluate_cuda(const LossCase& c, Term term, float weight, Reduction r
     return evaluate<Cuda>(c, term, weight, reduction);
 }
 
+LossResult evaluate_cuda(const LossCase& c,
+                         const LossOptions& options,
+                         const LossContext& context,
+                         int step) {
+    return evaluate<Cuda>(c, options, context, step);
+}
+
 }  // namespace tvsgs::test

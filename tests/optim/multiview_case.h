@@ -22,6 +22,45 @@ struct ViewMaps {
     std::vector<std::uint8_t> grey;
 };
 
+inline constexpr int kPlaneWidth = 40, kPlaneHeight = 30;
+
+/// Maps of the plane n . X = 0.1, n facing the cameras, disturbed a little and blended with a
+/// varying coverage; the grey photograph, finer by `fineness`, shows a texture on the plane.
+inline ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
+    Random random(seed);
+    ViewMaps v;
+    Camera& c = v.camera;
+    c = test_camera(kPlaneWidth, kPlaneHeight, angle);
+    const Vec3d n = normalize(Vec3d{0.3, -0.2, -1});
+    const auto R = mat_cast<double>(c.camera_from_world.R);
+    const Vec3d n_camera = R * n,
+                centre = -transpose_times(R, vec_cast<double>(c.camera_from_world.t));
+    const double distance = dot(n, centre) - 0.1;
+    const auto ray = [&](double x, double y) {
+        return Vec3d{(x - c.cx_px) / c.fx_px, (y - c.cy_px) / c.fy_px, 1};
+    };
+    for (int y = 0; y < kPlaneHeight; ++y)
+        for (int x = 0; x < kPlaneWidth; ++x) {
+            const double coverage = random.uniform(0.6, 1);
+            v.normal.push_back(
+                vec_cast<float>(coverage * normalize(n_camera + noise * random.normal3())));
+            // The noise of the depth: the plane goes through a point near the true one.
+            const double depth = -distance / dot(n_camera, ray(x + 0.5, y + 0.5)) *
+                                 (1 + 0.1 * noise * random.normal());
+            v.depth.push_back(static_cast<float>(depth));
+        }
+    v.depth[11 * kPlaneWidth + 13] = 0;  // a hole
+    v.grey_width = fineness * kPlaneWidth, v.grey_height = fineness * kPlaneHeight;
+    for (int y = 0; y < v.grey_height; ++y)
+        for (int x = 0; x < v.grey_width; ++x) {
+            const Vec3d r = ray((x + 0.5) / fineness, (y + 0.5) / fineness);
+            const Vec3d p = centre + -distance / dot(n_camera, r) * transpose_times(R, r);
+            v.grey.push_back(static_cast<std::uint8_t>(128 + 60 * std::sin(9 * p.x + 2 * p.y) +
+                                                       50 * std::sin(11 * p.y - 3 * p.x)));
+        }
+    return v;
+}
+
 struct MultiViewCase {
     ViewMaps reference, other;
     int samples = 102400;

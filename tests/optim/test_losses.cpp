@@ -368,7 +368,7 @@ TEST(LossList, HasATermForAllOptions) {
         EXPECT_EQ(losses[i]->name(), keys[i]);
     }
     EXPECT_TRUE(needs_of(options).grey);
-    options.multi_view_ncc.weight = options.features.weight = 0;
+    options.multi_view_ncc.weight = options.features.weight = options.anchored_depth.weight = 0;
     EXPECT_FALSE(needs_of(options).grey);
     EXPECT_EQ(needs_of(options).other_views, 1);
 }

@@ -14,47 +14,11 @@ using test::evaluate;
 using test::MapsD;
 using test::MultiViewCase;
 using test::MultiViewResult;
+using test::plane_view;
 using test::ViewMaps;
 
-constexpr int kWidth = 40, kHeight = 30;
+constexpr int kWidth = test::kPlaneWidth, kHeight = test::kPlaneHeight;
 constexpr float kWeight = 0.6f;
-
-/// Maps of the plane n . X = 0.1, n facing the cameras, disturbed a little and blended with a
-/// varying coverage; the grey photograph, finer by `fineness`, shows a texture on the plane.
-ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
-    test::Random random(seed);
-    ViewMaps v;
-    Camera& c = v.camera;
-    c = test::test_camera(kWidth, kHeight, angle);
-    const Vec3d n = normalize(Vec3d{0.3, -0.2, -1});
-    const auto R = mat_cast<double>(c.camera_from_world.R);
-    const Vec3d n_camera = R * n,
-                centre = -transpose_times(R, vec_cast<double>(c.camera_from_world.t));
-    const double distance = dot(n, centre) - 0.1;
-    const auto ray = [&](double x, double y) {
-        return Vec3d{(x - c.cx_px) / c.fx_px, (y - c.cy_px) / c.fy_px, 1};
-    };
-    for (int y = 0; y < kHeight; ++y)
-        for (int x = 0; x < kWidth; ++x) {
-            const double coverage = random.uniform(0.6, 1);
-            v.normal.push_back(
-                vec_cast<float>(coverage * normalize(n_camera + noise * random.normal3())));
-            // The noise of the depth: the plane goes through a point near the true one.
-            const double depth = -distance / dot(n_camera, ray(x + 0.5, y + 0.5)) *
-                                 (1 + 0.1 * noise * random.normal());
-            v.depth.push_back(static_cast<float>(depth));
-        }
-    v.depth[11 * kWidth + 13] = 0;  // a hole
-    v.grey_width = fineness * kWidth, v.grey_height = fineness * kHeight;
-    for (int y = 0; y < v.grey_height; ++y)
-        for (int x = 0; x < v.grey_width; ++x) {
-            const Vec3d r = ray((x + 0.5) / fineness, (y + 0.5) / fineness);
-            const Vec3d p = centre + -distance / dot(n_camera, r) * transpose_times(R, r);
-            v.grey.push_back(static_cast<std::uint8_t>(128 + 60 * std::sin(9 * p.x + 2 * p.y) +
-                                                       50 * std::sin(11 * p.y - 3 * p.x)));
-        }
-    return v;
-}
 
 MultiViewCase plane_case(double noise = 0.02, int fineness = 1) {
     MultiViewCase c;

@@ -66,7 +66,7 @@ std::vector<Decision> plan_of(const SceneLook& look, bool dense = false, int wan
     PlanInputs in;
     in.dense = dense, in.configured = 15000, in.wanted = wanted;
     in.options.iterations = wanted > 0 ? wanted : 15000, in.options.loss.tv_normal.start = 3000;
-    in.multi_view.multi_view_geometry.weight = in.multi_view.multi_view_ncc.weight = 0.25f;
+    in.multi_view.multi_view_geometry.weight = 0.25f, in.multi_view.multi_view_ncc.weight = 0.5f;
     return plan_training(look, in);
 }
 
@@ -291,8 +291,9 @@ TEST(Schedule, NamesEveryOptionThatCountsIterations) {
     TrainOptions o;
     OptionTable table;
     table.add("", o);
-    // Votes follow the splats; samples are counted per iteration.
-    std::set<std::string> named{"tv.vote_every", "tv.refresh_every", "loss.multi_view.samples"};
+    // Votes and targets follow the splats; samples are counted per iteration.
+    std::set<std::string> named{"tv.vote_every", "tv.refresh_every", "loss.multi_view.samples",
+                                "loss.anchored_depth.refresh_every"};
     visit_schedule(o, [&](const std::string& key, int, Counts) { named.insert(key); });
     for (const Option& option : table.options())
         if (option.kind == Option::Kind::integer &&

@@ -1,0 +1,79 @@
+// Formulas of the terms that compare depth with a prior, for one pixel or pair of pixels.
+// [docs/method/vggs.md]
+#pragma once
+
+#include <cmath>
+
+#include "core/rng.h"
+#include "core/vec.h"
+
+namespace tvsgs {
+
+/// A value and its derivative by the one number that it is a function of.
+template <class Real>
+struct Penalty {
+    Real value = 0, slope = 0;
+};
+
+/// [-1, 0, 1] by which of two priors is larger; 0 within `dead_zone` of each other.
+template <class Real>
+TVSGS_HD Real order_sign(Real a, Real b, Real dead_zone) {
+    const Real difference = a - b;
+    if (!(std::abs(difference) >= dead_zone)) return 0;
+    return difference > 0 ? Real(1) : difference < 0 ? Real(-1) : Real(0);
+}
+
+/// max(sign * difference + margin, 0): what is out of order, `difference` = D(q) - D(p) and `sign`
+/// that of M(p) - M(q). Equal priors cost the margin and pull nothing.  [VGGS]
+template <class Real>
+TVSGS_HD Penalty<Real> order_hinge(Real sign, Real difference, Real margin) {
+    const Real out = sign * difference + margin;
+    if (!(out > 0)) return {};
+    return {out, sign};
+}
+
+/// Of the relative error r = (depth - prior) / prior: r^2 / 2s below s, |r| - s / 2 beyond, so the
+/// pull grows to 1 and no further. The slope is by depth.
+template <class Real>
+TVSGS_HD Penalty<Real> relative_huber(Real depth, Real prior, Real s) {
+    const Real r = (depth - prior) / prior;
+    if (std::abs(r) < s) return {r * r / (2 * s), r / s / prior};
+    return {std::abs(r) - s / 2, (r > 0 ? 1 : -1) / prior};
+}
+
+struct PixelShift {
+    int x, y;
+};
+
+/// Each of -reach..reach alike, but (1, 0) in the place of (0, 0).
+TVSGS_HD inline PixelShift pixel_shift(const Random4& draw, int reach) {
+    const auto whole = [reach](std::uint32_t bits) {
+        const int count = 2 * reach + 1;
+        const int i = static_cast<int>(uniform(bits) * static_cast<float>(count));
+        return (i < count ? i : count - 1) - reach;
+    };
+    const PixelShift shift{whole(draw.v[0]), whole(draw.v[1])};
+    return shift.x == 0 && shift.y == 0 ? PixelShift{1, 0} : shift;
+}
+
+/// What brings a prior to the depth of the render, and what is believed of either.
+template <class Real>
+struct DepthAlignment {
+    Real slope, offset;  // aligned = slope * prior + offset
+    Real max_gap;        // a render farther from the aligned prior is not believed
+    Real correction;     // added to the aligned prior there
+};
+
+/// The depth that a pixel is to have: the render's where it agrees with the aligned prior, else the
+/// prior's; 0: not known. A render of 0 is none.
+template <class Real>
+TVSGS_HD Real calibrated_depth(const DepthAlignment<Real>& a, Real prior, Real depth) {
+    const Real aligned = a.slope * prior + a.offset;
+    if (!(aligned > 0) || !(aligned * 0 == 0)) return 0;  // or not finite
+    // A hundred-thousandth of a depth is rounding.
+    if (depth > 0 && std::abs(aligned - depth) <= a.max_gap + Real(1e-5) * depth) return depth;
+    const Real corrected = aligned + a.correction;
+    return corrected > 0 ? corrected : Real(0);
+}
+
+}  // namespace tvsgs
