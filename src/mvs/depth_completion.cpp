@@ -1,0 +1,189 @@
+#include "mvs/depth_completion.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/parallel.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kGreyScale = 0.04f;  // of an edge of the photograph
+constexpr int kSteps = 200;          // at most, at each size
+constexpr double kResidual = 1e-5;   // of the right-hand side, where the iteration ends
+constexpr int kCoarsest = 8;         // px
+
+using Values = std::vector<double>;
+
+/// As parallel_for(), for loops of which there are hundreds: small ones are not worth the threads.
+template <class Body>
+void for_each_pixel(std::size_t count, const Body& body) {
+#pragma omp parallel for schedule(static) if (count > 65536)
+    for (std::size_t i = 0; i < count; ++i) body(i);
+}
+
+/// The same problem at one size, in inverse depth.
+struct Level {
+    std::size_t width, height;
+    Values weight, value;  // of what is known; weight 0: not known
+    std::vector<float> grey;
+    std::vector<char> inside;
+};
+
+/// Half as wide and high. Weights add up, so what is known weighs as much against smoothness, whose
+/// sum over neighbours does not depend on the size.
+Level halved(const Level& fine) {
+    const std::size_t w = (fine.width + 1) / 2, h = (fine.height + 1) / 2;
+    Level coarse{
+        w, h, Values(w * h), Values(w * h), std::vector<float>(w * h), std::vector<char>(w * h)};
+    std::vector<float> count(w * h);
+    for (std::size_t y = 0; y < fine.height; ++y)
+        for (std::size_t x = 0; x < fine.width; ++x) {
+            const std::size_t from = y * fine.width + x, to = y / 2 * w + x / 2;
+            if (!fine.inside[from]) continue;
+            coarse.inside[to] = 1, coarse.grey[to] += fine.grey[from], ++count[to];
+            coarse.weight[to] += fine.weight[from];
+            coarse.value[to] += fine.weight[from] * fine.value[from];
+        }
+    for (std::size_t at = 0; at < w * h; ++at) {
+        if (coarse.weight[at] > 0) coarse.value[at] /= coarse.weight[at];
+        if (coarse.inside[at]) coarse.grey[at] /= count[at];
+    }
+    return coarse;
+}
+
+/// The matrix, by what stands on its diagonal and beside it.
+struct System {
+    std::size_t width;
+    Values diagonal;     // 0: not a pixel of the system
+    Values right, down;  // weights of the edges to these neighbours
+
+    System(const Level& level, double smoothness)
+        : width(level.width),
+          diagonal(level.weight),
+          right(diagonal.size()),
+          down(diagonal.size()) {
+        const auto edge = [&](std::size_t p, std::size_t q) {
+            if (!level.inside[p] || !level.inside[q]) return 0.0;
+            const double step = static_cast<double>(std::abs(level.grey[p] - level.grey[q]));
+            // Not so small that a region loses its neighbours.
+            const double e =
+                smoothness * std::max(std::exp(-step / static_cast<double>(kGreyScale)), 1e-6);
+            diagonal[p] += e, diagonal[q] += e;
+            return e;
+        };
+        for (std::size_t at = 0; at < diagonal.size(); ++at) {
+            if (at % width + 1 < width) right[at] = edge(at, at + 1);
+            if (at + width < diagonal.size()) down[at] = edge(at, at + width);
+        }
+    }
+
+    double times(const Values& v, std::size_t at) const {
+        const std::size_t x = at % width;
+        double sum = diagonal[at] * v[at];
+        if (x > 0) sum -= right[at - 1] * v[at - 1];
+        if (x + 1 < width) sum -= right[at] * v[at + 1];
+        if (at >= width) sum -= down[at - width] * v[at - width];
+        if (at + width < v.size()) sum -= down[at] * v[at + width];
+        return sum;
+    }
+};
+
+struct Product {
+    const Values &a, &b;
+    double operator()(int i) const {
+        return a[static_cast<std::size_t>(i)] * b[static_cast<std::size_t>(i)];
+    }
+};
+
+/// Solves system * x = b from x on, with the diagonal for a preconditioner.
+void conjugate_gradients(const System& system, const Values& b, Values& x) {
+    const std::size_t n = b.size();
+    Values r(n), z(n), p(n), q(n), partial(kSumBlocks);
+    const auto dot = [&](const Values& u, const Values& v) {
+        double sum = 0;
+        add_sum(Cpu{}, static_cast<int>(n), Product{u, v}, 1, {partial.data(), partial.size()},
+                &sum);
+        return sum;
+    };
+    const auto precondition = [&](std::size_t at) {
+        z[at] = system.diagonal[at] > 0 ? r[at] / system.diagonal[at] : 0;
+    };
+    const double enough = kResidual * kResidual * dot(b, b);
+    for_each_pixel(n, [&](std::size_t at) {
+        r[at] = b[at] - system.times(x, at);
+        precondition(at);
+    });
+    p = z;
+    double rz = dot(r, z);
+    for (int step = 0; step < kSteps && dot(r, r) > enough; ++step) {
+        for_each_pixel(n, [&](std::size_t at) { q[at] = system.times(p, at); });
+        const double along = dot(p, q);
+        if (!(along > 0)) break;  // nothing left to gain
+        const double alpha = rz / along;
+        for_each_pixel(n, [&](std::size_t at) {
+            x[at] += alpha * p[at];
+            r[at] -= alpha * q[at];
+            precondition(at);
+        });
+        const double next = dot(r, z), beta = next / rz;
+        rz = next;
+        for_each_pixel(n, [&](std::size_t at) { p[at] = z[at] + beta * p[at]; });
+    }
+}
+
+/// From the solution at half the size on: a step of the iteration reaches one pixel far, and holes
+/// are wider than there are steps.
+Values solve(const Level& level, double smoothness) {
+    const System system(level, smoothness);
+    const std::size_t n = level.weight.size();
+    Values b(n), x(n);
+    double sum = 0, weights = 0;
+    for (std::size_t at = 0; at < n; ++at) {
+        b[at] = level.weight[at] * level.value[at];
+        sum += b[at], weights += level.weight[at];
+    }
+    if (std::max(level.width, level.height) > kCoarsest) {
+        const Level coarse = halved(level);
+        const Values half = solve(coarse, smoothness);
+        for (std::size_t at = 0; at < n; ++at)
+            x[at] = half[at / level.width / 2 * coarse.width + at % level.width / 2];
+    } else {
+        std::fill(x.begin(), x.end(), sum / weights);
+    }
+    conjugate_gradients(system, b, x);
+    return x;
+}
+
+}  // namespace
+
+std::vector<float> complete_depth(const SparseDepth& known, float smoothness) {
+    const std::size_t n = known.depth.size();
+    Level level{static_cast<std::size_t>(known.width_px),
+                static_cast<std::size_t>(known.height_px),
+                Values(n),
+                Values(n),
+                known.grey,
+                std::vector<char>(n)};
+    double low = 1e300, high = 0, sum = 0, count = 0;
+    for (std::size_t at = 0; at < n; ++at) {
+        level.inside[at] = known.mask.empty() || known.mask[at] >= 128;
+        if (!level.inside[at] || !(known.depth[at] > 0) || !(known.weight[at] > 0)) continue;
+        level.weight[at] = static_cast<double>(known.weight[at]);
+        level.value[at] = 1 / static_cast<double>(known.depth[at]);
+        low = std::min(low, level.value[at]), high = std::max(high, level.value[at]);
+        sum += level.value[at], ++count;
+    }
+    std::vector<float> depth(n);
+    if (count == 0) return depth;
+
+    const double unit = sum / count;  // numbers of about 1, whatever the scene's
+    for (double& v : level.value) v /= unit;
+    const Values z = solve(level, static_cast<double>(smoothness));
+    for (std::size_t at = 0; at < n; ++at)
+        if (level.inside[at])
+            depth[at] = static_cast<float>(1 / std::clamp(z[at] * unit, low, high));
+    return depth;
+}
+
+}  // namespace tvsgs
