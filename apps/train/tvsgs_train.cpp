@@ -160,9 +160,12 @@ Scene read_training_scene(const DeviceChoice& device,
                           OptionTable& table,
                           RunPlan& plan) {
     const auto& point = arguments.resume.point;
-    options.scene.need_points = !point;
     if (!point) return read_and_plan(device, arguments.plan, options, table, plan);
+    // Stereo went by the points that the scene came with.
+    options.scene.need_points = !wanted_stereo_priors(options).empty();
+    options.scene.points_required = false;
     Scene scene = read_views(options, true, table);
+    provide_stereo_priors(device, options, scene.points.positions, {}, scene.train);
     adopt_scene(*point, scene);
     read_wanted_priors(options, scene);
     return scene;

@@ -15,27 +15,32 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
 }
 
 /// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
-/// stereo, if that finds more.
-inline void prepare_points(const DeviceChoice& device, const RunOptions& options, Scene& scene) {
+/// stereo, if that finds more. With `priors`, the same stereo makes the priors that terms ask for.
+inline void prepare_points(const DeviceChoice& device,
+                           const RunOptions& options,
+                           Scene& scene,
+                           bool priors = true) {
     const InitOptions& init = options.train.init;
-    const std::size_t given = scene.points.positions.size();
+    const std::vector<Vec3f> points = scene.points.positions;
+    std::vector<StereoMaps> stereo;
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
     } else if (needs_stereo(options, scene)) {
         spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
-                     given, init.min_points);
+                     points.size(), init.min_points);
         try {
-            PointCloud cloud = stereo_cloud(device, scene.train, scene.points.positions,
-                                            options.stereo, stereo_cap(init.max_points))
-                                   .cloud;
-            if (cloud.positions.size() > given) scene.points = std::move(cloud);
+            StereoResult found = stereo_cloud(device, scene.train, points, options.stereo,
+                                              stereo_cap(init.max_points));
+            stereo = std::move(found.maps);
+            if (found.cloud.positions.size() > points.size()) scene.points = std::move(found.cloud);
         } catch (const Error& error) {
-            if (error.code() != ExitCode::input || given == 0) throw;
+            if (error.code() != ExitCode::input || points.empty()) throw;
             spdlog::warn("{}; training starts from the {} points of the model", error.what(),
-                         given);
+                         points.size());
         }
     }
+    if (priors) provide_stereo_priors(device, options, points, std::move(stereo), scene.train);
 }
 
 /// The near plane's default suits scenes some units deep; in smaller ones it would hide them.

@@ -166,7 +166,7 @@ Scene read_and_plan(const DeviceChoice& device,
         plan.remark("More is decided on the cloud that stereo makes.");
         return scene;
     }
-    prepare_points(device, options, scene);
+    prepare_points(device, options, scene, !plan_only);
     if (scene.points.positions.empty())
         throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
                                          ": no initial points; pass --init-ply, or let stereo make "

@@ -19,6 +19,21 @@ inline std::size_t stereo_cap(std::int64_t max_points) {
     return max_points > 0 ? static_cast<std::size_t>(max_points) : std::size_t{1} << 40;
 }
 
+/// reconstruct_stereo() on the device; throws Error(ExitCode::usage) as well, where more views
+/// would have to confirm a depth than there are.
+inline StereoResult run_stereo(const DeviceChoice& device,
+                               const std::vector<View>& views,
+                               const std::vector<Vec3f>& points,
+                               const StereoOptions& options) {
+    if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
+        throw Error(ExitCode::usage,
+                    str("stereo.min_consistent = ", options.min_consistent, ": of ", views.size(),
+                        " views a depth has ", views.size() - 1,
+                        " others to confirm it; give that at most, or 0"));
+    return on_device(device,
+                     [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
+}
+
 /// Stereo, then one point per two pixels (of the masks, where they are used) and at most
 /// `max_points`, without outliers. The cloud replaces the result's.
 inline StereoResult stereo_cloud(const DeviceChoice& device,
@@ -26,17 +41,11 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
                                  const std::vector<Vec3f>& points,
                                  const StereoOptions& options,
                                  std::size_t max_points) {
-    if (options.min_consistent > 0 && options.min_consistent >= static_cast<int>(views.size()))
-        throw Error(ExitCode::usage,
-                    str("stereo.min_consistent = ", options.min_consistent, ": of ", views.size(),
-                        " views a depth has ", views.size() - 1,
-                        " others to confirm it; give that at most, or 0"));
     const auto start = std::chrono::steady_clock::now();
     const auto seconds = [&] {
         return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     };
-    StereoResult result = on_device(
-        device, [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
+    StereoResult result = run_stereo(device, views, points, options);
     const double stereo_seconds = seconds();
     const std::size_t found = result.cloud.positions.size();
     std::size_t pixels = 0;
