@@ -8,6 +8,7 @@
 #include "core/device_choice.h"
 #include "io/atomic_file.h"
 #include "pipeline/initial_points.h"
+#include "pipeline/planned_scene.h"
 #include "pipeline/signals.h"
 #include "pipeline/view_evaluation.h"
 
@@ -188,7 +189,7 @@ int TrainBench::run() const {
         throw Error(ExitCode::usage,
                     str("--psnr: ", options.scene.path,
                         " has no test views; expected --eval, or --split LIST of its splits.json"));
-    prepare_points(device, options, scene);
+    provide_maps(device, options, prepare_points(device, options, scene), scene);
     read_fixed_voters(options, scene);
 
     std::vector<Reached> wanted;

@@ -16,7 +16,6 @@
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/train_session.h"
-#include "pipeline/view_maps.h"
 #include "report/data.h"
 
 namespace tvsgs {
@@ -162,12 +161,12 @@ Scene read_training_scene(const DeviceChoice& device,
     const auto& point = arguments.resume.point;
     if (!point) return read_and_plan(device, arguments.plan, options, table, plan);
     // Stereo went by the points that the scene came with.
-    options.scene.need_points = !wanted_stereo_priors(options).empty();
+    options.scene.need_points = !needs_of(options.train.loss).view_maps.empty();
     options.scene.points_required = false;
     Scene scene = read_views(options, true, table);
-    provide_stereo_priors(device, options, scene.points.positions, {}, scene.train);
+    StereoStart stereo{scene.points.positions, {}};
     adopt_scene(*point, scene);
-    read_wanted_priors(options, scene);
+    provide_maps(device, options, std::move(stereo), scene);
     return scene;
 }
 
@@ -251,7 +250,6 @@ int command(int argc, char** argv) {
         std::fputs(plan.text().c_str(), stdout);
         return 0;
     }
-    complete_maps(options.train.loss, options.descriptors, scene.train);
     read_fixed_voters(options, scene);
     if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
         make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run

@@ -15,14 +15,13 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
 }
 
 /// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
-/// stereo, if that finds more. With `priors`, the same stereo makes the priors that terms ask for.
-inline void prepare_points(const DeviceChoice& device,
-                           const RunOptions& options,
-                           Scene& scene,
-                           bool priors = true) {
+/// stereo, if that finds more. Returns what stereo found, of which priors can be made.
+inline StereoStart prepare_points(const DeviceChoice& device,
+                                  const RunOptions& options,
+                                  Scene& scene) {
     const InitOptions& init = options.train.init;
-    const std::vector<Vec3f> points = scene.points.positions;
-    std::vector<StereoMaps> stereo;
+    StereoStart stereo{scene.points.positions, {}};
+    const std::vector<Vec3f>& points = stereo.points;
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
@@ -32,7 +31,7 @@ inline void prepare_points(const DeviceChoice& device,
         try {
             StereoResult found = stereo_cloud(device, scene.train, points, options.stereo,
                                               stereo_cap(init.max_points));
-            stereo = std::move(found.maps);
+            stereo.maps = std::move(found.maps);
             if (found.cloud.positions.size() > points.size()) scene.points = std::move(found.cloud);
         } catch (const Error& error) {
             if (error.code() != ExitCode::input || points.empty()) throw;
@@ -40,7 +39,7 @@ inline void prepare_points(const DeviceChoice& device,
                          points.size());
         }
     }
-    if (priors) provide_stereo_priors(device, options, points, std::move(stereo), scene.train);
+    return stereo;
 }
 
 /// The near plane's default suits scenes some units deep; in smaller ones it would hide them.

@@ -5,6 +5,7 @@
 #include "core/device_choice.h"
 #include "pipeline/built_in_configs.h"
 #include "pipeline/initial_points.h"
+#include "pipeline/view_maps.h"
 
 namespace tvsgs {
 namespace {
@@ -126,8 +127,19 @@ Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
     return load_and_hold_out(choose_views(options.scene), options, resumed, table);
 }
 
-void read_wanted_priors(const RunOptions& options, Scene& scene) {
-    read_priors(options.priors, needs_of(options.train.loss).view_maps, options.scene, scene);
+void provide_maps(const DeviceChoice& device,
+                  const RunOptions& options,
+                  StereoStart stereo,
+                  Scene& scene) {
+    using Source = PriorOptions::Source;
+    const Source source = options.priors.source;
+    const MapNames wanted = needs_of(options.train.loss).view_maps;
+    if (source == Source::automatic || source == Source::disk)
+        read_priors(options.priors, wanted, options.scene, scene);
+    if (source == Source::automatic || source == Source::stereo)
+        make_stereo_priors(device, options.stereo, options.priors.stereo, wanted, std::move(stereo),
+                           scene.train);
+    complete_maps(options.train.loss, options.descriptors, scene.train);
 }
 
 Scene read_and_plan(const DeviceChoice& device,
@@ -138,9 +150,9 @@ Scene read_and_plan(const DeviceChoice& device,
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
-        prepare_points(device, options, scene);
+        StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
-        read_wanted_priors(options, scene);
+        provide_maps(device, options, std::move(found), scene);
         return scene;
     }
     options.scene.points_required = false;
@@ -166,7 +178,7 @@ Scene read_and_plan(const DeviceChoice& device,
         plan.remark("More is decided on the cloud that stereo makes.");
         return scene;
     }
-    prepare_points(device, options, scene, !plan_only);
+    StereoStart found = prepare_points(device, options, scene);
     if (scene.points.positions.empty())
         throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
                                          ": no initial points; pass --init-ply, or let stereo make "
@@ -182,7 +194,7 @@ Scene read_and_plan(const DeviceChoice& device,
         plan.apply(decision);
     plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
-    if (!plan_only) read_wanted_priors(options, scene);
+    if (!plan_only) provide_maps(device, options, std::move(found), scene);
     plan.finish();
     return scene;
 }

@@ -16,9 +16,14 @@ void check_consistency(const TrainOptions& options);
 /// would have to hold one out, as it has trained on all of its views.
 Scene read_views(const RunOptions& options, bool resumed, OptionTable& table);
 
-/// Fills the maps that the losses ask for (pipeline/priors.h). A run that is resumed has the points
-/// of its checkpoint then, so that the maps are those it began with.
-void read_wanted_priors(const RunOptions& options, Scene& scene);
+/// Fills the maps that the losses ask for: from files, from `stereo`, descriptors, as
+/// `priors.source` says. A run that is resumed has the points of its checkpoint then, so that the
+/// maps are those it began with; `stereo` goes by those that the scene came with. Throws Error
+/// where one is missing.
+void provide_maps(const DeviceChoice& device,
+                  const RunOptions& options,
+                  StereoStart stereo,
+                  Scene& scene);
 
 /// The scene with its initial cloud and its priors. Where a plan is asked for, its decisions are
 /// made as soon as what they go by is known: the views, the cloud that comes with them, the cloud

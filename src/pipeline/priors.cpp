@@ -86,22 +86,21 @@ std::vector<PriorView> views_of(const SceneOptions& options, Scene& scene) {
     return views;
 }
 
-/// Says which wanted maps are nowhere; that is an error where files have to be there.
-void report_missing(const PriorOptions& options,
-                    const PriorQuery& query,
-                    const std::string& lacks,
-                    bool none_at_all) {
+/// That wanted maps are nowhere is an error where files have to be there.
+void require_files(const PriorOptions& options,
+                   const PriorQuery& query,
+                   const std::string& lacks,
+                   bool none_at_all) {
+    if (options.source != PriorOptions::Source::disk && (options.dir.empty() || !none_at_all))
+        return;
     std::string places;
     for (const std::string& folder : prior_folders(query))
         places += (places.empty() ? "" : ", ") + folder;
-    const std::string message =
-        str("no prior ", lacks, " in ", places, ", which a loss of this configuration asks for");
-    if (options.source == PriorOptions::Source::disk || (!options.dir.empty() && none_at_all))
-        throw Error(ExitCode::input,
-                    str("E_PRIORS: ", message,
-                        "; expected files as docs/guide/priors.md lists them: name their folder "
-                        "with --priors, or set the weight of that loss to 0"));
-    spdlog::warn("{}; that loss does nothing (docs/guide/priors.md)", message);
+    throw Error(ExitCode::input,
+                str("E_PRIORS: no prior ", lacks, " in ", places,
+                    ", which a loss of this configuration asks for; expected files as "
+                    "docs/guide/priors.md lists them: name their folder with --priors, or set the "
+                    "weight of that loss to 0"));
 }
 
 }  // namespace
@@ -124,7 +123,7 @@ void read_priors(const PriorOptions& options,
                          wants(prior_map::kFeatures),
                          wants(prior_map::kCoarseFeatures)};
     const bool depth = in.depth || in.order, features = in.features || in.coarse_features;
-    if (options.source == PriorOptions::Source::none || !(depth || in.normal || features)) return;
+    if (!(depth || in.normal || features)) return;
 
     with_context("reading priors of " + scene_options.path, [&] {
         PriorQuery query{scene_options.path, options.dir, {}};
@@ -140,7 +139,7 @@ void read_priors(const PriorOptions& options,
         };
         look(depth, sources.depth, "depth"), look(in.normal, sources.normal, "normals");
         look(features, sources.features, "features");
-        if (!lacks.empty()) report_missing(options, query, lacks, none_at_all);
+        if (!lacks.empty()) require_files(options, query, lacks, none_at_all);
 
         std::vector<PriorView> views = views_of(scene_options, scene);
         std::string found;

@@ -7,31 +7,35 @@
 #include "core/prior_conventions.h"
 #include "io/scene_options.h"
 #include "optim/loss.h"
+#include "pipeline/stereo_priors.h"
 
 namespace tvsgs {
 
 struct PriorOptions {
-    enum class Source { automatic, none, disk } source = Source::automatic;
+    enum class Source { automatic, none, disk, stereo } source = Source::automatic;
     std::string dir;
     PriorQuantity quantity = PriorQuantity::unknown;
     float max_residual = 0.1f;
+    StereoPriorOptions stereo;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice("source", source, {"auto", "none", "disk"},
-                     "where depth, normals and features that losses ask for come from; auto: files "
-                     "beside the scene, if there are any; disk: they have to be there");
+        field.choice("source", source, {"auto", "none", "disk", "stereo"},
+                     "where depth and normals that losses ask for come from; auto: files beside "
+                     "the scene, and stereo for views that have none; disk: files, which have to "
+                     "be there");
         field("dir", dir, "folder of the priors, in the scene or here; empty: looked for");
         field.choice("quantity", quantity, {"auto", "depth", "inverse_depth", "log_depth"},
                      "what the numbers of depth maps are; auto: what fits the points");
         field("max_residual", max_residual, {1e-4, 10},
               "median error of a fitted depth map against the points, in shares of the depth; "
               "a view above is left out");
+        field.group("stereo", stereo, "the maps that stereo makes");
     }
 };
 
-/// Fills View::maps of the training views with the maps of core/prior_maps.h among `wanted`. Scale
-/// and shift are fitted to Scene::points. One line says what was found. Throws
+/// Fills View::maps of the training views with the maps of core/prior_maps.h among `wanted` that
+/// lie on disk. Scale and shift are fitted to Scene::points. One line says what was found. Throws
 /// Error(ExitCode::input).
 void read_priors(const PriorOptions& options,
                  const MapNames& wanted,

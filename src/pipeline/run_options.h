@@ -10,7 +10,6 @@
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/priors.h"
 #include "pipeline/run_plan.h"
-#include "pipeline/stereo_priors.h"
 #include "pipeline/train_evaluation.h"
 
 namespace tvsgs {
@@ -32,7 +31,6 @@ struct RunOptions {
     StereoOptions stereo;  // for a scene with few points
     DescriptorOptions descriptors;
     PriorOptions priors;
-    StereoPriorOptions priors_from_stereo;
     MeshOptions mesh;
     EvaluationOptions eval;
     MemoryOptions memory;
@@ -46,7 +44,6 @@ struct RunOptions {
         table.add("stereo", stereo);
         table.add("descriptors", descriptors);
         table.add("priors", priors);
-        table.add("priors_from_stereo", priors_from_stereo);
         table.add("mesh", mesh);
         table.add("eval", eval);
         table.add("memory", memory);

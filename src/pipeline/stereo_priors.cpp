@@ -4,12 +4,11 @@
 #include <cmath>
 #include <limits>
 
+#include "core/parallel.h"
 #include "core/prior_maps.h"
 #include "mvs/depth_completion.h"
 #include "mvs/mvs_math.h"
 #include "mvs/planar_prior.h"
-#include "optim/loss.h"
-#include "pipeline/run_options.h"
 #include "pipeline/stereo_cloud.h"
 
 namespace tvsgs {
@@ -21,10 +20,23 @@ constexpr std::string_view kMade[] = {prior_map::kDepth, prior_map::kDepthOrder,
 /// Cosine: planes seen flatter bridge the step from one surface to another, mostly.
 constexpr float kLeastFacing = 0.3f;
 
-bool has_priors(const View& view) {
-    return std::any_of(view.maps.begin(), view.maps.end(), [](const ViewMap& map) {
-        return std::find(std::begin(kMade), std::end(kMade), map.name) != std::end(kMade);
+/// Confidence and order are those of the depth.
+bool lacks(const View& view, std::string_view name) {
+    return std::none_of(view.maps.begin(), view.maps.end(), [&](const ViewMap& map) {
+        return name == prior_map::kNormal
+                   ? map.name == name
+                   : map.name == prior_map::kDepth || map.name == prior_map::kDepthOrder ||
+                         map.name == prior_map::kConfidence;
     });
+}
+
+MapNames to_make(const View& view, const MapNames& wanted) {
+    MapNames made;
+    for (const std::string_view name : wanted)
+        if (std::find(std::begin(kMade), std::end(kMade), name) != std::end(kMade) &&
+            lacks(view, name))
+            made.add(name);
+    return made;
 }
 
 /// The photograph's value at each pixel's centre, in another size.
@@ -167,12 +179,13 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
     for (std::size_t v = 0; v < views.size(); ++v) {
         View& view = views[v];
         const auto& depth = stereo[v].depth;
-        if (has_priors(view) ||
+        const MapNames names = to_make(view, wanted);
+        if (names.empty() ||
             std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
             continue;
         StereoMaps maps = resized(completed(stereo[v], options, view), view.camera);
         const auto add = [&](std::string_view name, int channels, std::vector<float> values) {
-            if (std::find(wanted.begin(), wanted.end(), name) != wanted.end())
+            if (std::find(names.begin(), names.end(), name) != names.end())
                 view.maps.push_back({std::string(name), view.camera.width_px, view.camera.height_px,
                                      channels, std::move(values)});
         };
@@ -185,31 +198,24 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
     }
 }
 
-MapNames wanted_stereo_priors(const RunOptions& options) {
-    MapNames wanted;
-    if (!options.priors_from_stereo.enabled) return wanted;
-    for (const std::string_view name : needs_of(options.train.loss).view_maps)
-        if (std::find(std::begin(kMade), std::end(kMade), name) != std::end(kMade))
-            wanted.add(name);
-    return wanted;
-}
-
-void provide_stereo_priors(const DeviceChoice& device,
-                           const RunOptions& options,
-                           const std::vector<Vec3f>& points,
-                           std::vector<StereoMaps> stereo,
-                           std::vector<View>& views) {
-    const MapNames wanted = wanted_stereo_priors(options);
-    if (wanted.empty() || std::all_of(views.begin(), views.end(), has_priors)) return;
-    if (stereo.empty()) {
+void make_stereo_priors(const DeviceChoice& device,
+                        const StereoOptions& stereo,
+                        const StereoPriorOptions& options,
+                        const MapNames& wanted,
+                        StereoStart start,
+                        std::vector<View>& views) {
+    if (std::all_of(views.begin(), views.end(),
+                    [&](const View& view) { return to_make(view, wanted).empty(); }))
+        return;
+    std::vector<StereoMaps> found = std::move(start.maps);
+    if (found.empty()) {
         spdlog::info("terms ask for priors that the scene does not have: stereo makes them");
-        stereo =
-            with_context("making priors (priors_from_stereo.enabled=false trains without)", [&] {
-                return run_stereo(device, views, points, options.stereo);
-            }).maps;
+        found = with_context("making priors (priors.source=none trains without)", [&] {
+                    return run_stereo(device, views, start.points, stereo);
+                }).maps;
     }
     std::size_t known = 0, pixels = 0;
-    for (const StereoMaps& maps : stereo) {
+    for (const StereoMaps& maps : found) {
         pixels += maps.depth.size();
         known += static_cast<std::size_t>(
             std::count_if(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; }));
@@ -218,11 +224,11 @@ void provide_stereo_priors(const DeviceChoice& device,
         throw Error(ExitCode::input,
                     str("terms ask for priors, and stereo found no depth in ", views.size(),
                         " views; give priors with the scene, or train without "
-                        "(priors_from_stereo.enabled=false)"));
-    add_stereo_priors(stereo, options.priors_from_stereo, wanted, views);
+                        "(priors.source=none)"));
+    add_stereo_priors(found, options, wanted, views);
     spdlog::info("priors by stereo: {:.0f} % of the pixels are measured{}",
                  100.0 * static_cast<double>(known) / static_cast<double>(pixels),
-                 options.priors_from_stereo.complete ? ", the others filled in" : "");
+                 options.complete ? ", the others filled in" : "");
 }
 
 }  // namespace tvsgs

@@ -11,16 +11,12 @@
 
 namespace tvsgs {
 
-struct RunOptions;
-
 struct StereoPriorOptions {
-    bool enabled = true, complete = true, planar = true;
+    bool complete = true, planar = true;
     float fill_confidence = 0.05f, planar_confidence = 0.1f, smoothness = 0.05f;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("enabled", enabled,
-              "where a term asks for priors that did not come with the scene, stereo makes them");
         field("complete", complete,
               "pixels that stereo does not know are filled in, smoothly but for edges of the "
               "photograph");
@@ -37,23 +33,26 @@ struct StereoPriorOptions {
 /// Fills View::maps of the views with those maps of core/prior_maps.h that are `wanted`, of the
 /// photographs' size; `stereo` is of the same views. Depth is measured (confidence above
 /// `planar_confidence`), on a plane between measured pixels (that confidence), or filled in
-/// (`fill_confidence`, without a normal). Views that came with any of these maps keep what they
-/// have; a view without a measured pixel gets none.
+/// (`fill_confidence`, without a normal). A view keeps what it came with, depth with its order
+/// and confidence, and normals; a view without a measured pixel gets none.
 void add_stereo_priors(const std::vector<StereoMaps>& stereo,
                        const StereoPriorOptions& options,
                        const MapNames& wanted,
                        std::vector<View>& views);
 
-/// What add_stereo_priors() is to make for this configuration; empty: nothing.
-MapNames wanted_stereo_priors(const RunOptions& options);
+/// What stereo went by, and what it found; without maps it has not run yet.
+struct StereoStart {
+    std::vector<Vec3f> points;
+    std::vector<StereoMaps> maps;  // of the training views
+};
 
-/// add_stereo_priors() where a term asks for priors and a training view came without. `stereo`:
-/// what has been computed already; empty: it is computed now, from `points`. Throws
+/// add_stereo_priors() of what is `wanted`, where a view came without. Throws
 /// Error(ExitCode::input) where there is no stereo to be had.
-void provide_stereo_priors(const DeviceChoice& device,
-                           const RunOptions& options,
-                           const std::vector<Vec3f>& points,
-                           std::vector<StereoMaps> stereo,
-                           std::vector<View>& views);
+void make_stereo_priors(const DeviceChoice& device,
+                        const StereoOptions& stereo,
+                        const StereoPriorOptions& options,
+                        const MapNames& wanted,
+                        StereoStart start,
+                        std::vector<View>& views);
 
 }  // namespace tvsgs

@@ -181,17 +181,6 @@ TEST(StereoPriors, AWallMetHeadOnHasAnOrder) {
     for (const float v : values(views[0], "depth_order")) ASSERT_EQ(v, 0);
 }
 
-TEST(StereoPriors, TheConfigurationSaysWhatIsWanted) {
-    RunOptions options;
-    EXPECT_TRUE(wanted_stereo_priors(options).empty());
-    options.train.loss.prior_normal.weight = 1;
-    const MapNames names = wanted_stereo_priors(options);
-    EXPECT_EQ(std::vector<std::string_view>(names.begin(), names.end()),
-              (std::vector<std::string_view>{"normal", "confidence"}));
-    options.priors_from_stereo.enabled = false;
-    EXPECT_TRUE(wanted_stereo_priors(options).empty());
-}
-
 double textured(const test::Surface& surface) {
     return test::texture(surface.point);
 }
@@ -204,7 +193,8 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
         options.train.loss.prior_normal.weight = 1;
     options.stereo.min_segment = 20;  // the images are small
     const DeviceChoice cpu = choose_device("cpu");
-    provide_stereo_priors(cpu, options, {}, {}, views);
+    make_stereo_priors(cpu, options.stereo, options.priors.stereo,
+                       needs_of(options.train.loss).view_maps, {}, views);
     for (const View& view : views) {
         const auto &depth = values(view, "depth"), &confidence = values(view, "confidence");
         int measured = 0, near = 0, planar = 0, on_plane = 0, filled = 0, about = 0;
@@ -214,7 +204,7 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
                 test::trace(view.camera, at % kWidth + 0.5, at / kWidth + 0.5).depth;
             const double error = std::abs(double(depth[i]) - truth) / truth;
             ASSERT_GT(depth[i], 0);
-            const float planes = options.priors_from_stereo.planar_confidence;
+            const float planes = options.priors.stereo.planar_confidence;
             if (confidence[i] > planes)
                 ++measured, near += error < 0.01;
             else if (confidence[i] == planes)
@@ -233,7 +223,8 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
     // Views that have all they want are left as they are.
     const auto before = values(views[0], "depth");
     views[0].photo = ImageU8(1, 1, 3);  // no stereo could be made of that
-    provide_stereo_priors(cpu, options, {}, {}, views);
+    make_stereo_priors(cpu, options.stereo, options.priors.stereo,
+                       needs_of(options.train.loss).view_maps, {}, views);
     EXPECT_EQ(values(views[0], "depth"), before);
 }
 
@@ -243,11 +234,12 @@ TEST(StereoPriors, BlankPhotographsAreAnError) {
     RunOptions options;
     options.train.loss.prior_depth.weight = 1;
     try {
-        provide_stereo_priors(choose_device("cpu"), options, {}, {}, views);
+        make_stereo_priors(choose_device("cpu"), options.stereo, options.priors.stereo,
+                           needs_of(options.train.loss).view_maps, {}, views);
         FAIL();
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::input);
-        EXPECT_NE(std::string(error.what()).find("priors_from_stereo.enabled"), std::string::npos);
+        EXPECT_NE(std::string(error.what()).find("priors.source"), std::string::npos);
     }
 }
 
