@@ -49,7 +49,7 @@ struct FeatureBody {
     ViewPair<float> pair;
     Camera camera;  // of the reference
     FeatureMap here, there;
-    Span<const float> depth;
+    Span<const float> depth, transmittance;
     Span<const std::int64_t> nearest;  // empty: all points are visible
     const double* count;               // of the pixels with depth
     float max_error;
@@ -61,7 +61,7 @@ struct FeatureBody {
         const int x = at % camera.width_px, y = at / camera.width_px;
         const Vec3f ray = pixel_ray(camera, x, y);
         const auto seen = seen_point(pair, ray, depth[at]);
-        if (!seen.inside ||
+        if (!seen.inside || !(transmittance[at] <= 0.5f) ||
             (!nearest.empty() && nearest[pixel_of(pair, seen)] != nearness(seen.there, at)))
             return;
         const Vec2f scale_here{
@@ -85,9 +85,9 @@ struct FeatureBody {
 
 /// mean over pixels with depth and over other views of |1 - cosine| between the descriptor of the
 /// pixel and that of where the other view sees its surface; what the other view does not see, or
-/// sees otherwise, costs nothing and counts in the mean. Of two resolutions where both views have
-/// them, the coarse one at half weight. The derivative goes to this view's depth.
-/// [docs/method/fates.md#descriptors]
+/// sees otherwise, and what is covered to less than a half costs nothing and counts in the mean. Of
+/// two resolutions where both views have them, the coarse one at half weight. The derivative goes
+/// to this view's depth. [docs/method/fates.md#descriptors]
 template <class Device>
 class FeatureLoss final : public Loss<Device> {
 public:
@@ -150,11 +150,12 @@ private:
                             str("map '", name, "': view ", in.view.index, " has descriptors of ",
                                 a.channels, " numbers, view ", other.view().index, " of ",
                                 b.channels, "; views are compared, so all need the same"));
-            parallel_for(Device{}, pixels,
-                         FeatureBody{pair, images.camera, features(a), features(b),
-                                     images.depth.span(), std::as_const(nearest_).span(),
-                                     objective.count.data(), options_.max_error, share * weight,
-                                     pixel_loss_.span(), objective.dL_dimages.depth.span()});
+            parallel_for(
+                Device{}, pixels,
+                FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),
+                            images.transmittance.span(), std::as_const(nearest_).span(),
+                            objective.count.data(), options_.max_error, share * weight,
+                            pixel_loss_.span(), objective.dL_dimages.depth.span()});
         };
         at_scale(prior_map::kFeatures, both ? 2.0f / 3 : 1.0f);
         if (both) at_scale(prior_map::kCoarseFeatures, 1.0f / 3);

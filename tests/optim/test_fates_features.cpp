@@ -84,6 +84,7 @@ FatesCase plane_case() {
     c.others = {plane_view(0.25f, 36, 28, 2, 0.2), plane_view(-0.3f, 40, 30, 3, 0.2)};
     set_depth(c, 1, 0.01);
     for (std::size_t i = 0; i < c.depth.size(); i += 37) c.depth[i] = 0;
+    for (std::size_t i = 5; i < c.depth.size(); i += 11) c.transmittance[i] = 0.51f;
     c.options.photometric.weight = 0;
     c.options.features.weight = kWeight;
     return c;
@@ -165,7 +166,9 @@ std::vector<std::vector<Sample>> samples_of(const FatesCase& c) {
                              there = feature_map(*find_map(other, name));
             const double share = coarse ? 0.5 / 1.5 : both ? 1 / 1.5 : 1;
             for (std::size_t i = 0; i < c.depth.size(); ++i) {
-                if (!(c.depth[i] > 0) || (c.options.features.z_buffer && !seen[i])) continue;
+                if (!(c.depth[i] > 0) || c.transmittance[i] > 0.5f ||
+                    (c.options.features.z_buffer && !seen[i]))
+                    continue;
                 const double x = static_cast<double>(i %
                                                      static_cast<std::size_t>(camera.width_px)) +
                                  0.5,
@@ -409,6 +412,9 @@ TEST(FeatureLoss, WhereNothingCanBeComparedItAddsNothing) {
     expect_nothing(c, "no depth");
     c.depth.assign(c.depth.size(), NAN);
     expect_nothing(c, "not a number");
+    c = full;
+    c.transmittance.assign(c.depth.size(), 0.6f);
+    expect_nothing(c, "hardly covered");
     c = full;
     for (ViewMap& map : c.view.maps) std::fill(map.values.begin(), map.values.end(), 0.0f);
     expect_nothing(c, "descriptors of nothing");
