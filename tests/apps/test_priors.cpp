@@ -16,6 +16,7 @@
 #include "io/ply.h"
 #include "io/scene_reader.h"
 #include "mesh/mesh_render.h"
+#include "pipeline/planned_scene.h"
 #include "pipeline/priors.h"
 #include "support/command.h"
 
@@ -428,6 +429,39 @@ TEST_F(Priors, ThatAreMissingAreSaid) {
         EXPECT_EQ(error.code(), ExitCode::input);
     }
     EXPECT_THROW(read_folder("nowhere"), Error);
+}
+
+/// A program's own term that wants depth.
+void add_depth_term() {
+    static const bool once = [] {
+        add_loss<Cpu>({"wants_depth", 1, {.view_maps = {prior_map::kDepth}}},
+                      [](const LossContext&) { return nullptr; });
+        return true;
+    }();
+    ASSERT_TRUE(once);
+}
+
+// A run that is resumed has the points of its checkpoint, and so the same maps, bit for bit.
+TEST_F(Priors, OfARunAreThoseItBeganWith) {
+    const std::string dir = write({.format = "npy", .quantity = "inverse_depth", .noise = 0.01});
+    add_depth_term();
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.set("scene.path", (folder_ / "scene").string(), "the test");
+    table.set("priors.dir", dir, "the test");
+    table.set("init.min_points", "0", "the test");
+    RunPlan plan(table);
+    Scene fresh = read_and_plan({}, false, options, table, plan);
+    ASSERT_NE(find(fresh.train[0], prior_map::kDepth), nullptr);
+    Scene resumed = read_views(options, true, table);
+    resumed.points = {};
+    resumed.points.positions = fresh.points.positions;
+    read_wanted_priors(options, resumed);
+    for (std::size_t v = 0; v < fresh.train.size(); ++v)
+        EXPECT_EQ(find(fresh.train[v], prior_map::kDepth)->values,
+                  find(resumed.train[v], prior_map::kDepth)->values);
+    EXPECT_EQ(fresh.train[0].maps.size(), 1u) << "nobody asks for more";
 }
 
 }  // namespace
