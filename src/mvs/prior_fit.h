@@ -54,14 +54,14 @@ struct ReadingChoice {
     PriorReading reading;
     double residual = std::numeric_limits<double>::infinity();  // median over views
     int tested_views = 0;
-    bool by_points = false;  // another one than such files usually have
 };
 
 /// The reading of the files that the points bear out. What `convention` leaves open is tried; what
-/// it takes for usual gives way to a reading that most views fit clearly better. Throws
-/// Error(ExitCode::input), E_PRIORS: where something else than what is declared fits clearly
-/// better, where no reading fits within `max_residual`, or where the numbers run against depth.
-/// Without enough points in any view nothing is tested, and the usual reading stands.
+/// it takes for usual gives way to a reading that most views fit clearly better, as depth always
+/// does to inverse depth where numbers fall with depth. Throws Error(ExitCode::input), E_PRIORS:
+/// where something else than what is declared fits clearly better, where no reading fits within
+/// `max_residual`, or where the numbers run against depth. Without enough points in any view
+/// nothing is tested, and the usual reading stands.
 ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
                              const DepthConvention& convention,
                              double max_residual);

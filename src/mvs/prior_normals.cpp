@@ -95,7 +95,7 @@ NormalChoice choose_normals(const std::vector<NormalSample>& samples,
                         " points to a mean cosine of ", two_digits(expected), ", those in frame ",
                         text_of(best), " to ", two_digits(highest),
                         "; expected frame and facing to be the latter"));
-    choice.reading = best, choice.cosine = highest, choice.by_points = true;
+    choice.reading = best, choice.cosine = highest;
     return choice;
 }
 

@@ -35,7 +35,6 @@ struct NormalChoice {
     NormalReading reading;
     double cosine = 0;  // mean over the samples; 0: not tested
     std::size_t samples = 0;
-    bool by_points = false;  // another one than expected
 };
 
 /// The convention that the points bear out: each axis of the camera's frame may be turned, world

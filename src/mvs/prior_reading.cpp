@@ -157,7 +157,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
         for (const Tested& t : tested)
             if (t.reading.alignment == alignment && may_be_taken(t.reading)) open.push_back(t);
         if (open.empty() || !is_clearly_better(best_of(open), chosen)) continue;
-        chosen = best_of(open), choice.by_points = true;
+        chosen = best_of(open);
     }
 
     // 3. What speaks against it.

@@ -164,7 +164,6 @@ TEST(ChooseReading, TakesWhatFits) {
             EXPECT_EQ(choice.reading.quantity, quantity);
             EXPECT_EQ(choice.reading.geometry, geometry);
             EXPECT_EQ(choice.tested_views, 2);
-            EXPECT_EQ(choice.by_points, quantity != Q::depth || geometry != G::z);
         }
 }
 
@@ -179,7 +178,6 @@ TEST(ChooseReading, KeepsToTheUsualWhereNothingTells) {
     convention.geometry = G::z, convention.quantity = Q::log_depth;
     const ReadingChoice choice = choose_reading({flat}, convention, 0.1);
     EXPECT_EQ(choice.reading.quantity, Q::log_depth);
-    EXPECT_FALSE(choice.by_points);
     const ReadingChoice untested =
         choose_reading({samples_of(Q::depth, G::z, 1, 0, 19)}, convention, 0.1);
     EXPECT_EQ(untested.reading.quantity, Q::log_depth);
@@ -314,7 +312,6 @@ TEST(ChooseNormals, FindsTheFrame) {
             EXPECT_EQ(choice.reading.signs.y, y);
             EXPECT_EQ(choice.reading.signs.z, z);
             EXPECT_NEAR(choice.cosine, 1, 1e-9);
-            EXPECT_EQ(choice.by_points, world || turned != 0);
         }
 }
 
