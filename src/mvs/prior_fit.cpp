@@ -168,10 +168,9 @@ bool varies(const Equations& equations) {
 
 double prior_depth(double value, const PriorFit& fit, const PriorReading& reading, double cosine) {
     const double number = fit.scale * value + fit.shift;
-    const double d = reading.quantity == PriorQuantity::log_depth ? std::exp(number)
-                     : reading.quantity == PriorQuantity::inverse_depth
-                         ? (number > 0 ? 1 / number : 0)
-                         : number;
+    const double d = reading.quantity == PriorQuantity::log_depth       ? std::exp(number)
+                     : reading.quantity == PriorQuantity::inverse_depth ? 1 / number
+                                                                        : number;
     const double z = reading.geometry == PriorGeometry::ray ? d * cosine : d;
     return z > 0 && z < 1e30 ? z : 0;
 }

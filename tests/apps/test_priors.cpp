@@ -327,6 +327,60 @@ TEST_F(Priors, OfOneBadViewAreLeftOut) {
     EXPECT_NE(find(scene.train[1], prior_map::kDepth), nullptr);
 }
 
+// Where a shift was fitted, depth far beyond the points is a guess; its order is none.
+TEST_F(Priors, FarBeyondThePointsHaveAnOrderAlone) {
+    const std::string dir = write({.format = "npy", .quantity = "inverse_depth"});
+    const fs::path file = folder_ / "scene" / dir / "depth_npy/0001_pred.npy";
+    ImageF map(160, 120, 1);
+    for (std::size_t i = 0; i < map.pixels.size(); ++i)
+        map.pixels[i] = truth_[1].depth.pixels[i] > 0 ? 1 / truth_[1].depth.pixels[i] + 3 : NAN;
+    // Four times the farthest point is 30 at most, and a quarter of the nearest 1.
+    const std::pair<std::size_t, float> odd[] = {
+        {0, 3 + 1 / 8.f}, {2, 3 + 1 / 80.f}, {4, 2.9f}, {6, 3 + 1 / 0.1f}};
+    for (const auto& [at, value] : odd) map.pixels[at] = value;
+    write_npy(file, {120, 160}, map.pixels.data());
+    const Scene scene = read_folder(dir);
+    const std::vector<float>&depth = find(scene.train[1], prior_map::kDepth)->values,
+          &order = find(scene.train[1], prior_map::kDepthOrder)->values;
+    EXPECT_NEAR(depth[0], 8, 0.05f);
+    for (const std::size_t at : {2, 4, 6}) EXPECT_EQ(depth[at], 0) << at;
+    EXPECT_EQ(order[2], order[4]);
+    EXPECT_LT(order[0], order[2]);
+    EXPECT_LT(order[6], order[0]);
+    EXPECT_LT(order[6], 0);
+}
+
+TEST_F(Priors, OfAnUnlikelyScaleAreFitted) {
+    const std::string dir = write({.format = "params"});
+    const std::string file = folder_ / "scene" / dir / "sparse/0/depth_params.json";
+    std::string text = contents(file);
+    const std::size_t at = text.find("\"scale\": ", text.find("0002")) + 9;
+    text.insert(at, "-");
+    std::ofstream(file) << text;
+    expect_depth(read_folder(dir), 1e-3);
+    EXPECT_TRUE(said("in scene units inverse depth")) << said_;
+}
+
+TEST_F(Priors, NormalsThatFaceAwayAreDropped) {
+    const std::string dir = write({.format = "npy"});
+    const fs::path file = folder_ / "scene" / dir / "normal/0000_normal.npy";
+    ImageF map = truth_[0].normal;
+    const std::size_t pixel = 60 * 160 + 80;
+    for (std::size_t i = 0; i < map.pixels.size() / 3; ++i) {
+        float* const n = &map.pixels[3 * i];
+        const Vec3f ray =
+            pixel_ray(scene_.train[0].camera, static_cast<int>(i) % 160, static_cast<int>(i) / 160);
+        const bool away = dot(Vec3f{n[0], n[1], n[2]}, ray) > 0;
+        if (away != (i == pixel))
+            for (int c = 0; c < 3; ++c) n[c] = -n[c];
+    }
+    write_npy(file, {120, 160, 3}, map.pixels.data());
+    const Scene scene = read_folder(dir);
+    const std::vector<float>& normal = find(scene.train[0], prior_map::kNormal)->values;
+    EXPECT_EQ(normal[3 * pixel + 2], 0);
+    EXPECT_LT(normal[3 * (pixel + 3) + 2], 0);
+}
+
 TEST_F(Priors, NormalsOfAnyFrame) {
     for (const char* frame : {"camera_opencv", "camera_opengl", "world"})
         for (const bool away : {false, true}) {

@@ -84,9 +84,12 @@ TEST(PriorFit, WithstandsPointsThatAreHidden) {
     const PriorFit fit = fit_prior(samples, {Q::inverse_depth, G::z, A::affine});
     EXPECT_NEAR(fit.scale, 1.7, 1e-6);
     EXPECT_NEAR(fit.shift, 0.05, 1e-6);
-    for (PriorSample& s : samples) s.value = 1 / s.value;
-    const PriorFit scale = fit_prior(samples_of(Q::depth, G::z, 3, 0), {Q::depth, G::z, A::scale});
-    EXPECT_NEAR(scale.scale, 3, 1e-9);
+    // With noise, too: points far off have no weight at all, not just less.
+    test::Random random(6);
+    for (PriorSample& s : samples) s.value *= 1 + 0.01 * random.normal();
+    const PriorFit both = fit_prior(samples, {Q::inverse_depth, G::z, A::affine});
+    EXPECT_NEAR(both.scale, 1.7, 0.03);
+    EXPECT_NEAR(both.shift, 0.05, 0.005);
 }
 
 TEST(PriorFit, WeighsErrorsByDepth) {
@@ -193,6 +196,14 @@ TEST(ChooseReading, TakesAsFewUnknownsAsFit) {
     EXPECT_EQ(alignment(1, 0), A::metric);
     EXPECT_EQ(alignment(3, 0), A::scale);
     EXPECT_EQ(alignment(3, 1), A::affine);
+    // A shift that explains a third of the error is not worth it.
+    PriorSamples samples = samples_of(Q::depth, G::z, 3, 0.27, 2000);
+    test::Random random(8);
+    for (PriorSample& s : samples) s.value *= 1 + 0.03 * random.normal();
+    const double scale = fit_prior(samples, {Q::depth, G::z, A::scale}).residual,
+                 affine = fit_prior(samples, {Q::depth, G::z, A::affine}).residual;
+    EXPECT_NEAR(affine / scale, 0.65, 0.1);
+    EXPECT_EQ(choose_reading({samples}, metric, 0.1).reading.alignment, A::scale);
 }
 
 TEST(ChooseReading, RefusesWhatContradictsADeclaration) {
