@@ -67,7 +67,8 @@ DepthRange range_of(const FittedView& fitted) {
     return {depths[rare] / kBeyond, depths[depths.size() - 1 - rare] * kBeyond};
 }
 
-/// Stretched so that the 2nd and 98th percentiles are 0 and 1; false where all are alike or none.
+/// Stretched so that the 2nd and 98th percentiles are 0 and 1, both 0 where all are alike; false
+/// where there are none.
 bool stretch(std::vector<float>& values) {
     std::vector<float> sorted;
     std::copy_if(values.begin(), values.end(), std::back_inserter(sorted),
@@ -80,8 +81,8 @@ bool stretch(std::vector<float>& values) {
         return *at;
     };
     const float low = percentile(2), high = percentile(98);
-    if (!(high > low)) return false;
-    for (float& value : values) value = (value - low) / (high - low);
+    const float spread = high > low ? high - low : 1;
+    for (float& value : values) value = (value - low) / spread;
     return true;
 }
 

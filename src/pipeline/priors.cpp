@@ -123,7 +123,11 @@ void read_priors(const PriorOptions& options,
                          wants(prior_map::kFeatures),
                          wants(prior_map::kCoarseFeatures)};
     const bool depth = in.depth || in.order, features = in.features || in.coarse_features;
-    if (!(depth || in.normal || features)) return;
+    const bool wanted_at_all = depth || in.normal || features;
+    if (!wanted_at_all && (!options.dir.empty() || options.source == PriorOptions::Source::disk))
+        spdlog::warn(
+            "priors are given, but no loss of this configuration asks for any: none is read");
+    if (!wanted_at_all) return;
 
     with_context("reading priors of " + scene_options.path, [&] {
         PriorQuery query{scene_options.path, options.dir, {}};

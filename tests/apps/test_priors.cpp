@@ -461,6 +461,8 @@ TEST_F(Priors, TheSkyHasNone) {
 TEST_F(Priors, AreReadOnlyWhereALossAsksForThem) {
     const std::string dir = write({.format = "npy"});
     EXPECT_TRUE(read_folder(dir, {}, {}).train[0].maps.empty());
+    EXPECT_TRUE(said("no loss of this configuration asks for any")) << said_;
+    EXPECT_TRUE(read_folder("", {}, {}).train[0].maps.empty());
     EXPECT_EQ(said_, "");
     const Scene order = read_folder(dir, {}, {prior_map::kDepthOrder});
     ASSERT_EQ(order.train[0].maps.size(), 1u);
