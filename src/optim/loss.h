@@ -52,6 +52,7 @@ struct LossNeeds {
     bool targets = false;          // of the tensor field
     bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
     bool thickness = false;        // of splats that have one; see Backbone::flat()
+    int kept_per_pixel = 0;        // floats that the term keeps for each pixel of each view
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.maps |= b.maps;
@@ -60,6 +61,7 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.edges |= b.edges, a.grey |= b.grey;
     for (const std::string_view name : b.view_maps) a.view_maps.add(name);
     a.targets |= b.targets, a.splat_gradients |= b.splat_gradients, a.thickness |= b.thickness;
+    a.kept_per_pixel += b.kept_per_pixel;
     return a;
 }
 

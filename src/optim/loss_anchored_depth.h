@@ -82,12 +82,12 @@ template <class Device>
 class AnchoredDepthLoss final : public Loss<Device> {
 public:
     /// For the iterations that make a target.
-    static constexpr LossNeeds kNeeds{
-        .maps = kGeometryMaps,
-        .other_views = 1,
-        .rendered_views = 1,
-        .grey = true,
-        .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
+                                      .other_views = 1,
+                                      .rendered_views = 1,
+                                      .grey = true,
+                                      .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
+                                      .kept_per_pixel = 1};
 
     AnchoredDepthLoss(const AnchoredDepthOptions& options,
                       float length_unit,

@@ -39,12 +39,6 @@ std::int64_t photo_bytes(const std::vector<View>& views) {
     return bytes;
 }
 
-std::int64_t most_photo_bytes(const std::vector<View>& views) {
-    std::int64_t bytes = 0;
-    for (const View& v : views) bytes = std::max(bytes, photo_bytes(v));
-    return bytes;
-}
-
 std::int64_t largest_view(const Scene& scene) {
     std::int64_t pixels = 0;
     for (const auto* views : {&scene.train, &scene.test})
@@ -108,16 +102,19 @@ MemoryPlan estimate_memory(const Scene& scene,
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = photo_bytes(scene.train);
     const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
+    std::int64_t kept = 0, most = 0;  // by terms; photographs and maps of one view
+    for (const View& v : scene.train) {
+        kept += std::int64_t{4} * needs.kept_per_pixel * v.camera.width_px * v.camera.height_px;
+        most = std::max(most, photo_bytes(v));
+    }
     // Else those of a few, grey ones beside the colours.
-    buffers.fixed =
-        (all ? photos
-             : views_at_hand(needs) * (most_photo_bytes(scene.train) + largest_view(scene))) +
-        per_pixel * largest_view(scene);
+    buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
+                    per_pixel * largest_view(scene) + kept;
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
     plan.host.per_splat = 2 * state + parameters;
-    plan.host.fixed = kProgram + photo_bytes(scene.train) + photo_bytes(scene.test) +
+    plan.host.fixed = kProgram + photo_bytes(scene.train) + photo_bytes(scene.test) + 2 * kept +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
     if (!cuda) {
         buffers.per_splat += 2 * state;
