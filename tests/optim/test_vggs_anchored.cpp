@@ -39,6 +39,70 @@ float true_depth(const AnchoredCase& c, int at) {
     return 1.7f * c.order[static_cast<std::size_t>(at)] + 0.3f;
 }
 
+/// exp(-e) (1 + NCC^2) / 2, with e and NCC in double.
+TEST(AnchorConfidence, IsAgreementTimesResemblance) {
+    AnchoredCase c = plane_case();
+    c.reference = test::plane_view(0, 1, 0.05, 2);  // off by a little
+    for (std::size_t i = 0; i < kPixels; ++i) c.confidence.push_back(i % 3 == 0 ? 0.3f : 0.9f);
+    c.order[500] = std::nanf("");
+    Gaussians<Cpu> gaussians;
+    resize(gaussians, 1, 0);
+    std::vector<DeviceView<Cpu>> views;
+    views.push_back(test::upload_view<Cpu>(c.reference, 0));
+    views.push_back(test::upload_view<Cpu>(c.other, 1));
+    std::vector<std::unique_ptr<Backbone<Cpu>>> backbones;
+    backbones.push_back(std::make_unique<test::PreparedImages<Cpu>>(c.other));
+    OtherViews<Cpu> others({{{1}, {0}}, 0.1f}, std::move(backbones), 5);
+    const RenderedImages<Cpu> images = test::upload_maps<Cpu>(c.reference);
+    others.begin(1, 0, views, gaussians);
+    others.compare(images);
+    std::vector<float> got(kPixels, -1);
+    const AnchorConfidenceBody body{patch_pair(images, views[0], others[0], PixelCenter::exact),
+                                    images.normal.span(),
+                                    images.depth.span(),
+                                    others[0].weight(),
+                                    {c.order.data(), c.order.size()},
+                                    {c.confidence.data(), c.confidence.size()},
+                                    0.3f,
+                                    {got.data(), got.size()}};
+
+    const auto scaled = [](const test::ViewMaps& v) {
+        return scaled_camera(v.camera, v.grey_width, v.grey_height);
+    };
+    const auto grey = [](const test::ViewMaps& v) {
+        return GreyBytes{v.grey.data(), v.grey_width, v.grey_height};
+    };
+    const auto pair = view_pair<double>(c.reference.camera, c.other.camera, 0.1);
+    const auto fine = view_pair<double>(scaled(c.reference), scaled(c.other), 0.1);
+    int sure = 0, none = 0;
+    for (int at = 0; at < kPixels; ++at) {
+        const auto i = static_cast<std::size_t>(at);
+        body(at);
+        const int x = at % kWidth, y = at / kWidth;
+        const Vec3d ray = vec_cast<double>(pixel_ray(c.reference.camera, x, y));
+        const auto r = reproject(pair, ray, static_cast<double>(c.reference.depth[i]), [&](int k) {
+            return static_cast<double>(c.other.depth[std::size_t(k)]);
+        });
+        double expected = 0;
+        if (r.valid && i != 500 && i % 3 != 0) {
+            const Vec3d n = vec_cast<double>(c.reference.normal[i]);
+            const Vec2<double> there = project(fine.other, r.there);
+            const bool inside = there.x > 4 && there.y > 4 && there.x < 2 * kWidth - 4 &&
+                                there.y < 2 * kHeight - 4 && x > 1 && y > 1 && x < kWidth - 2 &&
+                                y < kHeight - 2;
+            const auto score =
+                patch_score<double>(fine, {2 * x + 1.0, 2 * y + 1.0}, n,
+                                    -static_cast<double>(c.reference.depth[i]) * dot(n, ray),
+                                    grey(c.reference), grey(c.other), {0.5, 0.5});
+            if (inside && score.valid) expected = std::exp(-r.distance) * (2 - score.error) / 2;
+        }
+        EXPECT_NEAR(got[i], expected, 2e-3) << at;
+        (expected > 0 ? sure : none) += 1;
+    }
+    EXPECT_GT(sure, 300);
+    EXPECT_GT(none, 300);
+}
+
 class Anchors : public testing::TestWithParam<AnchorChoice> {};
 INSTANTIATE_TEST_SUITE_P(Choices,
                          Anchors,
