@@ -109,10 +109,12 @@ public:
 
     /// Whether the view's target would be made at this step.
     bool due(int step, int view) const {
-        const auto round = [&](int at) { return (at - options_.start) / options_.refresh_every; };
         const int last = made_[static_cast<std::size_t>(view)].step;
-        return step >= options_.start && (last < options_.start || round(step) > round(last));
+        return step >= options_.start && (last < options_.start || round_of(step) > round_of(last));
     }
+
+    /// How many anchors say what the prior is off by: fewer as time goes on.
+    int nearest_at(int step) const { return std::max(4 - round_of(step), 1); }
 
     /// [H W] of a view, what its depth is to be; 0: not known. Empty: none yet.
     const Buffer<float, Device>& target(int view) const {
@@ -162,6 +164,8 @@ private:
         float slope = 0;  // 0: none, or one that is not believed
     };
 
+    int round_of(int step) const { return (step - options_.start) / options_.refresh_every; }
+
     /// Leaves the target as it is where no fit is to be had.
     void make_target(const LossInputs<Device>& in,
                      Span<const float> prior,
@@ -195,9 +199,7 @@ private:
         made.slope = jumps ? 0 : static_cast<float>(fit->slope);
         if (jumps) return;
 
-        // Fewer anchors say what the prior is off by as time goes on: 4, 3, 2, 1.
-        const int round = (in.step - options_.start) / options_.refresh_every;
-        const DepthAlignment<double> a = align(*fit, wanted, depth, std::max(4 - round, 1));
+        const DepthAlignment<double> a = align(*fit, wanted, depth, nearest_at(in.step));
         const DepthAlignment<float> alignment{
             static_cast<float>(a.slope), static_cast<float>(a.offset),
             static_cast<float>(a.max_gap), static_cast<float>(a.correction)};

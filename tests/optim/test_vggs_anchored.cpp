@@ -223,6 +223,13 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
     }
 }
 
+TEST(AnchoredDepthLoss, FewerAnchorsCorrectAsTimeGoesOn) {
+    const AnchoredDepthLoss<Cpu> loss({.weight = 1}, 1, 1, PixelCenter::exact);
+    for (const auto& [step, count] :
+         {std::pair(1000, 4), {1499, 4}, {1500, 3}, {2000, 2}, {2500, 1}, {9000, 1}})
+        EXPECT_EQ(loss.nearest_at(step), count) << step;
+}
+
 TEST(AnchoredDepthLoss, NoAgreementMakesNoTarget) {
     AnchoredCase apart = plane_case(), alone = plane_case(), flat = plane_case(),
                  unsure = plane_case(), without = plane_case(), turned = plane_case(),
