@@ -4,30 +4,15 @@
 
 #include <cmath>
 
+#include "optim/depth_prior_math.h"
 #include "optim/multiview_math.h"
 
 namespace tvsgs {
 
-/// A cost of two depths and its derivative by the second one; that by the first is its negative.
+/// [|D_b - D_a| - tolerance]+ of two depths; the slope is by the second one, that by the first is
+/// its negative.
 template <class Real>
-struct DepthPair {
-    Real value = 0, slope = 0;
-};
-
-/// [sgn(M_a - M_b) (D_b - D_a) + margin]+ of a prior M that grows with depth. Equal priors cost the
-/// margin and pull nothing.
-template <class Real>
-TVSGS_HD DepthPair<Real> rank_pair(
-    Real order_a, Real order_b, Real depth_a, Real depth_b, Real margin) {
-    const Real sign = order_a > order_b ? Real(1) : order_a < order_b ? Real(-1) : Real(0);
-    const Real out = sign * (depth_b - depth_a) + margin;
-    if (!(out > 0)) return {};
-    return {out, sign};
-}
-
-/// [|D_b - D_a| - tolerance]+.
-template <class Real>
-TVSGS_HD DepthPair<Real> smooth_pair(Real depth_a, Real depth_b, Real tolerance) {
+TVSGS_HD Penalty<Real> smooth_pair(Real depth_a, Real depth_b, Real tolerance) {
     const Real step = depth_b - depth_a, out = std::abs(step) - tolerance;
     if (!(out > 0)) return {};
     return {out, step > 0 ? Real(1) : Real(-1)};

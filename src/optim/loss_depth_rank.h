@@ -34,8 +34,8 @@ struct DepthRankBody {
         pair_loss[i] = 0;
         const auto [a, b] = pixel_pair(grid, width, i, key);
         if (!known(a) || !known(b) || !differ(a, b)) return;
-        const auto pair =
-            rank_pair(order[a], order[b], per_length * depth[a], per_length * depth[b], margin);
+        const auto pair = order_hinge(order_sign(order[a], order[b], 0.0f),
+                                      per_length * (depth[b] - depth[a]), margin);
         pair_loss[i] = weight_per_pair * pair.value;
         const float slope = weight_per_pair * per_length * pair.slope;
         dL_ddepth[a] -= slope;

@@ -23,7 +23,7 @@ struct DepthSmoothBody {
     TVSGS_HD bool known(int at) const {
         return depth[at] > 0 && transmittance[at] <= 0.5f && confidence_at(confidence, at) > 0;
     }
-    TVSGS_HD DepthPair<float> step(int p, int q) const {
+    TVSGS_HD Penalty<float> step(int p, int q) const {
         // What is not a number is no place without an edge.
         if (!(std::abs(order[q] - order[p]) < prior_step) || !known(p) || !known(q) ||
             !(color_difference(photo, p, q) <= color_step))

@@ -13,6 +13,11 @@ using test::central_difference;
 using test::close;
 using Vec2d = Vec2<double>;
 
+/// Of two pixels with a prior each.
+Penalty<double> rank_pair(double ma, double mb, double a, double b, double margin) {
+    return order_hinge(order_sign(ma, mb, 0.0), b - a, margin);
+}
+
 TEST(RankPair, CostsWhatIsOutOfOrder) {
     // The prior has a behind b; by the render b is 0.3 behind a.
     EXPECT_DOUBLE_EQ(rank_pair(0.8, 0.2, 1.0, 1.3, 0.01).value, 0.31);

@@ -172,6 +172,17 @@ TEST(StereoPriors, OnlyWhatIsWantedAndMissing) {
     EXPECT_TRUE(blind[0].maps.empty());
 }
 
+TEST(StereoPriors, AddsWhatAViewCameWithout) {
+    std::vector<View> views{ball_view()};
+    const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
+    const std::vector<float> given(std::size_t(kWidth) * kHeight, 7.0f);
+    views[0].maps.push_back({"depth", kWidth, kHeight, 1, given});
+    add_stereo_priors({stereo}, {}, kAll, views);
+    ASSERT_EQ(views[0].maps.size(), 2u) << "no order or confidence that is another depth's";
+    EXPECT_EQ(values(views[0], "depth"), given);
+    EXPECT_EQ(views[0].maps[1].name, "normal");
+}
+
 TEST(StereoPriors, AWallMetHeadOnHasAnOrder) {
     std::vector<View> views{ball_view()};
     StereoMaps flat = true_maps(views[0].camera, kWidth, kHeight, [](int, int) { return true; });
