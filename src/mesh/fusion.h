@@ -24,7 +24,7 @@ template <class Device>
 TriangleMesh fuse_in_parts(int views,
                            const std::function<DepthView<Device>(int)>& source,
                            TsdfVolume<Device>& volume,
-                           bool carve,
+                           const TsdfOptions& options,
                            float min_weight,
                            const std::string& spill_folder,
                            FusionReport& report) {
@@ -58,6 +58,12 @@ TriangleMesh fuse_in_parts(int views,
     MeshJoiner joiner(all);
     Buffer<float, Device> depth_buffer, weight_buffer;
     Buffer<Vec3f, Device> color_buffer;
+    const auto load = [&](const Stored& view) -> DepthView<Device> {
+        file.read(view.depth, depth), file.read(view.color, color), file.read(view.weight, weight);
+        copy(depth, depth_buffer), copy(color, color_buffer), copy(weight, weight_buffer);
+        return {view.camera, std::as_const(depth_buffer).span(), std::as_const(color_buffer).span(),
+                std::as_const(weight_buffer).span()};
+    };
     report.parts = 0;
     for (BlockPart part; planner.next(part); ++report.parts) {
         volume.start_part(part.keys);
@@ -66,15 +72,11 @@ TriangleMesh fuse_in_parts(int views,
             touched.clear();
             std::set_intersection(keys.begin(), keys.end(), part.keys.begin(), part.keys.end(),
                                   std::back_inserter(touched));
-            if (touched.empty() && !carve) continue;
-            file.read(view.depth, depth), file.read(view.color, color);
-            file.read(view.weight, weight);
-            copy(depth, depth_buffer), copy(color, color_buffer), copy(weight, weight_buffer);
-            volume.integrate_into(
-                {view.camera, std::as_const(depth_buffer).span(),
-                 std::as_const(color_buffer).span(), std::as_const(weight_buffer).span()},
-                carve ? part.keys : touched);
+            if (touched.empty() && !options.carve) continue;
+            volume.integrate_into(load(view), options.carve ? part.keys : touched);
         }
+        for (std::size_t i = 0; options.trust && i < stored.size(); ++i)
+            volume.contradict(load(stored[i]));
         joiner.add(part, marching_cubes_part(volume.blocks(), min_weight, part.first, part.count));
     }
     report.blocks = static_cast<std::int64_t>(all.size());
@@ -86,9 +88,9 @@ TriangleMesh fuse_in_parts(int views,
 
 /// The surface of views 0 to `views` - 1, in this order: the same mesh, byte for byte, for every
 /// options.max_bytes. `source(i)` renders view i, what it returns is valid until the next call; it
-/// is called once per view while all fits (twice to carve), and starts again with view 0 when it
-/// turns out not to. Then an unnamed file in `spill_folder` takes 16 bytes per pixel of every view,
-/// 20 with weights. Throws what TsdfVolume and PartPlanner throw.
+/// is called once per view while all fits (once more to carve, and to trust), and starts again with
+/// view 0 when it turns out not to. Then an unnamed file in `spill_folder` takes 16 bytes per pixel
+/// of every view, 20 with weights. Throws what TsdfVolume and PartPlanner throw.
 template <class Device>
 TriangleMesh fuse_views(int views,
                         const std::function<DepthView<Device>(int)>& source,
@@ -107,12 +109,13 @@ TriangleMesh fuse_views(int views,
             const std::vector<std::uint64_t> all = to_host(volume.blocks().keys);
             for (int i = 0; i < views; ++i) volume.integrate_into(source(i), all);
         }
+        for (int i = 0; options.trust && i < views; ++i) volume.contradict(source(i));
         report.blocks = volume.blocks().size();
         mesh = marching_cubes(volume.blocks(), min_weight);
     } else {
         volume.clear();
-        mesh = detail::fuse_in_parts(views, source, volume, options.carve, min_weight, spill_folder,
-                                     report);
+        mesh =
+            detail::fuse_in_parts(views, source, volume, options, min_weight, spill_folder, report);
     }
     report.bytes = report.blocks * VoxelBlocks<Device>::kBytesPerBlock;
     return mesh;

@@ -36,6 +36,12 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.weighting = options.weight;
     TsdfOptions volume;
     volume.carve = options.carve;
+    volume.trust = options.lone_views == LoneViews::trusted && options.min_weight == 1 &&
+                   options.weight == DepthWeighting::unit;
+    if (volume.trust)
+        rules.trust.emplace();
+    else if (options.lone_views == LoneViews::trusted && options.min_weight == 1)
+        spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
     const float extent = region.unbounded ? 2 * region.radius : rules.depth_max;
     const int resolution =
         options.resolution > 0 ? options.resolution : automatic_resolution(views);

@@ -9,11 +9,15 @@
 
 namespace tvsgs {
 
+/// Of what one view alone has seen: what stays.
+enum class LoneViews { trusted, all };
+
 struct TsdfMesherOptions {
     float voxel_size = 0, truncation = 0, truncation_voxels = 4;
     int resolution = 0, min_weight = 1;
     bool carve = false;
     DepthWeighting weight = DepthWeighting::unit;
+    LoneViews lone_views = LoneViews::trusted;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -29,6 +33,10 @@ struct TsdfMesherOptions {
               "views also clear the space before their surfaces where others have put some");
         field("min_weight", min_weight, {1, 65535},
               "views that must have seen a voxel; needs weight unit if above 1");
+        field.choice("lone_views", lone_views, {"trusted", "all"},
+                     "what stays of the surface that one view alone has seen: what is smooth, away "
+                     "from edges, and in no other view's free space; or all. Goes with weight unit "
+                     "and min_weight 1");
     }
 };
 

@@ -42,6 +42,7 @@ struct TsdfOptions {
     std::int64_t max_bytes = 0;           // voxels and marching cubes may take; 0: no limit
     Contraction<float> contraction = {};  // of an unbounded scene
     bool carve = false;  // views update all voxels that they see, not only those near their surface
+    bool trust = false;  // weights are of mesh/pixel_trust.h: contradict() follows the last view
 
     VoxelSpace space() const { return {voxel_size, truncation, contraction}; }
 };
@@ -71,6 +72,10 @@ public:
     void start_part(const std::vector<std::uint64_t>& keys);
     /// Fuses a view into the blocks that `keys` name, which have to be in the volume.
     void integrate_into(const DepthView<Device>& view, const std::vector<std::uint64_t>& keys);
+
+    /// After all views are fused, for each of them: takes away what rests on one trusted
+    /// pixel alone and lies, by more than the truncation, in the free space before another.
+    void contradict(const DepthView<Device>& view);
 
     /// Gives the memory of the voxels back.
     void clear();

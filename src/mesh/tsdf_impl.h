@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "mesh/device_algorithms.h"
+#include "mesh/pixel_trust.h"
 #include "mesh/tsdf.h"
 
 namespace tvsgs {
@@ -130,6 +131,26 @@ struct IntegrateBody {
         if (seen.valid)
             fuse(voxel_at(chunks, view_places[block], local), seen.tsdf, color[seen.pixel],
                  weight.empty() ? 1 : weight[seen.pixel]);
+    }
+};
+
+/// Views that look through what one view alone has put there take it away.
+struct ContradictBody {
+    Camera camera;
+    Span<const float> depth, weight;
+    VoxelSpace space;
+    Span<const std::uint64_t> keys;
+    Span<const int> places;
+    Span<Voxel* const> chunks;
+
+    TVSGS_HD void operator()(int i) const {
+        const int block = i / kBlockVoxels, local = i % kBlockVoxels;
+        Voxel& voxel = voxel_at(chunks, places[block], local);
+        if (voxel.weight != kTrustedWeight) return;
+        const Vec3f p =
+            voxel_centre(block_of_key(keys[block]), local_of_index(local), space.voxel_size);
+        const Observation seen = observe(camera, depth, space, space.contraction.expand(p));
+        if (seen.valid && seen.tsdf == 1 && weight[seen.pixel] == kTrustedWeight) voxel.weight = 0;
     }
 };
 
@@ -311,6 +332,15 @@ void TsdfVolume<Device>::integrate_into(const DepthView<Device>& view,
         detail::FindPlacesBody{std::as_const(blocks_.keys).span(), std::as_const(view_keys_).span(),
                                std::as_const(blocks_.places).span(), view_places_.span()});
     fuse_marked(view);
+}
+
+template <class Device>
+void TsdfVolume<Device>::contradict(const DepthView<Device>& view) {
+    parallel_for(Device{}, blocks_.size() * kBlockVoxels,
+                 detail::ContradictBody{view.camera, view.depth, view.weight, options_.space(),
+                                        std::as_const(blocks_.keys).span(),
+                                        std::as_const(blocks_.places).span(),
+                                        std::as_const(blocks_.chunk_table).span()});
 }
 
 template <class Device>

@@ -207,6 +207,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
+        EXPECT_EQ(mesh.meshers.tsdf.lone_views, LoneViews::all);
     }
 }
 

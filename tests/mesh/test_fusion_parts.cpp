@@ -9,6 +9,7 @@
 #include "core/cuda_device.h"
 #include "core/error.h"
 #include "mesh/fusion.h"
+#include "mesh/pixel_trust.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {
@@ -31,7 +32,7 @@ protected:
     struct Case {
         const char* name;
         TsdfOptions options{0.03f, 0.09f, 0};
-        bool weighted = false;
+        bool weighted = false, trust = false;
         double dome = 0;
         std::vector<int> shares{2, 10};  // of the memory it needs; 1: no limit
     };
@@ -42,7 +43,9 @@ protected:
         unbounded.shares = {1, 3};
         Case all = unbounded;
         all.name = "unbounded, weighted, carved", all.weighted = true, all.options.carve = true;
-        return {{"as it is"}, unbounded, all};
+        Case trust = unbounded;
+        trust.name = "unbounded, trust", trust.trust = trust.options.trust = true;
+        return {{"as it is"}, unbounded, all, trust};
     }
 
     /// The sphere from 6 sides.
@@ -61,6 +64,9 @@ protected:
             if (how.weighted)
                 for (const float d : map.depth)
                     weights.push_back(depth_weight(DepthWeighting::inverse_depth2, d, {}, {}));
+            if (how.trust)  // in stripes, which make holes
+                for (std::size_t p = 0; p < map.depth.size(); ++p)
+                    weights.push_back(p % 96 / 8 % 3 == 0 ? kDoubtedWeight : kTrustedWeight);
             copy(weights, weight);
             return {map.camera, std::as_const(depth).span(), std::as_const(color).span(),
                     std::as_const(weight).span()};
@@ -89,7 +95,8 @@ protected:
             if (share > 1) {
                 EXPECT_GT(report.parts, needed / budget);
                 // 16 bytes per pixel and the lists of blocks.
-                EXPECT_GT(report.spilled_bytes, 6 * 96 * 96 * (how.weighted ? 20 : 16));
+                EXPECT_GT(report.spilled_bytes,
+                          6 * 96 * 96 * (how.weighted || how.trust ? 20 : 16));
             }
             expect_same(mesh.vertices, expected.vertices, budget);
             expect_same(mesh.colors, expected.colors, budget);

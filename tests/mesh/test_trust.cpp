@@ -1,0 +1,314 @@
+// What one view alone has seen: which of its pixels are trusted, and what others take away.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <functional>
+
+#include "core/cuda_device.h"
+#include "mesh/depth_clean.h"
+#include "mesh/fusion.h"
+
+namespace tvsgs {
+namespace {
+
+/// Where a ray from `eye` meets the scene: distance in units of the ray, and the normal there.
+struct Hit {
+    double s;  // 0: nothing
+    Vec3d normal;
+};
+using Surface = std::function<Hit(Vec3d eye, Vec3d ray)>;
+
+/// The square |x - cx|, |y| < half at depth z, facing the cameras, which look along +z.
+Surface screen(double cx, double z, double half) {
+    return [=](Vec3d eye, Vec3d ray) -> Hit {
+        const double s = (z - eye.z) / ray.z;
+        const Vec3d p = eye + s * ray;
+        const bool hit = s > 0 && std::abs(p.x - cx) < half && std::abs(p.y) < half;
+        return {hit ? s : 0, {0, 0, -1}};
+    };
+}
+Surface nearest(std::vector<Surface> all) {
+    return [all](Vec3d eye, Vec3d ray) {
+        Hit best{};
+        for (const Surface& one : all)
+            if (const Hit hit = one(eye, ray); hit.s > 0 && !(best.s > 0 && best.s <= hit.s))
+                best = hit;
+        return best;
+    };
+}
+
+constexpr int kWidth = 120, kHeight = 60;
+
+struct TestView {
+    Vec3d eye;
+    Surface surface;
+    double toward = 1;  // it looks along +z, or with -1 along -z
+};
+
+Camera camera_of(const TestView& view) {
+    Camera camera{kWidth, kHeight, 100, 100, 0.5f * kWidth, 0.5f * kHeight, {}};
+    const double f = view.toward;
+    const Mat3<double> R{{{f, 0, 0}, {0, 1, 0}, {0, 0, f}}};
+    camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(-(R * view.eye))};
+    return camera;
+}
+
+/// Its maps as a rasteriser would give them.
+template <class Device>
+void render(const TestView& view, RenderedImages<Device>& images) {
+    std::vector<float> depth, transmittance;
+    std::vector<Vec3f> normals;
+    const Camera camera = camera_of(view);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const Vec3d ray = vec_cast<double>(pixel_ray(camera, x, y));
+            const Hit hit =
+                view.surface(view.eye, {view.toward * ray.x, ray.y, view.toward * ray.z});
+            depth.push_back(static_cast<float>(hit.s));
+            transmittance.push_back(0);
+            const Vec3d n = hit.normal;
+            normals.push_back(vec_cast<float>(Vec3d{view.toward * n.x, n.y, view.toward * n.z}));
+        }
+    copy(depth, images.depth), copy(transmittance, images.transmittance);
+    copy(normals, images.normal);
+    copy(std::vector<Vec3f>(depth.size(), Vec3f{0.5f, 0.5f, 0.5f}), images.color);
+}
+
+DepthRules rules_with(bool trust) {
+    DepthRules rules;
+    rules.depth_max = 100;
+    if (trust) rules.trust.emplace();
+    return rules;
+}
+
+constexpr float kVoxel = 0.02f;  // about a pixel at depth 2
+
+template <class Device>
+TriangleMesh fused(const std::vector<TestView>& views, bool trust, float min_weight = 1) {
+    RenderedImages<Device> images;
+    CleanDepth<Device> clean;
+    const auto source = [&](int i) -> DepthView<Device> {
+        const TestView& view = views[static_cast<std::size_t>(i)];
+        render(view, images);
+        const Camera camera = camera_of(view);
+        clean_depth(images, camera, {}, rules_with(trust), clean);
+        return {camera, std::as_const(clean.depth).span(), images.color.span(),
+                std::as_const(clean.weight).span()};
+    };
+    TsdfOptions options{kVoxel, 4 * kVoxel, 0};
+    options.trust = trust;
+    FusionReport report;
+    return fuse_views<Device>(static_cast<int>(views.size()), source, options, min_weight,
+                              testing::TempDir() + "tvsgs_trust", report);
+}
+
+int count(const TriangleMesh& mesh, const std::function<bool(Vec3f)>& is) {
+    return static_cast<int>(std::count_if(mesh.vertices.begin(), mesh.vertices.end(), is));
+}
+
+// A screen over the left half, at depth 2, before a wall. Where two truncations reach from one to
+// the other, a curtain joins them; else it hangs from the screen.
+Surface step(double wall) {
+    return nearest({screen(-3, 2, 3), screen(0, wall, 20)});
+}
+const Surface kStep = step(2.1);
+bool on_screen(Vec3f p) {
+    return std::abs(p.z - 2) < 1e-3;
+}
+bool on_wall(Vec3f p) {
+    return std::abs(p.z - 2.1) < 1e-3;
+}
+bool on_curtain(Vec3f p) {
+    return p.z > 2 + kVoxel && p.z < 2.1f - kVoxel;
+}
+
+TEST(Trust, OneViewAloneKeepsWhatIsAwayFromTheEdge) {
+    const std::vector<TestView> one{{{0, 0, 0}, kStep}};
+    const TriangleMesh all = fused<Cpu>(one, false), trusted = fused<Cpu>(one, true);
+    EXPECT_GT(count(all, on_curtain), 50);
+    EXPECT_EQ(count(trusted, on_curtain), 0);
+    // Two columns of pixels at each side of the edge lose their say, of 60.
+    EXPECT_GT(count(trusted, on_screen), 0.93 * count(all, on_screen));
+    EXPECT_LT(count(trusted, on_screen), count(all, on_screen));
+    EXPECT_GT(count(trusted, on_wall), 0.93 * count(all, on_wall));
+}
+
+TEST(Trust, TwoViewsConfirmWhatNeitherMay) {
+    // Of the wall, both see the same strip right at the edge when they stand in one place.
+    const std::vector<TestView> one{{{0, 0, 0}, kStep}},
+        two{{{0, 0, 0}, kStep}, {{0, 0, 0}, kStep}};
+    const TriangleMesh all = fused<Cpu>(one, false), confirmed = fused<Cpu>(two, true);
+    EXPECT_EQ(count(confirmed, on_wall), count(all, on_wall));
+    EXPECT_EQ(count(confirmed, on_screen), count(all, on_screen));
+}
+
+TEST(Trust, ThreeViewsLeaveTheCurtainsOfTwo) {
+    // Each has its curtain, along its own ray past the edge; what two see behind the screen, up to
+    // the truncation, closes it at the side.
+    const std::vector<TestView> three{
+        {{-0.9, 0, 0}, step(2.4)}, {{0, 0, 0}, step(2.4)}, {{0.9, 0, 0}, step(2.4)}};
+    const auto on_far_wall = [](Vec3f p) { return std::abs(p.z - 2.4) < 1e-3; };
+    const TriangleMesh all = fused<Cpu>(three, false), trusted = fused<Cpu>(three, true),
+                       two = fused<Cpu>(three, false, 2);
+    const int alone = count(all, on_curtain) - count(two, on_curtain);
+    EXPECT_GT(alone, 50);
+    EXPECT_LT(count(trusted, on_curtain) - count(two, on_curtain), alone / 10);
+    EXPECT_GT(count(trusted, on_screen), 0.97 * count(all, on_screen));
+    EXPECT_GT(count(trusted, on_far_wall), 0.97 * count(all, on_far_wall));
+    // The margins are in the image of one view alone, and stay.
+    const auto left = [](Vec3f p) { return on_screen(p) && p.x < -1.3f; };
+    const auto right = [&](Vec3f p) { return on_far_wall(p) && p.x > 1.4f; };
+    EXPECT_GT(count(trusted, left), 500);
+    EXPECT_EQ(count(trusted, left), count(all, left));
+    EXPECT_EQ(count(two, left), 0);
+    EXPECT_GT(count(trusted, right), 500);
+    EXPECT_EQ(count(trusted, right), count(all, right));
+}
+
+TEST(Trust, FreeSpaceOfAnotherViewRemovesWhatHangsInIt) {
+    const Surface wall = screen(0, 2, 20);
+    const auto hangs = [](Vec3f p) { return std::abs(p.z - 1.2) < 0.1; };
+    const TestView sees{{0, 0, 0}, nearest({screen(0, 1.2, 0.2), wall})};
+    EXPECT_GT(count(fused<Cpu>({sees}, true), hangs), 200);
+    EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, wall}}, false), hangs), 200);
+    EXPECT_EQ(count(fused<Cpu>({sees, {{0.3, 0, 0}, wall}}, true), hangs), 0);
+    // Nor does the order matter.
+    EXPECT_EQ(count(fused<Cpu>({{{0.3, 0, 0}, wall}, sees}, true), hangs), 0);
+    // A view says nothing where it has no depth, or where its own surface is in front.
+    const Surface nothing = [](Vec3d, Vec3d) { return Hit{}; };
+    EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, nothing}}, true), hangs), 200);
+    EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, screen(0, 0.8, 20)}}, true), hangs), 200);
+    // Two views against one.
+    EXPECT_GT(count(fused<Cpu>({sees, sees, {{0.3, 0, 0}, wall}}, true), hangs), 200);
+}
+
+TEST(Trust, RoughPixelsTakeNothingAway) {
+    // The other view sees the wall, but as depths that jump from pixel to pixel.
+    const auto hangs = [](Vec3f p) { return std::abs(p.z - 1.2) < 0.1; };
+    const TestView sees{{0, 0, 0}, nearest({screen(0, 1.2, 0.2), screen(0, 2, 20)})};
+    int calls = 0;
+    const Surface rough = [&](Vec3d, Vec3d ray) -> Hit {
+        return {(2 + 0.1 * (++calls % 2)) / ray.z, {0, 0, -1}};
+    };
+    EXPECT_GT(count(fused<Cpu>({sees, {{0.3, 0, 0}, rough}}, true), hangs), 200);
+}
+
+template <class T>
+void expect_same_bytes(const std::vector<T>& a, const std::vector<T>& b) {
+    ASSERT_EQ(a.size(), b.size());
+    EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(T)), 0);
+}
+void expect_same_bytes(const TriangleMesh& a, const TriangleMesh& b) {
+    ASSERT_GT(a.faces.size(), 1000u);
+    expect_same_bytes(a.vertices, b.vertices);
+    expect_same_bytes(a.colors, b.colors);
+    expect_same_bytes(a.faces, b.faces);
+}
+
+TEST(Trust, ViewsThatDoNotOverlapLoseNothing) {
+    // Back to back before two walls without edges: the image's border is none.
+    const std::vector<TestView> apart{{{0, 0, 0}, screen(0, 2, 20)},
+                                      {{0, 0, 0}, screen(0, -2, 20), -1}};
+    std::vector<TestView> views = apart;
+    views[1].surface = [](Vec3d eye, Vec3d ray) -> Hit {
+        return {(-2 - eye.z) / ray.z, {0, 0, 1}};
+    };
+    const TriangleMesh all = fused<Cpu>(views, false);
+    EXPECT_GT(count(all, [](Vec3f p) { return p.z < -1.9f; }), 1000);
+    expect_same_bytes(fused<Cpu>(views, true), all);
+}
+
+SurfacePixel pixel_on_plane(double slope, double x, double extra = 0) {
+    // z = 2 + slope x, seen by the ray (x', 0, 1).
+    const double z = 2 / (1 - slope * x);
+    return {vec_cast<float>(Vec3d{x, 0, 1}), static_cast<float>(z + extra),
+            vec_cast<float>(Vec3d{3 * slope, 0, -3})};
+}
+
+TEST(PixelTrust, PlanesAreSmoothAtAnySlant) {
+    for (const double slope : {0.0, 0.7, -5.0, 50.0}) {
+        const SurfacePixel a = pixel_on_plane(slope, 0.005), b = pixel_on_plane(slope, 0.015);
+        EXPECT_NEAR(a.depth_at(b.ray), b.depth, 2e-5 * b.depth);
+        EXPECT_FALSE(is_jump(a, b, 0.5f, 100)) << slope;
+    }
+    // Frontally, half a pixel at depth 2 is 0.01; at 60 degrees, twice as much.
+    const SurfacePixel flat = pixel_on_plane(0, 0);
+    EXPECT_NEAR(flat.width(100), 0.02, 1e-7);
+    EXPECT_FALSE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0099), 0.5f, 100));
+    EXPECT_TRUE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0101), 0.5f, 100));
+    EXPECT_TRUE(is_jump(pixel_on_plane(0, 0.01, -0.0101), flat, 0.5f, 100));
+    const double slope = std::tan(M_PI / 3);
+    EXPECT_NEAR(pixel_on_plane(slope, 0).width(100), 0.04, 1e-6);
+    EXPECT_NEAR(pixel_on_plane(1e4, 0).width(100), 0.2, 1e-6) << "ten times at most";
+}
+
+TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
+    // Either plane leading to the other pixel is enough: one of the two normals may be wrong.
+    SurfacePixel a = pixel_on_plane(2, 0), b = pixel_on_plane(2, 0.01);
+    b.normal = {0, 0, -1};
+    EXPECT_FALSE(is_jump(a, b, 0.5f, 100));
+    EXPECT_FALSE(is_jump(b, a, 0.5f, 100));
+    a.normal = {0, 0, -1};
+    EXPECT_TRUE(is_jump(a, b, 0.5f, 100));
+    // Without a normal, a depth leads to itself.
+    a.normal = b.normal = {};
+    EXPECT_EQ(a.depth_at(b.ray), a.depth);
+    b.depth = a.depth;
+    EXPECT_FALSE(is_jump(a, b, 0.5f, 100));
+    b.depth = 0;
+    EXPECT_TRUE(is_jump(a, b, 0.5f, 100));
+    b.depth = std::nanf("");
+    EXPECT_TRUE(is_jump(a, b, 0.5f, 100));
+    // A plane seen edge-on leads nowhere in front.
+    b.depth = a.depth, b.normal = {1, 0, 0};
+    EXPECT_GT(b.depth_at({-0.5f, 0, 1}), 0);
+}
+
+template <class Device>
+std::vector<float> weights(const Surface& surface, DepthRules rules = rules_with(true)) {
+    RenderedImages<Device> images;
+    CleanDepth<Device> clean;
+    const TestView view{{0, 0, 0}, surface};
+    render(view, images);
+    clean_depth(images, camera_of(view), {}, rules, clean);
+    return to_host(clean.weight);
+}
+
+TEST(PixelTrust, AMarginAroundJumpsIsDoubted) {
+    // The edge at x = 0 lies between columns 59 and 60.
+    const std::vector<float> weight = weights<Cpu>(kStep);
+    for (int i = 0; i < kWidth * kHeight; ++i) {
+        const bool doubted = i % kWidth >= 58 && i % kWidth <= 61;
+        ASSERT_EQ(weight[static_cast<std::size_t>(i)], doubted ? kDoubtedWeight : kTrustedWeight)
+            << i;
+    }
+    // What a rule drops is an edge, too: of the wall alone, where the box begins at x = 0.
+    DepthRules rules = rules_with(true);
+    rules.has_box = true, rules.box_min = {0, -9, 0}, rules.box_max = {9, 9, 9};
+    const std::vector<float> boxed = weights<Cpu>(screen(0, 2.1, 20), rules);
+    EXPECT_EQ(boxed[61], kDoubtedWeight);
+    EXPECT_EQ(boxed[62], kTrustedWeight);
+    EXPECT_TRUE(weights<Cpu>(kStep, rules_with(false)).empty());
+}
+
+TEST(TrustTwin, SameBitsOnBothDevices) {
+    if constexpr (kHasCuda) {
+        if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+        const Surface tilted = [](Vec3d eye, Vec3d ray) -> Hit {
+            // A wavy wall: its slope changes how wide a pixel is.
+            const double s = (2 - eye.z) / (ray.z - 0.6 * ray.x);
+            return {s + 0.012 * std::sin(40 * ray.x * ray.y), normalize(Vec3d{0.6, 0, -1})};
+        };
+        const Surface all = nearest({screen(0.3, 1.5, 0.2), kStep, tilted});
+        expect_same_bytes(weights<Cpu>(all), weights<Cuda>(all));
+        const std::vector<TestView> three{
+            {{0, 0, 0}, all}, {{0.3, 0, 0}, kStep}, {{0.6, 0, 0}, all}};
+        const TriangleMesh expected = fused<Cpu>(three, true);
+        expect_same_bytes(fused<Cuda>(three, true), expected);
+    } else {
+        GTEST_SKIP() << "build without CUDA";
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
