@@ -2,10 +2,8 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 
 #include "core/buffer.h"
-#include "mesh/pixel_trust.h"
 #include "mesh/tsdf_math.h"
 #include "render/backbone.h"
 
@@ -21,7 +19,7 @@ struct DepthRules {
     float reach = 0;         // of a contracted volume, from its centre; 0: any
     Vec3f centre;
     DepthWeighting weighting = DepthWeighting::unit;
-    std::optional<PixelTrust> trust;  // by which the weights are; needs DepthWeighting::unit
+    bool trust = false;  // weights are of mesh/pixel_trust.h; needs DepthWeighting::unit
 
     /// Also true without a box. NaN is outside.
     TVSGS_HD bool in_box(Vec3f p) const {
@@ -45,7 +43,6 @@ struct CleanDepth {
     Buffer<float, Device> depth;         // [H W] 0: dropped
     Buffer<float, Device> weight;        // [H W]; empty: 1
     Buffer<std::uint8_t, Device> fates;  // [H W]
-    Buffer<std::uint8_t, Device> jumps;  // [H W] of the kept depth; empty without trust
 };
 
 /// Renders' depth without what the rules drop; `clean` is resized and overwritten. `mask` ([H W],

@@ -3,6 +3,7 @@
 
 #include "core/parallel.h"
 #include "mesh/depth_clean.h"
+#include "mesh/pixel_trust.h"
 
 namespace tvsgs {
 
@@ -69,20 +70,16 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
     const std::size_t pixels = rendered.depth.size();
     clean.depth.resize(pixels), clean.fates.resize(pixels);
     const bool weighted = rules.weighting != DepthWeighting::unit || rules.trust;
-    clean.weight.resize(weighted ? pixels : 0), clean.jumps.resize(rules.trust ? pixels : 0);
+    clean.weight.resize(weighted ? pixels : 0);
     parallel_for(Device{}, static_cast<int>(pixels),
                  CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
                                 rendered.normal.span(), mask, clean.depth.span(),
                                 clean.weight.span(), clean.fates.span()});
-    if (rules.trust) {
+    if (rules.trust)
         parallel_for(
             Device{}, static_cast<int>(pixels),
-            DepthJumpsBody{camera, std::as_const(clean.depth).span(), rendered.normal.span(),
-                           rules.trust->jump_px, clean.jumps.span()});
-        parallel_for(Device{}, static_cast<int>(pixels),
-                     PixelTrustBody{camera, std::as_const(clean.jumps).span(),
-                                    rules.trust->margin_px, clean.weight.span()});
-    }
+            PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
+                           rendered.normal.span(), clean.weight.span()});
     return count_fates(to_host(clean.fates));
 }
 

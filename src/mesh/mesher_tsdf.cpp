@@ -38,9 +38,8 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     volume.carve = options.carve;
     volume.trust = options.lone_views == LoneViews::trusted && options.min_weight == 1 &&
                    options.weight == DepthWeighting::unit;
-    if (volume.trust)
-        rules.trust.emplace();
-    else if (options.lone_views == LoneViews::trusted && options.min_weight == 1)
+    rules.trust = volume.trust;
+    if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
     const float extent = region.unbounded ? 2 * region.radius : rules.depth_max;
     const int resolution =

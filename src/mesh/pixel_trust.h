@@ -11,12 +11,10 @@ namespace tvsgs {
 /// trusted pixel is all it has.
 inline constexpr float kTrustedWeight = 1, kDoubtedWeight = 0.75f;
 
-/// What makes a pixel trusted. Where depths of splats are wrong, they are so at edges, or rough.
-/// [docs/evaluation.md#what-one-view-alone-has-seen]
-struct PixelTrust {
-    float jump_px = 0.5f;  // least jump of the depth, in widths of a pixel along the surface
-    int margin_px = 1;     // pixels around it, in each direction, that must have none
-};
+/// Least jump of the depth beside a pixel that is not trusted, in widths of a pixel along the
+/// surface. Where depths of splats are wrong, they are so at edges, or rough.
+/// [docs/method/trust.md#which-pixels-are-trusted]
+inline constexpr float kJumpPx = 0.25f;
 
 /// A pixel's piece of surface, in the camera frame.
 struct SurfacePixel {
@@ -39,57 +37,36 @@ struct SurfacePixel {
 
 /// Whether the surface breaks off between neighbouring pixels: the plane of neither leads to the
 /// other, or one of them has no depth.
-TVSGS_HD inline bool is_jump(const SurfacePixel& a,
-                             const SurfacePixel& b,
-                             float jump_px,
-                             float focal_px) {
+TVSGS_HD inline bool is_jump(const SurfacePixel& a, const SurfacePixel& b, float focal_px) {
     if (!(a.depth > 0 && b.depth > 0)) return true;
     const float from_a = std::fabs(b.depth - a.depth_at(b.ray)),
                 from_b = std::fabs(a.depth - b.depth_at(a.ray));
     const float width_a = a.width(focal_px), width_b = b.width(focal_px);
     return !((from_a < from_b ? from_a : from_b) <=
-             jump_px * (width_a > width_b ? width_a : width_b));
+             kJumpPx * (width_a > width_b ? width_a : width_b));
 }
 
-/// Whether there is a jump to one of the four neighbours.
-struct DepthJumpsBody {
+/// The weight of a pixel: trusted is what has no jump to any of its four neighbours.
+struct PixelTrustBody {
     Camera camera;
-    Span<const float> depth;    // [H W]
-    Span<const Vec3f> normals;  // [H W]
-    float jump_px;
-    Span<std::uint8_t> jumps;  // [H W]
+    Span<const float> kept;      // [H W] 0: dropped
+    Span<const float> rendered;  // [H W] the depths themselves, not rounded to steps
+    Span<const Vec3f> normals;   // [H W]
+    Span<float> weight;          // [H W]
 
     TVSGS_HD SurfacePixel at(int x, int y) const {
         const int i = y * camera.width_px + x;
-        return {pixel_ray(camera, x, y), depth[i], normals[i]};
+        return {pixel_ray(camera, x, y), kept[i] > 0 ? rendered[i] : 0, normals[i]};
     }
     TVSGS_HD void operator()(int i) const {
         const int x = i % camera.width_px, y = i / camera.width_px;
         const SurfacePixel own = at(x, y);
-        bool jump = !(own.depth > 0);
+        bool jump = false;
         for (int k = 0; k < 4 && !jump; ++k) {
             const int u = x + (k == 0) - (k == 1), v = y + (k == 2) - (k == 3);
             if (u >= 0 && v >= 0 && u < camera.width_px && v < camera.height_px)
-                jump = is_jump(own, at(u, v), jump_px, camera.fx_px);
+                jump = is_jump(own, at(u, v), camera.fx_px);
         }
-        jumps[i] = jump ? 1 : 0;
-    }
-};
-
-/// The weights of the pixels.
-struct PixelTrustBody {
-    Camera camera;
-    Span<const std::uint8_t> jumps;  // [H W]
-    int margin_px;
-    Span<float> weight;  // [H W]
-
-    TVSGS_HD void operator()(int i) const {
-        const int x = i % camera.width_px, y = i / camera.width_px;
-        bool jump = false;
-        for (int v = y - margin_px; v <= y + margin_px; ++v)
-            for (int u = x - margin_px; u <= x + margin_px; ++u)
-                if (u >= 0 && v >= 0 && u < camera.width_px && v < camera.height_px)
-                    jump = jump || jumps[v * camera.width_px + u];
         weight[i] = jump ? kDoubtedWeight : kTrustedWeight;
     }
 };
