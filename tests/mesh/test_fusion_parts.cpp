@@ -58,7 +58,11 @@ protected:
         Buffer<Vec3f, Device> color;
         const auto source = [&](int i) -> DepthView<Device> {
             if (i == fail_at) throw Error(ExitCode::input, "this view is bad");
-            const test::DepthMap map = test::sphere_view(i, 6, 96, how.dome);
+            test::DepthMap map = test::sphere_view(i, 6, 96, how.dome);
+            if (how.trust && i == 0)  // before the sphere hangs what the others look through
+                for (std::size_t p = 0; p < map.depth.size(); ++p)
+                    if (p / 96 > 30 && p / 96 < 60 && p % 96 > 30 && p % 96 < 60)
+                        map.depth[p] = 1.2f;
             copy(map.depth, depth), copy(map.color, color);
             std::vector<float> weights;
             if (how.weighted)

@@ -251,6 +251,13 @@ TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
     EXPECT_FALSE(is_jump(b, a, 100));
     a.normal = {0, 0, -1};
     EXPECT_TRUE(is_jump(a, b, 100));
+    // The wider of two pixels is the measure: one is seen edge-on, and reaches 0.2 far.
+    b = {a.ray, a.depth + 0.04f, {1, 0, 0}};
+    EXPECT_FALSE(is_jump(a, b, 100));
+    EXPECT_FALSE(is_jump(b, a, 100));
+    b.depth = a.depth + 0.06f;
+    EXPECT_TRUE(is_jump(a, b, 100));
+    b.ray = pixel_on_plane(2, 0.01).ray;
     // Without a normal, a depth leads to itself.
     a.normal = b.normal = {};
     EXPECT_EQ(a.depth_at(b.ray), a.depth);
@@ -283,6 +290,15 @@ TEST(PixelTrust, PixelsBesideAJumpAreDoubted) {
         ASSERT_EQ(weight[static_cast<std::size_t>(i)], doubted ? kDoubtedWeight : kTrustedWeight)
             << i;
     }
+    // The same edge from above to below, between rows 29 and 30.
+    const Surface turned = [](Vec3d, Vec3d ray) -> Hit {
+        return {ray.y < 0 ? 2 : 2.1, {0, 0, -1}};
+    };
+    const std::vector<float> rows = weights<Cpu>(turned);
+    for (int y = 0; y < kHeight; ++y)
+        EXPECT_EQ(rows[static_cast<std::size_t>(y) * kWidth + 7],
+                  y == 29 || y == 30 ? kDoubtedWeight : kTrustedWeight)
+            << y;
     // What a rule drops is an edge, too: of the wall alone, where the box begins at x = 0.
     DepthRules rules = rules_with(true);
     rules.has_box = true, rules.box_min = {0, -9, 0}, rules.box_max = {9, 9, 9};
