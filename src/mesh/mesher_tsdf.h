@@ -89,7 +89,8 @@ public:
         found.why_empty = in.depth.why_none_passed();
         if (found.why_empty.empty() && found.mesh.faces.empty())
             found.why_empty =
-                "no two views, or too few pixels, agree on a surface; lower --min-weight";
+                "no two views, or too few pixels, agree on a surface; lower --min-weight, or give "
+                "--set mesh.lone_views=all";
         return found;
     }
 
