@@ -58,7 +58,8 @@ Gaussians<Device> train(const Scene& scene,
                 t.halted());
         else
             iteration.finish_statistics();
-        iteration.clock("densify", [&] { t.grow(step, iteration); });
+        // What the last iteration grew or faded no other would train.
+        if (step < options.iterations) iteration.clock("densify", [&] { t.grow(step, iteration); });
         t.step_done(step);
         if (after_step) after_step(step, t->gaussians);
     }

@@ -376,7 +376,7 @@ TEST_F(Priors, OfARunAreThoseItBeganWith) {
     Scene resumed = read_views(options, true, table);
     resumed.points = {};
     resumed.points.positions = fresh.points.positions;
-    read_wanted_priors(options, resumed);
+    provide_maps({}, options, {}, resumed);
     for (std::size_t v = 0; v < fresh.train.size(); ++v)
         EXPECT_EQ(find(fresh.train[v], prior_map::kDepth)->values,
                   find(resumed.train[v], prior_map::kDepth)->values);
