@@ -134,8 +134,7 @@ void provide_maps(const DeviceChoice& device,
     using Source = PriorOptions::Source;
     const Source source = options.priors.source;
     const MapNames wanted = needs_of(options.train.loss).view_maps;
-    if (source == Source::automatic || source == Source::disk)
-        read_priors(options.priors, wanted, options.scene, scene);
+    read_priors(options.priors, wanted, options.scene, scene);
     if (source == Source::automatic || source == Source::stereo)
         make_stereo_priors(device, options.stereo, options.priors.stereo, wanted, std::move(stereo),
                            scene.train);

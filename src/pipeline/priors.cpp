@@ -127,7 +127,9 @@ void read_priors(const PriorOptions& options,
     if (!wanted_at_all && (!options.dir.empty() || options.source == PriorOptions::Source::disk))
         spdlog::warn(
             "priors are given, but no loss of this configuration asks for any: none is read");
-    if (!wanted_at_all) return;
+    const bool from_disk = options.source == PriorOptions::Source::automatic ||
+                           options.source == PriorOptions::Source::disk;
+    if (!from_disk || !wanted_at_all) return;
 
     with_context("reading priors of " + scene_options.path, [&] {
         PriorQuery query{scene_options.path, options.dir, {}};

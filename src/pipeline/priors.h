@@ -35,8 +35,8 @@ struct PriorOptions {
 };
 
 /// Fills View::maps of the training views with the maps of core/prior_maps.h among `wanted` that
-/// lie on disk. Scale and shift are fitted to Scene::points. One line says what was found. Throws
-/// Error(ExitCode::input).
+/// lie on disk, if options.source says so. Scale and shift are fitted to Scene::points. One line
+/// says what was found. Throws Error(ExitCode::input).
 void read_priors(const PriorOptions& options,
                  const MapNames& wanted,
                  const SceneOptions& scene_options,

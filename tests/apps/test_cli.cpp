@@ -119,7 +119,7 @@ TEST_F(Cli, RunsOfOlderKeysGoOn) {
     ASSERT_EQ(nvs.code, 0) << nvs;
     EXPECT_TRUE(nvs.says("key 'core.near' is called 'render.near' now")) << nvs;
     const Result mesh =
-        call("extract-mesh", "-m older --mesh-resolution 24 --clusters 1 --device cpu");
+        call("extract-mesh", "-m older --mesh-resolution 48 --clusters 1 --device cpu");
     ASSERT_EQ(mesh.code, 0) << mesh;
     const Result again = call("train", "--config older/config.json --device cpu --out renamed");
     ASSERT_EQ(again.code, 0) << again;

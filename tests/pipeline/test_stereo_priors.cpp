@@ -165,8 +165,11 @@ TEST(StereoPriors, OnlyWhatIsWantedAndMissing) {
     ASSERT_EQ(views[0].maps.size(), 1u);
     EXPECT_EQ(views[0].maps[0].name, "normal");
     EXPECT_EQ(views[0].maps[0].channels, 3);
-    EXPECT_EQ(views[1].maps.size(), 1u);  // came with priors
+    ASSERT_EQ(views[1].maps.size(), 2u);
+    EXPECT_EQ(views[1].maps[1].name, "normal");
     EXPECT_EQ(views[2].maps.size(), 2u);
+    add_stereo_priors({stereo, stereo, stereo}, {}, kAll, views);
+    EXPECT_EQ(views[1].maps.size(), 2u) << "its order came with it, and its normals are there";
     std::vector<View> blind{ball_view()};
     add_stereo_priors({none}, {}, kAll, blind);
     EXPECT_TRUE(blind[0].maps.empty());
