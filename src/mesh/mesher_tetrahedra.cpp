@@ -23,15 +23,10 @@ std::size_t most_points(std::int64_t max_bytes, int splats) {
     return static_cast<std::size_t>(std::min(most, kMost));
 }
 
-std::string why_no_points(const FieldSplats<Cpu>& splats, const std::vector<float>& footprints) {
-    const auto seen = std::count_if(footprints.begin(), footprints.end(),
-                                    [](float footprint) { return footprint > 0; });
-    if (seen == 0)
-        return str("none of the ", splats.size(),
-                   " splats lies in the image of a view; raise --depth-max, or look at the masks "
-                   "(--no-masks) and --bbox");
-    return str("none of the ", seen,
-               " splats in view has the opacity of mesh.tetrahedra.min_opacity; lower it");
+std::string why_no_points(std::size_t splats) {
+    return str("none of the ", splats,
+               " splats lies in the image of a view; raise --depth-max, or look at the masks "
+               "(--no-masks) and --bbox");
 }
 
 }  // namespace
@@ -61,7 +56,7 @@ PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
         spdlog::log(level, "{} of {} points, merged within {:.3g} px to keep within --memory",
                     made.pivots.size(), chosen.size() * pivots_per_splat(kind), grain / 4);
     if (made.pivots.size() == 0) {
-        made.why_empty = why_no_points(splats, footprints);
+        made.why_empty = why_no_points(splats.size());
         return made;
     }
     Contraction<double> contraction;

@@ -112,6 +112,14 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
 std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
                               float min_opacity) {
+    std::vector<float> seen;
+    for (std::size_t i = 0; i < footprints.size(); ++i)
+        if (footprints[i] > 0) seen.push_back(splats.opacities[i]);
+    if (!seen.empty()) {
+        const auto middle = seen.begin() + static_cast<std::ptrdiff_t>(seen.size() / 2);
+        std::nth_element(seen.begin(), middle, seen.end());
+        min_opacity = std::min(min_opacity, *middle);
+    }
     Buffer<int, Cpu> order;
     morton_order(splats.means.span(), order);
     std::vector<int> chosen;

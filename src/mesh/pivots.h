@@ -32,8 +32,9 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
                                     const FieldViews& views,
                                     const DepthRules& rules);
 
-/// The splats that have a footprint and the opacity, in Morton order: the light of neighbours is
-/// followed in the same tiles.
+/// The splats that have a footprint and the opacity, or are of the more opaque half of those with a
+/// footprint: where splats are faint, many of them make one surface. In Morton order: the light of
+/// neighbours is followed in the same tiles.
 std::vector<int> pivot_splats(const FieldSplats<Cpu>& splats,
                               const std::vector<float>& footprints,
                               float min_opacity);

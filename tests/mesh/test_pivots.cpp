@@ -23,6 +23,21 @@ std::optional<Pivots> some_pivots(const FieldSplats<Cpu>& splats,
                           footprints, kind, grain, most);
 }
 
+TEST(Pivots, ComeOfTheMoreOpaqueHalfAtLeast) {
+    Gaussians<Cpu> g;
+    resize(g, 7, 0);
+    FieldSplats<Cpu> splats = field_splats(g);
+    const std::vector<float> footprints{1, 1, 1, 1, 1, 1, 0};  // the last one is in no image
+    const auto chosen = [&](const std::vector<float>& opacities) {
+        for (std::size_t i = 0; i < 7; ++i) splats.opacities[i] = opacities[i];
+        std::vector<int> of = pivot_splats(splats, footprints, 0.5f);
+        std::sort(of.begin(), of.end());
+        return of;
+    };
+    EXPECT_EQ(chosen({.9f, .1f, .8f, .6f, .2f, .7f, .9f}), (std::vector<int>{0, 2, 3, 5}));
+    EXPECT_EQ(chosen({.3f, .1f, .2f, .15f, .05f, .4f, .9f}), (std::vector<int>{0, 2, 5}));
+}
+
 TEST(Pivots, LieOnBothSidesOfTheSplat) {
     Gaussians<Cpu> g;
     resize(g, 3, 0);
