@@ -152,7 +152,7 @@ ImageF read_npy_map(const std::string& path, int channels, MapLayout layout) {
 
 ImageF read_picture_map(const std::string& path, int channels) {
     ImageF picture = read_image_numbers(path);
-    if (picture.channels == channels) return picture;
+    if (channels == 0 || picture.channels == channels) return picture;
     const bool too_few = picture.channels < 3;
     ImageF map(picture.width, picture.height, channels);
     const auto from = static_cast<std::size_t>(picture.channels),

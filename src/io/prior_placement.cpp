@@ -39,15 +39,15 @@ MapPlacement::MapPlacement(const std::string& path,
     const PhotoWindow all{0, 0, width * view.reduction, height * view.reduction};
     const PhotoWindow shown = window.value_or(all);
     if (!same_shape(map.width, map.height, shown[2], shown[3]))
-        throw input_error(
-            "E_PRIOR_SIZE: ", path, ": ", map.width, "x", map.height, " pixels; ",
-            window ? "its window of the photograph has " : "its photograph has ",
-            std::lround(shown[2]), "x", std::lround(shown[3]),
-            same_shape(map.height, map.width, shown[2], shown[3])
-                ? " (turned, as by EXIF orientation)"
-                : "",
-            "; expected that shape: make the map from the whole photograph, or name its window as "
-            "\"crop\" in priors.json");
+        throw input_error("E_PRIOR_SIZE: ", path, ": ", map.width, "x", map.height, " pixels; ",
+                          window ? "its window of the photograph has " : "its photograph has ",
+                          std::lround(shown[2]), "x", std::lround(shown[3]),
+                          same_shape(map.height, map.width, shown[2], shown[3])
+                              ? " (turned, as by EXIF orientation)"
+                              : "",
+                          "; expected that shape: make the map from the whole photograph, or, for "
+                          "depth, name its "
+                          "window as \"crop\" in priors.json");
     scale_x_ = view.reduction * map.width / shown[2];
     scale_y_ = view.reduction * map.height / shown[3];
     offset_x_ = -shown[0] * map.width / shown[2];

@@ -178,7 +178,7 @@ ReadingChoice choose_reading(const std::vector<PriorSamples>& views,
             str("E_PRIORS: ", where, ": the numbers", against,
                 " do not fit within priors.max_residual = ", max_residual, ":", table_of(tested),
                 "\n  are these the maps of these photographs, in this scene's frame? "
-                "priors.source = none trains without"));
+                "priors.source = stereo does without them"));
     choice.reading = chosen.reading;
     choice.residual = chosen.residual;
     return choice;

@@ -22,6 +22,12 @@ TVSGS_HD inline std::int64_t nearness(Vec3f there, int at) {
     return static_cast<std::int64_t>(__builtin_bit_cast(std::uint32_t, distance)) << 32 | at;
 }
 
+/// Whether that is of pixel `at`. Distances are not compared: computed anew, one may be rounded
+/// another way.
+TVSGS_HD inline bool is_nearest(std::int64_t nearness, int at) {
+    return static_cast<std::uint32_t>(nearness) == static_cast<std::uint32_t>(at);
+}
+
 TVSGS_HD inline int pixel_of(const ViewPair<float>& pair, const SeenPoint<float>& seen) {
     return static_cast<int>(seen.point.y) * pair.other.width + static_cast<int>(seen.point.x);
 }
@@ -62,7 +68,7 @@ struct FeatureBody {
         const Vec3f ray = pixel_ray(camera, x, y);
         const auto seen = seen_point(pair, ray, depth[at]);
         if (!seen.inside || !(transmittance[at] <= 0.5f) ||
-            (!nearest.empty() && nearest[pixel_of(pair, seen)] != nearness(seen.there, at)))
+            (!nearest.empty() && !is_nearest(nearest[pixel_of(pair, seen)], at)))
             return;
         const Vec2f scale_here{
             static_cast<float>(here.width) / static_cast<float>(camera.width_px),

@@ -98,27 +98,30 @@ void check_consistency(const TrainOptions& options) {
 
 namespace {
 
-/// read_views() of views that are chosen.
-Scene load_and_hold_out(const ChosenViews& chosen,
+/// read_views() of views that are chosen. The view that is held out brings no points, so a run
+/// that goes on, which knows it from the start, reads the same ones.
+Scene load_and_hold_out(ChosenViews chosen,
                         const RunOptions& options,
                         bool resumed,
                         OptionTable& table) {
-    Scene scene = load_scene(chosen, options.scene);
-    if (options.plan.until != Until::converged || !scene.test.empty()) return scene;
+    std::vector<int>& train = chosen.split.train;
+    if (options.plan.until != Until::converged || !chosen.split.test.empty())
+        return load_scene(chosen, options.scene);
     constexpr std::size_t kFew = 6;
-    if (resumed || scene.train.size() < kFew)
+    if (resumed || train.size() < kFew)
         throw Error(ExitCode::usage,
-                    str("--until converged: ", scene.train.size(), " training views",
+                    str("--until converged: ", train.size(), " training views",
                         resumed ? ", of which the run has seen all," : "",
                         " and no test views; expected test views (--eval, --split or --test-list), "
                         "or in a new run ",
                         kFew, " training views, of which one is held out"));
-    const auto middle = scene.train.begin() + static_cast<std::ptrdiff_t>(scene.train.size() / 2);
-    spdlog::info("--until converged: {} is held out", middle->name);
-    table.set("scene.held_out", middle->name, "--until converged");
-    scene.test.push_back(std::move(*middle));
-    scene.train.erase(middle);
-    return scene;
+    const auto middle = train.begin() + static_cast<std::ptrdiff_t>(train.size() / 2);
+    const std::string& name = chosen.layout.model.images[static_cast<std::size_t>(*middle)].name;
+    spdlog::info("--until converged: {} is held out", name);
+    table.set("scene.held_out", name, "--until converged");
+    chosen.split.test.push_back(*middle);
+    train.erase(middle);
+    return load_scene(chosen, options.scene);
 }
 
 }  // namespace

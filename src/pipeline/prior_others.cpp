@@ -59,8 +59,9 @@ PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const 
         Vec3f n{numbers[i] / top, numbers[i + 1] / top, numbers[i + 2] / top};
         if (unit) n = 2.f * n - Vec3f{1, 1, 1};
         const float length = norm(n);
-        if (length > 0) lengths.push_back(length);
-        const bool known = length > 0.3f;
+        // Black pixels of a picture would be (-1, -1, -1): nothing is known there.
+        const bool known = length > 0.3f && length < 1.5f;
+        if (known) lengths.push_back(length);
         for (std::size_t c = 0; c < 3; ++c)
             numbers[i + c] = known ? n[static_cast<int>(c)] / length : kNaN;
     }

@@ -41,7 +41,9 @@ std::vector<std::uint8_t> sky_of(const PriorInputs& in, const PriorView& view) {
     const ImageF sized = resample_map(mask.map, mask.placement, *view.view, photo.width,
                                       photo.height, MapBlend::nearest);
     // Pictures have 255, arrays may have 1.
-    const float top = *std::max_element(mask.map.pixels.begin(), mask.map.pixels.end());
+    float top = 0;
+    for (const float value : mask.map.pixels)
+        if (value > top) top = value;
     std::vector<std::uint8_t> sky;
     for (const float value : sized.pixels) sky.push_back(value > 0.5f * (top > 1 ? 255 : 1));
     return sky;

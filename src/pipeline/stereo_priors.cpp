@@ -25,8 +25,7 @@ bool lacks(const View& view, std::string_view name) {
     return std::none_of(view.maps.begin(), view.maps.end(), [&](const ViewMap& map) {
         return name == prior_map::kNormal
                    ? map.name == name
-                   : map.name == prior_map::kDepth || map.name == prior_map::kDepthOrder ||
-                         map.name == prior_map::kConfidence;
+                   : map.name == prior_map::kDepth || map.name == prior_map::kDepthOrder;
     });
 }
 
@@ -184,6 +183,10 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
             std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
             continue;
         StereoMaps maps = resized(completed(stereo[v], options, view), view.camera);
+        // A confidence that came without the depth is of something else.
+        if (lacks(view, prior_map::kDepth))
+            std::erase_if(view.maps,
+                          [](const ViewMap& map) { return map.name == prior_map::kConfidence; });
         const auto add = [&](std::string_view name, int channels, std::vector<float> values) {
             if (std::find(names.begin(), names.end(), name) != names.end())
                 view.maps.push_back({std::string(name), view.camera.width_px, view.camera.height_px,
@@ -210,9 +213,10 @@ void make_stereo_priors(const DeviceChoice& device,
     std::vector<StereoMaps> found = std::move(start.maps);
     if (found.empty()) {
         spdlog::info("terms ask for priors that the scene does not have: stereo makes them");
-        found = with_context("making priors (priors.source=none trains without)", [&] {
-                    return run_stereo(device, views, start.points, stereo);
-                }).maps;
+        found =
+            with_context("making priors (without the losses that ask for them none are made)", [&] {
+                return run_stereo(device, views, start.points, stereo);
+            }).maps;
     }
     std::size_t known = 0, pixels = 0;
     for (const StereoMaps& maps : found) {
@@ -223,8 +227,8 @@ void make_stereo_priors(const DeviceChoice& device,
     if (known == 0)
         throw Error(ExitCode::input,
                     str("terms ask for priors, and stereo found no depth in ", views.size(),
-                        " views; give priors with the scene, or train without "
-                        "(priors.source=none)"));
+                        " views; give priors with the scene, or set the weights of these losses "
+                        "to 0"));
     add_stereo_priors(found, options, wanted, views);
     spdlog::info("priors by stereo: {:.0f} % of the pixels are measured{}",
                  100.0 * static_cast<double>(known) / static_cast<double>(pixels),

@@ -184,6 +184,12 @@ TEST(StereoPriors, AddsWhatAViewCameWithout) {
     ASSERT_EQ(views[0].maps.size(), 2u) << "no order or confidence that is another depth's";
     EXPECT_EQ(values(views[0], "depth"), given);
     EXPECT_EQ(views[0].maps[1].name, "normal");
+    // A confidence whose depth was left out.
+    views = {ball_view()};
+    views[0].maps.push_back({"confidence", kWidth, kHeight, 1, given});
+    add_stereo_priors({stereo}, {}, kAll, views);
+    ASSERT_EQ(views[0].maps.size(), 4u);
+    EXPECT_LE(values(views[0], "confidence")[0], 1);
 }
 
 TEST(StereoPriors, AWallMetHeadOnHasAnOrder) {
@@ -253,7 +259,7 @@ TEST(StereoPriors, BlankPhotographsAreAnError) {
         FAIL();
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::input);
-        EXPECT_NE(std::string(error.what()).find("priors.source"), std::string::npos);
+        EXPECT_NE(std::string(error.what()).find("weights of these losses"), std::string::npos);
     }
 }
 
