@@ -114,6 +114,22 @@ TEST(Train, NoIterationsGiveTheInitialGaussians) {
     EXPECT_TRUE(same_bits(r.gaussians, first));
 }
 
+TEST(Train, TheLastIterationFadesNothing) {
+    const Scene scene = rendered_scene();
+    TrainOptions options;
+    options.iterations = 12;
+    options.tv.enabled = false;
+    options.densify.enabled = true;
+    options.densify.until = 1000;
+    const auto with_resets_every = [&](int iterations) {
+        options.densify.opacity_reset_every = iterations;
+        return run<Cpu>(scene, options).gaussians;
+    };
+    const Gaussians<Cpu> none = with_resets_every(1000);
+    EXPECT_TRUE(same_bits(with_resets_every(12), none));
+    EXPECT_FALSE(same_bits(with_resets_every(6), none));
+}
+
 TEST(Train, StopsWhenAsked) {
     const Scene scene = rendered_scene();
     TrainOptions options;
