@@ -83,28 +83,37 @@ bool find_axes(const Recipe& recipe, const InputPlace& place, const Tensor& outp
                     static_cast<double>(axes.height)) <= 1;
 }
 
+float length_of(const float* n) {
+    return std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+}
+
+/// Unit; what is hardly a vector is none.
 void make_unit(float* n) {
-    const float length = std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
-    for (int c = 0; c < 3; ++c) n[c] = length > 0 ? n[c] / length : 0;
+    const float length = length_of(n);
+    for (int c = 0; c < 3; ++c) n[c] = length > 0.3f ? n[c] / length : 0;
 }
 
 /// Numbers become unit vectors; those that were none on the whole are another output or range.
 void make_normals(const Recipe& recipe, ImageF& map, const std::string& path) {
+    const float low = *std::min_element(map.pixels.begin(), map.pixels.end());
     std::vector<float> lengths;
     for (std::size_t i = 0; i < map.pixels.size(); i += 3) {
         float* const n = &map.pixels[i];
         for (int c = 0; c < 3 && recipe.unit_range; ++c) n[c] = 2 * n[c] - 1;
-        lengths.push_back(std::sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]));
+        if (length_of(n) > 0.3f) lengths.push_back(length_of(n));
         make_unit(n);
     }
     const auto middle = lengths.begin() + std::ssize(lengths) / 2;
     std::nth_element(lengths.begin(), middle, lengths.end());
-    if (!(*middle > 0.8f && *middle < 1.2f))
-        throw input_error("E_ONNX: ", path, ": gives vectors of a median length of ", *middle,
-                          "; expected unit normals, ",
-                          recipe.unit_range ? "as (n + 1) / 2: try --range signed"
-                                            : "in [-1, 1]: try --range unit",
-                          ", or name another --output");
+    const float median = lengths.empty() ? 0 : *middle;
+    // Normals that face a camera have numbers of both signs, and (n + 1) / 2 has none below 0.
+    const bool in_range = recipe.unit_range ? low > -0.05f : low < 0;
+    if (!in_range || !(median > 0.8f && median < 1.2f))
+        throw input_error("E_ONNX: ", path, ": gives vectors of a median length of ", median,
+                          recipe.unit_range ? ", taken for (n + 1) / 2," : ",",
+                          " and its lowest number is ", low,
+                          "; expected unit normals: try --range ",
+                          recipe.unit_range ? "signed" : "unit", ", or name another --output");
 }
 
 }  // namespace

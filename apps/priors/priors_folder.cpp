@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/log.h"
 #include "io/atomic_file.h"
 #include "io/manifest.h"
 #include "io/npz.h"
@@ -143,6 +144,13 @@ void PriorsFolder::remove_replaced() const {
 
 void PriorsFolder::write_json() const {
     JsonValue root = root_;
+    // A confidence is that of the depth beside it.
+    const bool other_depth = kind_ == MapKind::depth && root["depth"] && !continues_;
+    if (other_depth && root["confidence"]) {
+        spdlog::warn("{}: no longer has a confidence, which was that of the depth before",
+                     (folder_ / "priors.json").string());
+        std::erase_if(root.members, [](const auto& m) { return m.first == "confidence"; });
+    }
     root.set(name_of(kind_), section_);
     std::string text = "{\n  \"version\": 1";
     for (const auto& [key, value] : root.members)
