@@ -35,6 +35,8 @@ Recipe depth_recipe(const InputSize& size,
     return recipe;
 }
 
+/// By the authors' pages and export scripts. MiDaS's release file and Metric3D's export normalise
+/// by themselves; normals are left to the scene's points where their frame is not stated.
 std::vector<Preset> make_presets() {
     using enum PriorQuantity;
     using enum PriorAlignment;
@@ -52,8 +54,6 @@ std::vector<Preset> make_presets() {
     return {
         {"midas", "MiDaS v2.1", "`model-f6b98070.onnx` of its release v2_1", "MIT",
          depth_recipe(fixed(384, 384), kNone, kOnes, inverse_depth, affine)},
-        {"midas-small", "MiDaS v2.1 small", "`model-small.onnx` of its release v2_1", "MIT",
-         depth_recipe(fixed(256, 256), kNone, kOnes, inverse_depth, affine)},
         {"dpt", "MiDaS 3.0 DPT-Large", "`Xenova/dpt-large`", "Apache-2.0",
          depth_recipe(fixed(384, 384), kHalf, kHalf, inverse_depth, affine)},
         {"depth-anything-v2", "Depth Anything V2", "`onnx-community/depth-anything-v2-small`",
@@ -64,7 +64,7 @@ std::vector<Preset> make_presets() {
          "small Apache-2.0, others CC BY-NC 4.0",
          depth_recipe(sides(By::short_side, 518, 14), kImageNetMean, kImageNetStd, depth, scale)},
         {"metric3d", "Metric3D v2", "its `onnx/`, or `onnx-community/metric3d-vit-small`",
-         "BSD-2-Clause", metric3d},
+         "of the code BSD-2-Clause", metric3d},
         {"omnidata-depth", "Omnidata v2 depth", "`omnidata_dpt_depth_v2`, exported", "CC BY-NC 4.0",
          depth_recipe(fixed(384, 384), kHalf, kHalf, depth, affine)},
         {"omnidata-normal", "Omnidata v2 normals", "`omnidata_dpt_normal_v2`, exported",

@@ -60,7 +60,7 @@ const std::vector<Preset>& presets();
 /// Throws Error(ExitCode::usage) that names the nearest one.
 const Preset& find_preset(const std::string& name);
 
-/// "518 long, multiples of 14", "384x384, padded", "as the file says"
+/// "518 long, multiples of 14", "384x384, padded", "of the file"
 std::string text_of(const InputSize& size, Fit fit);
 
 /// "rgb / 255", "(rgb / 255 - (0.5, 0.5, 0.5)) / (0.5, 0.5, 0.5)"

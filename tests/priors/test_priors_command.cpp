@@ -227,7 +227,7 @@ TEST_F(PriorsCommand, WrongUseIsRefusedBeforeAnyWork) {
     const std::string net = "--model depth.onnx --kind depth ";
     expect_refused("--kind depth", 2, "no network given; expected --model FILE.onnx");
     expect_refused("--model depth.onnx", 2, "expected --kind depth, normal or features");
-    expect_refused("--model depth.onnx --preset midas-smal", 2, "did you mean midas-small?");
+    expect_refused("--model depth.onnx --preset midass", 2, "did you mean midas?");
     expect_refused("--model depth.onnx --preset midas --kind normal", 2,
                    "--preset midas gives depth, --kind asks for normal");
     expect_refused(net + "--range unit", 2, "--range is for --kind normal, not for depth");

@@ -21,6 +21,9 @@ TEST(Recipe, PresetsAreWhatTheirAuthorsSay) {
     EXPECT_DOUBLE_EQ(any.scale, 1.0 / 255);
     EXPECT_EQ(any.quantity, PriorQuantity::inverse_depth);
     EXPECT_EQ(any.alignment, PriorAlignment::affine);
+    const Recipe midas = find_preset("midas").recipe;
+    EXPECT_EQ(midas.mean, (std::array<double, 3>{0, 0, 0}));
+    EXPECT_EQ(midas.std, (std::array<double, 3>{1, 1, 1}));
     const Recipe metric3d = find_preset("metric3d").recipe;
     EXPECT_EQ(metric3d.scale, 1);
     EXPECT_EQ(metric3d.fit, Fit::pad);
@@ -53,7 +56,8 @@ TEST(Recipe, TextsSayAllOfIt) {
 TEST(Recipe, AnUnknownPresetNamesTheNearest) {
     expect_error(ExitCode::usage, "did you mean depth-anything-v2?",
                  [] { find_preset("depth-anything-v1"); });
-    expect_error(ExitCode::usage, "there are midas, midas-small, dpt", [] { find_preset("zoe"); });
+    expect_error(ExitCode::usage, "there are midas, dpt, depth-anything-v2,",
+                 [] { find_preset("zoe"); });
 }
 
 }  // namespace
