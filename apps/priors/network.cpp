@@ -99,6 +99,11 @@ Network::Network(const std::string& path, const std::string& output)
     const OnnxFile file = parse_onnx(bytes, path);
     check_input(file, path, width_, height_);
     output_ = choose_output(file, path, output);
+    if (!file.weights_file.empty())
+        throw input_error("E_ONNX: ", path, ": keeps weights in another file, ",
+                          shown(file.weights_file),
+                          ", which OpenCV does not read; export it as one file, as onnx.save() of "
+                          "the loaded model writes it");
     sha256_ = sha256_of(bytes);
     // What it would log is in its exception.
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);

@@ -22,7 +22,7 @@ public:
     /// Reads the file and has the module import it. `output` is the name of the wanted output; may
     /// be empty where there is one. Throws Error(ExitCode::input), E_ONNX: no ONNX file; other than
     /// one input [1, 3, height, width]; no such output, naming those there are; an operator that
-    /// the module lacks, or does not take as it is used, named.
+    /// the module lacks, or does not take as it is used, named; weights in another file.
     Network(const std::string& path, const std::string& output);
     Network(Network&&) noexcept;
     ~Network();

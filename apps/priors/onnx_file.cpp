@@ -105,12 +105,23 @@ std::string text_in(Message message, int field) {
     return found;
 }
 
+/// TensorProto.external_data: pairs of keys and values, of which "location" is a file.
+std::string weights_file_of(Message tensor) {
+    while (tensor.next())
+        if (tensor.field == 13 && text_in(tensor.inner(), 1) == "location")
+            return text_in(tensor.inner(), 2);
+    return "";
+}
+
 OnnxFile parse_graph(Message graph) {
     OnnxFile file;
     std::set<std::string> weights, operators;
     while (graph.next()) {
         if (graph.field == 1) operators.insert(text_in(graph.inner(), 4));
-        if (graph.field == 5) weights.insert(text_in(graph.inner(), 8));
+        if (graph.field == 5) {
+            weights.insert(text_in(graph.inner(), 8));
+            if (file.weights_file.empty()) file.weights_file = weights_file_of(graph.inner());
+        }
         if (graph.field == 11) file.inputs.push_back(tensor_of(graph.inner()));
         if (graph.field == 12) file.outputs.push_back(tensor_of(graph.inner()));
     }

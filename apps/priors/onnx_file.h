@@ -17,6 +17,7 @@ struct OnnxFile {
     std::vector<OnnxTensor> inputs;      // those that are no weights
     std::vector<OnnxTensor> outputs;     // of the whole network
     std::vector<std::string> operators;  // each once, sorted
+    std::string weights_file;            // beside it, which holds weights; empty: none does
 };
 
 /// `bytes` of a file; `path` is for messages. Throws Error(ExitCode::input), E_ONNX, for what is no

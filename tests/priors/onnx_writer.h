@@ -63,6 +63,14 @@ inline std::string constant(const std::string& name, const Ints& values) {
                        part(8, name) + part(9, raw));
 }
 
+/// A constant whose numbers are in another file.
+inline std::string constant_elsewhere(const std::string& name, const Ints& shape) {
+    std::string out;
+    for (const std::int64_t n : shape) out += number(1, n);
+    return part(5, out + number(2, 1) + part(8, name) +
+                       part(13, part(1, "location") + part(2, "net.onnx.data")) + number(14, 1));
+}
+
 /// An input (field 11) or output (12) of the graph; a length of -1 is free.
 inline std::string value_info(int field, const std::string& name, const Ints& shape) {
     std::string dimensions;

@@ -89,6 +89,14 @@ TEST_F(NetworkTest, OtherInputsThanAnImageAreRefused) {
     expect_error(ExitCode::input, "absent.onnx", [&] { Network(folder / "absent.onnx", ""); });
 }
 
+TEST_F(NetworkTest, WeightsInAnotherFileAreNamed) {
+    expect_refused(
+        onnx_file(node("Conv", {"image", "weights"}, {"map"}) +
+                  constant_elsewhere("weights", {1, 3, 1, 1}) +
+                  value_info(11, "image", {1, 3, 2, 2}) + value_info(12, "map", {1, 1, 2, 2})),
+        "keeps weights in another file, net.onnx.data");
+}
+
 TEST_F(NetworkTest, SizesAreTheFilesOrTheUsers) {
     const Network fixed = load(convolution({1, 3, 3, 4}, 1, {1, 2, 3}, {0})),
                   open = load(convolution({1, 3, -1, -1}, 1, {1, 2, 3}, {0})),
