@@ -65,16 +65,20 @@ TEST(Preprocess, NormalisesInOrder) {
 }
 
 TEST(Preprocess, PadsWithTheMeanColour) {
-    Recipe recipe = sized(4, 8, Fit::pad);
-    recipe.scale = 1;
-    const std::vector<float> input = input_of(recipe, place_photo(recipe, 8, 8), plain(8, 8));
-    for (std::size_t y = 0; y < 8; ++y)
-        for (std::size_t x = 0; x < 4; ++x) {
-            const bool photo = y >= 2 && y < 6;
-            EXPECT_EQ(input[4 * y + x], photo ? 100 : 124) << y;
-            EXPECT_EQ(input[32 + 4 * y + x], photo ? 150 : 116) << y;
-            EXPECT_EQ(input[64 + 4 * y + x], photo ? 200 : 104) << y;
+    for (const bool tall : {false, true}) {
+        Recipe recipe = sized(8, 8, Fit::pad);
+        recipe.scale = 1;
+        const ImageU8 photo = tall ? plain(4, 8) : plain(8, 4);
+        const std::vector<float> input =
+            input_of(recipe, place_photo(recipe, photo.width, photo.height), photo);
+        for (std::size_t i = 0; i < 64; ++i) {
+            const std::size_t across = tall ? i % 8 : i / 8;
+            const bool inside = across >= 2 && across < 6;
+            EXPECT_EQ(input[i], inside ? 100 : 124) << i;
+            EXPECT_EQ(input[64 + i], inside ? 150 : 116) << i;
+            EXPECT_EQ(input[128 + i], inside ? 200 : 104) << i;
         }
+    }
 }
 
 // Each place of the photograph comes out of the input where it belongs, to a hundredth of a pixel.
@@ -119,6 +123,7 @@ TEST(Preprocess, MapsKeepPlaces) {
           Case{Fit::stretch, 80, 60, 1, 1600, 1200, 80, 60},
           Case{Fit::stretch, 96, 96, 2, 40, 30, 48, 36},
           Case{Fit::pad, 64, 64, 1, 200, 100, 64, 32}, Case{Fit::pad, 64, 64, 4, 200, 100, 16, 8},
+          Case{Fit::pad, 64, 64, 2, 100, 200, 16, 32},
           Case{Fit::pad, 50, 90, 1, 300, 300, 50, 50}}) {
         SCOPED_TRACE(str(c.input_w, "x", c.input_h, " of ", c.photo_w, "x", c.photo_h));
         const Recipe recipe = sized(c.input_w, c.input_h, c.fit, MapKind::features);
