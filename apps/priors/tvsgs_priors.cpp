@@ -160,7 +160,8 @@ int command(int argc, char** argv) {
     const std::string producer =
         str("tvsgs-priors ", fs::path(arguments.model).filename().string(), ", sha256 ",
             network.sha256(), ", output ", network.output(), ", OpenCV ", Network::opencv_version(),
-            ", input ", text_of(recipe.size, recipe.fit), ", ", normalisation_of(recipe));
+            ", input ", text_of(recipe.size, recipe.fit), ", ", normalisation_of(recipe),
+            ", gives ", meaning_of(recipe));
     PriorsFolder folder(arguments.out, recipe.kind, section_of(recipe, producer),
                         arguments.overwrite, scene_options.path, views);
     std::vector<Photograph> wanted;

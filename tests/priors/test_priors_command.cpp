@@ -120,7 +120,9 @@ TEST_F(PriorsCommand, DepthNormalsAndFeaturesAreRead) {
             << producer;
     }
     const std::string by = said_of.at("features").at("producer");
-    EXPECT_NE(by.find("input 80 long, multiples of 4, rgb / 255"), std::string::npos) << by;
+    EXPECT_NE(by.find("input 80 long, multiples of 4, rgb / 255, gives features"),
+              std::string::npos)
+        << by;
 }
 
 // The numbers themselves: half of green, less 10, blue first, at the photographs' own size.
@@ -180,6 +182,15 @@ TEST_F(PriorsCommand, MapsOfAnotherNetworkStay) {
     EXPECT_EQ(maps(), 2);
     const std::string by = json("scene/kept").at("depth").at("producer");
     EXPECT_EQ(by.find("tvsgs-priors other.onnx"), 0u) << by;
+}
+
+// Of the numbers of a file of maps only the network's range tells one from the other.
+TEST_F(PriorsCommand, MapsReadInAnotherRangeAreNotKept) {
+    ASSERT_EQ(make("normal", "--range unit --views 0,1 --out scene/range").code, 0);
+    EXPECT_EQ(make("normal", "--range unit --out scene/range").code, 0);
+    const Result other = make("normal", "--range signed --out scene/range");
+    EXPECT_EQ(other.code, 2) << other;
+    EXPECT_TRUE(other.says("--overwrite replaces these maps")) << other;
 }
 
 TEST_F(PriorsCommand, ConfidencesGoWithTheirDepth) {
