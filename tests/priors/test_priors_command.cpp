@@ -145,6 +145,20 @@ TEST_F(PriorsCommand, NumbersAreThoseOfTheLinearMap) {
     }
 }
 
+// Channel c is 2^c times the photograph's.
+TEST_F(PriorsCommand, FeaturesAreWrittenChannelsFirst) {
+    write("planes.onnx", convolution({1, 3, 30, 40}, 3, {1, 0, 0, 0, 2, 0, 0, 0, 4}, {0, 0, 0}));
+    ASSERT_EQ(call("--model planes.onnx --kind features --scale 1 --out scene/planes").code, 0);
+    const std::string name = fs::path(scene_.train[0].name).stem().string();
+    const NpyArray map = read_npy(folder_ / "scene/planes/features" / (name + ".npy"));
+    ASSERT_EQ(map.shape, (Ints{3, 30, 40}));
+    const ImageU8 photo =
+        resize_bicubic(read_image(folder_ / "scene/images" / scene_.train[0].name, 3), 40, 30);
+    for (std::size_t i = 0; i < 1200; ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            ASSERT_EQ(map.numbers[1200 * c + i], (1 << c) * photo.pixels[3 * i + c]) << i;
+}
+
 TEST_F(PriorsCommand, GoesOnWhereItStopped) {
     const std::string arguments = "--long-side 64 --out scene/stopped";
     ASSERT_EQ(make("depth", arguments + " --views 0,1,2").code, 0);
@@ -214,12 +228,13 @@ TEST_F(PriorsCommand, FilesOfTheUserAreNeverReplaced) {
     fs::create_directories(folder_ / "scene/mine/depth");
     const std::string mine = R"({"version": 1, "depth": {"dir": "depth"}})";
     write("scene/mine/priors.json", mine);
-    for (const std::string overwrite : {"", " --overwrite"}) {
-        expect_refused(
-            "--model depth.onnx --kind normal --long-side 64 --out scene/mine" + overwrite, 2,
-            "priors.json: is there, and not written by tvsgs");
-        EXPECT_EQ(contents(folder_ / "scene/mine/priors.json"), mine);
-    }
+    for (const std::string kind : {"depth", "normal"})
+        for (const std::string overwrite : {"", " --overwrite"}) {
+            expect_refused("--model depth.onnx --kind " + kind +
+                               " --long-side 64 --out scene/mine" + overwrite,
+                           2, "priors.json: is there, and not written by tvsgs");
+            EXPECT_EQ(contents(folder_ / "scene/mine/priors.json"), mine);
+        }
     fs::remove(folder_ / "scene/mine/priors.json");
     write("scene/mine/depth/0000.npy", "mine");
     expect_refused("--model depth.onnx --kind depth --long-side 64 --out scene/mine --overwrite", 2,
