@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <new>
 #include <opencv2/core/utils/logger.hpp>
 #include <opencv2/dnn.hpp>
 #include <regex>
@@ -114,6 +115,11 @@ Network::Network(const std::string& path, const std::string& output)
         imported_->net.setPreferableTarget(cv::dnn::DNN_TARGET_CPU);
     } catch (const cv::Exception& error) {
         throw import_error(path, error);
+    } catch (const std::bad_alloc&) {
+        throw;
+    } catch (const std::exception& error) {  // of protobuf, as for a node without its inputs
+        throw input_error("E_ONNX: ", path, ": is no valid network for OpenCV ", opencv_version(),
+                          ": ", error.what(), "; download or export it again");
     }
     if (imported_->net.getLayerId(output_) < 0)
         throw input_error("E_ONNX: ", path, ": OpenCV ", opencv_version(),
