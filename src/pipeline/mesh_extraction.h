@@ -9,6 +9,7 @@
 #include "core/log.h"
 #include "core/scene.h"
 #include "mesh/focus.h"
+#include "mesh/large_splats.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/meshers_list.h"
 #include "optim/train.h"
@@ -19,7 +20,8 @@ namespace tvsgs {
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
-    float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0;
+    float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
+          max_scale_px = 0;
     int clusters = 50;
     bool masks = true, unbounded = false;
     std::string box, memory;
@@ -41,6 +43,9 @@ struct MeshOptions {
         field("alpha_min", alpha_min, {0, 1}, "least coverage of a pixel; 0: any");
         field("max_angle", max_angle, {1, 90},
               "degrees between ray and normal, surface seen at a larger one is dropped; 90: none");
+        field("max_scale_px", max_scale_px, {0, 1e6},
+              "splats with a larger standard deviation are not meshed, pixels of the camera whose "
+              "are finest there; 0: all are");
         field("masks", masks, "drop what lies outside of the masks");
         field("clusters", clusters, {0, 1e9}, "largest components to keep; 0: all");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
@@ -96,7 +101,7 @@ Focus focus_of_scene(const std::vector<View>& views,
 /// goes into `why_empty`; where that is null, it is logged as a warning. Throws Error.
 template <class Device>
 TriangleMesh extract_mesh(const std::vector<View>& views,
-                          const Gaussians<Device>& gaussians,
+                          const Gaussians<Device>& all,
                           const TrainOptions& train,
                           const MeshOptions& options,
                           const std::string& spill_folder,
@@ -105,6 +110,12 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           std::string* why_empty = nullptr) {
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
+    Gaussians<Device> small;
+    if (options.max_scale_px > 0) {
+        copy(all, small);
+        fade_large(detail::cameras_of(views), options.max_scale_px, small);
+    }
+    const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
     if (options.depth_max == 0 || options.unbounded)

@@ -1,0 +1,9 @@
+#include "mesh/large_splats.h"
+
+namespace tvsgs {
+
+void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians) {
+    detail::fade_large_on(cameras, max_px, gaussians);
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,77 @@
+// Which splats are too large to be meshed.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/cuda_device.h"
+#include "mesh/large_splats.h"
+
+namespace tvsgs {
+namespace {
+
+Camera camera_at(float x, float f_px) {
+    Camera camera{64, 48, f_px, f_px, 32, 24, {}};
+    camera.camera_from_world.R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    camera.camera_from_world.t = {-x, 0, 0};
+    return camera;
+}
+
+/// Scales (4 deviations of pixels, times `largest` in one axis) at places on a line.
+Gaussians<Cpu> splats(const std::vector<float>& z, const std::vector<float>& largest, int axis) {
+    Gaussians<Cpu> g;
+    resize(g, static_cast<int>(z.size()), 0);
+    for (std::size_t i = 0; i < z.size(); ++i) {
+        g.means[i] = {0, 0, z[i]};
+        g.log_scales[i] = {-6, -6, -6};
+        g.log_scales[i][axis] = std::log(largest[i]);
+        g.opacity_logits[i] = 2;
+    }
+    return g;
+}
+
+const std::vector<Camera> kCameras{camera_at(0, 100), camera_at(3, 400)};
+
+TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
+    // At (0, 0, 4) the first camera's pixels are 0.04 wide; the second is 5 away: 0.0125. At
+    // (0, 0, 0.3) the first has 0.003, the second 0.00754.
+    for (int axis = 0; axis < 3; ++axis) {
+        Gaussians<Cpu> g = splats({4, 4, 0.3f, 0.3f}, {0.0999f, 0.1001f, 0.0239f, 0.0241f}, axis);
+        fade_large(kCameras, 8, g);
+        for (const auto& [i, stays] : {std::pair(0, true), {1, false}, {2, true}, {3, false}})
+            EXPECT_EQ(g.opacity_logits[static_cast<std::size_t>(i)], stays ? 2.0f : kFaded) << i;
+    }
+}
+
+TEST(LargeSplats, WhatIsNotFiniteGoes) {
+    const float bad = std::numeric_limits<float>::quiet_NaN();
+    Gaussians<Cpu> g = splats({4, bad}, {bad, 0.01f}, 1);
+    fade_large(kCameras, 8, g);
+    EXPECT_EQ(g.opacity_logits[0], kFaded);
+}
+
+TEST(LargeSplats, TwinsAgree) {
+    if constexpr (kHasCuda) {
+        if (cuda_device_count() == 0) GTEST_SKIP() << "no GPU";
+        std::vector<float> z, largest;
+        for (int i = 0; i < 500; ++i) {
+            z.push_back(1 + 0.01f * static_cast<float>(i));
+            largest.push_back(0.02f + 0.0004f * static_cast<float>(i * 7 % 500));
+        }
+        Gaussians<Cpu> cpu = splats(z, largest, 2);
+        Gaussians<Cuda> cuda;
+        copy(cpu, cuda);
+        fade_large(kCameras, 8, cpu);
+        fade_large(kCameras, 8, cuda);
+        const std::vector<float> a = to_host(cpu.opacity_logits), b = to_host(cuda.opacity_logits);
+        EXPECT_EQ(a, b);
+        EXPECT_GT(std::count(a.begin(), a.end(), 2.0f), 50);
+        EXPECT_GT(std::count(a.begin(), a.end(), kFaded), 50);
+    } else {
+        GTEST_SKIP() << "build without CUDA";
+    }
+}
+
+}  // namespace
+}  // namespace tvsgs
