@@ -141,7 +141,9 @@ constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
-              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20;
+              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20, kMeshedScalePx = 16;
+// Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
+constexpr int kFewViews = 9, kManyViews = 20;
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
@@ -255,6 +257,22 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
     if (covered && in.discs)
         by_cloud("rasteriser", "discs", {{"backbone", kDiscs}, {"output.ply_scales", "three"}});
     if (covered) by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
+    if (covered && in.normals && look.train_views < kManyViews) {
+        const double share = static_cast<double>(kManyViews - look.train_views) /
+                             static_cast<double>(kManyViews - kFewViews);
+        const std::string weight = number(std::min(std::round(100 * share) / 100, 1.0));
+        Settings settings{{"loss.prior_normal.weight", weight}};
+        // What merely lies beside a scene is not asked: what it gains has not been measured.
+        if (!in.own_priors) settings.emplace_back("priors.source", "stereo");
+        plan.push_back({"prior normals", str("weight ", weight),
+                        str("training views: ", compared(look.train_views, kManyViews), "; ",
+                            kFewViews, " or fewer: 1"),
+                        static_cast<double>(look.train_views), kManyViews, std::move(settings)});
+    }
+    // A larger one lies in a gap of the cloud, at a depth that nothing has measured.
+    if (covered)
+        by_cloud("meshed splats", str("up to ", kMeshedScalePx, " px"),
+                 {{"mesh.max_scale_px", std::to_string(kMeshedScalePx)}});
     if (covered && in.options.tv.enabled) {
         by_cloud("votes", str("every ", kVoteEvery),
                  {{"tv.vote_every", std::to_string(kVoteEvery)}});

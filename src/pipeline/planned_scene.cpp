@@ -51,6 +51,11 @@ bool may_draw_discs(const DeviceChoice& device, const TrainOptions& options, con
     }
 }
 
+bool takes_stereo(const PriorOptions& priors) {
+    return priors.source == PriorOptions::Source::automatic ||
+           priors.source == PriorOptions::Source::stereo;
+}
+
 /// Chooses the settings to start from; returns whether they are the dense ones.
 bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
     const Decision settings = plan_settings(train_views);
@@ -134,11 +139,9 @@ void provide_maps(const DeviceChoice& device,
                   const RunOptions& options,
                   StereoStart stereo,
                   Scene& scene) {
-    using Source = PriorOptions::Source;
-    const Source source = options.priors.source;
     const MapNames wanted = needs_of(options.train.loss).view_maps;
     read_priors(options.priors, wanted, options.scene, scene);
-    if (source == Source::automatic || source == Source::stereo)
+    if (takes_stereo(options.priors))
         make_stereo_priors(device, options.stereo, options.priors.stereo, wanted, std::move(stereo),
                            scene.train);
     complete_maps(options.train.loss, options.descriptors, scene.train);
@@ -190,9 +193,11 @@ Scene read_and_plan(const DeviceChoice& device,
     const TrainOptions multi_view = options_of(kDenseConfig);
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
               wanted = plan.pinned("iterations") ? options.train.iterations : 0;
-    const bool discs = may_draw_discs(device, options.train, plan);
+    const bool discs = may_draw_discs(device, options.train, plan),
+               normals = !found.maps.empty() && takes_stereo(options.priors);
     for (const Decision& decision :
-         plan_training(seen, {dense, discs, options.train, configured, wanted, multi_view.loss}))
+         plan_training(seen, {dense, discs, options.train, configured, wanted, normals,
+                              !options.priors.dir.empty(), multi_view.loss}))
         plan.apply(decision);
     plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());

@@ -178,6 +178,39 @@ TEST(Plan, DiscsForCoveringCloudsWhereTheyMayBeChosen) {
     EXPECT_EQ(choice(plan_training(covered, in), "rasteriser"), "no such decision");
 }
 
+TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
+    SceneLook look = look_of(patch_scene(3, 10, 2400));
+    PlanInputs in;
+    in.configured = 15000;
+    EXPECT_EQ(choice(plan_training(look, in), "prior normals"), "no such decision");
+    in.normals = true;
+    const auto weight = [&](int views) {
+        look.train_views = views;
+        return choice(plan_training(look, in), "prior normals");
+    };
+    for (const auto& [views, expected] : {std::pair(3, "weight 1"),
+                                          {9, "weight 1"},
+                                          {10, "weight 0.91"},
+                                          {19, "weight 0.09"},
+                                          {20, "no such decision"}})
+        EXPECT_EQ(weight(views), expected) << views;
+    look.train_views = 3;
+    const Settings of_stereo = settings(plan_training(look, in), "prior normals");
+    EXPECT_TRUE(sets(of_stereo, "loss.prior_normal.weight", "1"));
+    EXPECT_TRUE(sets(of_stereo, "priors.source", "stereo"));
+    in.own_priors = true;
+    EXPECT_EQ(settings(plan_training(look, in), "prior normals").size(), 1u);
+    look.points_per_pixel = 0.2;
+    EXPECT_EQ(weight(3), "no such decision");
+}
+
+TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
+    const auto covered = plan_of(look_of(patch_scene(3, 10, 2400))),
+               sparse = plan_of(look_of(patch_scene(3, 10, 100)));
+    EXPECT_TRUE(sets(settings(covered, "meshed splats"), "mesh.max_scale_px", "16"));
+    EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
+}
+
 TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
     const auto plan = plan_of(look_of(patch_scene(3, 10, 1)), false, 300);
     EXPECT_EQ(choice(plan, "iterations"), "300");
