@@ -253,6 +253,23 @@ TEST(Components, OneViewIsEnoughWhereNoOtherLooks) {
     EXPECT_EQ(faces_left(scene, other), wall.faces.size());
 }
 
+TEST(Components, OneViewIsNotEnoughWhereAnotherCouldSee) {
+    // 5 x 5 pixels. The other view sees 19 of them, and looks through less than a quarter.
+    TriangleMesh patch;
+    add_patch(patch, 5, [](double u, double v) { return Vec3d{0.1 * v, 0.2 * u, 2}; });
+    const EvidenceView whole = level(2);
+    EvidenceView part = whole;
+    for (int i = 0; i < 6; ++i)
+        part.depth[static_cast<std::size_t>(100 * (50 + i / 5) + 50 + i % 5)] = 3;
+    const std::vector<EvidenceView> views{whole, part};
+    EXPECT_EQ(faces_left(patch, {whole}), patch.faces.size());
+    TriangleMesh mesh = patch;
+    const EvidenceReport report = keep_seen_components(mesh, source_of(views));
+    EXPECT_EQ(report.lonely, 1u);
+    EXPECT_EQ(report.looked_through, 0u);
+    EXPECT_TRUE(mesh.faces.empty());
+}
+
 TEST(Components, PeelsOffWhatNoViewSeesFromTheRims) {
     // The wall goes on where the scene's does not, and has a patch inside that no view knows.
     const TriangleMesh wall = sheet(0, 0, 0, 2, 20);
