@@ -75,7 +75,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                      "views also clear the space before their surfaces where others have put some",
                      group);
     flags.add("--min-weight", "mesh.min_weight", "views that must have seen a voxel [1]", group);
-    flags.add("--clusters", "mesh.clusters", "largest components to keep [50]; 0: all", group);
+    flags.add("--clusters", "mesh.clusters", "largest components to keep [0: all]", group);
     flags.add("--memory", "mesh.memory",
               "bytes the volume may take, as 8G or 500M: the same mesh, in parts if need be [80 % "
               "of what is free]",

@@ -142,14 +142,16 @@ void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d ori
     check_finite(path, mesh.vertices, "vertex");
     check_finite(path, mesh.colors, "colour");
     check_size(path, mesh.colors.size(), mesh.vertices.size(), "colours");
+    check_size(path, mesh.views.size(), mesh.vertices.size(), "numbers of views");
     const int count = static_cast<int>(mesh.vertices.size());
     PlyWriter out(path);
     out.put(str(header(mesh.vertices.size(), origin), mesh.colors.empty() ? "" : kColors,
-                "element face ", mesh.faces.size(),
-                "\nproperty list uchar int vertex_indices\nend_header\n"));
+                mesh.views.empty() ? "" : "property uchar views\n", "element face ",
+                mesh.faces.size(), "\nproperty list uchar int vertex_indices\nend_header\n"));
     for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
         out.put_position(mesh.vertices[i], origin);
         if (!mesh.colors.empty()) out.put_color(mesh.colors[i]);
+        if (!mesh.views.empty()) out.put(mesh.views[i]);
     }
     for (const Vec3i face : mesh.faces) {
         out.put(std::uint8_t{3});

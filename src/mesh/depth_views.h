@@ -68,6 +68,9 @@ public:
     /// The depth that view() gave last.
     std::vector<float> depth_on_host() const { return to_host(clean_.depth); }
 
+    /// Its weights; empty: 1 each.
+    std::vector<float> weight_on_host() const { return to_host(clean_.weight); }
+
     /// What became of the pixels of a view that was rendered.
     const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
 

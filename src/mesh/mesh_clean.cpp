@@ -1,12 +1,16 @@
 #include "mesh/mesh_clean.h"
 
 #include <algorithm>
-#include <cstdint>
 #include <functional>
 #include <numeric>
 
+#include "mesh/mesh_edges.h"
+
 namespace tvsgs {
 namespace {
+
+constexpr double kMinPixels = 20;     // that a view has to see of a component
+constexpr double kMaxThrough = 0.25;  // share of a component's pixels that a view may look through
 
 constexpr std::size_t kMinFaces = 50;  // smaller components are noise; the official scripts' figure
 
@@ -32,21 +36,7 @@ private:
 }  // namespace
 
 std::vector<int> face_components(const TriangleMesh& mesh) {
-    struct Edge {
-        std::uint64_t key;
-        int face;
-    };
-    std::vector<Edge> edges;
-    edges.reserve(mesh.faces.size() * 3);
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-        for (int k = 0; k < 3; ++k) {
-            const auto a = static_cast<std::uint32_t>(mesh.faces[f][k]);
-            const auto b = static_cast<std::uint32_t>(mesh.faces[f][(k + 1) % 3]);
-            edges.push_back(
-                {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f)});
-        }
-    std::sort(edges.begin(), edges.end(),
-              [](const Edge& a, const Edge& b) { return a.key < b.key; });
+    const std::vector<FaceEdge> edges = sorted_edges(mesh);
     UnionFind sets(mesh.faces.size());
     for (std::size_t i = 1; i < edges.size(); ++i)
         if (edges[i].key == edges[i - 1].key) sets.unite(edges[i].face, edges[i - 1].face);
@@ -74,10 +64,12 @@ std::size_t filter_faces(TriangleMesh& mesh, const std::vector<bool>& keep) {
         if (renumbered[v] < 0) continue;
         mesh.vertices[next] = mesh.vertices[v];
         if (!mesh.colors.empty()) mesh.colors[next] = mesh.colors[v];
+        if (!mesh.views.empty()) mesh.views[next] = mesh.views[v];
         renumbered[v] = next++;
     }
     mesh.vertices.resize(next);
     if (!mesh.colors.empty()) mesh.colors.resize(next);
+    if (!mesh.views.empty()) mesh.views.resize(next);
     for (Vec3i& face : faces) face = {renumbered[face.x], renumbered[face.y], renumbered[face.z]};
     mesh.faces = std::move(faces);
     return before - mesh.vertices.size();
@@ -108,6 +100,104 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
     const std::size_t faces_before = mesh.faces.size();
     report.removed_vertices = filter_faces(mesh, keep);
     report.removed_faces = faces_before - mesh.faces.size();
+    return report;
+}
+
+namespace {
+
+/// What the views say of a component.
+struct ComponentEvidence {
+    int see = 0;           // views that see enough of it
+    int could_see = 0;     // that see enough of it, or of what is behind it
+    int look_through = 0;  // of these
+    bool surely = false;   // one sees enough of it with trusted pixels
+
+    bool looked_through() const { return look_through > 0 && 2 * look_through >= see; }
+    bool stays() const {
+        return !looked_through() && (see >= 2 || (see == 1 && could_see == 1 && surely));
+    }
+};
+
+std::vector<ComponentEvidence> component_evidence(const TriangleMesh& mesh,
+                                                  const std::vector<int>& component,
+                                                  std::size_t count,
+                                                  const EvidenceSource& source) {
+    struct Pixels {
+        double seen = 0, surely = 0, through = 0;
+    };
+    std::vector<ComponentEvidence> evidence(count);
+    std::vector<Pixels> pixels;
+    gather_evidence(source, face_samples(mesh), [&](const std::vector<Judgement>& judged) {
+        pixels.assign(count, {});
+        for (std::size_t f = 0; f < judged.size(); ++f) {
+            Pixels& own = pixels[static_cast<std::size_t>(component[f])];
+            const Judgement j = judged[f];
+            const auto px = static_cast<double>(j.pixels);
+            if (is_seen(j.verdict)) own.seen += px;
+            if (j.verdict == Verdict::sees_surely) own.surely += px;
+            if (j.verdict == Verdict::looks_through) own.through += px;
+        }
+        for (std::size_t c = 0; c < count; ++c) {
+            const Pixels& own = pixels[c];
+            ComponentEvidence& e = evidence[c];
+            const bool could_see = own.seen + own.through >= kMinPixels;
+            e.see += own.seen >= kMinPixels;
+            e.could_see += could_see;
+            e.look_through += could_see && own.through > kMaxThrough * (own.seen + own.through);
+            e.surely |= own.surely >= kMinPixels;
+        }
+    });
+    return evidence;
+}
+
+/// Drops faces that no view sees and that are joined to a rim by such faces.
+std::size_t peel_unseen(TriangleMesh& mesh, const EvidenceSource& source) {
+    const std::vector<Evidence> evidence = gather_evidence(source, face_samples(mesh));
+    const auto is_unseen = [&](int face) {
+        return evidence[static_cast<std::size_t>(face)].sees == 0;
+    };
+    UnionFind sets(mesh.faces.size());
+    const std::vector<FaceEdge> edges = sorted_edges(mesh);
+    for (std::size_t i = 1; i < edges.size(); ++i)
+        if (edges[i].key == edges[i - 1].key && is_unseen(edges[i].face) &&
+            is_unseen(edges[i - 1].face))
+            sets.unite(edges[i].face, edges[i - 1].face);
+    std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
+    for_each_rim_edge(edges, [&](const FaceEdge& edge) {
+        open[static_cast<std::size_t>(sets.find(edge.face))] = true;
+    });
+    for (std::size_t f = 0; f < keep.size(); ++f) {
+        const int face = static_cast<int>(f);
+        keep[f] = !is_unseen(face) || !open[static_cast<std::size_t>(sets.find(face))];
+    }
+    const std::size_t before = mesh.faces.size();
+    filter_faces(mesh, keep);
+    return before - mesh.faces.size();
+}
+
+}  // namespace
+
+EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source) {
+    EvidenceReport report;
+    if (mesh.faces.empty()) return report;
+    report.peeled_faces = peel_unseen(mesh, source);
+    const std::vector<int> component = face_components(mesh);
+    std::size_t count = 0;
+    for (const int c : component) count = std::max(count, static_cast<std::size_t>(c) + 1);
+    const std::vector<ComponentEvidence> evidence =
+        component_evidence(mesh, component, count, source);
+    report.components = count;
+    for (const ComponentEvidence& e : evidence) {
+        report.kept_components += e.stays();
+        report.looked_through += e.looked_through();
+        report.lonely += !e.stays() && !e.looked_through() && e.see == 1;
+    }
+    std::vector<bool> keep(mesh.faces.size());
+    for (std::size_t f = 0; f < keep.size(); ++f)
+        keep[f] = evidence[static_cast<std::size_t>(component[f])].stays();
+    const std::size_t before = mesh.faces.size();
+    filter_faces(mesh, keep);
+    report.removed_faces = before - mesh.faces.size();
     return report;
 }
 

@@ -79,8 +79,25 @@ std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_byte
                : static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes));
 }
 
-std::string clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level) {
-    const CleanReport cleaned = keep_largest_components(mesh, clusters);
+std::string clean_mesh(TriangleMesh& mesh,
+                       const MeshOptions& options,
+                       const EvidenceSource& evidence,
+                       spdlog::level::level_enum level) {
+    if (options.evidence && !mesh.faces.empty()) {
+        const EvidenceReport seen = keep_seen_components(mesh, evidence);
+        const std::size_t small =
+            seen.components - seen.kept_components - seen.looked_through - seen.lonely;
+        const std::string dropped =
+            str(seen.looked_through, " that a view looks through, ", seen.lonely,
+                " that one view alone sees, ", small, " of less than 20 pixels in every view");
+        spdlog::log(level, "{} faces at rims that no view sees; of {} components {} stay, not {}",
+                    seen.peeled_faces, seen.components, seen.kept_components, dropped);
+        if (mesh.faces.empty())
+            return str("the views bear out none of its ", seen.components, " components: ", dropped,
+                       "; give more views, or --set mesh.evidence=false");
+    }
+    if (options.evidence && options.clusters == 0) return {};
+    const CleanReport cleaned = keep_largest_components(mesh, options.clusters);
     spdlog::log(level, "{} components, {} kept; {} faces and {} vertices removed",
                 cleaned.components, cleaned.kept_components, cleaned.removed_faces,
                 cleaned.removed_vertices);

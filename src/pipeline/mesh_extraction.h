@@ -22,8 +22,8 @@ struct MeshOptions {
     MesherOptions meshers;
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
           max_scale_px = 0;
-    int clusters = 50;
-    bool masks = true, unbounded = false;
+    int clusters = 0;
+    bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
 
     template <class Visitor>
@@ -47,7 +47,11 @@ struct MeshOptions {
               "splats with a larger standard deviation are not meshed, pixels of the camera whose "
               "are finest there; 0: all are");
         field("masks", masks, "drop what lies outside of the masks");
-        field("clusters", clusters, {0, 1e9}, "largest components to keep; 0: all");
+        field("evidence", evidence,
+              "keep the components that views bear out, whatever their size, and cut off what no "
+              "view sees; counts the views of each vertex");
+        field("clusters", clusters, {0, 1e9},
+              "largest components to keep, of 50 faces and more; 0: all");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
 };
@@ -69,7 +73,21 @@ MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRule
 /// Bytes that a mesher may take where `free_bytes` are free.
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes);
 /// Why cleaning left nothing; empty if it left something, or there was nothing before.
-std::string clean_mesh(TriangleMesh& mesh, int clusters, spdlog::level::level_enum level);
+std::string clean_mesh(TriangleMesh& mesh,
+                       const MeshOptions& options,
+                       const EvidenceSource& evidence,
+                       spdlog::level::level_enum level);
+
+/// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and is not to
+/// be fused afterwards.
+template <class Device>
+EvidenceSource evidence_of(DepthViews<Device>& depth) {
+    depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
+    return {depth.size(), [&depth](int i) -> EvidenceView {
+                const Camera camera = depth.view(i).camera;
+                return {camera, depth.depth_on_host(), depth.weight_on_host()};
+            }};
+}
 
 /// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
@@ -125,7 +143,9 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     ExtractedMesh found = mesher->extract(
         {views, gaussians, *backbone, depth, region, train.render.near,
          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
-    const std::string cleaned = detail::clean_mesh(found.mesh, options.clusters, level);
+    const EvidenceSource evidence = detail::evidence_of(depth);
+    const std::string cleaned = detail::clean_mesh(found.mesh, options, evidence, level);
+    if (options.evidence) count_views(found.mesh, evidence);
     const std::string& why = found.why_empty.empty() ? cleaned : found.why_empty;
     if (why_empty)
         *why_empty = why;

@@ -205,6 +205,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.meshers.tsdf.resolution, row.resolution);
         EXPECT_EQ(mesh.clusters, row.clusters);
         EXPECT_TRUE(mesh.masks);
+        EXPECT_FALSE(mesh.evidence);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
         EXPECT_EQ(mesh.meshers.tsdf.lone_views, LoneViews::all);

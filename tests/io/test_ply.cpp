@@ -364,6 +364,17 @@ TEST_F(Ply, MeshesAndCloudsComeBack) {
     EXPECT_FLOAT_EQ(mesh.points.colors[0].z, 0.2f);
     EXPECT_EQ(mesh.points.colors[2].x, 1);
     EXPECT_EQ(mesh.points.colors[2].y, 0);  // clamped
+    // Numbers of views are a property that readers may leave alone.
+    write_mesh_ply(path, {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0.25f}}, {}, {{0, 1, 2}}, {3, 0, 255}});
+    const std::string bytes = read_bytes(path);
+    EXPECT_NE(bytes.find("property float z\nproperty uchar views\nelement face 1\n"),
+              std::string::npos);
+    EXPECT_EQ(bytes.size() - bytes.find("end_header\n") - 11, 3 * 13 + 13u);
+    EXPECT_EQ(static_cast<unsigned char>(bytes[bytes.size() - 14]), 255);
+    EXPECT_EQ(read_ply(path).points.positions[2].y, 1);
+    expect_error(ExitCode::internal, "numbers of views", [&] {
+        write_mesh_ply(path, {{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, {}, {{0, 1, 2}}, {3}});
+    });
     write_cloud_ply(path, {{{1, 2, 3}}, {{0, 1, 0}}, {{0, 0, -1}}});
     const PlyContents cloud = read_ply(path);
     EXPECT_EQ(cloud.points.positions[0].y, 2);

@@ -1,0 +1,46 @@
+// The edges of a mesh, and which faces share them.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh.h"
+
+namespace tvsgs {
+
+/// From a face's corner to its next.
+struct FaceEdge {
+    std::uint64_t key;  // of both directions
+    int face, corner;
+};
+
+/// All edges of all faces, those between the same vertices in a row, by face.
+inline std::vector<FaceEdge> sorted_edges(const TriangleMesh& mesh) {
+    std::vector<FaceEdge> edges;
+    edges.reserve(mesh.faces.size() * 3);
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+        for (int k = 0; k < 3; ++k) {
+            const auto a = static_cast<std::uint32_t>(mesh.faces[f][k]);
+            const auto b = static_cast<std::uint32_t>(mesh.faces[f][(k + 1) % 3]);
+            edges.push_back(
+                {std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), static_cast<int>(f), k});
+        }
+    std::sort(edges.begin(), edges.end(), [](const FaceEdge& a, const FaceEdge& b) {
+        return a.key != b.key     ? a.key < b.key
+               : a.face != b.face ? a.face < b.face
+                                  : a.corner < b.corner;
+    });
+    return edges;
+}
+
+/// Calls on_rim(edge) for each edge that a single face has.
+template <class OnRim>
+void for_each_rim_edge(const std::vector<FaceEdge>& edges, const OnRim& on_rim) {
+    for (std::size_t i = 0; i < edges.size(); ++i)
+        if ((i == 0 || edges[i - 1].key != edges[i].key) &&
+            (i + 1 == edges.size() || edges[i + 1].key != edges[i].key))
+            on_rim(edges[i]);
+}
+
+}  // namespace tvsgs
