@@ -60,7 +60,9 @@ struct Patch {
     }
 };
 
-/// Calls set(x, y) for the texels of a patch that a triangle covers, or nearly so.
+/// Calls set(x, y, weights, outside) for the texels of a patch that a triangle covers, or nearly
+/// so: the weights of its corners at the texel's middle, or at the place of the triangle next to
+/// it, and how far outside, in weights, that middle is.
 template <class Set>
 void for_covered(const Vec2<double> (&p)[3], int width, int height, const Set& set) {
     double low[2] = {1e30, 1e30}, high[2] = {-1e30, -1e30};
@@ -77,13 +79,19 @@ void for_covered(const Vec2<double> (&p)[3], int width, int height, const Set& s
               y1 = std::min(height - 1, static_cast<int>(std::ceil(high[1] + 1)));
     for (int y = y0; y <= y1; ++y)
         for (int x = x0; x <= x1; ++x) {
+            double weights[3], sum = 0, outside = 0;
             bool covered = true;
             for (int c = 0; c < 3 && covered; ++c) {
-                const Vec2<double> a = p[c], b = p[(c + 1) % 3];
-                const double cross = (b.x - a.x) * (y + 0.5 - a.y) - (b.y - a.y) * (x + 0.5 - a.x);
-                covered = sign * cross >= -kCovered_px * std::hypot(b.x - a.x, b.y - a.y);
+                const Vec2<double> a = p[(c + 1) % 3], b = p[(c + 2) % 3];
+                const double cross =
+                    sign * ((b.x - a.x) * (y + 0.5 - a.y) - (b.y - a.y) * (x + 0.5 - a.x));
+                covered = cross >= -kCovered_px * std::hypot(b.x - a.x, b.y - a.y);
+                outside = std::max(outside, -cross);
+                sum += weights[c] = std::max(cross, 0.0);
             }
-            if (covered) set(x, y);
+            if (!covered) continue;
+            for (double& w : weights) w = sum > 0 ? w / sum : 1.0 / 3;
+            set(x, y, weights, turn != 0 ? outside / std::abs(turn) : 1e30);
         }
 }
 
@@ -98,20 +106,25 @@ void fill_chart(const TriangleMesh& mesh,
                 double scale,
                 ImageU8& image) {
     Patch patch(chart.rect);
+    // By points of the surface: within a face the texture is linear, a photograph is not.
+    std::vector<double> outside(patch.known.size(), INFINITY);
     for (const int f : chart.faces) {
+        const FaceShape face(mesh, f);
         Vec2<double> corners[3];
         for (int c = 0; c < 3; ++c)
-            corners[c] = place_in(chart, scale,
-                                  view.project(vec_cast<double>(mesh.vertices[mesh.faces[f][c]])));
+            corners[c] = place_in(chart, scale, view.project(face.corners[c]));
         for_covered(corners, patch.width, patch.height,
-                    [&](int x, int y) { patch.known[patch.index(x, y)] = 1; });
+                    [&](int x, int y, const double(&weights)[3], double beside) {
+                        const std::size_t i = patch.index(x, y);
+                        if (!(beside < outside[i])) return;  // a face that it lies in is the first
+                        outside[i] = beside, patch.known[i] = 1;
+                        Vec3d point;
+                        for (int c = 0; c < 3; ++c) point += weights[c] * face.corners[c];
+                        const Projection at = view.project(point);
+                        patch.colors[i] =
+                            view.color(at.u, at.v, 1 / scale) + correction.at(at.u, at.v);
+                    });
     }
-    for (int y = 0; y < patch.height; ++y)
-        for (int x = 0; x < patch.width; ++x) {
-            if (!patch.known[patch.index(x, y)]) continue;
-            const double u = (chart.left + x + 0.5) / scale, v = (chart.top + y + 0.5) / scale;
-            patch.colors[patch.index(x, y)] = view.color(u, v, 1 / scale) + correction.at(u, v);
-        }
     patch.dilate(kBorder_px);
     patch.put_into(image, chart.rect);
 }

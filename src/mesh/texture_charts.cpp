@@ -109,7 +109,9 @@ bool fit(const TriangleMesh& mesh, Atlas& atlas, bool flat, double scale, int wi
     });
     const std::optional<int> height = pack(rects, width, width);
     if (!height) return false;
-    atlas.width = width, atlas.height = std::max(4, (*height + 3) / 4 * 4);
+    atlas.width = width, atlas.height = 4;
+    // Powers of two, as old devices want them; the side that was asked for may be none.
+    while (atlas.height < *height) atlas.height = std::min(2 * atlas.height, width);
     return true;
 }
 
