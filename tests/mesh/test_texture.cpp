@@ -220,7 +220,7 @@ double step_at_seams(const TriangleMesh& mesh, const MeshTexture& texture) {
                         sum += double{dot(d, d)} / 3, ++count;
                     }
                 }
-    EXPECT_GT(count, 30);
+    EXPECT_GT(count, 10);
     return std::sqrt(sum / count);
 }
 
@@ -249,10 +249,10 @@ TEST(Texture, SeamsAreLevelled) {
     }
     EXPECT_NEAR(bright / was, std::pow(0.8, 0.25), 0.01);
 
-    // What no gain can do: the light falls off across each image.
-    std::vector<View> uneven = views;
-    for (View& view : uneven) darken(view, [](double x) { return 1 - 0.3 * x; });
-    EXPECT_LT(step_at_seams(mesh, make_texture(mesh, uneven)), 0.02);
+    // What no gain can do: along the seam one of two views grows dark. 0.06 without corrections.
+    std::vector<View> uneven = {views[2], views[3]};
+    darken(uneven[1], [](double x) { return 1 - 0.5 * x; });
+    EXPECT_LT(step_at_seams(mesh, make_texture(mesh, uneven)), 0.01);
 }
 
 TEST(Texture, WhatThreeViewsDenyIsNotShown) {
