@@ -47,7 +47,7 @@ step "mesh"
 
 step "mesh against the true surface (thresholds $taus)"
 mkdir -p "$run/eval"
-"$bin/tvsgs-eval" geometry --pred "$run/mesh/mesh.ply" --gt "$scene/gt/mesh.ply" --visible-gt "$scene/gt/points.ply" \
+"$bin/tvsgs-eval" geometry --pred "$run/mesh/mesh.glb" --gt "$scene/gt/mesh.ply" --visible-gt "$scene/gt/points.ply" \
     --crop "$scene/gt/info.json" --tau "$taus" --out "$run/eval/geometry.json"
 
 step "renders of the test views against the photographs"
@@ -59,7 +59,7 @@ Done in $SECONDS s after the build.
   photographs             $scene/images/*.png
   renders of test views   $run/test/*.png
   splats                  $run/point_cloud/iteration_*/point_cloud.ply
-  mesh                    $run/mesh/mesh.ply      (the true one: $scene/gt/mesh.ply)
+  mesh                    $run/mesh/mesh.glb      (the true one: $scene/gt/mesh.ply)
   picture of the mesh     $run/mesh/mesh.png
   numbers                 $run/eval/*.json, $run/log.jsonl
 END

@@ -8,7 +8,7 @@
 #include "core/parse_numbers.h"
 #include "eval/geometry_scores.h"
 #include "io/crop_file.h"
-#include "io/ply.h"
+#include "io/mesh_files.h"
 
 namespace tvsgs {
 namespace {
@@ -23,7 +23,7 @@ struct GeometryArguments {
 
 /// Of a frame in which float has digits left, also where the file is in UTM coordinates.
 Vec3d origin_of(const std::string& path) {
-    std::vector<Vec3d> positions = read_ply_geometry(path).positions;
+    std::vector<Vec3d> positions = read_mesh_geometry(path).positions;
     std::erase_if(positions, [](Vec3d p) { return !is_finite(p); });
     return local_origin(positions);
 }
@@ -76,8 +76,9 @@ EvalCommand add_eval_geometry(CLI::App& app) {
     GeometryArguments& a = *arguments;
     CLI::App* command =
         app.add_subcommand("geometry", "surface or points against the truth, in the truth's units");
-    command->add_option("--pred", a.pred, "mesh, cloud or splats (PLY)")->required();
-    command->add_option("--gt", a.gt, "mesh or cloud (PLY)")->required();
+    command->add_option("--pred", a.pred, "mesh (PLY, GLB, OBJ), cloud or splats (PLY)")
+        ->required();
+    command->add_option("--gt", a.gt, "mesh (PLY, GLB, OBJ) or cloud (PLY)")->required();
     command->add_option("--visible-gt", a.visible_gt,
                         "part of the truth that completeness and recall ask for");
     command->add_option("--tau", a.taus, "thresholds T,T,... of precision, recall and F1");

@@ -13,6 +13,7 @@
 #include "apps/common/command_line.h"
 #include "io/json_value.h"
 #include "io/read_file.h"
+#include "pipeline/run_folder.h"
 
 extern char** environ;
 
@@ -200,9 +201,7 @@ bool complete(const std::string& run, const Words& train, const MatrixScene& sce
     if (!done && !step("tvsgs-train", words)) return false;
     words = {"--model", run};
     append(words, scene.mesh);
-    if ((!done || !fs::is_regular_file(run + "/mesh/mesh.ply")) &&
-        !step("tvsgs-extract-mesh", words))
-        return false;
+    if ((!done || find_mesh(run).empty()) && !step("tvsgs-extract-mesh", words)) return false;
     words = {"run", "--model", run};
     append(words, scene.eval);
     return step("tvsgs-eval", words);

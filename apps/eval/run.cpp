@@ -84,8 +84,8 @@ int run(const RunArguments& a) {
         std::string suffix, file;
     };
     std::vector<Prediction> predictions = {{"_centres", find_splats(a.model)}};
-    const std::string mesh = a.model + "/mesh/mesh.ply", alignment = a.model + "/eval/tnt";
-    if (fs::is_regular_file(mesh))
+    const std::string mesh = find_mesh(a.model), alignment = a.model + "/eval/tnt";
+    if (!mesh.empty())
         predictions.insert(predictions.begin(), {"", mesh});  // first: the centres take its frame
     else
         spdlog::info("no mesh; tvsgs-extract-mesh --model {} makes one", a.model);
@@ -155,7 +155,7 @@ EvalCommand add_eval_run(CLI::App& app) {
     command->add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
     command->add_flag("--masked", a.masked, "as nvs has it");
     command->add_option("--lpips-weights", a.weights, "as nvs has it");
-    command->add_option("--gt", a.gt, "mesh or cloud (PLY) [what training measured against]");
+    command->add_option("--gt", a.gt, "mesh or cloud [what training measured against]");
     command->add_option("--visible-gt", a.visible_gt, "as geometry has it");
     command->add_option("--crop", a.crop, "as geometry has it");
     command->add_option("--tau", a.tau, "as geometry has it");

@@ -124,7 +124,7 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is a folder; expected a file name"));
     if (!arguments.out.empty())
-        require_output(arguments.out, ".ply", "a cloud is written as PLY", scene_options);
+        require_output(arguments.out, {".ply"}, "a cloud is written as PLY", scene_options);
     if (!arguments.maps.empty())
         list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
     const DeviceChoice device = choose_device(arguments.device);

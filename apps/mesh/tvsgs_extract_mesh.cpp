@@ -7,7 +7,7 @@
 #include "core/device_choice.h"
 #include "io/image_file.h"
 #include "io/manifest.h"
-#include "io/ply.h"
+#include "io/mesh_files.h"
 #include "mesh/mesh_render.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -34,8 +34,9 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     KeyFlags flags(app);
     app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
         ->required();
-    app.add_option("-o,--out,--output", arguments.out,
-                   "mesh to write [RUN/mesh/mesh.ply, or mesh.ply beside the splats]");
+    app.add_option(
+        "-o,--out,--output", arguments.out,
+        "mesh to write, .glb, .obj or .ply [RUN/mesh/mesh.glb, or mesh.glb beside the splats]");
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N");
     app.add_option("-c,--config", configs, "JSON file over the run's configuration; later ones win")
         ->expected(1)
@@ -83,8 +84,16 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     bool no_masks = false;
     app.add_flag("--no-masks", no_masks, "fuse what lies outside of the masks as well")
         ->group(group);
+    group = "File";
     app.add_flag("--no-preview", arguments.no_preview, "write no picture of the mesh")
         ->group(group);
+    flags.add("--texture", "mesh.texture",
+              "auto, none or its side in pixels: the photographs' colours on the mesh [auto: up to "
+              "8192]",
+              group);
+    flags.add("--texture-format", "mesh.texture_format", "jpg, png or webp [jpg]", group);
+    flags.add_switch("--keep-axes", "mesh.keep_axes",
+                     "GLB: the scene's own axes [turned so that the mesh stands upright]", group);
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
@@ -113,8 +122,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
 }
 
 std::string default_output(const std::string& model) {
-    if (fs::is_directory(model)) return (fs::path(model) / "mesh" / "mesh.ply").string();
-    return (fs::path(model).parent_path() / "mesh.ply").string();
+    if (fs::is_directory(model)) return (fs::path(model) / "mesh" / "mesh.glb").string();
+    return (fs::path(model).parent_path() / "mesh.glb").string();
 }
 
 int command(int argc, char** argv) {
@@ -129,7 +138,7 @@ int command(int argc, char** argv) {
     if (fs::equivalent(splat_path, arguments.out, failure))
         throw Error(ExitCode::usage,
                     str("--out ", arguments.out, ": is the file of the splats; name another"));
-    require_output(arguments.out, ".ply", "a mesh is written as PLY", options.scene);
+    require_mesh_output(arguments.out, options.mesh_output, options.scene);
     const DeviceChoice device = choose_device(arguments.device);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);
@@ -147,7 +156,10 @@ int command(int argc, char** argv) {
     if (mesh.faces.empty())
         throw Error(ExitCode::numerical,
                     str(arguments.out, ": not written, as the mesh is empty: ", why_empty));
-    write_mesh_ply(arguments.out, mesh, scene.origin);
+    const MeshTexture texture =
+        texture_of(mesh, scene.train, options.mesh_output, options.mesh.masks, arguments.out);
+    write_mesh(arguments.out, mesh, texture,
+               file_options(options.mesh_output, scene.train, scene.origin));
     spdlog::info("{}: {} vertices, {} faces", arguments.out, mesh.vertices.size(),
                  mesh.faces.size());
     // A picture of that name that we cannot know to be ours is the user's.
@@ -159,9 +171,10 @@ int command(int argc, char** argv) {
                      picture);
     } else if (!arguments.no_preview) {
         const TriangleMesh none;  // with its background a scene is best seen from within
-        write_png(picture,
-                  preview_mesh(mesh, preview_camera(options.mesh.unbounded ? none : mesh,
-                                                    detail::cameras_of(scene.train), 960, 720)));
+        write_png(picture, preview_mesh(mesh,
+                                        preview_camera(options.mesh.unbounded ? none : mesh,
+                                                       detail::cameras_of(scene.train), 960, 720),
+                                        texture));
         spdlog::info("{}: picture of the mesh", picture);
     }
     refresh_report(arguments.out);

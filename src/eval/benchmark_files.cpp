@@ -5,12 +5,12 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/ply.h"
+#include "io/mesh_files.h"
 
 namespace tvsgs {
 
 Prediction read_prediction(const std::string& path, double min_opacity) {
-    PlyGeometry ply = read_ply_geometry(path);
+    PlyGeometry ply = read_mesh_geometry(path);
     Prediction out{{std::move(ply.positions), std::move(ply.faces)}, ply.is_splats, 0, 0, 0, 0};
     PreciseMesh& mesh = out.mesh;
     out.vertices = mesh.vertices.size(), out.faces = mesh.faces.size();
@@ -46,7 +46,7 @@ void require_file(const std::string& path, const std::string& missing) {
 
 std::vector<Vec3d> read_truth(const std::string& path, const std::string& missing) {
     require_file(path, missing);
-    std::vector<Vec3d> points = read_ply_geometry(path).positions;
+    std::vector<Vec3d> points = read_mesh_geometry(path).positions;
     const std::size_t bad = std::erase_if(points, [](Vec3d p) { return !is_finite(p); });
     if (bad > 0) spdlog::warn("{}: {} points that are not finite were dropped", path, bad);
     if (points.empty()) throw Error(ExitCode::input, str(path, ": holds no point to compare with"));

@@ -82,10 +82,14 @@ void AtomicFile::write(const void* data, std::size_t bytes) {
         throw write_error(path_, "writing", std::strerror(errno));
 }
 
-void AtomicFile::commit() {
-    const bool direct = temporary_.empty();
-    if (std::fflush(file_) != 0 || (!direct && fsync(fileno(file_)) != 0))
+void AtomicFile::flush() {
+    if (std::fflush(file_) != 0 || (!temporary_.empty() && fsync(fileno(file_)) != 0))
         throw write_error(path_, "writing", std::strerror(errno));
+}
+
+void AtomicFile::commit() {
+    flush();
+    const bool direct = temporary_.empty();
     if (std::fclose(std::exchange(file_, nullptr)) != 0)
         throw write_error(path_, "closing", std::strerror(errno));
     if (direct) return;

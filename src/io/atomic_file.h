@@ -22,6 +22,8 @@ public:
 
     void write(const void* data, std::size_t bytes);
     void write(std::string_view text) { write(text.data(), text.size()); }
+    /// What has been written is on the disk: commit() then only renames.
+    void flush();
     void commit();
 
 private:

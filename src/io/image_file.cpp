@@ -17,19 +17,22 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::int64_t kMaxPixels = std::int64_t{1} << 30;
-
 struct StbFree {
     void operator()(void* pixels) const { stbi_image_free(pixels); }
 };
 
-ImageSize checked_size(const std::string& path, int known, int width, int height, int channels) {
+ImageSize checked_size(const std::string& path,
+                       int known,
+                       int width,
+                       int height,
+                       int channels,
+                       std::int64_t max_pixels = kMaxPixels) {
     if (!known)
         throw input_error("E_IMAGE_READ: ", path, ": not a readable image (", stbi_failure_reason(),
                           "); expected JPEG, PNG or BMP: convert it");
-    if (width < 1 || height < 1 || std::int64_t{width} * height > kMaxPixels)
-        throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height,
-                          " pixels; at most 2^30 are supported");
+    if (width < 1 || height < 1 || std::int64_t{width} * height > max_pixels)
+        throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height, " pixels; at most ",
+                          max_pixels, " are supported");
     return {width, height, channels};
 }
 
@@ -56,15 +59,17 @@ struct Decoded {
     std::unique_ptr<stbi_us, StbFree> wide;    // 16 bits, or null
     std::unique_ptr<stbi_uc, StbFree> narrow;  // 8 bits, or null
 
-    Decoded(const std::string& path, int channels) {
-        const std::string bytes = read_bytes(path);
+    Decoded(const std::string& path,
+            std::string_view bytes,
+            int channels,
+            std::int64_t max_pixels = kMaxPixels) {
         if (bytes.size() > static_cast<std::size_t>(std::numeric_limits<int>::max()))
             throw input_error("E_IMAGE_READ: ", path, ": the file is larger than 2 GiB");
         const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
         const int length = static_cast<int>(bytes.size());
         int width = 0, height = 0, found = 0;
         const int known = stbi_info_from_memory(data, length, &width, &height, &found);
-        size = checked_size(path, known, width, height, found);
+        size = checked_size(path, known, width, height, found, max_pixels);
         check_png_chunks(path, bytes);
         if (channels == 0) channels = found == 2 ? 4 : found;
         size.channels = channels;
@@ -141,7 +146,14 @@ ImageSize read_image_size(const std::string& path) {
 }
 
 ImageU8 read_image(const std::string& path, int channels) {
-    const Decoded decoded(path, channels);
+    return decode_image(path, read_bytes(path), channels);
+}
+
+ImageU8 decode_image(const std::string& where,
+                     std::string_view bytes,
+                     int channels,
+                     std::int64_t max_pixels) {
+    const Decoded decoded(where, bytes, channels, max_pixels);
     ImageU8 image(decoded.size.width, decoded.size.height, decoded.size.channels);
     if (decoded.narrow)
         std::copy_n(decoded.narrow.get(), image.pixels.size(), image.pixels.data());
@@ -153,7 +165,7 @@ ImageU8 read_image(const std::string& path, int channels) {
 }
 
 ImageF read_image_numbers(const std::string& path) {
-    const Decoded decoded(path, 0);
+    const Decoded decoded(path, read_bytes(path), 0);
     ImageF image(decoded.size.width, decoded.size.height, decoded.size.channels);
     for (std::size_t i = 0; i < image.pixels.size(); ++i)
         image.pixels[i] =

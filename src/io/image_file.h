@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "core/image.h"
 
@@ -11,6 +12,14 @@ namespace tvsgs {
 /// grey are expanded; EXIF orientation is ignored, as COLMAP does. JPEG, PNG and BMP. Throws
 /// Error(ExitCode::input) for unreadable or oversized files.
 ImageU8 read_image(const std::string& path, int channels = 0);
+
+inline constexpr std::int64_t kMaxPixels = std::int64_t{1} << 30;
+
+/// The same for the bytes of such a file of up to so many pixels; `where`: what messages call it.
+ImageU8 decode_image(const std::string& where,
+                     std::string_view bytes,
+                     int channels = 0,
+                     std::int64_t max_pixels = kMaxPixels);
 
 /// The numbers as they are in the file, 0 to 255 or to 65535, in its channels. Throws as
 /// read_image.

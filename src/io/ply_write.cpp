@@ -5,6 +5,7 @@
 #include "core/error.h"
 #include "core/version.h"
 #include "io/atomic_file.h"
+#include "io/mesh_files.h"
 #include "io/ply.h"
 
 namespace tvsgs {
@@ -139,11 +140,7 @@ void write_splat_ply(const std::string& path,
 }
 
 void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin) {
-    check_finite(path, mesh.vertices, "vertex");
-    check_finite(path, mesh.colors, "colour");
-    check_size(path, mesh.colors.size(), mesh.vertices.size(), "colours");
-    check_size(path, mesh.views.size(), mesh.vertices.size(), "numbers of views");
-    const int count = static_cast<int>(mesh.vertices.size());
+    check_mesh(path, mesh);
     PlyWriter out(path);
     out.put(str(header(mesh.vertices.size(), origin), mesh.colors.empty() ? "" : kColors,
                 mesh.views.empty() ? "" : "property uchar views\n", "element face ",
@@ -155,12 +152,7 @@ void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d ori
     }
     for (const Vec3i face : mesh.faces) {
         out.put(std::uint8_t{3});
-        for (int c = 0; c < 3; ++c) {
-            if (face[c] < 0 || face[c] >= count)
-                throw Error(ExitCode::internal, str(path, ": not written: a face refers to vertex ",
-                                                    face[c], " of ", count));
-            out.put(face[c]);
-        }
+        for (int c = 0; c < 3; ++c) out.put(face[c]);
     }
     out.commit();
 }

@@ -124,6 +124,29 @@ Vec3f interpolate(const TriangleMesh& mesh,
     return (1 - w.x - w.y) * values[face.x] + w.x * values[face.y] + w.y * values[face.z];
 }
 
+/// The texture there, between its four nearest texels.
+Vec3f texture_color(const MeshTexture& texture, const Hits& hits, std::size_t i) {
+    const Vec3i face = texture.faces[hits.face[i]];
+    const Vec2f w = hits.weight[i];
+    const auto& places = texture.places;
+    const Vec2f place =
+        (1 - w.x - w.y) * places[face.x] + w.x * places[face.y] + w.y * places[face.z];
+    const ImageU8& image = texture.image;
+    const float x = place.x * static_cast<float>(image.width) - 0.5f,
+                y = place.y * static_cast<float>(image.height) - 0.5f;
+    const float x0 = std::floor(x), y0 = std::floor(y);
+    Vec3f sum;
+    for (int j = 0; j < 2; ++j)
+        for (int k = 0; k < 2; ++k) {
+            const int at_x = std::clamp(static_cast<int>(x0) + k, 0, image.width - 1),
+                      at_y = std::clamp(static_cast<int>(y0) + j, 0, image.height - 1);
+            const float weight = (k ? x - x0 : 1 - x + x0) * (j ? y - y0 : 1 - y + y0) / 255;
+            for (int c = 0; c < 3; ++c)
+                sum[c] += weight * static_cast<float>(image.at(at_x, at_y, c));
+        }
+    return sum;
+}
+
 Vec3f face_normal(const TriangleMesh& mesh, Vec3i face) {
     const Vec3f a = mesh.vertices[face.x];
     return cross(mesh.vertices[face.y] - a, mesh.vertices[face.z] - a);
@@ -145,16 +168,6 @@ ImageF shade_samples(const Hits& hits, Vec3f background, const Shade& shade) {
 
 }  // namespace
 
-std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh) {
-    std::vector<Vec3f> normals(mesh.vertices.size());
-    for (const Vec3i& face : mesh.faces) {
-        const Vec3f normal = face_normal(mesh, face);  // its length is twice the area
-        for (int c = 0; c < 3; ++c) normals[face[c]] += normal;
-    }
-    for (Vec3f& normal : normals) normal = normalize(normal);
-    return normals;
-}
-
 ImageF box_filter(const ImageF& image, int n) {
     if (n == 1) return image;
     ImageF out(image.width / n, image.height / n, image.channels);
@@ -172,7 +185,8 @@ ImageF box_filter(const ImageF& image, int n) {
 
 MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
-                       const MeshRenderOptions& options) {
+                       const MeshRenderOptions& options,
+                       const MeshTexture& texture) {
     const int w = camera.width_px, h = camera.height_px;
     MeshRender out{{}, ImageF(w, h, 1), ImageF(w, h, 3), Image<int>(w, h, 1, -1)};
     const Hits centres = find_hits(mesh, camera);
@@ -196,12 +210,22 @@ MeshRender render_mesh(const TriangleMesh& mesh,
     const Hits fine = n == 1 ? centres : find_hits(mesh, scaled_camera(camera, w * n, h * n));
     out.color = box_filter(shade_samples(fine, options.background,
                                          [&](std::size_t i) {
-                                             return mesh.colors.empty()
+                                             return !texture.empty()
+                                                        ? texture_color(texture, fine, i)
+                                                    : mesh.colors.empty()
                                                         ? Vec3f{1, 1, 1}
                                                         : interpolate(mesh, mesh.colors, fine, i);
                                          }),
                            n);
     return out;
+}
+
+ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
+    const Hits hits = find_hits(mesh, camera);
+    ImageF depth(hits.width, hits.height, 1);
+    for (std::size_t i = 0; i < depth.pixels.size(); ++i)
+        if (hits.face[i] >= 0) depth.pixels[i] = hits.depth[i];
+    return depth;
 }
 
 Camera preview_camera(const TriangleMesh& mesh,
@@ -249,7 +273,7 @@ Camera preview_camera(const TriangleMesh& mesh,
     return camera;
 }
 
-ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera) {
+ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera, const MeshTexture& texture) {
     constexpr int kSamples = 2;
     constexpr Vec3f kBackground{1, 1, 1}, kGrey{0.75f, 0.75f, 0.75f}, kInside{0.85f, 0.35f, 0.3f};
     const Camera fine_camera =
@@ -262,12 +286,13 @@ ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera) {
         const bool inside = dot(face_normal(mesh, mesh.faces[hits.face[i]]), to_camera) < 0;
         const float facing =
             std::abs(dot(normalize(interpolate(mesh, normals, hits, i)), to_camera));
-        const Vec3f color = inside                ? kInside
-                            : mesh.colors.empty() ? kGrey
-                                                  : interpolate(mesh, mesh.colors, hits, i);
-        // Vertex colours carry the light of the photographs already.
-        return (mesh.colors.empty() || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) *
-               color;
+        const bool plain = texture.empty() && mesh.colors.empty();
+        const Vec3f color = inside             ? kInside
+                            : plain            ? kGrey
+                            : !texture.empty() ? texture_color(texture, hits, i)
+                                               : interpolate(mesh, mesh.colors, hits, i);
+        // Colours carry the light of the photographs already.
+        return (plain || inside ? 0.3f + 0.7f * facing : 0.6f + 0.4f * facing) * color;
     };
     return to_8bit(box_filter(shade_samples(hits, kBackground, shade), kSamples));
 }

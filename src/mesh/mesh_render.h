@@ -17,7 +17,7 @@ struct MeshRenderOptions {
 
 /// What a camera sees of a mesh. The maps hold the surface hit by the ray of each pixel centre.
 struct MeshRender {
-    ImageF color;  // [H W 3] perspective-correct vertex colours, white for a mesh without any
+    ImageF color;  // [H W 3] the texture, or perspective-correct vertex colours; white without any
     ImageF depth;  // [H W 1] z-depth, world units; 0: nothing hit
     ImageF
         normal;  // [H W 3] camera frame, unit, out of the surface (may face away); 0: nothing hit
@@ -28,11 +28,11 @@ struct MeshRender {
 /// cut at the camera plane, not lost.
 MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
-                       const MeshRenderOptions& options = {});
+                       const MeshRenderOptions& options = {},
+                       const MeshTexture& texture = {});
 
-/// Area-weighted means of the normals of the faces around each vertex, unit length; 0 for unused
-/// vertices.
-std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh);
+/// The depth map of render_mesh alone.
+ImageF render_depth(const TriangleMesh& mesh, const Camera& camera);
 
 /// Camera that looks as the middle one of `cameras` (one at least) does and frames the bulk of the
 /// vertices, outliers aside.
@@ -41,9 +41,11 @@ Camera preview_camera(const TriangleMesh& mesh,
                       int width,
                       int height);
 
-/// RGB picture for people: vertex colours or grey, lit from the camera; the inner side of the
-/// surface is tinted red, so that holes and inverted parts show.
-ImageU8 preview_mesh(const TriangleMesh& mesh, const Camera& camera);
+/// RGB picture for people: the texture, vertex colours or grey, lit from the camera; the inner side
+/// of the surface is tinted red, so that holes and inverted parts show.
+ImageU8 preview_mesh(const TriangleMesh& mesh,
+                     const Camera& camera,
+                     const MeshTexture& texture = {});
 
 /// Mean of n x n pixels each; the size must be a multiple of n.
 ImageF box_filter(const ImageF& image, int n);

@@ -61,15 +61,23 @@ void require_outside_of_pictures(const std::string& out, const SceneOptions& sce
 }  // namespace
 
 void require_output(const std::string& out,
-                    const std::string& extension,
+                    std::initializer_list<const char*> extensions,
                     const std::string& why,
                     const SceneOptions& scene) {
     std::error_code code;
     const fs::file_status status = fs::status(out, code);
     if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status)) return;
-    if (fs::path(out).extension() != extension)
+    const std::string found = fs::path(out).extension();
+    if (std::find(extensions.begin(), extensions.end(), found) == extensions.end()) {
+        std::string expected;
+        for (auto e = extensions.begin(); e != extensions.end(); ++e)
+            expected += str(e == extensions.begin()     ? ""
+                            : e + 1 == extensions.end() ? " or "
+                                                        : ", ",
+                            *e);
         throw Error(ExitCode::usage,
-                    str("--out ", out, ": ", why, "; expected a name that ends in ", extension));
+                    str("--out ", out, ": ", why, "; expected a name that ends in ", expected));
+    }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
 }
@@ -325,6 +333,19 @@ Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOpt
     if (splats.size() == 0)
         throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
     return splats;
+}
+
+std::string find_mesh(const std::string& path) {
+    std::string found;
+    fs::file_time_type latest;
+    for (const char* name : {"mesh.glb", "mesh.ply", "mesh.obj"}) {
+        const fs::path file = fs::path(path) / "mesh" / name;
+        std::error_code code;
+        if (!fs::is_regular_file(file, code)) continue;
+        const fs::file_time_type time = fs::last_write_time(file, code);
+        if (found.empty() || time > latest) found = file.string(), latest = time;
+    }
+    return found;
 }
 
 std::string run_config_path(const std::string& path) {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdio>
+#include <initializer_list>
 #include <string>
 
 #include "core/gaussians.h"
@@ -20,11 +21,12 @@ void require_free_run_folder(const std::string& path,
                              bool go_on,
                              const SceneOptions& scene);
 
-/// Throws Error(ExitCode::usage) unless a file called `out` may be written: it ends in `extension`,
-/// whose format it gets (`why`), does not lie among the photographs or masks of the scene, and
-/// replaces nothing but a file of ours. What is no file, as /dev/stdout, may have any name.
+/// Throws Error(ExitCode::usage) unless a file called `out` may be written: it ends in one of
+/// `extensions`, whose format it gets (`why`), does not lie among the photographs or masks of the
+/// scene, and replaces nothing but a file of ours. What is no file, as /dev/stdout, may have any
+/// name.
 void require_output(const std::string& out,
-                    const std::string& extension,
+                    std::initializer_list<const char*> extensions,
                     const std::string& why,
                     const SceneOptions& scene);
 
@@ -72,6 +74,9 @@ std::string find_splats(const std::string& path);
 /// Error(ExitCode::input), also where they are discs and it draws ellipsoids, or the other way
 /// round.
 Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train);
+
+/// The mesh of a run folder: mesh/mesh.glb, .ply or .obj, the latest that was written; empty: none.
+std::string find_mesh(const std::string& path);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);

@@ -8,6 +8,7 @@
 #include "optim/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/mesh_extraction.h"
+#include "pipeline/mesh_output.h"
 #include "pipeline/priors.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/train_evaluation.h"
@@ -32,6 +33,7 @@ struct RunOptions {
     DescriptorOptions descriptors;
     PriorOptions priors;
     MeshOptions mesh;
+    MeshOutputOptions mesh_output;  // with the keys of `mesh`
     EvaluationOptions eval;
     MemoryOptions memory;
     PlanOptions plan;
@@ -45,6 +47,7 @@ struct RunOptions {
         table.add("descriptors", descriptors);
         table.add("priors", priors);
         table.add("mesh", mesh);
+        table.add("mesh", mesh_output);
         table.add("eval", eval);
         table.add("memory", memory);
         table.add("plan", plan);

@@ -7,6 +7,7 @@
 
 #include "core/log.h"
 #include "io/atomic_file.h"
+#include "io/mesh_files.h"
 #include "io/ply.h"
 #include "io/read_file.h"
 #include "pipeline/run_folder.h"
@@ -193,7 +194,7 @@ JsonValue collect_report(const std::string& run,
     if_possible("curves", [&] { add_log(report, read_log(run + "/log.jsonl")); });
     if_possible("scores", [&] { add_results(report, run); });
     if_possible("pictures", [&] { report.set("pictures", pictures(run, report["views"], test)); });
-    const std::string cameras = run + "/cameras.json", mesh = run + "/mesh/mesh.ply";
+    const std::string cameras = run + "/cameras.json", mesh = find_mesh(run);
     Viewpoint viewpoint = viewpoint_of(JsonValue());
     if_possible("the view of a camera", [&] {
         if (exists(cameras)) viewpoint = viewpoint_of(read_json(cameras));
@@ -204,8 +205,9 @@ JsonValue collect_report(const std::string& run,
                                              truth, viewpoint));
     });
     if_possible("a mesh", [&] {
-        if (exists(mesh))
-            report.set("mesh_points", points_json(read_ply(mesh, origin).points, truth, viewpoint));
+        if (!mesh.empty())
+            report.set("mesh_points",
+                       points_json(read_mesh(mesh, origin).points, truth, viewpoint));
     });
     return report;
 }

@@ -33,7 +33,7 @@ void refresh_report(const std::string& written) {
     const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
     std::error_code code;
     const bool is_result =
-        (folder.filename() == "mesh" && fs::path(written).filename() == "mesh.ply") ||
+        (folder.filename() == "mesh" && fs::path(written).stem() == "mesh") ||
         (folder.filename() == "eval" && fs::path(written).extension() == ".json");
     if (!is_result || !fs::is_regular_file(fs::path(run) / "report.json", code) ||
         !fs::is_regular_file(fs::path(run) / "config.json", code))

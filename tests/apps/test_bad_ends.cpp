@@ -92,7 +92,7 @@ TEST_F(BadEnds, OverwritingRemovesWhatTheRunWroteAndNothingElse) {
     EXPECT_EQ(mesh.code, 0) << mesh;
     EXPECT_TRUE(mesh.says("mesh.png: is there already and stays")) << mesh;
     EXPECT_EQ(contents(folder_ / "over/mesh/mesh.png"), "mine");
-    fs::remove(folder_ / "over/mesh/mesh.ply");
+    fs::remove(folder_ / "over/mesh/mesh.glb");
     write("over/mesh/other.ply", "mine");
     EXPECT_EQ(
         call("extract-mesh", "--model over --device cpu --out over/mesh/other.ply --no-preview")
@@ -160,11 +160,11 @@ TEST_F(BadEnds, PhotographsAreNotReplaced) {
     EXPECT_EQ(call("init", "--scene scene --device cpu --out scene/images/c.ply").code, 2);
     EXPECT_EQ(train("scene/images/run").code, 2);
     EXPECT_EQ(tree("scene"), before);
-    const Result r = call("extract-mesh", mesh + "o.obj");
+    const Result r = call("extract-mesh", mesh + "o.stl");
     EXPECT_EQ(r.code, 2);
-    EXPECT_TRUE(r.says("expected a name that ends in .ply")) << r;
+    EXPECT_TRUE(r.says("expected a name that ends in .glb, .obj or .ply")) << r;
     EXPECT_EQ(call("init", "--scene scene --device cpu --out c.txt").code, 2);
-    EXPECT_FALSE(fs::exists(folder_ / "o.obj"));
+    EXPECT_FALSE(fs::exists(folder_ / "o.stl"));
 }
 
 TEST_F(BadEnds, ReportsNeverFailARun) {
@@ -191,7 +191,7 @@ TEST_F(BadEnds, ReportsFollowTheMeshAndTheScores) {
     ASSERT_EQ(call("extract-mesh", "--model grown --device cpu --mesh-resolution 48").code, 0);
     EXPECT_NE(report().find("\"mesh_points\""), std::string::npos);
     const Result scored = call("eval",
-                               "geometry --pred grown/mesh/mesh.ply --gt scene/gt/mesh.ply --tau "
+                               "geometry --pred grown/mesh/mesh.glb --gt scene/gt/mesh.ply --tau "
                                "0.1 --out grown/eval/own.json");
     ASSERT_EQ(scored.code, 0) << scored;
     EXPECT_NE(report().find("\"own\""), std::string::npos);

@@ -133,7 +133,7 @@ TEST_F(Cli, MeshAndScores) {
     ASSERT_EQ(mesh.code, 0) << mesh;
     EXPECT_TRUE(fs::exists(folder_ / "run/mesh/mesh.png"));
     const std::string geometry =
-        "geometry --pred run/mesh/mesh.ply --gt scene/gt/mesh.ply --point-samples 5000 --tau 0.05 ";
+        "geometry --pred run/mesh/mesh.glb --gt scene/gt/mesh.ply --point-samples 5000 --tau 0.05 ";
     const Result eval = call("eval", geometry + "--out geometry.json --require 'chamfer<=1'");
     ASSERT_EQ(eval.code, 0) << eval;
     EXPECT_GT(json::parse(contents(folder_ / "geometry.json")).at("chamfer").get<double>(), 0);

@@ -109,6 +109,49 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     EXPECT_LT(radii().back(), 1);
 }
 
+/// All formats of one mesh have the same scores, the turn of a GLB and its copies at seams or not.
+TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
+    std::string expected;
+    for (const std::string out : {"same.ply", "same.glb", "same.obj"}) {
+        const Result mesh =
+            extract("--mesh-resolution 200 --truncation 0.15 --texture-format png", out);
+        ASSERT_EQ(mesh.code, 0) << mesh;
+        EXPECT_EQ(mesh.says("info: texture of "), out != "same.ply") << mesh;
+        std::string all;
+        for (const std::string flags : {"", "--point-samples 2000 "}) {
+            const Result score =
+                run_tool(folder_, "eval",
+                         "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply " + flags +
+                             "--pred " + out);
+            ASSERT_EQ(score.code, 0) << score;
+            all += score.out.substr(0, score.out.find("\"inputs\""));
+        }
+        if (expected.empty()) expected = all;
+        EXPECT_EQ(all, expected) << out;
+    }
+    for (const char* file : {"same.mtl", "same_texture.png", "same.png"})
+        EXPECT_TRUE(fs::exists(folder_ / file)) << file;
+    // The same bytes from run to run, whatever the threads.
+    const std::string glb = contents(folder_ / "same.glb");
+    fs::remove(folder_ / "same.glb");
+    ASSERT_EQ(run_tool(folder_, "extract-mesh",
+                       "--model splats.ply --scene scene --device cpu --no-masks --out same.glb "
+                       "--mesh-resolution 200 --truncation 0.15 --texture-format png --no-preview",
+                       4)
+                  .code,
+              0);
+    EXPECT_TRUE(contents(folder_ / "same.glb") == glb);
+
+    const Result plain =
+        extract("--mesh-resolution 200 --truncation 0.15 --texture none --keep-axes", "plain.glb");
+    ASSERT_EQ(plain.code, 0) << plain;
+    EXPECT_FALSE(plain.says("info: texture of ")) << plain;
+    const std::string bytes = contents(folder_ / "plain.glb");
+    EXPECT_NE(bytes.find("COLOR_0"), std::string::npos);
+    EXPECT_EQ(bytes.find("\"matrix\""), std::string::npos);
+    EXPECT_NE(glb.find("\"matrix\""), std::string::npos);
+}
+
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
     const std::string flags =
         "--mesh-resolution 200 --no-preview --unbounded --weight cos --carve ";
@@ -162,6 +205,16 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     };
     expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
     expect_refused("--weight depth", 2, "inv-depth2");
+    expect_refused("--texture 4096", 2, "would be a PLY, which has none");
+    expect_refused("--texture big", 2, "expected auto, none, or a side of 256 to 8192");
+    expect_refused("--texture-format tga", 2, "jpg, png, webp");
+    const Result bad = extract("", "refused.stl");
+    EXPECT_EQ(bad.code, 2) << bad;
+    EXPECT_TRUE(bad.says("expected a name that ends in .glb, .obj or .ply")) << bad;
+    EXPECT_FALSE(bad.says("training views")) << "before any work";
+    const Result webp = extract("--texture-format webp", "refused.obj");
+    EXPECT_EQ(webp.code, 2) << webp;
+    EXPECT_TRUE(webp.says("read OBJ take no WebP")) << webp;
     expect_refused("--method tsfd", 2,
                    "mesh.method = 'tsfd': expected one of tsdf, tetrahedra; did you mean 'tsdf'?");
     expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");

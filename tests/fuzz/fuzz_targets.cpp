@@ -17,6 +17,7 @@
 #include "io/image_file.h"
 #include "io/json_value.h"
 #include "io/mat_file.h"
+#include "io/mesh_files.h"
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/prior_files.h"
@@ -55,6 +56,31 @@ void read_any_ply(const std::string&, const std::string& file) {
     for (const Vec3i& face : contents.faces)  // what a mesh's users index with
         for (int c = 0; c < 3; ++c) contents.points.positions.at(static_cast<std::size_t>(face[c]));
     read_ply_geometry(file);
+}
+
+void read_any_mesh(const std::string&, const std::string& file) {
+    const PlyContents contents = read_mesh(file);
+    for (const Vec3i& face : contents.faces)
+        for (int c = 0; c < 3; ++c) contents.points.positions.at(static_cast<std::size_t>(face[c]));
+    read_mesh_geometry(file);
+}
+
+/// Lengths of the container made to fit, so that what lies behind them is reached.
+std::string with_lengths(std::string bytes) {
+    if (bytes.size() < 28) return bytes;
+    const std::size_t bin = bytes.rfind(std::string_view("BIN\0", 4));
+    const auto put = [&](std::size_t at, std::size_t value) {
+        const auto number = static_cast<std::uint32_t>(value);
+        std::memcpy(&bytes[at], &number, 4);
+    };
+    put(8, bytes.size());
+    if (bin == std::string::npos || bin < 24) {
+        put(12, bytes.size() - 20);
+    } else {
+        put(12, bin - 4 - 20);
+        put(bin - 4, bytes.size() - bin - 4);
+    }
+    return bytes;
 }
 
 void read_layout_of(SceneFormat format, const std::string& folder) {
@@ -181,6 +207,8 @@ const std::vector<Target>& targets() {
         {"colmap_points_txt", "points3D.txt", read_points, nullptr},
         {"ply_splats", "a.ply", [](S, S file) { read_splat_ply(file); }, nullptr},
         {"ply_mesh", "a.ply", read_any_ply, nullptr},
+        {"mesh_glb", "a.glb", read_any_mesh, with_lengths},
+        {"mesh_obj", "a.obj", read_any_mesh, nullptr},
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},

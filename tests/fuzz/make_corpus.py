@@ -274,3 +274,46 @@ seed("depth_paths", "good_two", json.dumps(
     {"depth_unit_scale_factor": 0.002,
      "frames": [{"file_path": "./0001.png", "depth_file_path": "./d/0001.png"},
                 {"file_path": "images/0002", "depth_file_path": "d/0002.npy"}, {}]}))
+
+
+# Meshes as GLB and OBJ
+def glb(doc, binary):
+    text = json.dumps(doc).encode()
+    text += b" " * (-len(text) % 4)
+    binary += bytes(-len(binary) % 4)
+    return (b"glTF" + struct.pack("<II", 2, 28 + len(text) + len(binary)) + struct.pack("<I", len(text)) + b"JSON"
+            + text + struct.pack("<I", len(binary)) + b"BIN\0" + binary)
+
+
+def tiny_png():
+    def chunk(kind, data):
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    return (b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", struct.pack(">IIBBBBB", 2, 2, 8, 2, 0, 0, 0))
+            + chunk(b"IDAT", zlib.compress(2 * (b"\0" + 6 * b"\x80"))) + chunk(b"IEND", b""))
+
+
+PNG = tiny_png()
+TRIANGLE = struct.pack("<9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
+OURS = {"asset": {"version": "2.0", "generator": "tvsgs 0.1.0", "extras": {"origin": [1, 2, 3], "vertices": 3}},
+        "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "matrix": [1, 0, 0, 0, 0, 0, 1, 0, 0, -1, 0, 0, 0, 0, 0, 1]}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "TEXCOORD_0": 1}, "indices": 2, "material": 0}]}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "textures": [{"source": 0}], "images": [{"bufferView": 3, "mimeType": "image/png"}],
+        "buffers": [{"byteLength": 68 + len(PNG)}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 24},
+                        {"buffer": 0, "byteOffset": 60, "byteLength": 6},
+                        {"buffer": 0, "byteOffset": 68, "byteLength": len(PNG)}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3},
+                      {"bufferView": 1, "componentType": 5126, "type": "VEC2", "count": 3},
+                      {"bufferView": 2, "componentType": 5123, "type": "SCALAR", "count": 3}]}
+seed("mesh_glb", "good_ours", glb(OURS, TRIANGLE + struct.pack("<6f", 0, 0, 1, 0, 0, 1) + struct.pack("<4H", 0, 1, 2, 0) + PNG))
+seed("mesh_glb", "good_nodes", glb(
+    {"asset": {"version": "2.0"}, "scenes": [{"nodes": [0]}],
+     "nodes": [{"children": [1], "rotation": [0, 0, 1, 0]}, {"mesh": 0, "scale": [2, 2, 2], "translation": [1, 0, 0]}],
+     "meshes": [{"primitives": [{"attributes": {"POSITION": 0, "COLOR_0": 1}}]}], "buffers": [{"byteLength": 48}],
+     "bufferViews": [{"buffer": 0, "byteLength": 36}, {"buffer": 0, "byteOffset": 36, "byteLength": 12, "byteStride": 4}],
+     "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3},
+                   {"bufferView": 1, "componentType": 5121, "type": "VEC4", "count": 3, "normalized": True}]},
+    TRIANGLE + bytes(range(12))))
+seed("mesh_obj", "good_textured", "# by hand\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 .5\nvt 0 1\nf 1/1 2/1 3/1 4/1\nf -1 -2 -3\n")
+seed("mesh_obj", "good_colours", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1e3 1 0 0 0 1\nf 1//1 2//1 3//1\n")

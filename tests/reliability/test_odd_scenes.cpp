@@ -188,7 +188,7 @@ TEST_F(OddScenes, MasksThatHideEverything) {
     const Result mesh = call("extract-mesh", "--model of_dark --device cpu --voxel-size 0.05");
     EXPECT_EQ(mesh.code, 7) << mesh;
     EXPECT_TRUE(mesh.says("outside of the masks")) << mesh;
-    EXPECT_FALSE(fs::exists(folder_ / "of_dark/mesh/mesh.ply"));
+    EXPECT_FALSE(fs::exists(folder_ / "of_dark/mesh/mesh.glb"));
     // 0 and 1 where 255 is meant:
     ImageU8 small(48, 36, 1);
     small.pixels.assign(small.pixels.size(), 1);

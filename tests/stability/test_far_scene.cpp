@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "core/local_origin.h"
+#include "io/mesh_files.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
 
@@ -109,7 +110,7 @@ protected:
         return last.at("psnr");
     }
     static std::vector<Vec3d> positions(const std::string& file) {
-        return read_ply_geometry((folder_ / file).string()).positions;
+        return read_mesh_geometry((folder_ / file).string()).positions;
     }
     static Vec3d mean_of(const std::vector<Vec3d>& points) {
         Vec3d mean;
@@ -146,7 +147,7 @@ TEST_F(FarScene, MeshAndScoresAreThoseOfTheSceneAtZero) {
             call("extract-mesh", "--model run_" + name + " --device cpu --mesh-resolution 96"), 0);
         ASSERT_EQ(call("eval", "nvs --model run_" + name + " --device cpu"), 0);
     }
-    const auto near = positions("run_near/mesh/mesh.ply"), far = positions("run_far/mesh/mesh.ply");
+    const auto near = positions("run_near/mesh/mesh.glb"), far = positions("run_far/mesh/mesh.glb");
     ASSERT_GT(near.size(), 100u);
     EXPECT_NEAR(static_cast<double>(far.size()), static_cast<double>(near.size()),
                 0.1 * static_cast<double>(near.size()));

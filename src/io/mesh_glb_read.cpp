@@ -1,0 +1,426 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <cstring>
+#include <map>
+
+#include "core/affine.h"
+#include "core/version.h"
+#include "io/glb_format.h"
+#include "io/image_file.h"
+#include "io/json_file.h"
+#include "io/mesh_glb.h"
+
+namespace tvsgs {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::int64_t kMostVertices = std::int64_t{1} << 30, kMostPixels = 8192 * 8192;
+
+template <class T>
+T at_byte(std::string_view bytes, std::size_t offset) {
+    T value;
+    std::memcpy(&value, bytes.data() + offset, sizeof value);
+    return value;
+}
+
+std::size_t bytes_of(int component) {
+    switch (component) {
+        case glb::i8:
+        case glb::u8:
+            return 1;
+        case glb::i16:
+        case glb::u16:
+            return 2;
+        case glb::u32:
+        case glb::f32:
+            return 4;
+        default:
+            return 0;
+    }
+}
+
+/// Numbers of one accessor, all inside of the file.
+struct Accessor {
+    std::string_view bytes;  // of its elements, from the first on
+    std::size_t count = 0, stride = 0;
+    int component = 0, width = 0;  // numbers per element
+    bool normalized = false;
+
+    double value(std::size_t i, int c) const {
+        const std::size_t at = i * stride + static_cast<std::size_t>(c) * bytes_of(component);
+        const auto scaled = [&](double v, double most) {
+            return normalized ? std::max(v / most, -1.0) : v;
+        };
+        switch (component) {
+            case glb::i8:
+                return scaled(at_byte<std::int8_t>(bytes, at), 127);
+            case glb::u8:
+                return scaled(at_byte<std::uint8_t>(bytes, at), 255);
+            case glb::i16:
+                return scaled(at_byte<std::int16_t>(bytes, at), 32767);
+            case glb::u16:
+                return scaled(at_byte<std::uint16_t>(bytes, at), 65535);
+            case glb::u32:
+                return at_byte<std::uint32_t>(bytes, at);
+            default:
+                return double{at_byte<float>(bytes, at)};
+        }
+    }
+};
+
+class GlbReader {
+public:
+    GlbReader(const std::string& path, std::string_view bytes, bool want_colors)
+        : path_(path), want_colors_(want_colors) {
+        split(bytes);
+        check_extensions();
+        const json& asset = member(doc_, "asset");
+        const json& extras = member(asset, "extras");
+        ours_ = text(asset, "generator").starts_with("tvsgs ") && extras.contains("origin") &&
+                extras.contains("vertices") && list(doc_, "nodes").size() == 1;
+        if (ours_) origin_ = vector3(extras, "origin", {});
+    }
+
+    ReadMesh read() {
+        const json& nodes = list(doc_, "nodes");
+        visited_.assign(nodes.size(), 0);
+        if (const json& scenes = list(doc_, "scenes"); !scenes.empty()) {
+            const std::size_t scene = doc_.contains("scene") ? index(doc_, "scene", scenes) : 0;
+            const json& roots = list(scenes[scene], "nodes");
+            for (std::size_t i = 0; i < roots.size(); ++i) visit(index_at(roots, i, nodes), {}, 0);
+        } else if (!nodes.empty()) {
+            fail("has nodes, but no scene");
+        }
+        if (out_.faces.empty()) fail("holds no triangles");
+        if (!has_colors_) out_.colors.clear();
+        if (ours_) join_copies();
+        return std::move(out_);
+    }
+
+private:
+    [[noreturn]] void fail(const std::string& what) const {
+        throw input_error("E_GLB: ", path_, ": ", what);
+    }
+
+    // 1. The container.
+    void split(std::string_view bytes) {
+        using glb::kChunkBytes;
+        const std::size_t header = glb::kHeaderBytes;
+        if (bytes.size() < header + kChunkBytes) fail("is cut off in its header");
+        if (const auto version = at_byte<std::uint32_t>(bytes, 4); version != glb::kVersion)
+            fail(str("glTF version ", version, "; expected 2"));
+        const auto claimed = at_byte<std::uint32_t>(bytes, 8);
+        if (claimed > bytes.size())
+            fail(str("claims ", claimed, " bytes of ", bytes.size(), "; is it cut off?"));
+        bytes = bytes.substr(0, claimed);
+        std::string_view text;
+        for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
+            if (bytes.size() - begin < kChunkBytes) fail(str("chunk ", chunk, " is cut off"));
+            const auto length = at_byte<std::uint32_t>(bytes, begin),
+                       kind = at_byte<std::uint32_t>(bytes, begin + 4);
+            begin += kChunkBytes;
+            if (length > bytes.size() - begin)
+                fail(str("chunk ", chunk, " claims ", length, " bytes of ", bytes.size() - begin));
+            if (chunk == 0 && kind != glb::kJson) fail("its first chunk is no JSON");
+            if (chunk == 0) text = bytes.substr(begin, length);
+            if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
+            begin += length;
+        }
+        const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
+            check_json_depth(depth, path_);
+            return true;
+        };
+        doc_ = json::parse(text, limit_depth, /*allow_exceptions=*/false);
+        if (!doc_.is_object()) fail("its JSON chunk is damaged");
+    }
+
+    /// What changes the geometry and is not known here; what changes pictures does not matter.
+    void check_extensions() const {
+        for (const json& name : list(doc_, "extensionsRequired")) {
+            const std::string known = name.is_string() ? name.get<std::string>() : "";
+            if (known != "KHR_mesh_quantization" && !known.starts_with("KHR_materials_") &&
+                !known.starts_with("KHR_texture_") && !known.starts_with("EXT_texture_"))
+                fail(str("needs the extension '", shown(known),
+                         "', which is not read; save it without compression"));
+        }
+    }
+
+    // 2. Members of any JSON, which may be of any type.
+    const json& member(const json& object, const char* key) const {
+        static const json none = json::object();
+        if (!object.is_object() || !object.contains(key)) return none;
+        return object[key];
+    }
+    const json& list(const json& object, const char* key) const {
+        static const json none = json::array();
+        const json& found = member(object, key);
+        if (found.is_array()) return found;
+        if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is no list"));
+        return none;
+    }
+    std::string text(const json& object, const char* key) const {
+        const json& found = member(object, key);
+        return found.is_string() ? found.get<std::string>() : "";
+    }
+    std::uint64_t whole(const json& object, const char* key, std::uint64_t standard) const {
+        if (!object.is_object() || !object.contains(key)) return standard;
+        if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is no whole number"));
+        return object[key].get<std::uint64_t>();
+    }
+    std::size_t index(const json& object, const char* key, const json& of) const {
+        const std::uint64_t i = whole(object, key, std::uint64_t{1} << 60);
+        if (i >= of.size()) fail(str("\"", key, "\" refers to no element"));
+        return static_cast<std::size_t>(i);
+    }
+    std::size_t index_at(const json& indices, std::size_t at, const json& of) const {
+        if (!indices[at].is_number_unsigned() || indices[at].get<std::uint64_t>() >= of.size())
+            fail("a node refers to no node");
+        return indices[at].get<std::size_t>();
+    }
+    /// `count` finite numbers, or none where the key is missing.
+    std::vector<double> numbers(const json& object, const char* key, std::size_t count) const {
+        std::vector<double> out;
+        for (const json& number : list(object, key))
+            out.push_back(number.is_number() ? number.get<double>() : NAN);
+        if (out.empty()) return out;
+        if (out.size() != count ||
+            !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); }))
+            fail(str("\"", key, "\": expected ", count, " finite numbers"));
+        return out;
+    }
+    Vec3d vector3(const json& object, const char* key, Vec3d standard) const {
+        const std::vector<double> v = numbers(object, key, 3);
+        return v.empty() ? standard : Vec3d{v[0], v[1], v[2]};
+    }
+
+    // 3. Accessors.
+    std::string_view view_bytes(const json& holder, std::size_t* stride) const {
+        const json& views = list(doc_, "bufferViews");
+        const json& view = views[index(holder, "bufferView", views)];
+        if (whole(view, "buffer", 0) != 0 || member(view, "extensions").size() > 0)
+            fail("keeps numbers in another file, or compressed; save it as one plain .glb");
+        const std::uint64_t offset = whole(view, "byteOffset", 0),
+                            length = whole(view, "byteLength", 0);
+        if (offset > binary_.size() || length > binary_.size() - offset)
+            fail(str("a buffer view of ", length, " bytes from ", offset,
+                     " on lies outside of the ", binary_.size(), " that there are"));
+        if (stride) *stride = static_cast<std::size_t>(whole(view, "byteStride", 0));
+        return binary_.substr(offset, length);
+    }
+
+    Accessor accessor(const json& holder, const char* key, const char* type, int width) const {
+        const json& accessors = list(doc_, "accessors");
+        const json& found = accessors[index(holder, key, accessors)];
+        Accessor out;
+        if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
+        if (found.contains("sparse") || !found.contains("bufferView"))
+            fail(str(key, ": a sparse or empty accessor, which is not read"));
+        out.width = width;
+        const std::uint64_t component = whole(found, "componentType", 0);
+        out.component = component < 10000 ? static_cast<int>(component) : 0;
+        const std::size_t size = bytes_of(out.component) * static_cast<std::size_t>(width);
+        if (size == 0) fail(str(key, ": unknown componentType ", component));
+        const json& normalized = member(found, "normalized");
+        out.normalized = normalized.is_boolean() && normalized.get<bool>();
+        out.bytes = view_bytes(found, &out.stride);
+        if (out.stride == 0) out.stride = size;
+        const std::uint64_t offset = whole(found, "byteOffset", 0),
+                            count = whole(found, "count", 0);
+        const std::uint64_t room = offset > out.bytes.size() ? 0 : out.bytes.size() - offset;
+        if (out.stride < size || out.stride > 65535 || count > room / out.stride + 1 ||
+            (count > 0 && (count - 1) * out.stride + size > room))
+            fail(str(key, ": ", count, " elements, ", out.stride,
+                     " bytes apart, do not fit into their buffer view"));
+        out.bytes = out.bytes.substr(static_cast<std::size_t>(std::min(offset, offset + room)));
+        out.count = static_cast<std::size_t>(count);
+        return out;
+    }
+
+    // 4. Nodes, meshes.
+    Affine3d motion_of(const json& node) const {
+        Affine3d T;
+        if (const std::vector<double> m = numbers(node, "matrix", 16); !m.empty()) {
+            for (int column = 0; column < 4; ++column)
+                for (int row = 0; row < 3; ++row) {
+                    const double value = m[static_cast<std::size_t>(4 * column + row)];
+                    (column < 3 ? T.A[row][column] : T.t[row]) = value;
+                }
+            return T;
+        }
+        Quat<double> turn;
+        if (const std::vector<double> q = numbers(node, "rotation", 4); !q.empty())
+            turn = normalize(Quat<double>{q[3], q[0], q[1], q[2]});
+        const Vec3d scale = vector3(node, "scale", {1, 1, 1});
+        T.A = rotation(turn);
+        for (int row = 0; row < 3; ++row)
+            for (int column = 0; column < 3; ++column) T.A[row][column] *= scale[column];
+        T.t = vector3(node, "translation", {});
+        return T;
+    }
+
+    void visit(std::size_t i, const Affine3d& world_from_parent, int depth) {
+        const json& nodes = list(doc_, "nodes");
+        check_json_depth(depth, path_);
+        if (visited_[i]++) fail(str("node ", i, " has two parents, or is its own"));
+        const json& node = nodes[i];
+        const Affine3d world_from_node = ours_ ? Affine3d{} : world_from_parent * motion_of(node);
+        if (node.is_object() && node.contains("mesh")) {
+            const json& meshes = list(doc_, "meshes");
+            for (const json& primitive : list(meshes[index(node, "mesh", meshes)], "primitives"))
+                add(primitive, world_from_node);
+        }
+        const json& children = list(node, "children");
+        for (std::size_t c = 0; c < children.size(); ++c)
+            visit(index_at(children, c, nodes), world_from_node, depth + 1);
+    }
+
+    void add(const json& primitive, const Affine3d& world_from_node) {
+        if (whole(primitive, "mode", glb::kTriangles) != glb::kTriangles)
+            fail("holds points, lines or strips; expected triangles");
+        if (member(primitive, "extensions").contains("KHR_draco_mesh_compression"))
+            fail("is compressed (KHR_draco_mesh_compression); save it without");
+        const json& attributes = member(primitive, "attributes");
+        const Accessor position = accessor(attributes, "POSITION", "VEC3", 3);
+        const auto first = static_cast<std::int64_t>(out_.positions.size());
+        if (first + static_cast<std::int64_t>(position.count) > kMostVertices)
+            fail("more than 2^30 vertices");
+        for (std::size_t i = 0; i < position.count; ++i)
+            out_.positions.push_back(world_from_node * Vec3d{position.value(i, 0),
+                                                             position.value(i, 1),
+                                                             position.value(i, 2)} +
+                                     origin_);
+        const auto add_faces = [&](std::size_t corners, const auto& corner) {
+            if (corners % 3 != 0) fail(str(corners, " corners are no whole triangles"));
+            for (std::size_t k = 0; k < corners; k += 3) {
+                Vec3i face;
+                for (int c = 0; c < 3; ++c) {
+                    const double vertex = corner(k + static_cast<std::size_t>(c));
+                    if (!(vertex < static_cast<double>(position.count)))
+                        fail(str("a triangle refers to vertex ", vertex, " of ", position.count));
+                    face[c] = static_cast<int>(first + static_cast<std::int64_t>(vertex));
+                }
+                out_.faces.push_back(face);
+            }
+        };
+        if (primitive.contains("indices")) {
+            const Accessor indices = accessor(primitive, "indices", "SCALAR", 1);
+            if (indices.component != glb::u8 && indices.component != glb::u16 &&
+                indices.component != glb::u32)
+                fail("indices: expected an unsigned componentType");
+            add_faces(indices.count, [&](std::size_t k) { return indices.value(k, 0); });
+        } else {
+            add_faces(position.count, [](std::size_t k) { return static_cast<double>(k); });
+        }
+        if (want_colors_) add_colors(primitive, attributes, position.count);
+    }
+
+    // 5. Colours, for pictures: what cannot be had is white.
+    void add_colors(const json& primitive, const json& attributes, std::size_t count) {
+        out_.colors.resize(out_.positions.size(), Vec3f{1, 1, 1});
+        Vec3f* const to = out_.colors.data() + (out_.colors.size() - count);
+        if (attributes.contains("COLOR_0")) {
+            const json& accessors = list(doc_, "accessors");
+            const bool alpha =
+                text(accessors[index(attributes, "COLOR_0", accessors)], "type") == "VEC4";
+            const Accessor color =
+                accessor(attributes, "COLOR_0", alpha ? "VEC4" : "VEC3", alpha ? 4 : 3);
+            if (color.count != count) fail("COLOR_0: not as many as positions");
+            for (std::size_t i = 0; i < count; ++i)
+                for (int c = 0; c < 3; ++c) to[i][c] = srgb(color.value(i, c));
+            has_colors_ = true;
+        } else if (attributes.contains("TEXCOORD_0")) {
+            const ImageU8* const image = texture_of(primitive);
+            const Accessor place = accessor(attributes, "TEXCOORD_0", "VEC2", 2);
+            if (place.count != count) fail("TEXCOORD_0: not as many as positions");
+            if (!image) return;
+            const auto pixel = [](double at, int size) {
+                return static_cast<int>(std::clamp(at * size, 0.0, size - 1.0));
+            };
+            for (std::size_t i = 0; i < count; ++i) {
+                const int x = pixel(place.value(i, 0), image->width),
+                          y = pixel(place.value(i, 1), image->height);
+                for (int c = 0; c < 3; ++c) to[i][c] = static_cast<float>(image->at(x, y, c)) / 255;
+            }
+            has_colors_ = true;
+        }
+    }
+    static float srgb(double linear) {
+        const auto v = static_cast<float>(std::clamp(linear, 0.0, 1.0));
+        return v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
+    }
+    /// Null: there is none that is read here.
+    const ImageU8* texture_of(const json& primitive) {
+        const json& materials = list(doc_, "materials");
+        if (!primitive.contains("material")) return nullptr;
+        const json& base = member(
+            member(materials[index(primitive, "material", materials)], "pbrMetallicRoughness"),
+            "baseColorTexture");
+        const json& textures = list(doc_, "textures");
+        const json& images = list(doc_, "images");
+        if (base.empty()) return nullptr;
+        const json& texture = textures[index(base, "index", textures)];
+        if (!texture.is_object() || !texture.contains("source")) return nullptr;
+        const std::size_t image = index(texture, "source", images);
+        if (!images[image].is_object() || !images[image].contains("bufferView")) return nullptr;
+        if (text(images[image], "mimeType") == "image/webp") return nullptr;
+        if (!decoded_.contains(image))
+            decoded_[image] =
+                decode_image(path_, view_bytes(images[image], nullptr), 3, kMostPixels);
+        return &decoded_[image];
+    }
+
+    /// The copies behind the vertices of our meshes: the same number, bit by bit, is one vertex.
+    void join_copies() {
+        const std::uint64_t own = whole(member(member(doc_, "asset"), "extras"), "vertices", 0);
+        if (own >= out_.positions.size()) return;
+        const auto before = [](Vec3d a, Vec3d b) {
+            return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+        };
+        std::vector<std::pair<Vec3d, int>> sorted;
+        for (std::size_t i = 0; i < own; ++i)
+            sorted.emplace_back(out_.positions[i], static_cast<int>(i));
+        const auto first = [&](const auto& a, const auto& b) {
+            return before(a.first, b.first) || (!before(b.first, a.first) && a.second < b.second);
+        };
+        for (const auto& [p, i] : sorted)
+            if (!is_finite(p)) return;
+        std::sort(sorted.begin(), sorted.end(), first);
+        std::vector<int> joined(out_.positions.size());
+        for (std::size_t i = 0; i < joined.size(); ++i) {
+            joined[i] = static_cast<int>(i);
+            if (i < own) continue;
+            const Vec3d p = out_.positions[i];
+            const auto at =
+                std::lower_bound(sorted.begin(), sorted.end(), p,
+                                 [&](const auto& a, Vec3d b) { return before(a.first, b); });
+            if (at == sorted.end() ||
+                !(at->first.x == p.x && at->first.y == p.y && at->first.z == p.z))
+                return;  // somebody has changed the file
+            joined[i] = at->second;
+        }
+        for (Vec3i& face : out_.faces)
+            for (int c = 0; c < 3; ++c) face[c] = joined[face[c]];
+        out_.positions.resize(own);
+        if (!out_.colors.empty()) out_.colors.resize(own);
+    }
+
+    const std::string& path_;
+    const bool want_colors_;
+    bool has_colors_ = false, ours_ = false;
+    json doc_;
+    std::string_view binary_;
+    Vec3d origin_;
+    std::vector<char> visited_;
+    std::map<std::size_t, ImageU8> decoded_;
+    ReadMesh out_;
+};
+
+}  // namespace
+
+ReadMesh read_glb(const std::string& path, std::string_view bytes, bool want_colors) {
+    return GlbReader(path, bytes, want_colors).read();
+}
+
+}  // namespace tvsgs

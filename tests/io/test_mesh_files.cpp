@@ -1,0 +1,576 @@
+// Meshes as GLB, OBJ and PLY: what is in the files by a parser of our own tests, that all three are
+// read as the same mesh, files of others, and what is refused.
+#include <sys/resource.h>
+
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <sstream>
+
+#include "io/io_test.h"
+#include "io/mesh_files.h"
+#include "io/webp.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+class MeshFiles : public IoTest {
+protected:
+    std::string at(const std::string& name) const { return (folder / name).string(); }
+    int count() const {
+        return static_cast<int>(std::distance(fs::directory_iterator(folder), {}));
+    }
+};
+
+/// Two triangles that meet in an edge and lie apart in the texture; a vertex that nothing uses, and
+/// one at the place of another.
+TriangleMesh two_triangles() {
+    TriangleMesh mesh;
+    mesh.vertices = {{0, 0, 0}, {1.1f, 0, 0}, {0, 1.7f, 0.3f}, {1, 1, -2}, {7, 8, 9}, {0, 0, 0}};
+    mesh.colors = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {0.5f, 0.5f, 0.5f}, {1, 1, 1}, {0, 0, 0}};
+    mesh.faces = {{0, 1, 2}, {2, 1, 3}, {5, 1, 3}};
+    return mesh;
+}
+MeshTexture texture_of(const TriangleMesh&) {
+    MeshTexture texture;
+    texture.image = ImageU8(32, 16, 3, 90);
+    for (int x = 0; x < 32; ++x) texture.image.at(x, 3, 1) = static_cast<std::uint8_t>(8 * x);
+    texture.places = {{0.1f, 0.2f}, {0.3f, 0.2f}, {0.1f, 0.4f},  {0.6f, 0.4f}, {0.8f, 0.2f},
+                      {0.8f, 0.4f}, {0.5f, 0.5f}, {0.55f, 0.5f}, {0.5f, 0.75f}};
+    texture.faces = {{0, 1, 2}, {3, 4, 5}, {6, 7, 8}};
+    return texture;
+}
+
+/// 30 degrees about z, then about x.
+Mat3<double> some_turn() {
+    const double c = std::cos(M_PI / 6), s = 0.5;
+    const Mat3<double> z{{{c, -s, 0}, {s, c, 0}, {0, 0, 1}}}, x{{{1, 0, 0}, {0, c, -s}, {0, s, c}}};
+    return x * z;
+}
+
+// A parser of GLB that shares nothing with the program's.
+struct Glb {
+    json doc;
+    std::string binary;
+
+    explicit Glb(const std::string& bytes) {
+        const auto u32 = [&](std::size_t at) {
+            std::uint32_t value = 0;
+            for (std::size_t i = 4; i-- > 0;)
+                value = value << 8 | static_cast<unsigned char>(bytes.at(at + i));
+            return value;
+        };
+        EXPECT_EQ(bytes.substr(0, 4), "glTF");
+        EXPECT_EQ(u32(4), 2u);
+        EXPECT_EQ(u32(8), bytes.size());
+        EXPECT_EQ(bytes.size() % 4, 0u);
+        const std::size_t length = u32(12);
+        EXPECT_EQ(bytes.substr(16, 4), "JSON");
+        EXPECT_EQ(length % 4, 0u);
+        doc = json::parse(bytes.substr(20, length));
+        if (20 + length == bytes.size()) return;
+        const std::size_t bin = 20 + length;
+        EXPECT_EQ(bytes.substr(bin + 4, 4), std::string("BIN\0", 4));
+        EXPECT_EQ(u32(bin) % 4, 0u);
+        binary = bytes.substr(bin + 8);
+        EXPECT_EQ(binary.size(), u32(bin));
+        EXPECT_EQ(doc["buffers"][0]["byteLength"], binary.size());
+        for (const json& view : doc["bufferViews"]) {
+            EXPECT_EQ(view["byteOffset"].get<std::size_t>() % 4, 0u);
+            EXPECT_LE(view["byteOffset"].get<std::size_t>() + view["byteLength"].get<std::size_t>(),
+                      binary.size());
+        }
+    }
+    std::string view(int i) const {
+        const json& v = doc["bufferViews"][static_cast<std::size_t>(i)];
+        return binary.substr(v["byteOffset"], v["byteLength"]);
+    }
+    template <class T>
+    std::vector<T> numbers(const json& accessor_index, int component) const {
+        const json& accessor = doc["accessors"][accessor_index.get<std::size_t>()];
+        EXPECT_EQ(accessor["componentType"], component);
+        const std::string bytes = view(accessor["bufferView"]);
+        std::vector<T> out(bytes.size() / sizeof(T));
+        std::memcpy(out.data(), bytes.data(), out.size() * sizeof(T));
+        const std::size_t width = accessor["type"] == "SCALAR" ? 1
+                                  : accessor["type"] == "VEC2" ? 2
+                                  : accessor["type"] == "VEC3" ? 3
+                                                               : 4;
+        out.resize(accessor["count"].get<std::size_t>() * width);
+        return out;
+    }
+    const json& primitive() const { return doc["meshes"][0]["primitives"][0]; }
+};
+
+TEST_F(MeshFiles, WhatIsInATexturedGlb) {
+    const TriangleMesh mesh = two_triangles();
+    const MeshTexture texture = texture_of(mesh);
+    const Mat3<double> R = some_turn();
+    write_mesh(at("a.glb"), mesh, texture, {.origin = {5e5, 4e6, 7}, .upright_from_scene = R});
+    const Glb glb(read_bytes(at("a.glb")));
+    EXPECT_EQ(glb.doc["asset"]["version"], "2.0");
+    EXPECT_TRUE(glb.doc["asset"]["generator"].get<std::string>().starts_with("tvsgs "));
+    EXPECT_EQ(glb.doc["asset"]["extras"]["origin"], (json{5e5, 4e6, 7.0}));
+    EXPECT_EQ(glb.doc["scenes"][0]["nodes"], json::array({0}));
+    const json& matrix = glb.doc["nodes"][0]["matrix"];
+    ASSERT_EQ(matrix.size(), 16u);
+    for (std::size_t row = 0; row < 3; ++row)
+        for (std::size_t column = 0; column < 3; ++column)
+            EXPECT_EQ(matrix[4 * column + row], R.m[row][column]) << "columns come first";
+    for (const std::size_t i : {3u, 7u, 11u, 12u, 13u, 14u}) EXPECT_EQ(matrix[i], 0);
+    EXPECT_EQ(matrix[15], 1);
+
+    const json& primitive = glb.primitive();
+    EXPECT_EQ(primitive["mode"], 4);
+    EXPECT_FALSE(primitive["attributes"].contains("COLOR_0")) << "it would darken the texture";
+    const auto positions = glb.numbers<float>(primitive["attributes"]["POSITION"], 5126);
+    const auto normals = glb.numbers<float>(primitive["attributes"]["NORMAL"], 5126);
+    const auto places = glb.numbers<float>(primitive["attributes"]["TEXCOORD_0"], 5126);
+    const auto indices = glb.numbers<std::uint16_t>(primitive["indices"], 5123);
+    // The vertices in their order, then copies: of 2 and 1 in the second, 1 and 3 in the third
+    // face.
+    ASSERT_EQ(positions.size(), 3u * 10);
+    ASSERT_EQ(normals.size(), positions.size());
+    ASSERT_EQ(places.size(), 2u * 10);
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+        for (int a = 0; a < 3; ++a)
+            EXPECT_EQ(positions[3 * i + static_cast<std::size_t>(a)], mesh.vertices[i][a]);
+    Vec3f lower = mesh.vertices[0], upper = lower;
+    for (std::size_t i = 0; i < positions.size(); ++i) {
+        const int a = static_cast<int>(i % 3);
+        lower[a] = std::min(lower[a], positions[i]), upper[a] = std::max(upper[a], positions[i]);
+    }
+    const json& accessor =
+        glb.doc["accessors"][primitive["attributes"]["POSITION"].get<std::size_t>()];
+    EXPECT_EQ(accessor["min"], (json{lower.x, lower.y, lower.z}));
+    EXPECT_EQ(accessor["max"], (json{upper.x, upper.y, upper.z}));
+    for (std::size_t i = 0; i < normals.size(); i += 3)
+        EXPECT_NEAR(std::hypot(normals[i], normals[i + 1], normals[i + 2]), 1, 1e-6);
+    const std::vector<Vec3f> expected = vertex_normals(mesh);
+    EXPECT_EQ(normals[3 * 3 + 2], expected[3].z);
+    ASSERT_EQ(indices.size(), 9u);
+    for (std::size_t k = 0; k < 9; ++k) {
+        const int corner = static_cast<int>(k % 3);
+        const Vec3f v = mesh.vertices[mesh.faces[k / 3][corner]];
+        const Vec2f place = texture.places[texture.faces[k / 3][corner]];
+        const std::size_t i = indices[k];
+        for (int a = 0; a < 3; ++a) EXPECT_EQ(positions[3 * i + static_cast<std::size_t>(a)], v[a]);
+        EXPECT_EQ(places[2 * i], place.x);
+        EXPECT_EQ(places[2 * i + 1], place.y) << "down from the top";
+    }
+    for (const auto& [name, target] : {std::pair{"POSITION", 34962}, {"TEXCOORD_0", 34962}}) {
+        const json& a = glb.doc["accessors"][primitive["attributes"][name].get<std::size_t>()];
+        EXPECT_EQ(glb.doc["bufferViews"][a["bufferView"].get<std::size_t>()]["target"], target);
+    }
+    const json& material = glb.doc["materials"][primitive["material"].get<std::size_t>()];
+    EXPECT_TRUE(material["extensions"].contains("KHR_materials_unlit"));
+    EXPECT_EQ(glb.doc["extensionsUsed"], json::array({"KHR_materials_unlit"}));
+    EXPECT_EQ(material["doubleSided"], true);
+    EXPECT_EQ(material["pbrMetallicRoughness"]["metallicFactor"], 0);
+    EXPECT_EQ(material["pbrMetallicRoughness"]["baseColorTexture"]["index"], 0);
+    EXPECT_EQ(glb.doc["images"][0]["mimeType"], "image/jpeg");
+    const ImageU8 picture =
+        decode_image("picture", glb.view(glb.doc["images"][0]["bufferView"].get<int>()));
+    EXPECT_EQ(picture.width, 32);
+    EXPECT_NEAR(picture.at(20, 10, 2), 90, 4);
+}
+
+TEST_F(MeshFiles, TexturesAsPngAndWebp) {
+    const TriangleMesh mesh = two_triangles();
+    const MeshTexture texture = texture_of(mesh);
+    write_mesh(at("a.glb"), mesh, texture, {.texture_format = TextureFormat::png});
+    const Glb png(read_bytes(at("a.glb")));
+    EXPECT_EQ(png.doc["images"][0]["mimeType"], "image/png");
+    const int view = png.doc["images"][0]["bufferView"];
+    EXPECT_EQ(decode_image("png", png.view(view)).pixels, texture.image.pixels) << "without loss";
+    EXPECT_FALSE(png.doc["nodes"][0].contains("matrix")) << "axes are kept unless they are turned";
+
+    const MeshFileOptions webp{.texture_format = TextureFormat::webp};
+    expect_error(ExitCode::usage, "b.obj: programs that read OBJ take no WebP",
+                 [&] { write_mesh(at("b.obj"), mesh, texture, webp); });
+    if (!has_webp()) {
+        expect_error(ExitCode::usage, "no libwebp",
+                     [&] { write_mesh(at("b.glb"), mesh, texture, webp); });
+        EXPECT_EQ(count(), 1);
+        return;
+    }
+    write_mesh(at("b.glb"), mesh, texture, webp);
+    const Glb glb(read_bytes(at("b.glb")));
+    EXPECT_EQ(glb.doc["textures"][0]["extensions"]["EXT_texture_webp"]["source"], 0);
+    EXPECT_FALSE(glb.doc["textures"][0].contains("source"));
+    EXPECT_EQ(glb.doc["extensionsRequired"], json::array({"EXT_texture_webp"}));
+    const std::string bytes = glb.view(glb.doc["images"][0]["bufferView"].get<int>());
+    EXPECT_EQ(bytes.substr(0, 4) + bytes.substr(8, 4), "RIFFWEBP");
+    EXPECT_EQ(read_mesh_geometry(at("b.glb")).faces.size(), 3u);
+}
+
+TEST_F(MeshFiles, ColoursOfVerticesAreLinearInAGlb) {
+    const TriangleMesh mesh = two_triangles();
+    write_mesh(at("a.glb"), mesh);
+    const Glb glb(read_bytes(at("a.glb")));
+    const json& attributes = glb.primitive()["attributes"];
+    EXPECT_FALSE(attributes.contains("TEXCOORD_0"));
+    const auto colors = glb.numbers<std::uint16_t>(attributes["COLOR_0"], 5123);
+    ASSERT_EQ(colors.size(), 4 * mesh.vertices.size());
+    EXPECT_EQ(glb.doc["accessors"][attributes["COLOR_0"].get<std::size_t>()]["normalized"], true);
+    EXPECT_EQ(colors[0], 65535);
+    EXPECT_EQ(colors[1], 0);
+    EXPECT_NEAR(colors[4 * 3], 0.21404 * 65535, 1) << "half of sRGB is a fifth of the light";
+    EXPECT_EQ(colors[4 * 3 + 3], 65535) << "opaque";
+    const PlyContents back = read_mesh(at("a.glb"));
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+        EXPECT_LT(norm(back.points.colors[i] - mesh.colors[i]), 1e-3);
+}
+
+/// The same in all formats, bit by bit, near and far, turned and textured or not.
+TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
+    const TriangleMesh mesh = two_triangles();
+    for (const Vec3d origin : {Vec3d{}, Vec3d{500000.25, 4e6, -12}})
+        for (const bool textured : {false, true}) {
+            const MeshTexture texture = textured ? texture_of(mesh) : MeshTexture{};
+            const MeshFileOptions options{.origin = origin, .upright_from_scene = some_turn()};
+            const PlyGeometry expected = [&] {
+                write_mesh(at("a.ply"), mesh, texture, options);
+                return read_mesh_geometry(at("a.ply"));
+            }();
+            for (const char* name : {"a.glb", "a.obj"}) {
+                SCOPED_TRACE(str(name, textured ? " textured" : "", " from ", origin.x));
+                write_mesh(at(name), mesh, texture, options);
+                const PlyGeometry found = read_mesh_geometry(at(name));
+                ASSERT_EQ(found.positions.size(), mesh.vertices.size());
+                for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+                    for (int a = 0; a < 3; ++a) {
+                        const double p = found.positions[i][a], q = expected.positions[i][a];
+                        // Near 0 an OBJ has the shortest text of a float, which is not its double.
+                        if (mesh_format(name) == MeshFormat::obj && origin.x == 0)
+                            EXPECT_EQ(static_cast<float>(p), static_cast<float>(q)) << i;
+                        else
+                            EXPECT_EQ(p, q) << i;
+                    }
+                ASSERT_EQ(found.faces.size(), 3u);
+                // A vertex at the place of another has been written as a copy of either.
+                for (std::size_t f = 0; f < 3; ++f)
+                    for (int c = 0; c < 3; ++c)
+                        EXPECT_EQ(norm(mesh.vertices[found.faces[f][c]] -
+                                       mesh.vertices[mesh.faces[f][c]]),
+                                  0);
+                const PlyContents local = read_mesh(at(name), origin);
+                for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+                    EXPECT_LT(norm(local.points.positions[i] - mesh.vertices[i]), 1e-9);
+            }
+        }
+}
+
+TEST_F(MeshFiles, ATexturedGlbGivesItsColoursToVertices) {
+    TriangleMesh mesh = two_triangles();
+    mesh.faces = {{0, 1, 2}};
+    MeshTexture texture;
+    texture.image = ImageU8(8, 4, 3, 0);
+    texture.image.at(5, 3, 0) = 255;
+    texture.places = {{5.5f / 8, 3.5f / 4}, {0.1f, 0.1f}, {0.1f, 0.3f}};
+    texture.faces = {{0, 1, 2}};
+    write_mesh(at("a.glb"), mesh, texture, {.texture_format = TextureFormat::png});
+    const PlyContents back = read_mesh(at("a.glb"));
+    ASSERT_EQ(back.points.colors.size(), mesh.vertices.size());
+    EXPECT_EQ(back.points.colors[0].x, 1);
+    EXPECT_EQ(back.points.colors[1].x, 0);
+}
+
+TEST_F(MeshFiles, AnObjWithItsMaterialAndPicture) {
+    const TriangleMesh mesh = two_triangles();
+    const MeshTexture texture = texture_of(mesh);
+    for (const auto& [format, picture] :
+         {std::pair{TextureFormat::jpeg, "a_texture.jpg"}, {TextureFormat::png, "a_texture.png"}}) {
+        write_mesh(at("a.obj"), mesh, texture, {.texture_format = format});
+        // Ours may be replaced, as their first bytes say that they are.
+        write_mesh(at("a.obj"), mesh, texture, {.texture_format = format});
+        EXPECT_NE(read_bytes(at("a.mtl")).find(str("map_Kd ", picture, "\n")), std::string::npos);
+        EXPECT_EQ(read_image(at(picture)).width, 32);
+    }
+    EXPECT_EQ(read_image(at("a_texture.png")).pixels, texture.image.pixels);
+    EXPECT_EQ(count(), 4);
+    std::istringstream lines(read_bytes(at("a.obj")));
+    std::vector<Vec2f> places;
+    std::vector<std::string> faces;
+    bool material = false;
+    for (std::string line; std::getline(lines, line);) {
+        std::istringstream words(line);
+        std::string kind;
+        words >> kind;
+        material = material || line == "mtllib a.mtl";
+        if (kind == "vt") {
+            Vec2f p;
+            words >> p.x >> p.y;
+            places.push_back(p);
+        } else if (kind == "f") {
+            faces.push_back(line);
+        }
+    }
+    EXPECT_TRUE(material);
+    ASSERT_EQ(places.size(), texture.places.size());
+    EXPECT_NEAR(places[8].x, 0.5f, 1e-7);
+    EXPECT_NEAR(places[8].y, 0.25f, 1e-7) << "up from the bottom";
+    EXPECT_EQ(faces.at(1), "f 3/4 2/5 4/6");
+
+    // What is not ours stays, and then nothing of the mesh is written.
+    write("b_texture.jpg", "mine");
+    expect_error(ExitCode::usage, "b_texture.jpg", [&] { write_mesh(at("b.obj"), mesh, texture); });
+    EXPECT_FALSE(fs::exists(at("b.obj")) || fs::exists(at("b.mtl")));
+}
+
+TEST_F(MeshFiles, BadMeshesAreNotWritten) {
+    for (const char* name : {"a.glb", "a.obj", "a.ply"}) {
+        TriangleMesh mesh = two_triangles();
+        mesh.vertices[1].y = std::numeric_limits<float>::quiet_NaN();
+        expect_error(ExitCode::numerical, "vertex 1 is (1.1, nan, 0)",
+                     [&] { write_mesh(at(name), mesh); });
+        mesh = two_triangles();
+        mesh.faces[1].z = 6;
+        expect_error(ExitCode::internal, "refers to vertex 6 of 6",
+                     [&] { write_mesh(at(name), mesh); });
+        mesh = two_triangles();
+        mesh.colors.pop_back();
+        expect_error(ExitCode::internal, "5 colours", [&] { write_mesh(at(name), mesh); });
+    }
+    const TriangleMesh mesh = two_triangles();
+    MeshTexture texture = texture_of(mesh);
+    texture.faces[1].x = 0;  // a place that is vertex 0's
+    expect_error(ExitCode::internal, "two vertices",
+                 [&] { write_mesh(at("a.glb"), mesh, texture); });
+    texture.faces.pop_back();
+    expect_error(ExitCode::internal, "2 textured faces of 3",
+                 [&] { write_mesh(at("a.glb"), mesh, texture); });
+    EXPECT_EQ(count(), 0);
+}
+
+/// A limit on files stands for a disk that is full.
+TEST_F(MeshFiles, NothingIsLeftOfWhatDoesNotFit) {
+    const TriangleMesh mesh = two_triangles();
+    MeshTexture texture = texture_of(mesh);
+    texture.image = ImageU8(64, 64, 3);
+    std::signal(SIGXFSZ, SIG_IGN);
+    rlimit before{};
+    getrlimit(RLIMIT_FSIZE, &before);
+    for (const char* name : {"a.glb", "a.obj", "a.ply"}) {
+        // Below the largest file of each; of an OBJ the picture fits and the text does not.
+        write_mesh(at(name), mesh, texture, {.texture_format = TextureFormat::png});
+        const std::size_t size = fs::file_size(at(name));
+        if (std::string(name) == "a.obj") {
+            EXPECT_LT(fs::file_size(at("a_texture.png")), size);
+        }
+        for (const auto& entry : fs::directory_iterator(folder)) fs::remove(entry.path());
+        rlimit less = before;
+        less.rlim_cur = size - 1;
+        setrlimit(RLIMIT_FSIZE, &less);
+        expect_error(ExitCode::io, name, [&] {
+            write_mesh(at(name), mesh, texture, {.texture_format = TextureFormat::png});
+        });
+        setrlimit(RLIMIT_FSIZE, &before);
+        EXPECT_EQ(count(), 0) << name;
+    }
+    std::signal(SIGXFSZ, SIG_DFL);
+    expect_error(ExitCode::io, "/dev/full", [&] { write_mesh("/dev/full", mesh, texture); });
+}
+
+TEST_F(MeshFiles, WideIndicesFrom65536Vertices) {
+    for (const int vertices : {65535, 65536}) {
+        TriangleMesh mesh;
+        for (int i = 0; i < vertices; ++i)
+            mesh.vertices.push_back({static_cast<float>(i), static_cast<float>(i % 7), 0});
+        mesh.faces = {{0, 1, vertices - 1}};
+        write_mesh(at("a.glb"), mesh);
+        const Glb glb(read_bytes(at("a.glb")));
+        const json& indices = glb.doc["accessors"][glb.primitive()["indices"].get<std::size_t>()];
+        EXPECT_EQ(indices["componentType"], vertices == 65535 ? 5123 : 5125)
+            << "65535 begins a new strip";
+        EXPECT_EQ(read_mesh_geometry(at("a.glb")).faces.at(0).z, vertices - 1);
+    }
+}
+
+TEST_F(MeshFiles, AMeshWithoutFacesIsAnEmptyScene) {
+    write_mesh(at("a.glb"), {});
+    const Glb glb(read_bytes(at("a.glb")));
+    EXPECT_EQ(glb.doc["scenes"].size(), 1u);
+    for (const char* key : {"meshes", "accessors", "buffers", "nodes"})
+        EXPECT_FALSE(glb.doc.contains(key)) << key;
+    expect_error(ExitCode::input, "holds no triangles", [&] { read_mesh(at("a.glb")); });
+}
+
+// Files of other programs.
+
+std::string glb_of(const json& doc, std::string binary) {
+    std::string text = doc.dump();
+    text.resize((text.size() + 3) / 4 * 4, ' ');
+    binary.resize((binary.size() + 3) / 4 * 4, '\0');
+    const auto u32 = [](std::size_t v) {
+        const auto n = static_cast<std::uint32_t>(v);
+        return std::string(reinterpret_cast<const char*>(&n), 4);
+    };
+    return "glTF" + u32(2) + u32(28 + text.size() + binary.size()) + u32(text.size()) + "JSON" +
+           text + u32(binary.size()) + std::string("BIN\0", 4) + binary;
+}
+template <class T>
+std::string raw(std::initializer_list<T> values) {
+    return {reinterpret_cast<const char*>(values.begin()), values.size() * sizeof(T)};
+}
+
+/// A triangle in the plane z = 0, indices in bytes.
+struct OneTriangle {
+    std::string binary = raw<float>({0, 0, 0, 1, 0, 0, 0, 1, 0}) + raw<std::uint8_t>({0, 1, 2, 0});
+    json doc = json::parse(R"({"asset": {"version": "2.0"}, "scene": 0,
+        "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "indices": 1}]}],
+        "buffers": [{"byteLength": 40}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36},
+                        {"buffer": 0, "byteOffset": 36, "byteLength": 3}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3},
+                      {"bufferView": 1, "componentType": 5121, "type": "SCALAR", "count": 3}]})");
+    std::string bytes() const { return glb_of(doc, binary); }
+};
+
+TEST_F(MeshFiles, NodesPlaceTheMeshesOfOthers) {
+    OneTriangle file;
+    file.doc["nodes"] = json::parse(R"([
+        {"children": [1, 2], "translation": [10, 0, 0], "scale": [2, 2, 2]},
+        {"mesh": 0, "rotation": [0, 0, 0.7071067811865476, 0.7071067811865476]},
+        {"mesh": 0, "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 0,0,5,1]}])");
+    const PlyGeometry found = read_mesh_geometry(write("a.glb", file.bytes()));
+    ASSERT_EQ(found.positions.size(), 6u);
+    ASSERT_EQ(found.faces.size(), 2u);
+    EXPECT_EQ(found.faces[1].x, 3);
+    // (1, 0, 0) turned by 90 degrees about z, doubled, moved.
+    EXPECT_LT(norm(found.positions[1] - Vec3d{10, 2, 0}), 1e-12);
+    EXPECT_LT(norm(found.positions[4] - Vec3d{12, 0, 10}), 1e-12);
+    // Ours without its node's turn: an editor that has baked it is not ours any more.
+    file.doc["asset"] = json::parse(
+        R"({"version": "2.0", "generator": "editor", "extras": {"origin": [9, 9, 9], "vertices": 3}})");
+    EXPECT_LT(norm(read_mesh_geometry(write("b.glb", file.bytes())).positions[1] - Vec3d{10, 2, 0}),
+              1e-12);
+}
+
+TEST_F(MeshFiles, QuantisedAndInterleavedNumbers) {
+    OneTriangle file;  // shorts of 1 / 32767, eight bytes apart, scaled by the node
+    file.binary = raw<std::int16_t>({0, 0, 0, 0, 32767, 0, 0, 0, 0, -32768, 0, 0}) +
+                  raw<std::uint16_t>({0, 1, 2});
+    file.doc["bufferViews"] = json::parse(R"([{"buffer": 0, "byteLength": 24, "byteStride": 8},
+        {"buffer": 0, "byteOffset": 24, "byteLength": 6}])");
+    file.doc["accessors"][0]["componentType"] = 5122, file.doc["accessors"][0]["normalized"] = true;
+    file.doc["accessors"][1]["componentType"] = 5123;
+    file.doc["nodes"][0]["scale"] = {3, 4, 5};
+    file.doc["extensionsRequired"] = json::array({"KHR_mesh_quantization"});
+    const PlyGeometry found = read_mesh_geometry(write("a.glb", file.bytes()));
+    EXPECT_EQ(found.positions.at(1).x, 3);
+    EXPECT_EQ(found.positions.at(2).y, -4) << "-32768 is -1 as well";
+}
+
+TEST_F(MeshFiles, HostileGlbs) {
+    const auto refused = [&](const std::string& bytes, const std::string& says) {
+        const std::string path = write("bad.glb", bytes);
+        expect_error(ExitCode::input, says, [&] { read_mesh(path); });
+        expect_error(ExitCode::input, says, [&] { read_mesh_geometry(path); });
+    };
+    const std::string good = OneTriangle().bytes();
+    ASSERT_NO_THROW(read_mesh_geometry(write("good.glb", good)));
+    for (std::size_t n = 0; n + 1 < good.size(); n += 5) refused(good.substr(0, n), "bad.glb");
+    refused("solid of something else, longer than a header", "does not begin as");
+    refused(good.substr(0, 4) + raw<std::uint32_t>({1}) + good.substr(8), "version 1; expected 2");
+    refused(std::string(good).replace(12, 4, raw<std::uint32_t>({0xfffffff0u})), "chunk 0 claims");
+
+    struct Damage {
+        const char* pointer;
+        json value;
+        const char* says;
+    };
+    for (const Damage& d : {
+             Damage{"/nodes/0/children", json::array({0}), "two parents, or is its own"},
+             Damage{"/nodes/0/children", json::array({7}), "refers to no node"},
+             Damage{"/nodes/0/children", json::array({-1}), "refers to no node"},
+             Damage{"/nodes/0/mesh", 3, "\"mesh\" refers to no element"},
+             Damage{"/nodes/0/scale", json::array({1, 2}), "expected 3 finite numbers"},
+             Damage{"/nodes/0/matrix", json::array({"x"}), "expected 16 finite numbers"},
+             Damage{"/scenes", 5, "is no list"},
+             Damage{"/scenes/0/nodes", json::array(), "holds no triangles"},
+             Damage{"/scene", 1, "\"scene\" refers to no element"},
+             Damage{"/scene", -1, "\"scene\" is no whole number"},
+             Damage{"/accessors/0/count", 4, "do not fit into their buffer view"},
+             Damage{"/accessors/0/count", 0xffffffffffffffffull, "do not fit"},
+             Damage{"/accessors/0/count", 1.5, "is no whole number"},
+             Damage{"/accessors/0/count", 2, "refers to vertex 2 of 2"},
+             Damage{"/accessors/0/byteOffset", 0xfffffffffffffff0ull, "do not fit"},
+             Damage{"/accessors/0/type", "VEC4", "expected an accessor of type VEC3"},
+             Damage{"/accessors/0/componentType", 5130, "unknown componentType 5130"},
+             Damage{"/accessors/0/sparse", json::object(), "a sparse or empty accessor"},
+             Damage{"/accessors/1/componentType", 5120, "expected an unsigned componentType"},
+             Damage{"/accessors/1/count", 2, "no whole triangles"},
+             Damage{"/accessors/1/bufferView", 2, "refers to no element"},
+             Damage{"/bufferViews/0/byteOffset", 0xfffffffffffffff0ull, "lies outside"},
+             Damage{"/bufferViews/0/byteLength", 100, "lies outside"},
+             Damage{"/bufferViews/0/byteStride", 4, "do not fit"},
+             Damage{"/bufferViews/0/byteStride", 0xffffffffffffffffull, "do not fit"},
+             Damage{"/bufferViews/0/buffer", 1, "in another file, or compressed"},
+             Damage{"/bufferViews/0/extensions", json{{"EXT_meshopt_compression", 1}},
+                    "compressed"},
+             Damage{"/meshes/0/primitives/0/mode", 1, "expected triangles"},
+             Damage{"/extensionsRequired", json::array({"KHR_draco_mesh_compression"}),
+                    "needs the extension 'KHR_draco_mesh_compression'"},
+         }) {
+        SCOPED_TRACE(str(d.pointer, " = ", d.value.dump()));
+        OneTriangle file;
+        file.doc[json::json_pointer(d.pointer)] = d.value;
+        refused(file.bytes(), d.says);
+    }
+    // A chain of nodes must not use up the stack.
+    OneTriangle deep;
+    deep.doc["nodes"] = json::array();
+    for (int i = 0; i < 100000; ++i)
+        deep.doc["nodes"].push_back({{"children", json::array({i + 1})}});
+    deep.doc["nodes"].push_back({{"mesh", 0}});
+    refused(deep.bytes(), "64");
+}
+
+/// What claims to be ours and has been changed is read as it stands.
+TEST_F(MeshFiles, ClaimsOfCopiesAreChecked) {
+    OneTriangle file;
+    file.doc["asset"] = json::parse(
+        R"({"version": "2.0", "generator": "tvsgs 9", "extras": {"origin": [0, 0, 0], "vertices": 2}})");
+    EXPECT_EQ(read_mesh_geometry(write("a.glb", file.bytes())).positions.size(), 3u);
+    file.doc["asset"]["extras"]["vertices"] = 99;
+    EXPECT_EQ(read_mesh_geometry(write("a.glb", file.bytes())).positions.size(), 3u);
+    file.doc["asset"]["extras"]["vertices"] = "x";
+    const std::string path = write("a.glb", file.bytes());
+    expect_error(ExitCode::input, "vertices", [&] { read_mesh(path); });
+}
+
+TEST_F(MeshFiles, ObjsOfOthers) {
+    const PlyContents found =
+        read_mesh(write("a.obj",
+                        "# made by hand\r\no thing\nv 0 0 0 1 0 0\nv 1 0 0 0 1 "
+                        "0\n v 1 1 0 0 0 1\nv 0 1 0 1 1 1\nvn 0 0 1\n"
+                        "f 1//1 2//1 3//1 4//1\nf -1 -2/7/1 -3\ns off\n"));
+    ASSERT_EQ(found.points.positions.size(), 4u);
+    ASSERT_EQ(found.faces.size(), 3u);
+    EXPECT_EQ(found.faces[1].y, 2);
+    EXPECT_EQ(found.faces[2].x, 3);
+    EXPECT_EQ(found.faces[2].z, 1);
+    EXPECT_EQ(found.points.colors.at(1).y, 1);
+    const auto refused = [&](const char* text, const char* says) {
+        const std::string path = write("bad.obj", text);
+        expect_error(ExitCode::input, says, [&] { read_mesh(path); });
+    };
+    refused("", "holds no vertex");
+    refused("v 1 2\n", "line 1: '' is no number");
+    refused("v 1 2 x\n", "line 1: 'x' is no number");
+    refused("v 1 2 3\n\nf 1 1 2\n", "line 3: a face refers to vertex 2; 1 stand before it");
+    refused("v 1 2 3\nf 1 1 0\n", "refers to vertex 0");
+    refused("v 1 2 3\nf 1 1 -2\n", "refers to vertex -2");
+    refused("v 1 2 3\nf 1 1\n", "a face of 2 corners");
+    refused("v 1 2 3\nf 1 99999999999999999999 1\n", "is no corner of a face");
+}
+
+}  // namespace
+}  // namespace tvsgs
