@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/mesh.h"
-#include "eval/triangle_math.h"
+#include "mesh/triangle_math.h"
 
 namespace tvsgs {
 

@@ -1,4 +1,4 @@
-#include "eval/triangle_tree.h"
+#include "mesh/triangle_tree.h"
 
 #include <algorithm>
 #include <array>
