@@ -30,6 +30,9 @@ MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
                        const MeshRenderOptions& options = {});
 
+/// The depth of it alone.
+ImageF render_depth(const TriangleMesh& mesh, const Camera& camera);
+
 /// Area-weighted means of the normals of the faces around each vertex, unit length; 0 for unused
 /// vertices.
 std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh);

@@ -35,6 +35,9 @@ public:
     /// look at first, and the nearest one found; distances are the same for any.
     double distance(Vec3d p, double limit, std::size_t* start) const;
 
+    /// The face of the mesh that a triangle of distance() is.
+    std::size_t face(std::size_t triangle) const { return triangles_[triangle].face; }
+
     /// Of each point, where that is below `limit`, else infinite. Neighbours in the list should be
     /// near each other.
     std::vector<double> distances(const std::vector<Vec3d>& points,
@@ -62,6 +65,7 @@ private:
 
     struct Triangle {
         Vec3f a, b, c;
+        std::uint32_t face;
     };
     /// In depth-first order: the first child follows its parent.
     struct Node {
