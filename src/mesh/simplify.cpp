@@ -13,9 +13,9 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kGroup = 1 << 16;  // faces of a group; what it needs fits into a cache
-constexpr int kMostHalvings = 2;
-constexpr double kProof = 2;  // in `error`s, the bound of all but one in a thousand places
-
+constexpr double kLargestCost = 0.4;     // with it the proof holds at once, as a rule
+constexpr int kMostRepeats = 4;
+constexpr double kTighter = 0.9;  // than the proof asks for, when all is done again
 
 /// The middle of the box around the vertices that faces have.
 Vec3d middle_of(const TriangleMesh& mesh) {
@@ -48,8 +48,8 @@ TriangleMesh compact(const CollapsibleMesh& from,
         pixel_lengths.push_back(static_cast<float>(from.tolerances[v] / tolerance_px));
     }
     for (const Vec3i& face : from.faces)
-        out.faces.push_back({place[std::size_t(face.x)], place[std::size_t(face.y)],
-                             place[std::size_t(face.z)]});
+        out.faces.push_back(
+            {place[std::size_t(face.x)], place[std::size_t(face.y)], place[std::size_t(face.z)]});
     return out;
 }
 
@@ -71,10 +71,10 @@ SimplifyReport simplify(TriangleMesh& mesh,
     const std::vector<std::vector<int>> groups = group_faces(mesh, kGroup);
     const Vec3d origin = middle_of(mesh);
     const MeasuredMesh original{mesh, TriangleTree(mesh), lengths};
-    const double bound_px = options.error > 0 ? double(options.error) : 1.0;
-    const double largest_cost = options.error > 0 ? 1 : -1;  // none is below 0
-    for (;; ++report.halvings) {
-        const double tolerance_px = bound_px / (1 << report.halvings);
+    const bool bounded = options.error > 0;
+    const double bound_px = bounded ? double(options.error) : 1.0;
+    const double largest_cost = bounded ? kLargestCost : -1;  // none is below 0
+    for (double tolerance_px = bound_px;; ++report.repeats) {
         std::vector<double> tolerances;
         for (const float length : lengths)
             tolerances.push_back(tolerance_px * std::clamp(double(length), 1e-30, 1e30));
@@ -87,8 +87,11 @@ SimplifyReport simplify(TriangleMesh& mesh,
         std::vector<float> lengths_left;
         TriangleMesh found = compact(left, origin, tolerance_px, lengths_left);
         report.proof = measure(original, {found, TriangleTree(found), lengths_left});
-        const bool holds = report.proof.p999_px <= kProof * bound_px || options.faces > 0;
-        if (!holds && report.halvings < kMostHalvings) continue;
+        report.holds = report.proof.p999_px <= bound_px;
+        if (!report.holds && options.faces == 0 && report.repeats < kMostRepeats) {
+            tolerance_px *= kTighter * bound_px / report.proof.p999_px;
+            continue;
+        }
         if (!mesh.colors.empty()) carry_colors(mesh, original.tree, found);
         mesh = std::move(found);
         return report;
@@ -104,7 +107,8 @@ void simplify_and_say(TriangleMesh& mesh,
     std::string notes;
     if (r.proof.points < r.proof.all_points)
         notes += str(" (", r.proof.points, " of ", r.proof.all_points, " places measured)");
-    if (r.halvings > 0) notes += str(", after the tolerance was halved ", r.halvings, " times");
+    if (r.repeats > 0) notes += str(", at attempt ", r.repeats + 1);
+    if (!r.holds && options.faces == 0) notes += str(", which is not within ", options.error);
     if (r.no_triangles > 0) notes += str("; ", r.no_triangles, " faces were no triangles");
     spdlog::log(level,
                 "simplified: {} faces of {}, {} vertices of {}; off by {:.2f} pixels in the mean, "

@@ -17,10 +17,12 @@ struct SimplifyOptions {
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("error", error, {0, 100},
-              "pixels of the nearest view by which simplification may move the surface; 0: it does "
-              "not");
-        field("faces", faces, {0, 2e9}, "simplified on down to that many, whatever the error; 0: not");
+        field(
+            "error", error, {0, 100},
+            "pixels of the nearest view by which simplification may move 99.9 % of the surface; 0: "
+            "nothing is simplified");
+        field("faces", faces, {0, 2e9},
+              "the mesh is simplified down to that many, whatever the error; 0: not");
     }
 };
 
@@ -34,19 +36,18 @@ struct SimplifyProof {
 struct SimplifyReport {
     std::size_t vertices_before = 0, faces_before = 0;
     std::size_t no_triangles = 0;  // corners that repeat or are not finite, or the same face again
-    int halvings = 0;              // of the tolerance, until the proof held
+    int repeats = 0;               // with a smaller tolerance, as the proof had not held
     SimplifyProof proof;
+    bool holds = true;  // 99.9 % are within the bound
 };
 
-/// Collapses edges while the surface stays within `error` pixels, in the mean of the squares, of
-/// the planes that it had, and its rims of the lines that they had; then down to `faces`.
-/// [docs/method/simplify.md] Of every thousand places of the surface, 999 then lie within two
-/// `error`s, by exact distances; if not, all is done again with half the tolerance, twice at most.
-/// Topology stays as it is, and what belongs to an edge of more than two faces stays where it is.
-/// Colours are those of the nearest places of the original. Faces without three different finite
-/// corners, and those that are there before, are dropped in any case; so are vertices without
-/// faces. Does nothing where both options are 0. The same bits for any number of threads. `cameras`:
-/// one at least. Throws Error(ExitCode::input) for an index out of range.
+/// Collapses edges until any more would move 1 in 1000 places of the surface by more than `error`
+/// pixels, by exact distances in both directions; then down to `faces`, whatever the error.
+/// [docs/method/simplify.md] Topology stays as it is, and what belongs to an edge of more than two
+/// faces stays where it is. Colours are those of the nearest places of the original. Faces without
+/// three different finite corners, faces that are there before, and vertices without faces are
+/// dropped. Does nothing where both options are 0. The same bits for any number of threads.
+/// `cameras`: one at least. Throws Error(ExitCode::input) for an index out of range.
 SimplifyReport simplify(TriangleMesh& mesh,
                         const std::vector<Camera>& cameras,
                         const SimplifyOptions& options);

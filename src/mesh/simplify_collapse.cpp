@@ -9,7 +9,7 @@ namespace {
 constexpr double kRimWeight = 10;      // of rims against faces, where the new point is chosen
 constexpr double kLeastCosine = 0.5;   // between the normals of a face before and after
 constexpr double kLeastAspect = 0.05;  // 1: equilateral
-constexpr double kShortFirst = 1e-4;   // cost of an edge as long as the tolerance, in the order
+constexpr double kShortFirst = 1e-2;   // cost of an edge as long as the tolerance, in the order
 constexpr double kNoWorse = 1e-6;      // by how much an end must cost less to be taken
 
 /// 1: equilateral, 0: no area. `normal`: of twice the area as its length.
@@ -79,8 +79,7 @@ private:
         std::uint32_t stamp;
         /// The heap has the least on top.
         bool operator<(const Entry& other) const {
-            return key != other.key ? key > other.key
-                                    : u != other.u ? u > other.u : v > other.v;
+            return key != other.key ? key > other.key : u != other.u ? u > other.u : v > other.v;
         }
     };
     struct Candidate {
@@ -183,8 +182,8 @@ private:
         });
         if (common != shared) return false;
         // Four faces of a tetrahedron, or a face alone, would leave nothing but edges.
-        if (shared == 2) return !has_face(u, opposite[0], opposite[1]) ||
-                                !has_face(v, opposite[0], opposite[1]);
+        if (shared == 2)
+            return !has_face(u, opposite[0], opposite[1]) || !has_face(v, opposite[0], opposite[1]);
         return degree(u, opposite[0]) > 1 || degree(v, opposite[0]) > 1;
     }
     /// Faces at the edge between v and w.

@@ -129,8 +129,7 @@ void split(Places first, Places last, std::size_t most, std::vector<std::vector<
     const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
     const Places middle = first + std::ptrdiff_t(count / 2);
     std::nth_element(first, middle, last, [axis](const Placed& a, const Placed& b) {
-        return a.middle[axis] != b.middle[axis] ? a.middle[axis] < b.middle[axis]
-                                                : a.face < b.face;
+        return a.middle[axis] != b.middle[axis] ? a.middle[axis] < b.middle[axis] : a.face < b.face;
     });
     std::vector<std::vector<int>> second;
 #pragma omp task shared(second) if (count > kTask)
@@ -214,11 +213,11 @@ Piece cut_out(Whole& whole, int group, const std::vector<int>& faces) {
         Vec3i face;
         for (int k = 0; k < 3; ++k) {
             const int v = from.faces[std::size_t(f)][k];
-            face[k] = whole.owner[std::size_t(v)] == group
-                          ? whole.place[std::size_t(v)]
-                          : own + static_cast<int>(
-                                      std::lower_bound(shared.begin(), shared.end(), v) -
-                                      shared.begin());
+            face[k] =
+                whole.owner[std::size_t(v)] == group
+                    ? whole.place[std::size_t(v)]
+                    : own + static_cast<int>(std::lower_bound(shared.begin(), shared.end(), v) -
+                                             shared.begin());
         }
         to.faces.push_back(face);
 
@@ -257,7 +256,10 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    const SurfaceEdges& edges,
                                    const std::vector<std::vector<int>>& groups,
                                    double largest_cost) {
-    Whole whole{mesh, origin, tolerances, edges,
+    Whole whole{mesh,
+                origin,
+                tolerances,
+                edges,
                 std::vector<int>(mesh.vertices.size(), kNobody),
                 std::vector<int>(mesh.vertices.size(), kNobody)};
     const int count = static_cast<int>(groups.size());
@@ -284,8 +286,7 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                     out.mesh.tolerances.push_back(piece.mesh.tolerances[v]);
                     out.mesh.surface.push_back(piece.mesh.surface[v]);
                     const int rim = piece.mesh.rim[v];
-                    out.mesh.rim.push_back(
-                        rim < 0 ? rim : static_cast<int>(out.mesh.rims.size()));
+                    out.mesh.rim.push_back(rim < 0 ? rim : static_cast<int>(out.mesh.rims.size()));
                     if (rim >= 0) out.mesh.rims.push_back(piece.mesh.rims[std::size_t(rim)]);
                 }
                 face[k] = place[v];

@@ -96,8 +96,7 @@ void carry_colors(const TriangleMesh& original, const TriangleTree& tree, Triang
             // Shares by the areas on the other sides; by nearness where there is no area.
             double shares[3], sum = 0;
             for (int k = 0; k < 3; ++k) {
-                shares[k] =
-                    norm(cross(corners[(k + 1) % 3] - q, corners[(k + 2) % 3] - q));
+                shares[k] = norm(cross(corners[(k + 1) % 3] - q, corners[(k + 2) % 3] - q));
                 sum += shares[k];
             }
             for (int k = 0; k < 3; ++k)

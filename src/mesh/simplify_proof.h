@@ -1,4 +1,5 @@
-// How far a simplified mesh is from the original, exactly, and what of the original is carried over.
+// How far a simplified mesh is from the original, exactly, and what of the original is carried
+// over.
 #pragma once
 
 #include <vector>

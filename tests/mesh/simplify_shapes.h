@@ -37,8 +37,8 @@ inline TriangleMesh torus(double major, double minor, int n) {
         for (int i = 0; i < n; ++i) {
             const double u = 2 * M_PI * i / n, v = 2 * M_PI * j / n,
                          r = major + minor * std::cos(v);
-            mesh.vertices.push_back(vec_cast<float>(
-                Vec3d{r * std::cos(u), r * std::sin(u), minor * std::sin(v)}));
+            mesh.vertices.push_back(
+                vec_cast<float>(Vec3d{r * std::cos(u), r * std::sin(u), minor * std::sin(v)}));
             const int right = (i + 1) % n, up = (j + 1) % n;
             mesh.faces.push_back({j * n + i, j * n + right, up * n + right});
             mesh.faces.push_back({j * n + i, up * n + right, up * n + i});
@@ -47,7 +47,9 @@ inline TriangleMesh torus(double major, double minor, int n) {
 }
 
 /// The square [0, side]^2 with heights and colours by place, n x n pairs of triangles.
-inline TriangleMesh relief(double side, int n, const std::function<double(double, double)>& height) {
+inline TriangleMesh relief(double side,
+                           int n,
+                           const std::function<double(double, double)>& height) {
     TriangleMesh mesh;
     add_patch(mesh, n, [&](double u, double v) {
         return Vec3d{side * u, side * v, height(side * u, side * v)};
@@ -56,10 +58,10 @@ inline TriangleMesh relief(double side, int n, const std::function<double(double
 }
 
 struct Topology {
-    int euler = 0;         // vertices in use - edges + faces
-    int rim_edges = 0;     // of one face
-    int crowded_edges = 0; // of more than two faces
-    int twisted_edges = 0; // that two faces pass in the same direction
+    int euler = 0;          // vertices in use - edges + faces
+    int rim_edges = 0;      // of one face
+    int crowded_edges = 0;  // of more than two faces
+    int twisted_edges = 0;  // that two faces pass in the same direction
     int repeated_faces = 0;
 };
 

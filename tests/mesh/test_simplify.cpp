@@ -34,7 +34,8 @@ double far_from_vertices(const TriangleMesh& mesh, const std::vector<Vec3d>& poi
     double farthest = 0;
     for (const Vec3d p : points) {
         double nearest = kFar;
-        for (const Vec3f v : mesh.vertices) nearest = std::min(nearest, norm(vec_cast<double>(v) - p));
+        for (const Vec3f v : mesh.vertices)
+            nearest = std::min(nearest, norm(vec_cast<double>(v) - p));
         farthest = std::max(farthest, nearest);
     }
     return farthest;
@@ -103,8 +104,10 @@ TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
         // The far view sees what is below (5 - 1) / 5 of the near one's shadow at 0.5.
         if (p.z == 1 && across < 0.46f) want = 19.0f / 4000, ++near;
         if (p.z == 0 && across < 0.49f)
-            want = kUnseenPixels * (across < 0.49f ? std::min(0.01f, 20.0f / 4000) : 0.01f), ++hidden;
-        if ((p.z == 0 && across > 0.48f && across < 0.65f) || (p.z == 1 && across > 0.45f)) continue;
+            want = kUnseenPixels * (across < 0.49f ? std::min(0.01f, 20.0f / 4000) : 0.01f),
+            ++hidden;
+        if ((p.z == 0 && across > 0.48f && across < 0.65f) || (p.z == 1 && across > 0.45f))
+            continue;
         EXPECT_NEAR(lengths[i], want, 1e-5f) << p.x << ' ' << p.y << ' ' << p.z;
     }
     EXPECT_GT(hidden, 60);
@@ -123,10 +126,12 @@ TEST(Simplify, APlaneKeepsItsRim) {
     EXPECT_NEAR(area(after), 4, 0.005 * 8);
     for (std::size_t f = 0; f < after.faces.size(); ++f)
         EXPECT_GT(cross(corner(after, f, 1) - corner(after, f, 0),
-                        corner(after, f, 2) - corner(after, f, 0)).z, 0);
+                        corner(after, f, 2) - corner(after, f, 0))
+                      .z,
+                  0);
     expect_same_topology(before, after);
     EXPECT_EQ(report.faces_before, before.faces.size());
-    EXPECT_EQ(report.halvings, 0);
+    EXPECT_EQ(report.repeats, 0);
     EXPECT_LT(report.proof.max_px, 1);
     EXPECT_EQ(report.proof.points, report.proof.all_points);
 }
@@ -141,8 +146,7 @@ TEST(Simplify, ConcaveRimsAndHoles) {
             append(before, square({-1 + 0.05 * i, -1 + 0.05 * j, 0}, 0.05));
         }
     // Sums of floats differ in the last bits: whole numbers of a fine grid.
-    for (Vec3f& p : before.vertices)
-        p = {std::round(p.x * 20) / 20, std::round(p.y * 20) / 20, 0};
+    for (Vec3f& p : before.vertices) p = {std::round(p.x * 20) / 20, std::round(p.y * 20) / 20, 0};
     before = weld(before);
     ASSERT_EQ(topology(before).euler, 0);
     TriangleMesh after = before;
@@ -151,15 +155,20 @@ TEST(Simplify, ConcaveRimsAndHoles) {
     EXPECT_NEAR(area(after), area(before), 0.04);
     for (std::size_t f = 0; f < after.faces.size(); ++f)
         EXPECT_GT(cross(corner(after, f, 1) - corner(after, f, 0),
-                        corner(after, f, 2) - corner(after, f, 0)).z, 0);
-    EXPECT_LT(far_from_vertices(after, {{-1, -1, 0}, {0, 0, 0}, {0, 1, 0}, {-0.75, -0.75, 0},
-                                        {-0.4, -0.4, 0}, {1, 0, 0}}), 0.005);
+                        corner(after, f, 2) - corner(after, f, 0))
+                      .z,
+                  0);
+    EXPECT_LT(
+        far_from_vertices(
+            after,
+            {{-1, -1, 0}, {0, 0, 0}, {0, 1, 0}, {-0.75, -0.75, 0}, {-0.4, -0.4, 0}, {1, 0, 0}}),
+        0.005);
     expect_same_topology(before, after);
 }
 
 TEST(Simplify, ASphereStaysWithinTheBound) {
     const TriangleMesh before = weld(ball({0, 0, 0}, 1, 48));
-    std::size_t faces = before.faces.size() / 8;
+    std::size_t faces = before.faces.size() / 7;
     for (const float error : {0.25f, 0.5f, 1.0f, 2.0f}) {
         TriangleMesh after = before;
         const SimplifyReport report = simplify(after, all_around(5, 500), {error, 0});
@@ -168,9 +177,10 @@ TEST(Simplify, ASphereStaysWithinTheBound) {
         expect_same_topology(before, after);
         double off = 0;
         for (std::size_t f = 0; f < after.faces.size(); ++f)
-            for (int k = 0; k < 3; ++k) off = std::max(off, std::abs(norm(corner(after, f, k)) - 1));
+            for (int k = 0; k < 3; ++k)
+                off = std::max(off, std::abs(norm(corner(after, f, k)) - 1));
         EXPECT_LT(off, 0.02 * error);
-        EXPECT_LE(report.proof.p999_px, 2 * error);
+        EXPECT_LE(report.proof.p999_px, error);
         EXPECT_GT(report.proof.p999_px, 0.1 * error);
         EXPECT_LE(report.proof.mean_px, report.proof.p999_px);
         EXPECT_LE(report.proof.p999_px, report.proof.max_px);
@@ -189,10 +199,10 @@ TEST(Simplify, ATorusKeepsItsHole) {
     const TriangleMesh before = torus(1, 0.4, 120);
     TriangleMesh after = before;
     const SimplifyReport report = simplify(after, all_around(5, 500), {});
-    EXPECT_LT(after.faces.size(), before.faces.size() / 15);
+    EXPECT_LT(after.faces.size(), before.faces.size() / 10);
     expect_same_topology(before, after);
     EXPECT_EQ(topology(after).euler, 0);
-    EXPECT_LE(report.proof.p999_px, 1);
+    EXPECT_LE(report.proof.p999_px, 0.5);
     for (const Vec3f p : after.vertices)
         EXPECT_NEAR(std::hypot(std::hypot(p.x, p.y) - 1, p.z), 0.4, 0.01);
 }
@@ -259,9 +269,10 @@ TEST(Simplify, DownToANumberOfFaces) {
             TriangleMesh after = before;
             const SimplifyReport report = simplify(after, all_around(5, 500), {error, faces});
             EXPECT_LE(after.faces.size(), std::size_t(std::max(faces, 4)));
-            EXPECT_GE(after.faces.size() + 1, std::size_t(faces) * (error > 0 && faces > 200 ? 0 : 1));
+            EXPECT_GE(after.faces.size() + 1,
+                      std::size_t(faces) * (error > 0 && faces > 200 ? 0 : 1));
             expect_same_topology(before, after);
-            EXPECT_EQ(report.halvings, 0);
+            EXPECT_EQ(report.repeats, 0);
             if (faces == 20) {
                 EXPECT_GT(report.proof.max_px, 5);
             }
@@ -291,14 +302,14 @@ TEST(Simplify, WhatIsSmallerThanTheBoundDoesNotVanish) {
     EXPECT_EQ(pair.faces.size(), 1u);
     // A ribbon that is closed, one pair of triangles wide.
     TriangleMesh ribbon;
-    for (int i = 0; i < 60; ++i)
+    for (int i = 0; i < 120; ++i)
         for (const double z : {0., 0.05}) {
-            const double a = 2 * M_PI * i / 60;
+            const double a = 2 * M_PI * i / 120;
             ribbon.vertices.push_back(vec_cast<float>(Vec3d{std::cos(a), std::sin(a), z}));
         }
-    for (int i = 0; i < 120; i += 2) {
-        ribbon.faces.push_back({i, (i + 2) % 120, i + 1});
-        ribbon.faces.push_back({i + 1, (i + 2) % 120, (i + 3) % 120});
+    for (int i = 0; i < 240; i += 2) {
+        ribbon.faces.push_back({i, (i + 2) % 240, i + 1});
+        ribbon.faces.push_back({i + 1, (i + 2) % 240, (i + 3) % 240});
     }
     after = ribbon;
     simplify(after, all_around(5, 500), {});
@@ -385,7 +396,8 @@ TEST(Simplify, EdgesOfThreeFacesStay) {
 }
 
 TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
-    // 130,000 faces: two groups or more, and the flat quarter of it has none of their borders after.
+    // 130,000 faces: two groups or more, and the flat quarter of it has none of their borders
+    // after.
     auto random = noise(3);
     TriangleMesh before = relief(4, 256, [&](double x, double y) {
         return x < 2 && y < 2 ? 0 : 0.1 * std::sin(3 * x) + 0.001 * random();
@@ -404,11 +416,12 @@ TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
                            four.vertices.end(), same));
     EXPECT_TRUE(std::equal(one.colors.begin(), one.colors.end(), four.colors.begin(),
                            four.colors.end(), same));
-    EXPECT_TRUE(std::equal(one.faces.begin(), one.faces.end(), four.faces.begin(), four.faces.end(),
-                           [](Vec3i a, Vec3i b) { return a.x == b.x && a.y == b.y && a.z == b.z; }));
+    EXPECT_TRUE(
+        std::equal(one.faces.begin(), one.faces.end(), four.faces.begin(), four.faces.end(),
+                   [](Vec3i a, Vec3i b) { return a.x == b.x && a.y == b.y && a.z == b.z; }));
     expect_same_topology(before, one);
     EXPECT_LT(report.proof.points, report.proof.all_points) << "a sample of them is enough";
-    EXPECT_LE(report.proof.p999_px, 1);
+    EXPECT_LE(report.proof.p999_px, 0.5);
     int inside = 0;
     for (const Vec3f p : one.vertices)
         inside += p.x > 0.05f && p.x < 1.9f && p.y > 0.05f && p.y < 1.9f;
