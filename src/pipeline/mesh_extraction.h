@@ -1,5 +1,5 @@
-// Splats to mesh: renders the depth of views, lets a mesher make the surface, cleans and simplifies
-// it. What tvsgs-extract-mesh and --eval-mesh share.
+// Splats to mesh: renders the depth of views, lets a mesher make the surface, cleans it and
+// simplifies it. What tvsgs-extract-mesh and --eval-mesh share.
 #pragma once
 
 #include <optional>

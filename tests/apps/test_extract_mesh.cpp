@@ -54,9 +54,10 @@ protected:
 
     static Result extract(const std::string& flags, const std::string& out = "mesh.ply") {
         fs::remove(folder_ / out);
-        return run_tool(
-            folder_, "extract-mesh",
-            "--model splats.ply --scene scene --device cpu --no-masks --out " + out + " " + flags);
+        return run_tool(folder_, "extract-mesh",
+                        "--model splats.ply --scene scene --device cpu --no-masks --out " + out +
+                            " " + flags +
+                            (flags.find("--error") == std::string::npos ? " --error 0" : ""));
     }
     static std::vector<double> radii(const std::string& out = "mesh.ply") {
         std::vector<double> r;
@@ -107,6 +108,20 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     ASSERT_EQ(coarse.code, 0) << coarse;
     EXPECT_TRUE(coarse.says("pixels dropped: at or beyond 45 from the middle")) << coarse;
     EXPECT_LT(radii().back(), 1);
+}
+
+TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
+    const std::string flags = "--mesh-resolution 200 --truncation 0.15 --no-preview ";
+    ASSERT_EQ(extract(flags).code, 0);
+    const std::size_t all = radii().size();
+    const Result bound = extract(flags + "--error 0.5");
+    ASSERT_EQ(bound.code, 0) << bound;
+    EXPECT_TRUE(bound.says("info: simplified: ")) << bound;
+    EXPECT_LT(radii().size(), all / 4);
+    EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and what it was off
+    const Result number = extract(flags + "--error 0 --faces 100");
+    ASSERT_EQ(number.code, 0) << number;
+    EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 100u);
 }
 
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
@@ -204,6 +219,8 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.alpha_min, row.alpha_min);
         EXPECT_EQ(mesh.meshers.tsdf.resolution, row.resolution);
         EXPECT_EQ(mesh.clusters, row.clusters);
+        EXPECT_EQ(mesh.simplify.error, 0);
+        EXPECT_EQ(mesh.simplify.faces, 0);
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
