@@ -81,9 +81,13 @@ SimplifyReport simplify(TriangleMesh& mesh,
         CollapsibleMesh left =
             collapse_in_groups(mesh, origin, tolerances, edges, groups, largest_cost);
         collapse_edges(left, largest_cost, 0);
-        if (options.faces > 0)
-            collapse_edges(left, std::numeric_limits<double>::infinity(),
-                           static_cast<std::size_t>(options.faces));
+        // What was refused may be possible once its surroundings have changed.
+        const auto most = static_cast<std::size_t>(options.faces);
+        for (std::size_t before = 0;
+             most > 0 && left.faces.size() > most && left.faces.size() != before;) {
+            before = left.faces.size();
+            collapse_edges(left, std::numeric_limits<double>::infinity(), most);
+        }
         std::vector<float> lengths_left;
         TriangleMesh found = compact(left, origin, tolerance_px, lengths_left);
         report.proof = measure(original, {found, TriangleTree(found), lengths_left});
@@ -110,6 +114,8 @@ void simplify_and_say(TriangleMesh& mesh,
     if (r.repeats > 0) notes += str(", at attempt ", r.repeats + 1);
     if (!r.holds && options.faces == 0) notes += str(", which is not within ", options.error);
     if (r.no_triangles > 0) notes += str("; ", r.no_triangles, " faces were no triangles");
+    if (options.faces > 0 && mesh.faces.size() > static_cast<std::size_t>(options.faces))
+        notes += "; fewer would tear it or turn faces over";
     spdlog::log(level,
                 "simplified: {} faces of {}, {} vertices of {}; off by {:.2f} pixels in the mean, "
                 "{:.2f} at 99.9 %, {:.2f} at most{}",

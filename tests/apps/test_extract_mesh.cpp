@@ -119,9 +119,13 @@ TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
     EXPECT_TRUE(bound.says("info: simplified: ")) << bound;
     EXPECT_LT(radii().size(), all / 4);
     EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and what it was off
-    const Result number = extract(flags + "--error 0 --faces 100");
+    const Result number = extract(flags + "--error 0 --faces 400");
     ASSERT_EQ(number.code, 0) << number;
-    EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 100u);
+    EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 400u);
+    EXPECT_FALSE(number.says("fewer would tear it")) << number;
+    const Result too_few = extract(flags + "--error 0 --faces 3");  // the ball has holes
+    ASSERT_EQ(too_few.code, 0) << too_few;
+    EXPECT_TRUE(too_few.says("fewer would tear it")) << too_few;
 }
 
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
