@@ -63,6 +63,7 @@ struct Topology {
     int crowded_edges = 0;  // of more than two faces
     int twisted_edges = 0;  // that two faces pass in the same direction
     int repeated_faces = 0;
+    int pinched = 0;  // vertices that rims pass more than once
 };
 
 inline Topology topology(const TriangleMesh& mesh) {
@@ -81,12 +82,15 @@ inline Topology topology(const TriangleMesh& mesh) {
             ++(a < b ? forwards : backwards);
         }
     }
+    std::map<int, int> rims_at;
     for (const auto& [edge, count] : edges) {
         const int all = count.first + count.second;
+        if (all == 1) ++rims_at[edge.first], ++rims_at[edge.second];
         out.rim_edges += all == 1;
         out.crowded_edges += all > 2;
         out.twisted_edges += count.first > 1 || count.second > 1;
     }
+    for (const auto& [vertex, count] : rims_at) out.pinched += count > 2;
     out.euler = static_cast<int>(used.size()) - static_cast<int>(edges.size()) +
                 static_cast<int>(mesh.faces.size());
     return out;
