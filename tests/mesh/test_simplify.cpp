@@ -144,7 +144,7 @@ TEST(SimplifyProof, MeanQuantileAndMaximumOfBothDirections) {
 
 TEST(SimplifyCollapse, NoSlivers) {
     TriangleMesh mesh = relief(2, 60, [](double x, double) { return 0.3 * std::sin(4 * x); });
-    EXPECT_EQ(simplify(mesh, {looking({1, 1, 5}, {1, 1, 0}, 500)}, {}).repeats, 0);
+    simplify(mesh, {looking({1, 1, 5}, {1, 1, 0}, 500)}, {});
     EXPECT_LT(mesh.faces.size(), 1500u);
     for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
         const Vec3d a = corner(mesh, f, 0), b = corner(mesh, f, 1), c = corner(mesh, f, 2);
@@ -261,7 +261,7 @@ TEST(Simplify, FinerWhereAViewIsNear) {
     auto random = noise(2);
     const TriangleMesh before = relief(4, 100, [&](double, double) { return 0.004 * random(); });
     TriangleMesh after = before;
-    simplify(after, {looking({2, -1, 1.5}, {2, 2, 0}, 150)}, {});
+    EXPECT_EQ(simplify(after, {looking({2, -1, 1.5}, {2, 2, 0}, 150)}, {}).repeats, 0);
     int near = 0, far = 0;
     for (const Vec3f p : after.vertices) ++(p.y < 2 ? near : far);
     EXPECT_GT(near, 2 * far);
