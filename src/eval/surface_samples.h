@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/crop.h"
-#include "eval/triangle_tree.h"
+#include "mesh/triangle_tree.h"
 
 namespace tvsgs {
 

@@ -41,8 +41,16 @@ Box face_box(const Camera& camera, const Vec3d (&v)[3]) {
         min_x = std::min(min_x, x), max_x = std::max(max_x, x);
         min_y = std::min(min_y, y), max_y = std::max(max_y, y);
     }
-    return {clamp_index(min_x - 0.5, camera.width_px), clamp_index(max_x + 1.5, camera.width_px),
-            clamp_index(min_y - 0.5, camera.height_px), clamp_index(max_y + 1.5, camera.height_px)};
+    // Pixel centres; rounding may not lose one.
+    constexpr double kMargin = 1e-3;
+    const auto first = [](double low, int size) {
+        return clamp_index(std::ceil(low - 0.5 - kMargin), size);
+    };
+    const auto past = [](double high, int size) {
+        return clamp_index(std::floor(high + 0.5 + kMargin), size);
+    };
+    return {first(min_x, camera.width_px), past(max_x, camera.width_px),
+            first(min_y, camera.height_px), past(max_y, camera.height_px)};
 }
 
 /// Draws the part of a face inside `box`. The ray d through a sample meets the plane of the
@@ -183,6 +191,14 @@ ImageF box_filter(const ImageF& image, int n) {
     return out;
 }
 
+ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
+    const Hits hits = find_hits(mesh, camera);
+    ImageF depth(hits.width, hits.height, 1);
+    for (std::size_t i = 0; i < depth.pixels.size(); ++i)
+        if (hits.face[i] >= 0) depth.pixels[i] = hits.depth[i];
+    return depth;
+}
+
 MeshRender render_mesh(const TriangleMesh& mesh,
                        const Camera& camera,
                        const MeshRenderOptions& options,
@@ -218,14 +234,6 @@ MeshRender render_mesh(const TriangleMesh& mesh,
                                          }),
                            n);
     return out;
-}
-
-ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
-    const Hits hits = find_hits(mesh, camera);
-    ImageF depth(hits.width, hits.height, 1);
-    for (std::size_t i = 0; i < depth.pixels.size(); ++i)
-        if (hits.face[i] >= 0) depth.pixels[i] = hits.depth[i];
-    return depth;
 }
 
 Camera preview_camera(const TriangleMesh& mesh,

@@ -1,5 +1,5 @@
-// Splats to mesh: renders the depth of views, lets a mesher make the surface, cleans it. What
-// tvsgs-extract-mesh and --eval-mesh share.
+// Splats to mesh: renders the depth of views, lets a mesher make the surface, cleans it and
+// simplifies it. What tvsgs-extract-mesh and --eval-mesh share.
 #pragma once
 
 #include <optional>
@@ -12,6 +12,7 @@
 #include "mesh/large_splats.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/meshers_list.h"
+#include "mesh/simplify.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -20,6 +21,7 @@ namespace tvsgs {
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
+    SimplifyOptions simplify;
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
           max_scale_px = 0;
     int clusters = 0;
@@ -30,6 +32,7 @@ struct MeshOptions {
     void fields(Visitor& field) {
         field("method", method, "what makes the surface of the splats: tsdf, tetrahedra");
         meshers.fields(field);
+        simplify.fields(field);
         field("depth_max", depth_max, {0, 1e9},
               "depths from there on are dropped; 0: twice the distance of the cameras' focus, or "
               "none if unbounded");
@@ -145,6 +148,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
     const EvidenceSource evidence = detail::evidence_of(depth);
     const std::string cleaned = detail::clean_mesh(found.mesh, options, evidence, level);
+    simplify_and_say(found.mesh, detail::cameras_of(views), options.simplify, level);
     if (options.evidence) count_views(found.mesh, evidence);
     const std::string& why = found.why_empty.empty() ? cleaned : found.why_empty;
     if (why_empty)

@@ -54,9 +54,10 @@ protected:
 
     static Result extract(const std::string& flags, const std::string& out = "mesh.ply") {
         fs::remove(folder_ / out);
-        return run_tool(
-            folder_, "extract-mesh",
-            "--model splats.ply --scene scene --device cpu --no-masks --out " + out + " " + flags);
+        return run_tool(folder_, "extract-mesh",
+                        "--model splats.ply --scene scene --device cpu --no-masks --out " + out +
+                            " " + flags +
+                            (flags.find("--error") == std::string::npos ? " --error 0" : ""));
     }
     static std::vector<double> radii(const std::string& out = "mesh.ply") {
         std::vector<double> r;
@@ -117,15 +118,11 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
             extract("--mesh-resolution 200 --truncation 0.15 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
         EXPECT_EQ(mesh.says("info: texture of "), out != "same.ply") << mesh;
-        std::string all;
-        for (const std::string flags : {"", "--point-samples 2000 "}) {
-            const Result score =
-                run_tool(folder_, "eval",
-                         "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply " + flags +
-                             "--pred " + out);
-            ASSERT_EQ(score.code, 0) << score;
-            all += score.out.substr(0, score.out.find("\"inputs\""));
-        }
+        const Result score =
+            run_tool(folder_, "eval",
+                     "geometry --quiet --tau 0.01,0.1 --gt scene/gt/mesh.ply --pred " + out);
+        ASSERT_EQ(score.code, 0) << score;
+        const std::string all = score.out.substr(0, score.out.find("\"inputs\""));
         if (expected.empty()) expected = all;
         EXPECT_EQ(all, expected) << out;
     }
@@ -136,7 +133,8 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     fs::remove(folder_ / "same.glb");
     ASSERT_EQ(run_tool(folder_, "extract-mesh",
                        "--model splats.ply --scene scene --device cpu --no-masks --out same.glb "
-                       "--mesh-resolution 200 --truncation 0.15 --texture-format png --no-preview",
+                       "--mesh-resolution 200 --truncation 0.15 --error 0 --texture-format png "
+                       "--no-preview",
                        4)
                   .code,
               0);
@@ -150,6 +148,24 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     EXPECT_NE(bytes.find("COLOR_0"), std::string::npos);
     EXPECT_EQ(bytes.find("\"matrix\""), std::string::npos);
     EXPECT_NE(glb.find("\"matrix\""), std::string::npos);
+}
+
+TEST_F(ExtractMesh, SimplifiedToABoundOrANumber) {
+    const std::string flags = "--mesh-resolution 200 --truncation 0.15 --no-preview ";
+    ASSERT_EQ(extract(flags).code, 0);
+    const std::size_t all = radii().size();
+    const Result bound = extract(flags + "--error 0.5");
+    ASSERT_EQ(bound.code, 0) << bound;
+    EXPECT_TRUE(bound.says("info: simplified: ")) << bound;
+    EXPECT_LT(radii().size(), all / 4);
+    EXPECT_NEAR(radii().front(), kBall, 0.1);  // half a pixel of 4.5 / 64, and what it was off
+    const Result number = extract(flags + "--error 0 --faces 400");
+    ASSERT_EQ(number.code, 0) << number;
+    EXPECT_LE(read_ply_geometry((folder_ / "mesh.ply").string()).faces.size(), 400u);
+    EXPECT_FALSE(number.says("fewer would tear it")) << number;
+    const Result too_few = extract(flags + "--error 0 --faces 3");  // the ball has holes
+    ASSERT_EQ(too_few.code, 0) << too_few;
+    EXPECT_TRUE(too_few.says("fewer would tear it")) << too_few;
 }
 
 TEST_F(ExtractMesh, UnboundedWithinABudget) {
@@ -257,6 +273,8 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.alpha_min, row.alpha_min);
         EXPECT_EQ(mesh.meshers.tsdf.resolution, row.resolution);
         EXPECT_EQ(mesh.clusters, row.clusters);
+        EXPECT_EQ(mesh.simplify.error, 0);
+        EXPECT_EQ(mesh.simplify.faces, 0);
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.evidence);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);

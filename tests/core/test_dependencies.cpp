@@ -23,7 +23,7 @@ const std::map<std::string, std::set<std::string>> kMayUse{
     {"mvs", {"core"}},
     {"optim", {"core", "comm", "tv", "render"}},
     {"mesh", {"core", "tv", "render"}},
-    {"eval", {"core", "io", "render"}},
+    {"eval", {"core", "io", "render", "mesh"}},
     {"pipeline", {"core", "comm", "io", "tv", "render", "mvs", "optim", "mesh", "eval"}},
     {"report", {"core", "io", "tv", "render", "mvs", "optim", "mesh", "eval", "pipeline"}},
 };

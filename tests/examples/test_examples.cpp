@@ -269,6 +269,7 @@ TEST(ToyMesher, MeshesByItsName) {
     views[0].camera = test::test_camera(40, 30, -0.3f);
     views[1].camera = test::test_camera(40, 30, 0.3f);
     MeshOptions options;
+    options.simplify.error = 0;
     options.method = "grid";
     options.box = "-0.5,-0.5,-1,0.5,0.5,1";
     const TriangleMesh mesh = extract_mesh<Cpu>(views, wall, {}, options, testing::TempDir());

@@ -1,4 +1,4 @@
-#include "eval/triangle_tree.h"
+#include "mesh/triangle_tree.h"
 
 #include <algorithm>
 #include <array>
@@ -167,7 +167,7 @@ TriangleTree::TriangleTree(const TriangleMesh& mesh) {
         const Vec3i face = mesh.faces[items[at].face];
         triangles_[at] = {mesh.vertices[static_cast<std::size_t>(face.x)],
                           mesh.vertices[static_cast<std::size_t>(face.y)],
-                          mesh.vertices[static_cast<std::size_t>(face.z)]};
+                          mesh.vertices[static_cast<std::size_t>(face.z)], items[at].face};
     });
 }
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/mesh.h"
-#include "eval/triangle_math.h"
+#include "mesh/triangle_math.h"
 
 namespace tvsgs {
 
@@ -34,6 +34,9 @@ public:
     /// Distance of p to the surface; infinite where that is `limit` or more. `start`: a triangle to
     /// look at first, and the nearest one found; distances are the same for any.
     double distance(Vec3d p, double limit, std::size_t* start) const;
+
+    /// The face of the mesh that a triangle of distance() is.
+    std::size_t face(std::size_t triangle) const { return triangles_[triangle].face; }
 
     /// Of each point, where that is below `limit`, else infinite. Neighbours in the list should be
     /// near each other.
@@ -62,6 +65,7 @@ private:
 
     struct Triangle {
         Vec3f a, b, c;
+        std::uint32_t face;
     };
     /// In depth-first order: the first child follows its parent.
     struct Node {

@@ -1,0 +1,19 @@
+// How long a pixel is on a surface, where a view sees it from nearest.
+#pragma once
+
+#include <vector>
+
+#include "core/camera.h"
+#include "core/mesh.h"
+
+namespace tvsgs {
+
+/// Pixels count that many times where no view sees the surface.
+inline constexpr float kUnseenPixels = 8;
+
+/// World units per pixel at each vertex: the least depth / focal length of the views that see it,
+/// by the mesh's own depth. Where none does, kUnseenPixels times that of the views whose image it
+/// lies in, or else that of the nearest camera. `cameras`: one at least.
+std::vector<float> pixel_lengths(const TriangleMesh& mesh, const std::vector<Camera>& cameras);
+
+}  // namespace tvsgs
