@@ -141,9 +141,11 @@ constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
 // What a covering cloud needs.
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
-              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20, kMeshedScalePx = 16;
+              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
+// Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
+constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
@@ -270,9 +272,17 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                         static_cast<double>(look.train_views), kManyViews, std::move(settings)});
     }
     // A larger one lies in a gap of the cloud, at a depth that nothing has measured.
-    if (covered)
-        by_cloud("meshed splats", str("up to ", kMeshedScalePx, " px"),
-                 {{"mesh.max_scale_px", std::to_string(kMeshedScalePx)}});
+    if (covered && look.train_views < kFewViews) {
+        const std::string px =
+            std::to_string(kMeshedScalePx << std::max(0, look.train_views - kLeastViews));
+        plan.push_back({"meshed splats",
+                        str("up to ", px, " px"),
+                        str("training views: ", compared(look.train_views, kFewViews), "; ",
+                            kLeastViews, " or fewer: ", kMeshedScalePx),
+                        static_cast<double>(look.train_views),
+                        kFewViews,
+                        {{"mesh.max_scale_px", px}}});
+    }
     if (covered && in.options.tv.enabled) {
         by_cloud("votes", str("every ", kVoteEvery),
                  {{"tv.vote_every", std::to_string(kVoteEvery)}});

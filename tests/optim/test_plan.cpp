@@ -205,9 +205,15 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
 }
 
 TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
-    const auto covered = plan_of(look_of(patch_scene(3, 10, 2400))),
-               sparse = plan_of(look_of(patch_scene(3, 10, 100)));
-    EXPECT_TRUE(sets(settings(covered, "meshed splats"), "mesh.max_scale_px", "16"));
+    SceneLook look = look_of(patch_scene(3, 10, 2400));
+    for (const auto& [views, px] : {std::pair(1, "16"), {3, "16"}, {4, "32"}, {8, "512"}}) {
+        look.train_views = views;
+        EXPECT_TRUE(sets(settings(plan_of(look), "meshed splats"), "mesh.max_scale_px", px))
+            << views;
+    }
+    look.train_views = 9;
+    EXPECT_EQ(choice(plan_of(look), "meshed splats"), "no such decision");
+    const auto sparse = plan_of(look_of(patch_scene(3, 10, 100)));
     EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
 }
 
