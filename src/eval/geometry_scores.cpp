@@ -88,7 +88,7 @@ MeasuredSurface measured_points(const std::vector<Vec3f>& points,
 MeasuredSurface read_measured(const std::string& path,
                               const MeasureOptions& options,
                               const Crop& crop) {
-    PlyContents ply = read_mesh(path, options.origin);
+    PlyContents ply = read_mesh(path, options.origin, false);
     const bool is_mesh = !ply.faces.empty();
     MeasuredSurface result;
     try {

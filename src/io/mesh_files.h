@@ -50,7 +50,8 @@ void check_mesh(const std::string& path, const TriangleMesh& mesh);
 /// its nodes place it), an OBJ (polygons as fans), else as read_ply. Vertices that a GLB of ours
 /// has more than once, as their places in the texture differ, are one again. Throws
 /// Error(ExitCode::input).
-PlyContents read_mesh(const std::string& path, Vec3d origin = {});
+/// `want_colors`: else a GLB's picture, which may be damaged or too large, is not looked at.
+PlyContents read_mesh(const std::string& path, Vec3d origin = {}, bool want_colors = true);
 /// As read_ply_geometry.
 PlyGeometry read_mesh_geometry(const std::string& path);
 

@@ -2,7 +2,8 @@
 #include <bit>
 #include <cmath>
 #include <cstring>
-#include <map>
+#include <optional>
+#include <utility>
 
 #include "core/affine.h"
 #include "core/version.h"
@@ -17,6 +18,9 @@ namespace {
 using nlohmann::json;
 
 constexpr std::int64_t kMostVertices = std::int64_t{1} << 30, kMostPixels = 8192 * 8192;
+// Vertices and corners of a file, copies counted: so many for each of its bytes, and so many
+// always.
+constexpr std::size_t kCopies = 64, kAlways = std::size_t{1} << 26;
 
 template <class T>
 T at_byte(std::string_view bytes, std::size_t offset) {
@@ -73,7 +77,7 @@ struct Accessor {
 class GlbReader {
 public:
     GlbReader(const std::string& path, std::string_view bytes, bool want_colors)
-        : path_(path), want_colors_(want_colors) {
+        : path_(path), want_colors_(want_colors), most_(std::max(kAlways, kCopies * bytes.size())) {
         split(bytes);
         check_extensions();
         const json& asset = member(doc_, "asset");
@@ -286,12 +290,14 @@ private:
         const auto first = static_cast<std::int64_t>(out_.positions.size());
         if (first + static_cast<std::int64_t>(position.count) > kMostVertices)
             fail("more than 2^30 vertices");
+        claim(position.count);
         for (std::size_t i = 0; i < position.count; ++i)
             out_.positions.push_back(world_from_node * Vec3d{position.value(i, 0),
                                                              position.value(i, 1),
                                                              position.value(i, 2)} +
                                      origin_);
         const auto add_faces = [&](std::size_t corners, const auto& corner) {
+            claim(corners);
             if (corners % 3 != 0) fail(str(corners, " corners are no whole triangles"));
             for (std::size_t k = 0; k < corners; k += 3) {
                 Vec3i face;
@@ -314,6 +320,14 @@ private:
             add_faces(position.count, [](std::size_t k) { return static_cast<double>(k); });
         }
         if (want_colors_) add_colors(primitive, attributes, position.count);
+    }
+
+    /// Copies of one array may be asked for so often that no memory holds them.
+    void claim(std::size_t count) {
+        claimed_ += count;
+        if (claimed_ > most_)
+            fail(str("its nodes ask for ", claimed_, " vertices and corners; expected at most ",
+                     most_, " in a file of its size"));
     }
 
     // 5. Colours, for pictures: what cannot be had is white.
@@ -365,10 +379,15 @@ private:
         const std::size_t image = index(texture, "source", images);
         if (!images[image].is_object() || !images[image].contains("bufferView")) return nullptr;
         if (text(images[image], "mimeType") == "image/webp") return nullptr;
-        if (!decoded_.contains(image))
-            decoded_[image] =
-                decode_image(path_, view_bytes(images[image], nullptr), 3, kMostPixels);
-        return &decoded_[image];
+        if (decoded_.first != image) {
+            decoded_ = {image, {}};  // one in memory at a time: many may lie in one small file
+            try {
+                decoded_.second =
+                    decode_image(path_, view_bytes(images[image], nullptr), 3, kMostPixels);
+            } catch (const Error&) {  // of a format or a size that is not read here
+            }
+        }
+        return decoded_.second.empty() ? nullptr : &decoded_.second;
     }
 
     /// The copies behind the vertices of our meshes: the same number, bit by bit, is one vertex.
@@ -408,12 +427,14 @@ private:
 
     const std::string& path_;
     const bool want_colors_;
+    const std::size_t most_;  // vertices and corners
+    std::size_t claimed_ = 0;
     bool has_colors_ = false, ours_ = false;
     json doc_;
     std::string_view binary_;
     Vec3d origin_;
     std::vector<char> visited_;
-    std::map<std::size_t, ImageU8> decoded_;
+    std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // the last one
     ReadMesh out_;
 };
 

@@ -17,11 +17,24 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
         return value;
     };
     bool all_colored = true;
+    std::string joined;
     while (!bytes.empty()) {
         const std::size_t end = std::min(bytes.find('\n'), bytes.size());
         std::string_view line = bytes.substr(0, end);
         bytes.remove_prefix(std::min(end + 1, bytes.size()));
         ++line_number;
+        if (line.ends_with('\r')) line.remove_suffix(1);
+        // A line that ends so goes on in the next.
+        for (joined.clear(); line.ends_with('\\') && !bytes.empty(); ++line_number) {
+            const std::size_t next = std::min(bytes.find('\n'), bytes.size());
+            if (joined.empty()) joined = line;
+            joined.back() = ' ';
+            joined += bytes.substr(0, next);
+            bytes.remove_prefix(std::min(next + 1, bytes.size()));
+            if (joined.ends_with('\r')) joined.pop_back();
+            line = joined;
+        }
+        line = line.substr(0, line.find('#'));
         const std::string_view kind = next_word(line);
         if (kind == "v") {
             Vec3d p;

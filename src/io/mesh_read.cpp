@@ -17,8 +17,8 @@ std::optional<ReadMesh> read_other(const std::string& path, bool want_colors) {
 
 }  // namespace
 
-PlyContents read_mesh(const std::string& path, Vec3d origin) {
-    std::optional<ReadMesh> mesh = read_other(path, true);
+PlyContents read_mesh(const std::string& path, Vec3d origin, bool want_colors) {
+    std::optional<ReadMesh> mesh = read_other(path, want_colors);
     if (!mesh) return read_ply(path, origin);
     PlyContents out;
     out.points.positions.reserve(mesh->positions.size());

@@ -112,7 +112,8 @@ private:
 }  // namespace
 
 std::optional<MeshFormat> mesh_format(const std::string& path) {
-    const std::string extension = fs::path(path).extension().string();
+    std::string extension = fs::path(path).extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
     if (extension == ".glb") return MeshFormat::glb;
     if (extension == ".obj") return MeshFormat::obj;
     if (extension == ".ply") return MeshFormat::ply;

@@ -524,6 +524,15 @@ TEST_F(MeshFiles, HostileGlbs) {
         file.doc[json::json_pointer(d.pointer)] = d.value;
         refused(file.bytes(), d.says);
     }
+    // Copies of one array: 3000 of 30,000 corners.
+    OneTriangle copies;
+    copies.binary += std::string(26000, '\0');
+    copies.doc["buffers"][0]["byteLength"] = copies.binary.size();
+    copies.doc["bufferViews"][1]["byteLength"] = 26003;
+    copies.doc["accessors"][1]["count"] = 26001;
+    const json primitive = copies.doc["meshes"][0]["primitives"][0];
+    for (int i = 0; i < 3000; ++i) copies.doc["meshes"][0]["primitives"].push_back(primitive);
+    refused(copies.bytes(), "in a file of its size");
     // A chain of nodes must not use up the stack.
     OneTriangle deep;
     deep.doc["nodes"] = json::array();
@@ -544,6 +553,33 @@ TEST_F(MeshFiles, ClaimsOfCopiesAreChecked) {
     file.doc["asset"]["extras"]["vertices"] = "x";
     const std::string path = write("a.glb", file.bytes());
     expect_error(ExitCode::input, "vertices", [&] { read_mesh(path); });
+}
+
+/// A picture that cannot be had takes the colours away, not the surface.
+TEST_F(MeshFiles, DamagedPicturesAreLeftOut) {
+    OneTriangle file;
+    file.doc["images"] = json::parse(R"([{"bufferView": 0, "mimeType": "image/png"}])");
+    file.doc["textures"] = json::parse(R"([{"source": 0}])");
+    file.doc["materials"] =
+        json::parse(R"([{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}])");
+    json& primitive = file.doc["meshes"][0]["primitives"][0];
+    primitive["material"] = 0;
+    json places = file.doc["accessors"][0];
+    places["type"] = "VEC2";
+    file.doc["accessors"].push_back(places);
+    primitive["attributes"]["TEXCOORD_0"] = file.doc["accessors"].size() - 1;
+    const PlyContents found = read_mesh(write("a.glb", file.bytes()));
+    EXPECT_EQ(found.faces.size(), 1u);
+    EXPECT_TRUE(found.points.colors.empty());
+}
+
+TEST_F(MeshFiles, ObjsOfOthersWithCommentsAndLongLines) {
+    const PlyContents found = read_mesh(
+        write("A.OBJ", "v 0 0 0 # a\nv 1 0 \\\r\n 0\nv 1 1 0\nf 1 2 \\\n3 # c\n#f 9 9 9\n"));
+    ASSERT_EQ(found.points.positions.size(), 3u);
+    EXPECT_EQ(found.points.positions[1].x, 1);
+    ASSERT_EQ(found.faces.size(), 1u);
+    EXPECT_EQ(found.faces[0].z, 2);
 }
 
 TEST_F(MeshFiles, ObjsOfOthers) {
