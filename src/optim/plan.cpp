@@ -263,13 +263,14 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         const double share = static_cast<double>(kManyViews - look.train_views) /
                              static_cast<double>(kManyViews - kFewViews);
         const std::string weight = number(std::min(std::round(100 * share) / 100, 1.0));
-        Settings settings{{"loss.prior_normal.weight", weight}};
-        // What merely lies beside a scene is not asked: what it gains has not been measured.
-        if (!in.own_priors) settings.emplace_back("priors.source", "stereo");
-        plan.push_back({"prior normals", str("weight ", weight),
+        plan.push_back({"prior normals",
+                        str("weight ", weight),
                         str("training views: ", compared(look.train_views, kManyViews), "; ",
                             kFewViews, " or fewer: 1"),
-                        static_cast<double>(look.train_views), kManyViews, std::move(settings)});
+                        static_cast<double>(look.train_views),
+                        kManyViews,
+                        // What merely lies beside a scene has not been measured.
+                        {{"loss.prior_normal.weight", weight}, {"priors.source", "stereo"}}});
     }
     // A larger one lies in a gap of the cloud, at a depth that nothing has measured.
     if (covered && look.train_views < kFewViews) {

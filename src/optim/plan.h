@@ -52,14 +52,13 @@ Decision plan_cloud(const SceneLook& look, bool dense);
 
 /// What the plan of the training goes by, beside the look.
 struct PlanInputs {
-    bool dense = false;       // the settings that were chosen
-    bool discs = false;       // kDiscs may be chosen: fast here, and nobody asks for another
-    TrainOptions options;     // as resolved so far
-    int configured = 0;       // iterations that their schedule was made for
-    int wanted = 0;           // iterations that the user asks for; 0: none
-    bool normals = false;     // stereo has run, and its normals or the user's may be a prior
-    bool own_priors = false;  // the user has named a folder of priors
-    LossOptions multi_view;   // the dense settings' losses, whose multi-view terms are taken
+    bool dense = false;      // the settings that were chosen
+    bool discs = false;      // kDiscs may be chosen: fast here, and nobody asks for another
+    TrainOptions options;    // as resolved so far
+    int configured = 0;      // iterations that their schedule was made for
+    int wanted = 0;          // iterations that the user asks for; 0: none
+    bool normals = false;    // of stereo are there, and nobody asks for other priors
+    LossOptions multi_view;  // the dense settings' losses, whose multi-view terms are taken
 };
 
 /// On the cloud that training starts from.

@@ -56,6 +56,16 @@ bool takes_stereo(const PriorOptions& priors) {
            priors.source == PriorOptions::Source::stereo;
 }
 
+/// Not where the user has priors in mind: files, or terms that want maps.
+bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
+    if (!takes_stereo(options.priors) || !options.priors.dir.empty() ||
+        plan.pinned("loss.prior_normal.weight"))
+        return false;
+    for (const TermOnList& term : terms_on_list(options.train.loss))
+        if (term.weight > 0 && !term.needs.view_maps.empty()) return false;
+    return true;
+}
+
 /// Chooses the settings to start from; returns whether they are the dense ones.
 bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
     const Decision settings = plan_settings(train_views);
@@ -194,10 +204,9 @@ Scene read_and_plan(const DeviceChoice& device,
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
               wanted = plan.pinned("iterations") ? options.train.iterations : 0;
     const bool discs = may_draw_discs(device, options.train, plan),
-               normals = !found.maps.empty() && takes_stereo(options.priors);
-    for (const Decision& decision :
-         plan_training(seen, {dense, discs, options.train, configured, wanted, normals,
-                              !options.priors.dir.empty(), multi_view.loss}))
+               normals = !found.maps.empty() && may_take_normals(options, plan);
+    for (const Decision& decision : plan_training(
+             seen, {dense, discs, options.train, configured, wanted, normals, multi_view.loss}))
         plan.apply(decision);
     plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());

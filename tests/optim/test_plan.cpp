@@ -198,8 +198,6 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
     const Settings of_stereo = settings(plan_training(look, in), "prior normals");
     EXPECT_TRUE(sets(of_stereo, "loss.prior_normal.weight", "1"));
     EXPECT_TRUE(sets(of_stereo, "priors.source", "stereo"));
-    in.own_priors = true;
-    EXPECT_EQ(settings(plan_training(look, in), "prior normals").size(), 1u);
     look.points_per_pixel = 0.2;
     EXPECT_EQ(weight(3), "no such decision");
 }
