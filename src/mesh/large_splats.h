@@ -1,7 +1,6 @@
 // Splats too large to be measured surface are not meshed.
 #pragma once
 
-#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -13,27 +12,29 @@
 
 namespace tvsgs {
 
-/// How wide a camera's pixels are at a place.
-struct PixelAtDistance {
-    Vec3f centre;
-    float per_unit;  // width over distance
-};
-
 /// Below any render.cull_alpha.
 inline constexpr float kFaded = -30;
 
 struct FadeLargeBody {
-    Span<const PixelAtDistance> cameras;
+    Span<const Camera> cameras;
     float max_px;
     Span<const Vec3f> means, log_scales;
     Span<float> opacity_logits;
 
     TVSGS_HD void operator()(int i) const {
-        float pixel = std::numeric_limits<float>::max();
+        const float any = std::numeric_limits<float>::max();
+        float seen = any, pixel = any;
         for (int v = 0; v < cameras.size(); ++v) {
-            const float width = norm(means[i] - cameras[v].centre) * cameras[v].per_unit;
+            const Camera& c = cameras[v];
+            const Vec3f p = c.camera_from_world * means[i];
+            const float width = norm(p) / (c.fx_px > c.fy_px ? c.fx_px : c.fy_px);
             pixel = width < pixel ? width : pixel;
+            const float x = c.fx_px * p.x / p.z + c.cx_px, y = c.fy_px * p.y / p.z + c.cy_px;
+            const bool inside = p.z > 0 && x >= 0 && y >= 0 && x < static_cast<float>(c.width_px) &&
+                                y < static_cast<float>(c.height_px);
+            if (inside && width < seen) seen = width;
         }
+        if (seen < any) pixel = seen;
         const Vec3f s = exp(log_scales[i]);
         const float most = max_px * pixel;
         if (!(s.x <= most && s.y <= most && s.z <= most)) opacity_logits[i] = kFaded;
@@ -41,8 +42,9 @@ struct FadeLargeBody {
 };
 
 /// Makes splats invisible whose largest standard deviation is above `max_px` pixels of the camera
-/// whose pixels are the finest there. Where no measured point was, splats that grow over the gap
-/// show the right colour at any depth. [docs/method/trust.md#large-splats]
+/// whose pixels are the finest there, of those that have its mean in their image if any has. Where
+/// no measured point was, splats that grow over the gap show the right colour at any depth.
+/// [docs/method/trust.md#large-splats]
 void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians);
 void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cuda>& gaussians);
 
@@ -50,11 +52,8 @@ namespace detail {
 
 template <class Device>
 void fade_large_on(const std::vector<Camera>& cameras, float max_px, Gaussians<Device>& g) {
-    std::vector<PixelAtDistance> pixels;
-    for (const Camera& camera : cameras)
-        pixels.push_back({camera_centre(camera), 1 / std::max(camera.fx_px, camera.fy_px)});
-    Buffer<PixelAtDistance, Device> at;
-    copy(pixels, at);
+    Buffer<Camera, Device> at;
+    copy(cameras, at);
     parallel_for(Device{}, g.size(),
                  FadeLargeBody{std::as_const(at).span(), max_px, std::as_const(g.means).span(),
                                std::as_const(g.log_scales).span(), g.opacity_logits.span()});

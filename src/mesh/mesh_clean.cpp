@@ -179,6 +179,13 @@ std::size_t peel_unseen(TriangleMesh& mesh, const EvidenceSource& source) {
 
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source) {
     EvidenceReport report;
+    // An edge from a vertex to itself would look like a rim.
+    std::vector<bool> whole(mesh.faces.size());
+    for (std::size_t f = 0; f < whole.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        whole[f] = face.x != face.y && face.y != face.z && face.z != face.x;
+    }
+    filter_faces(mesh, whole);
     if (mesh.faces.empty()) return report;
     report.peeled_faces = peel_unseen(mesh, source);
     const std::vector<int> component = face_components(mesh);

@@ -140,7 +140,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
     if (options.depth_max == 0 || options.unbounded)
-        focus = detail::focus_of_scene(views, gaussians, *backbone, level);
+        focus = detail::focus_of_scene(views, all, *backbone, level);
     const MeshRegion region = detail::mesh_region(options, focus, rules);
     DepthViews<Device> depth(views, gaussians, *backbone, rules, options.masks);
     ExtractedMesh found = mesher->extract(

@@ -62,7 +62,14 @@ MeshTexture texture_of(const TriangleMesh& mesh,
     TextureOptions how;
     how.max_side = side, how.masks = masks, how.fixed_side = options.texture != "auto";
     TextureReport report;
-    MeshTexture texture = make_texture(mesh, views, how, &report);
+    MeshTexture texture;
+    try {
+        texture = make_texture(mesh, views, how, &report);
+    } catch (const Error& error) {
+        if (how.fixed_side || error.code() != ExitCode::input) throw;
+        spdlog::warn("{}; the mesh has the splats' colours and no texture", error.what());
+        return {};
+    }
     spdlog::info(
         "texture of {}x{}: {} charts of {} views at {:.3g} texels per pixel; {} faces in "
         "parts or unseen, {} places where views meet levelled",

@@ -11,8 +11,8 @@
 namespace tvsgs {
 namespace {
 
-Camera camera_at(float x, float f_px) {
-    Camera camera{64, 48, f_px, f_px, 32, 24, {}};
+Camera camera_at(float x, float f_px, float cx_px = 32) {
+    Camera camera{64, 48, f_px, f_px, cx_px, 24, {}};
     camera.camera_from_world.R = {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
     camera.camera_from_world.t = {-x, 0, 0};
     return camera;
@@ -31,7 +31,7 @@ Gaussians<Cpu> splats(const std::vector<float>& z, const std::vector<float>& lar
     return g;
 }
 
-const std::vector<Camera> kCameras{camera_at(0, 100), camera_at(3, 400)};
+const std::vector<Camera> kCameras{camera_at(0, 100), camera_at(3, 400, 332)};
 
 TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
     // At (0, 0, 4) the first camera's pixels are 0.04 wide; the second is 5 away: 0.0125. At
@@ -42,6 +42,15 @@ TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
         for (const auto& [i, stays] : {std::pair(0, true), {1, false}, {2, true}, {3, false}})
             EXPECT_EQ(g.opacity_logits[static_cast<std::size_t>(i)], stays ? 2.0f : kFaded) << i;
     }
+}
+
+TEST(LargeSplats, CamerasThatDoNotSeeThePlaceDoNotCount) {
+    // The second has finer pixels there, but the place out of its image.
+    std::vector<Camera> cameras{camera_at(0, 100), camera_at(1, 400)};
+    Gaussians<Cpu> g = splats({0.9f, 0.9f}, {0.07f, 0.074f}, 0);  // 8 x 0.009 = 0.072
+    fade_large(cameras, 8, g);
+    EXPECT_EQ(g.opacity_logits[0], 2);
+    EXPECT_EQ(g.opacity_logits[1], kFaded);
 }
 
 TEST(LargeSplats, WhatIsNotFiniteGoes) {
