@@ -24,7 +24,7 @@ TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
 }
 
 /// Whether a world point lies before the camera and projects into the image.
-inline bool is_in_view(const Camera& camera, Vec3f point) {
+TVSGS_HD inline bool is_in_view(const Camera& camera, Vec3f point) {
     const Vec3f p = camera.camera_from_world * point;
     if (!(p.z > 0)) return false;
     const float u = camera.fx_px * p.x / p.z + camera.cx_px;

@@ -2,8 +2,10 @@
 
 namespace tvsgs {
 
-void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians) {
-    detail::fade_large_on(cameras, max_px, gaussians);
+std::size_t fade_large(const std::vector<Camera>& cameras,
+                       float max_px,
+                       Gaussians<Cpu>& gaussians) {
+    return detail::fade_large_on(cameras, max_px, gaussians);
 }
 
 }  // namespace tvsgs

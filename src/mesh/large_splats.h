@@ -1,7 +1,9 @@
 // Splats too large to be measured surface are not meshed.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <limits>
 #include <utility>
 #include <vector>
@@ -26,13 +28,10 @@ struct FadeLargeBody {
         float seen = any, pixel = any;
         for (int v = 0; v < cameras.size(); ++v) {
             const Camera& c = cameras[v];
-            const Vec3f p = c.camera_from_world * means[i];
-            const float width = norm(p) / (c.fx_px > c.fy_px ? c.fx_px : c.fy_px);
+            const float distance = norm(c.camera_from_world * means[i]),
+                        width = distance / (c.fx_px > c.fy_px ? c.fx_px : c.fy_px);
             pixel = width < pixel ? width : pixel;
-            const float x = c.fx_px * p.x / p.z + c.cx_px, y = c.fy_px * p.y / p.z + c.cy_px;
-            const bool inside = p.z > 0 && x >= 0 && y >= 0 && x < static_cast<float>(c.width_px) &&
-                                y < static_cast<float>(c.height_px);
-            if (inside && width < seen) seen = width;
+            if (width < seen && is_in_view(c, means[i])) seen = width;
         }
         if (seen < any) pixel = seen;
         const Vec3f s = exp(log_scales[i]);
@@ -44,19 +43,23 @@ struct FadeLargeBody {
 /// Makes splats invisible whose largest standard deviation is above `max_px` pixels of the camera
 /// whose pixels are the finest there, of those that have its mean in their image if any has. Where
 /// no measured point was, splats that grow over the gap show the right colour at any depth.
-/// [docs/method/trust.md#large-splats]
-void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians);
-void fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cuda>& gaussians);
+/// [docs/method/trust.md#large-splats] Returns how many.
+std::size_t fade_large(const std::vector<Camera>& cameras, float max_px, Gaussians<Cpu>& gaussians);
+std::size_t fade_large(const std::vector<Camera>& cameras,
+                       float max_px,
+                       Gaussians<Cuda>& gaussians);
 
 namespace detail {
 
 template <class Device>
-void fade_large_on(const std::vector<Camera>& cameras, float max_px, Gaussians<Device>& g) {
+std::size_t fade_large_on(const std::vector<Camera>& cameras, float max_px, Gaussians<Device>& g) {
     Buffer<Camera, Device> at;
     copy(cameras, at);
     parallel_for(Device{}, g.size(),
                  FadeLargeBody{std::as_const(at).span(), max_px, std::as_const(g.means).span(),
                                std::as_const(g.log_scales).span(), g.opacity_logits.span()});
+    const std::vector<float> logits = to_host(g.opacity_logits);
+    return static_cast<std::size_t>(std::count(logits.begin(), logits.end(), kFaded));
 }
 
 }  // namespace detail

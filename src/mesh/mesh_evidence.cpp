@@ -10,8 +10,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kLimitPx = 3;       // between surface and depth, in widths of a pixel
-constexpr float kMinCosine = 0.1f;  // of the width of a pixel, as in mesh/pixel_trust.h
+constexpr float kLimitPx = 3;  // between surface and depth, in widths of a pixel
 
 }  // namespace
 
@@ -29,13 +28,14 @@ Judgement judge(const EvidenceView& view, const SurfaceSample& sample) {
     const float depth = view.depth[i];
     if (!(depth > 0)) return {};
     const Vec3f normal = camera.camera_from_world.R * sample.normal;
-    const float toward = -dot(normal, ray), cosine = toward / (norm(normal) * norm(ray));
-    const float limit = kLimitPx * p.z / (camera.fx_px * std::max(std::fabs(cosine), kMinCosine));
+    const float toward = -dot(normal, ray);
+    const SurfacePixel facing{ray, p.z, toward < 0 ? -normal : normal};
+    const float limit = kLimitPx * facing.width(camera.fx_px);
     const bool trusted = view.weight[i] >= kTrustedWeight;
     Judgement out{Verdict::nothing, std::fabs(toward) * camera.fx_px * camera.fy_px / (p.z * p.z)};
     if (p.z < depth - limit) {
         if (trusted) out.verdict = Verdict::looks_through;
-    } else if (std::fabs(p.z - depth) <= limit && cosine > 0) {
+    } else if (std::fabs(p.z - depth) <= limit && toward > 0) {
         out.verdict = trusted ? Verdict::sees_surely : Verdict::sees;
     }
     return out;

@@ -1,6 +1,7 @@
 #include "mesh/simplify.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <utility>
 
@@ -66,7 +67,8 @@ SimplifyReport simplify(TriangleMesh& mesh,
         mesh = {};
         return report;
     }
-    const std::vector<float> lengths = pixel_lengths(mesh, cameras);
+    std::vector<float> lengths = pixel_lengths(mesh, cameras);
+    for (float& length : lengths) length = std::clamp(length, 1e-30f, 1e30f);
     const SurfaceEdges edges = find_edges(mesh);
     const std::vector<std::vector<int>> groups = group_faces(mesh, kGroup);
     const Vec3d origin = middle_of(mesh);
@@ -76,8 +78,7 @@ SimplifyReport simplify(TriangleMesh& mesh,
     const double largest_cost = bounded ? kLargestCost : -1;  // none is below 0
     for (double tolerance_px = bound_px;; ++report.repeats) {
         std::vector<double> tolerances;
-        for (const float length : lengths)
-            tolerances.push_back(tolerance_px * std::clamp(double(length), 1e-30, 1e30));
+        for (const float length : lengths) tolerances.push_back(tolerance_px * double(length));
         CollapsibleMesh left =
             collapse_in_groups(mesh, origin, tolerances, edges, groups, largest_cost);
         collapse_edges(left, largest_cost, 0);
@@ -92,7 +93,8 @@ SimplifyReport simplify(TriangleMesh& mesh,
         TriangleMesh found = compact(left, origin, tolerance_px, lengths_left);
         report.proof = measure(original, {found, TriangleTree(found), lengths_left});
         report.holds = report.proof.p999_px <= bound_px;
-        if (!report.holds && options.faces == 0 && report.repeats < kMostRepeats) {
+        if (!report.holds && std::isfinite(report.proof.p999_px) && options.faces == 0 &&
+            report.repeats < kMostRepeats) {
             tolerance_px *= kTighter * bound_px / report.proof.p999_px;
             continue;
         }
@@ -102,12 +104,15 @@ SimplifyReport simplify(TriangleMesh& mesh,
     }
 }
 
-void simplify_and_say(TriangleMesh& mesh,
-                      const std::vector<Camera>& cameras,
-                      const SimplifyOptions& options,
-                      spdlog::level::level_enum level) {
+std::string simplify_and_say(TriangleMesh& mesh,
+                             const std::vector<Camera>& cameras,
+                             const SimplifyOptions& options,
+                             spdlog::level::level_enum level) {
     const SimplifyReport r = simplify(mesh, cameras, options);
-    if (r.proof.points == 0) return;
+    if (r.proof.points == 0)
+        return r.no_triangles > 0
+                   ? str("none of its ", r.faces_before, " faces has three corners apart")
+                   : std::string();
     std::string notes;
     if (r.proof.points < r.proof.all_points)
         notes += str(" (", r.proof.points, " of ", r.proof.all_points, " places measured)");
@@ -121,6 +126,7 @@ void simplify_and_say(TriangleMesh& mesh,
                 "{:.2f} at 99.9 %, {:.2f} at most{}",
                 mesh.faces.size(), r.faces_before, mesh.vertices.size(), r.vertices_before,
                 r.proof.mean_px, r.proof.p999_px, r.proof.max_px, notes);
+    return {};
 }
 
 }  // namespace tvsgs

@@ -52,10 +52,11 @@ SimplifyReport simplify(TriangleMesh& mesh,
                         const std::vector<Camera>& cameras,
                         const SimplifyOptions& options);
 
-/// Does that and says in a line at `level` what became of it.
-void simplify_and_say(TriangleMesh& mesh,
-                      const std::vector<Camera>& cameras,
-                      const SimplifyOptions& options,
-                      spdlog::level::level_enum level);
+/// Does that and says in a line at `level` what became of it. Returns why nothing is left; empty if
+/// something is, or there was nothing before.
+std::string simplify_and_say(TriangleMesh& mesh,
+                             const std::vector<Camera>& cameras,
+                             const SimplifyOptions& options,
+                             spdlog::level::level_enum level);
 
 }  // namespace tvsgs

@@ -16,9 +16,10 @@ constexpr Vec3f kGrey{0.5f, 0.5f, 0.5f};
 constexpr double kLeastTileCosine = 0.05;  // of views that show parts of a face
 
 void set_texel(ImageU8& image, int x, int y, Vec3f color) {
-    for (int c = 0; c < 3; ++c)
-        image.at(x, y, c) =
-            static_cast<std::uint8_t>(std::clamp(color[c], 0.0f, 1.0f) * 255 + 0.5f);
+    for (int c = 0; c < 3; ++c) {
+        const float value = color[c] > 0 ? std::min(color[c], 1.0f) : 0;  // NaN: 0
+        image.at(x, y, c) = static_cast<std::uint8_t>(value * 255 + 0.5f);
+    }
 }
 
 /// The texels of one rectangle that have a colour.

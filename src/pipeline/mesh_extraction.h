@@ -134,7 +134,11 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     Gaussians<Device> small;
     if (options.max_scale_px > 0) {
         copy(all, small);
-        fade_large(detail::cameras_of(views), options.max_scale_px, small);
+        const std::size_t faded =
+            fade_large(detail::cameras_of(views), options.max_scale_px, small);
+        spdlog::log(level,
+                    "{} of {} splats are larger than {} pixels (mesh.max_scale_px): not meshed",
+                    faded, all.size(), options.max_scale_px);
     }
     const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
     DepthRules rules = depth_rules(options, origin);
@@ -147,10 +151,12 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
         {views, gaussians, *backbone, depth, region, train.render.near,
          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
     const EvidenceSource evidence = detail::evidence_of(depth);
-    const std::string cleaned = detail::clean_mesh(found.mesh, options, evidence, level);
-    simplify_and_say(found.mesh, detail::cameras_of(views), options.simplify, level);
+    std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
+    const std::string simplified =
+        simplify_and_say(found.mesh, detail::cameras_of(views), options.simplify, level);
+    if (emptied.empty()) emptied = simplified;
     if (options.evidence) count_views(found.mesh, evidence);
-    const std::string& why = found.why_empty.empty() ? cleaned : found.why_empty;
+    const std::string& why = found.why_empty.empty() ? emptied : found.why_empty;
     if (why_empty)
         *why_empty = why;
     else if (!why.empty())

@@ -38,7 +38,7 @@ TEST(LargeSplats, AreThoseAboveSoManyPixelsOfTheFinestCamera) {
     // (0, 0, 0.3) the first has 0.003, the second 0.00754.
     for (int axis = 0; axis < 3; ++axis) {
         Gaussians<Cpu> g = splats({4, 4, 0.3f, 0.3f}, {0.0999f, 0.1001f, 0.0239f, 0.0241f}, axis);
-        fade_large(kCameras, 8, g);
+        EXPECT_EQ(fade_large(kCameras, 8, g), 2u);
         for (const auto& [i, stays] : {std::pair(0, true), {1, false}, {2, true}, {3, false}})
             EXPECT_EQ(g.opacity_logits[static_cast<std::size_t>(i)], stays ? 2.0f : kFaded) << i;
     }

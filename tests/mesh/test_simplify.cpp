@@ -470,5 +470,16 @@ TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
     EXPECT_LT(one.faces.size(), before.faces.size() / 20);
 }
 
+TEST(Simplify, SaysWhyNothingIsLeft) {
+    TriangleMesh flat, none;
+    flat.vertices = {{0, 0, 0}, {1, 0, 0}};
+    flat.faces = {{0, 1, 1}, {0, 0, 1}};
+    const std::vector<Camera> cameras{{64, 48, 100, 100, 32, 24, {}}};
+    EXPECT_EQ(simplify_and_say(flat, cameras, {}, spdlog::level::off),
+              "none of its 2 faces has three corners apart");
+    EXPECT_TRUE(flat.faces.empty());
+    EXPECT_EQ(simplify_and_say(none, cameras, {}, spdlog::level::off), "");
+}
+
 }  // namespace
 }  // namespace tvsgs::test
