@@ -132,13 +132,15 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
     const auto mesher = make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> small;
+    std::string too_large;
     if (options.max_scale_px > 0) {
         copy(all, small);
         const std::size_t faded =
             fade_large(detail::cameras_of(views), options.max_scale_px, small);
-        spdlog::log(level,
-                    "{} of {} splats are larger than {} pixels (mesh.max_scale_px): not meshed",
-                    faded, all.size(), options.max_scale_px);
+        const std::string what = str(faded, " of ", all.size(), " splats are larger than ",
+                                     options.max_scale_px, " pixels (mesh.max_scale_px)");
+        spdlog::log(level, "{}: not meshed", what);
+        if (faded == all.means.size()) too_large = str(what, "; raise it, or 0 to mesh them");
     }
     const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
     DepthRules rules = depth_rules(options, origin);
@@ -156,7 +158,9 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
         simplify_and_say(found.mesh, detail::cameras_of(views), options.simplify, level);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence) count_views(found.mesh, evidence);
-    const std::string& why = found.why_empty.empty() ? emptied : found.why_empty;
+    const std::string& why = !too_large.empty()        ? too_large
+                             : found.why_empty.empty() ? emptied
+                                                       : found.why_empty;
     if (why_empty)
         *why_empty = why;
     else if (!why.empty())

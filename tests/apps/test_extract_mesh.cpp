@@ -221,6 +221,7 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     };
     expect_refused("--weight cos --min-weight 2", 2, "give --weight unit");
     expect_refused("--weight depth", 2, "inv-depth2");
+    expect_refused("--set mesh.max_scale_px=1e-6", 7, "are larger than 1e-06 pixels");
     expect_refused("--texture 4096", 2, "would be a PLY, which has none");
     expect_refused("--texture big", 2, "expected auto, none, or a side of 256 to 8192");
     expect_refused("--texture-format tga", 2, "jpg, png, webp");
