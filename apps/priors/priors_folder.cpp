@@ -1,5 +1,6 @@
 #include "apps/priors/priors_folder.h"
 
+#include <map>
 #include <utility>
 
 #include "core/error.h"
@@ -79,6 +80,12 @@ PriorsFolder::PriorsFolder(const std::string& folder,
                            const std::string& scene,
                            const std::vector<std::string>& views)
     : folder_(folder), kind_(kind), section_(std::move(section)), root_(JsonValue::object()) {
+    std::map<fs::path, std::string> owner;
+    for (const std::string& view : views)
+        if (const auto [it, is_new] = owner.emplace(path_of(view), view); !is_new)
+            throw input_error("E_PRIORS: ", it->second, " and ", view, ": both would have the map ",
+                              it->first.string(), "; rename one of these photographs, or choose ",
+                              "with --views");
     const fs::path json = folder_ / "priors.json";
     std::error_code failure;
     if (fs::exists(json, failure)) {

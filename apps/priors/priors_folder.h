@@ -20,7 +20,8 @@ public:
     /// Looks and changes nothing but for beginning the folder. Throws Error(ExitCode::usage) where
     /// there are files that tvsgs has not written; maps found by their names, which a priors.json
     /// would hide; or, without `overwrite`, maps of this kind that are meant otherwise, or come of
-    /// another network. `scene` and `views` are as find_priors() takes them.
+    /// another network; Error(ExitCode::input) where two views would share a map. `scene` and
+    /// `views` are as find_priors() takes them.
     PriorsFolder(const std::string& folder,
                  MapKind kind,
                  JsonValue section,

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "apps/priors/priors_folder.h"
 #include "apps/priors_test.h"
 #include "io/image_file.h"
 #include "priors/onnx_writer.h"
@@ -290,6 +291,19 @@ TEST_F(PriorsCommand, NetworksThatDoNotServeAreRefused) {
 
 // A size of a preset gives way to the one that the file fixes; a name in a sub-folder is kept, and
 // "_rgb" taken off as readers do.
+TEST_F(PriorsCommand, PhotographsThatWouldShareAMapAreRefused) {
+    EXPECT_NO_THROW(priors::PriorsFolder(folder_ / "x", priors::MapKind::depth, {}, false, "",
+                                         {"a.png", "b/a.png"}));
+    try {
+        priors::PriorsFolder(folder_ / "x", priors::MapKind::depth, {}, false, "",
+                             {"a.png", "b.png", "a_rgb.jpg"});
+        ADD_FAILURE();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::input);
+        EXPECT_NE(std::string(error.what()).find("a.png and a_rgb.jpg"), std::string::npos);
+    }
+}
+
 TEST_F(PriorsCommand, PresetsAndNamesInFolders) {
     fs::create_directories(folder_ / "named/sparse/0");
     for (const auto& file : fs::directory_iterator(folder_ / "scene/sparse/0"))
