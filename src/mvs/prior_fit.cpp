@@ -193,6 +193,12 @@ PriorFit fit_prior(const PriorSamples& samples, const PriorReading& reading) {
         errors.push_back(
             std::abs(prior_depth(s.value, fit, reading, s.depth / s.distance) / s.depth - 1));
     fit.residual = median_of(errors);
+    std::vector<double> depths;
+    for (const PriorSample& s : samples) depths.push_back(s.depth);
+    const double middle = median_of(depths);
+    errors.clear();
+    for (const PriorSample& s : samples) errors.push_back(std::abs(middle / s.depth - 1));
+    fit.residual_of_constant = median_of(errors);
     return fit;
 }
 

@@ -56,18 +56,33 @@ std::string text_of(const NormalReading& reading) {
                " turned");
 }
 
+namespace {
+
+constexpr std::size_t kFewest = 50;
+
+double mean_cosine(const std::vector<NormalSample>& samples, const NormalReading& r) {
+    double sum = 0;
+    for (const NormalSample& s : samples)
+        sum += dot(vec_cast<double>(r.signs) * (r.world ? s.found_world : s.found), s.expected);
+    return sum / static_cast<double>(samples.size());
+}
+
+}  // namespace
+
+NormalAgreement agreement_of(const std::vector<NormalSample>& samples,
+                             const NormalReading& reading) {
+    if (samples.size() < kFewest) return {};
+    Vec3d mean{};
+    for (const NormalSample& s : samples) mean += s.expected / static_cast<double>(samples.size());
+    return {mean_cosine(samples, reading), norm(mean)};
+}
+
 NormalChoice choose_normals(const std::vector<NormalSample>& samples,
                             const NormalConvention& convention) {
-    constexpr std::size_t kFewest = 50;
     constexpr double kClearly = 0.2, kLeast = 0.3;
     NormalChoice choice{reading_of(convention), 0, samples.size()};
     if (samples.size() < kFewest) return choice;
-    const auto cosine = [&](const NormalReading& r) {
-        double sum = 0;
-        for (const NormalSample& s : samples)
-            sum += dot(vec_cast<double>(r.signs) * (r.world ? s.found_world : s.found), s.expected);
-        return sum / static_cast<double>(samples.size());
-    };
+    const auto cosine = [&](const NormalReading& r) { return mean_cosine(samples, r); };
     NormalReading best;
     double highest = -2;
     const auto consider = [&](const NormalReading& r) {

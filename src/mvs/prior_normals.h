@@ -37,6 +37,20 @@ struct NormalChoice {
     std::size_t samples = 0;
 };
 
+/// How well normals agree with the points of a view, and how well the best single normal would.
+struct NormalAgreement {
+    double cosine = 1, cosine_of_constant = 0;  // means over the samples
+};
+/// 1 and 0 where fewer than 50 samples tell nothing.
+NormalAgreement agreement_of(const std::vector<NormalSample>& samples,
+                             const NormalReading& reading);
+
+/// Does a map leave more than half open of what the best single normal does? (1 - cosine); up to
+/// 0.15 (32 degrees) the fault may be the points': the right maps had up to 24 degrees.
+inline bool tells_nothing(const NormalAgreement& a) {
+    return 1 - a.cosine > 0.15 && 1 - a.cosine > 0.5 * (1 - a.cosine_of_constant);
+}
+
 /// The convention that the points bear out: each axis of the camera's frame may be turned, world
 /// normals may face away. Another than the convention's has to be better by 0.2 in the mean cosine;
 /// if the convention is declared, that is an error. Fewer than 50 samples test nothing. Throws

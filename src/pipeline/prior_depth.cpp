@@ -8,6 +8,7 @@
 #include "core/log.h"
 #include "core/parallel_errors.h"
 #include "core/prior_maps.h"
+#include "io/read_file.h"
 #include "mvs/prior_fit.h"
 #include "pipeline/prior_parts.h"
 
@@ -152,7 +153,8 @@ void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view)
     view.fit = fit_prior(view.samples, view.reading);
     if (view.reading.alignment == PriorAlignment::metric && !view.fit.found)
         view.fit = {true, 1, 0, 0};  // its numbers are depths, though nothing tests them
-    view.left_out = view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual));
+    view.left_out = tells_nothing(view.fit) ||
+                    (view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual)));
 }
 
 /// Says which views are without depth, and why.
@@ -160,8 +162,10 @@ void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<Prio
     std::vector<std::string> bad, few;
     for (std::size_t i = 0; i < fitted.size(); ++i) {
         const std::string& name = views[i].view->name;
+        const PriorFit& fit = fitted[i].fit;
         if (fitted[i].left_out)
-            bad.push_back(str(name, " (", percent(fitted[i].fit.residual), ")"));
+            bad.push_back(str(name, " (", percent(fit.residual), ", one depth for all ",
+                              percent(fit.residual_of_constant), ")"));
         else if (fitted[i].file && !fitted[i].fit.found &&
                  fitted[i].reading.alignment != PriorAlignment::rank)
             few.push_back(str(name, " (", fitted[i].samples.size(), ")"));
@@ -169,7 +173,7 @@ void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<Prio
     if (!bad.empty())
         spdlog::warn(
             "priors: depth maps of {} views are left out, as they are farther off the points than "
-            "priors.max_residual: {}",
+            "priors.max_residual or nearly as far as one depth for all would be: {}",
             bad.size(), listed(bad));
     if (!few.empty())
         spdlog::warn(
@@ -213,6 +217,14 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
         if (view.file && !view.left_out) make_maps(in, view, views[static_cast<std::size_t>(i)]);
     });
     warn_of_views(fitted, views);
+    const auto empty = std::count_if(fitted.begin(), fitted.end(),
+                                     [](const FittedView& v) { return tells_nothing(v.fit); });
+    const auto tested = std::count_if(fitted.begin(), fitted.end(),
+                                      [](const FittedView& v) { return v.fit.found; });
+    if (2 * empty > tested)
+        throw input_error("E_PRIORS: ", source.what, ": ", empty, " of ", tested,
+                          " depth maps fit the points of their photographs hardly better than one ",
+                          "depth for all would: are these the maps of these photographs?");
 
     std::set<int> points;
     int used = 0;

@@ -4,6 +4,7 @@
 #include <filesystem>
 #include <limits>
 
+#include "core/log.h"
 #include "core/parallel_errors.h"
 #include "core/prior_maps.h"
 #include "io/read_file.h"
@@ -37,6 +38,11 @@ void for_each(const std::vector<WithFile>& files, const Body& body) {
 
 std::string of_views(std::size_t files, std::size_t views) {
     return files < views ? str(" of ", files, " of ", views, " views") : "";
+}
+
+std::string degrees_of(double cosine) {
+    const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
+    return str(std::lround(angle * 57.29577951308232), " degrees");
 }
 
 ImageF at_photo_size(const PlacedMap& placed, const View& view) {
@@ -132,34 +138,52 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
     std::vector<NormalSample> samples;
     for (const auto& of_view : found) samples.insert(samples.end(), of_view.begin(), of_view.end());
     const NormalChoice choice = choose_normals(samples, source.convention);
+    std::vector<std::string> bad;
+    std::vector<bool> left_out(files.size());
+    for (std::size_t i = 0; i < files.size(); ++i) {
+        const NormalAgreement agreement = agreement_of(found[i], choice.reading);
+        left_out[i] = tells_nothing(agreement);
+        if (left_out[i])
+            bad.push_back(str(files[i].view->view->name, " (", degrees_of(agreement.cosine),
+                              ", one normal for all ", degrees_of(agreement.cosine_of_constant),
+                              ")"));
+    }
+    if (2 * bad.size() > files.size())
+        throw input_error("E_PRIORS: ", source.what, ": normals of ", bad.size(), " of ",
+                          files.size(), " views agree hardly better with the points of their ",
+                          "photographs than one normal for all would: ", listed(bad),
+                          "; are these the maps of these photographs?");
+    if (!bad.empty())
+        spdlog::warn(
+            "priors: normals of {} views are left out, as they agree hardly better with "
+            "the points than one normal for all would: {}",
+            bad.size(), listed(bad));
 
-    for_each(files, [&](std::size_t, PriorView& view, const PriorFile& file) {
+    for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
+        if (left_out[i]) return;
         ImageF sized = at_photo_size(read_normals(source, file, view), *view.view);
         const std::vector<std::uint8_t> sky = sky_of(in, view);
         const Camera& camera = view.view->camera;
-        for (std::size_t i = 0; i < sized.pixels.size() / 3; ++i) {
-            float* const pixel = &sized.pixels[3 * i];
+        for (std::size_t at = 0; at < sized.pixels.size() / 3; ++at) {
+            float* const pixel = &sized.pixels[3 * at];
             Vec3f n{pixel[0], pixel[1], pixel[2]};
             if (choice.reading.world) n = camera.camera_from_world.R * n;
             n = choice.reading.signs * n;
-            const Vec3f ray = pixel_ray(camera, static_cast<int>(i) % sized.width,
-                                        static_cast<int>(i) / sized.width);
+            const Vec3f ray = pixel_ray(camera, static_cast<int>(at) % sized.width,
+                                        static_cast<int>(at) / sized.width);
             const float length = norm(n);
-            const bool is_sky = !sky.empty() && sky[i] != 0;
+            const bool is_sky = !sky.empty() && sky[at] != 0;
             // What faces away cannot be seen: an error of the map, as beside edges.
             const bool known = length > 0.3f && dot(n, ray) < 0 && !is_sky;
             for (int c = 0; c < 3; ++c) pixel[c] = known ? n[c] / length : 0;
         }
         add_map(*view.view, prior_map::kNormal, 3, std::move(sized.pixels));
     });
-    const std::string tested =
-        choice.cosine != 0
-            ? str(", agreeing with ", choice.samples, " points to ",
-                  std::lround(std::acos(std::min(choice.cosine, 1.0)) * 57.29577951308232),
-                  " degrees")
-            : ", untested: too few points";
-    return str("normals", of_views(files.size(), views.size()), " (", source.what, ": ",
-               text_of(choice.reading), tested, ")");
+    const std::string tested = choice.cosine != 0 ? str(", agreeing with ", choice.samples,
+                                                        " points to ", degrees_of(choice.cosine))
+                                                  : ", untested: too few points";
+    return str("normals", of_views(files.size() - bad.size(), views.size()), " (", source.what,
+               ": ", text_of(choice.reading), tested, ")");
 }
 
 std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views) {

@@ -189,6 +189,37 @@ TEST_F(Priors, OfOneBadViewAreLeftOut) {
     EXPECT_NE(find(scene.train[1], prior_map::kDepth), nullptr);
 }
 
+// A map that fits no better than one depth, or one normal, for all points would says nothing,
+// however small its error looks where the scene is shallow.
+TEST_F(Priors, OfOtherPhotographsAreRefused) {
+    const std::string dir = write({.format = "json"}) + "/priors";
+    const fs::path priors = folder_ / "scene" / dir;
+    const auto roll = [&](const char* kind, int by) {
+        for (int i = 0; i < 5; ++i)
+            fs::rename(priors / kind / str("000", i, ".npy"),
+                       priors / kind / str("x", (i + by) % 5, ".npy"));
+        for (int i = 0; i < 5; ++i)
+            fs::rename(priors / kind / str("x", i, ".npy"), priors / kind / str("000", i, ".npy"));
+    };
+    const auto expect = [&](const char* text, const MapNames& wanted) {
+        try {
+            read_folder(dir, {}, wanted);
+            ADD_FAILURE() << said_;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::input);
+            EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
+        }
+    };
+    roll("depth", 2);
+    expect("of 5 depth maps fit the points of their photographs hardly better",
+           {prior_map::kDepth});
+    roll("depth", 3);
+    roll("normal", 2);
+    expect("of 5 views agree hardly better", {prior_map::kNormal});
+    roll("normal", 3);
+    expect_depth(read_folder(dir), 1e-3);
+}
+
 // Where a shift was fitted, depth far beyond the points is a guess; its order is none.
 TEST_F(Priors, FarBeyondThePointsHaveAnOrderAlone) {
     const std::string dir = write({.format = "npy", .quantity = "inverse_depth"});
@@ -299,10 +330,9 @@ TEST_F(Priors, TheSkyHasNone) {
     // Networks give the sky a depth, too.
     const fs::path maps = folder_ / "scene" / dir / "priors";
     for (std::size_t v = 0; v < scene_.train.size(); ++v) {
-        std::vector<float> depth = truth_[v].depth.pixels, normal(3 * depth.size());
-        for (float& z : depth)
-            if (z == 0) z = 7;
-        for (std::size_t i = 2; i < normal.size(); i += 3) normal[i] = -1;
+        std::vector<float> depth = truth_[v].depth.pixels, normal = truth_[v].normal.pixels;
+        for (std::size_t i = 0; i < depth.size(); ++i)
+            if (depth[i] == 0) depth[i] = 7, normal[3 * i + 2] = -1;
         const std::string name = fs::path(scene_.train[v].name).stem().string() + ".npy";
         write_npy(maps / "depth" / name, {120, 160}, depth.data());
         write_npy(maps / "normal" / name, {120, 160, 3}, normal.data());
