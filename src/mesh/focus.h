@@ -8,6 +8,10 @@
 
 namespace tvsgs {
 
+/// Where depths end unless told otherwise, in distances of the nearest camera from the focus.
+/// [2DGS, render.py]
+inline constexpr double kDepthLimit = 2;
+
 /// What the cameras look at: the point closest to all optical axes, and the distance of the nearest
 /// camera to it.
 struct Focus {

@@ -69,7 +69,8 @@ MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRule
                         "all look at; give ",
                         options.unbounded ? "--set mesh.radius=R" : "--depth-max"));
     if (rules.depth_max == 0)
-        rules.depth_max = options.unbounded ? std::numeric_limits<float>::max() : 2 * radius;
+        rules.depth_max = options.unbounded ? std::numeric_limits<float>::max()
+                                            : static_cast<float>(kDepthLimit) * radius;
     return {options.unbounded, vec_cast<float>(focus.point), radius};
 }
 

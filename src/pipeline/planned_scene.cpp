@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/device_choice.h"
+#include "pipeline/background_plan.h"
 #include "pipeline/built_in_configs.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/view_maps.h"
@@ -208,6 +209,9 @@ Scene read_and_plan(const DeviceChoice& device,
     for (const Decision& decision : plan_training(
              seen, {dense, discs, options.train, configured, wanted, normals, multi_view.loss}))
         plan.apply(decision);
+    if (!plan.pinned("mesh.depth_max") && !plan.pinned("mesh.box"))
+        plan.apply(
+            plan_background(share_beyond(detail::cameras_of(scene.train), scene.points.positions)));
     plan_thickness(options.train, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     if (!plan_only) provide_maps(device, options, std::move(found), scene);
