@@ -11,6 +11,7 @@
 #include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
+#include "io/splat_checks.h"
 #include "io/spz_math.h"
 
 namespace tvsgs {
@@ -42,23 +43,6 @@ struct Layout {
     std::size_t sh() const { return rotations() + rotation_bytes * count; }
     std::size_t end() const { return sh() + 3 * rest * count; }
 };
-
-void check_finite(const Gaussians<Cpu>& g, const std::string& name) {
-    const std::size_t count = g.means.size();
-    const auto fail = [&](const char* what, std::size_t i) {
-        throw Error(ExitCode::numerical, str(name, ": not written: ", what, " of splat ", i % count,
-                                             " is not finite; expected finite numbers"));
-    };
-    for (std::size_t i = 0; i < count; ++i) {
-        const Quatf q = g.quats[i];
-        if (!is_finite(g.means[i])) fail("the centre", i);
-        if (!is_finite(g.log_scales[i])) fail("a scale", i);
-        if (!is_finite(Vec3f{q.x, q.y, q.z}) || !std::isfinite(q.w)) fail("the rotation", i);
-        if (!std::isfinite(g.opacity_logits[i])) fail("the opacity", i);
-    }
-    for (std::size_t i = 0; i < g.sh.size(); ++i)
-        if (!is_finite(g.sh[i])) fail("a colour", i);
-}
 
 /// zlib's two directions as one object that cleans up.
 struct Stream {
@@ -176,10 +160,9 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
     if (count == 0 || count > spz::kMaxSplats)
         throw input_error(name, ": not written: ", count, " splats; SPZ takes 1 to ",
                           spz::kMaxSplats);
-    if ((options.version != 2 && options.version != 3) || !g.filter.empty())
-        throw Error(ExitCode::internal, str(name, ": not written: version ", options.version,
-                                            " and ", g.filter.size(), " filters"));
-    check_finite(g, name);
+    if (options.version != 2 && options.version != 3)
+        throw Error(ExitCode::internal, str(name, ": not written: version ", options.version));
+    require_writable(g, name);
     float largest = 0;
     for (const Vec3f p : g.means.span())
         for (int c = 0; c < 3; ++c) largest = std::max(largest, std::abs(p[c]));

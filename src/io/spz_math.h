@@ -8,6 +8,7 @@
 #include <cstdint>
 
 #include "core/vec.h"
+#include "io/splat_checks.h"
 
 namespace tvsgs::spz {
 
@@ -17,7 +18,6 @@ inline constexpr int kHeaderBytes = 16, kMaxFractionalBits = 20, kMaxDegree = 4;
 inline constexpr int kMaxFixed = (1 << 23) - 1;  // positions have 24 bits with their sign
 inline constexpr float kScaleSteps = 16, kMinLogScale = -10;
 inline constexpr float kColorRange = 0.15f;  // coefficients of degree 0 within +-0.5 / this
-inline constexpr float kMaxLogit = 30;       // whose sigmoid is 1 in float
 
 inline std::uint8_t to_byte(float value) {
     return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0f, 255.0f));
@@ -37,12 +37,11 @@ inline float unpack_log_scale(std::uint8_t b) {
     return static_cast<float>(b) / kScaleSteps + kMinLogScale;
 }
 
-inline std::uint8_t pack_opacity(float logit) {
-    return to_byte(255 / (1 + std::exp(-logit)));
+inline std::uint8_t pack_opacity(float x) {
+    return to_byte(255 * sigmoid(x));
 }
 inline float unpack_opacity(std::uint8_t b) {
-    if (b == 0 || b == 255) return b == 0 ? -kMaxLogit : kMaxLogit;
-    return std::log(static_cast<float>(b) / static_cast<float>(255 - b));
+    return logit(static_cast<float>(b) / 255);
 }
 
 inline std::uint8_t pack_color(float f) {

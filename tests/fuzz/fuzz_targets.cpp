@@ -26,9 +26,13 @@
 #include "io/read_file.h"
 #include "io/safetensors.h"
 #include "io/scene_layout.h"
+#include "io/sog.h"
+#include "io/splat_glb.h"
 #include "io/spz.h"
 #include "io/trajectory.h"
 #include "io/view_split.h"
+#include "io/webp.h"
+#include "io/zip_archive.h"
 #include "optim/train.h"
 
 namespace tvsgs::fuzz {
@@ -208,6 +212,16 @@ std::string with_gzip(std::string bytes) {
     return out;
 }
 
+/// A meta.json with pictures that it may refer to.
+std::string with_pictures(std::string bytes) {
+    std::vector<std::pair<std::string, std::string>> files{{"meta.json", std::move(bytes)}};
+    ImageU8 picture(64 * 3, 2, 4);
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+        picture.pixels[i] = static_cast<std::uint8_t>(i * 37);
+    files.emplace_back("a.webp", webp_lossless_bytes(picture));
+    return zip_bytes(files);
+}
+
 void complain(const std::string& what) {
     throw std::logic_error(what);
 }
@@ -216,7 +230,7 @@ void complain(const std::string& what) {
 
 const std::vector<Target>& targets() {
     using S = const std::string&;
-    static const std::vector<Target> all = {
+    static std::vector<Target> all = {
         {"colmap_cameras_bin", "cameras.bin", read_cameras, nullptr},
         {"colmap_cameras_txt", "cameras.txt", read_cameras, nullptr},
         {"colmap_images_bin", "images.bin", read_images, nullptr},
@@ -228,6 +242,8 @@ const std::vector<Target>& targets() {
         {"mesh_glb", "a.glb", read_any_mesh, with_lengths},
         {"mesh_obj", "a.obj", read_any_mesh, nullptr},
         {"spz", "a.spz", [](S, S file) { read_spz(file); }, with_gzip},
+        {"splat_glb", "a.glb", [](S, S file) { parse_splat_glb(read_bytes(file), file); },
+         with_lengths},
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},
@@ -255,6 +271,12 @@ const std::vector<Target>& targets() {
         {"depth_params", "sparse/0/depth_params.json", read_params, nullptr},
         {"depth_paths", "transforms.json", read_depth_paths, nullptr},
     };
+    static const bool with_sog = [] {
+        if (has_webp())
+            all.push_back({"sog", "a.sog", [](S, S file) { read_sog(file); }, with_pictures});
+        return has_webp();
+    }();
+    (void)with_sog;
     return all;
 }
 

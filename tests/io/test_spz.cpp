@@ -5,12 +5,12 @@
 #include <zlib.h>
 
 #include <cstring>
-#include <numbers>
 
 #include "io/spz.h"
 #include "io/spz_math.h"
 #include "io_test.h"
 #include "render/backbone.h"
+#include "splat_test.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -89,16 +89,6 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
 }
 
-double angle_deg(Quatf a, Quatf b) {
-    const auto p = normalize(quat_cast<double>(a)), q = normalize(quat_cast<double>(b));
-    const double c = p.w * q.w + p.x * q.x + p.y * q.y + p.z * q.z;
-    return 2 * std::acos(std::min(1.0, std::abs(c))) * 180 / std::numbers::pi;
-}
-
-double opacity(float logit) {
-    return 1 / (1 + std::exp(-double{logit}));
-}
-
 TEST(Spz, KeepsTheBoundsOfEachAttribute) {
     for (const int version : {2, 3})
         for (int degree = 0; degree <= 3; ++degree)
@@ -114,23 +104,15 @@ TEST(Spz, KeepsTheBoundsOfEachAttribute) {
                 EXPECT_FALSE(read.antialiased);
                 ASSERT_EQ(r.size(), g.size());
                 ASSERT_EQ(r.sh_degree, degree);
-                double turned = 0;
-                for (std::size_t i = 0; i < g.means.size(); ++i) {
-                    for (int c = 0; c < 3; ++c) {
-                        ASSERT_LE(std::abs(r.means[i][c] - g.means[i][c]), std::ldexp(1, -15));
-                        ASSERT_NEAR(r.log_scales[i][c], g.log_scales[i][c], 1.0 / 32 + 1e-6);
-                        ASSERT_NEAR(r.sh[i][c], g.sh[i][c], 0.013073);
-                        for (std::size_t k = 1; k < std::size_t(sh_count(degree)); ++k)
-                            ASSERT_NEAR(r.sh[k * g.means.size() + i][c],
-                                        g.sh[k * g.means.size() + i][c],
-                                        (k < 4 ? 8 : 16) / 256.0 + 1 / 256.0);
-                    }
-                    ASSERT_NEAR(opacity(r.opacity_logits[i]), opacity(g.opacity_logits[i]),
-                                1.0 / 510 + 1e-7);
-                    turned = std::max(turned, angle_deg(r.quats[i], g.quats[i]));
-                }
-                EXPECT_LT(turned, version == 2 ? 12 : 0.22);
-                EXPECT_GT(turned, version == 2 ? 1 : 0.02);
+                const test::SplatErrors e = test::errors_of(r, g);
+                EXPECT_LE(e.mean, std::ldexp(1, -15));
+                EXPECT_LE(e.log_scale, 1.0 / 32 + 1e-6);
+                EXPECT_LE(e.color, 0.013073);
+                EXPECT_LE(e.sh_1, (8 + 1) / 256.0);
+                EXPECT_LE(e.sh_rest, (16 + 1) / 256.0);
+                EXPECT_LE(e.opacity, 1.0 / 510 + 1e-7);
+                EXPECT_LT(e.degrees, version == 2 ? 12 : 0.22);
+                EXPECT_GT(e.degrees, version == 2 ? 1 : 0.02);
             }
 }
 
@@ -155,9 +137,10 @@ TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
 TEST(Spz, KeepsExtremes) {
     for (const Quatf q : {Quatf{1, 1, 1, 1}, Quatf{-1, 1, -1, 1}, Quatf{0, 0, 0, -1},
                           Quatf{0, 1, 1, 0}, Quatf{1e-3f, -1, 0, 1}})
-        EXPECT_LT(angle_deg(spz::unpack_smallest_three(spz::pack_smallest_three(q)), q), 0.22);
-    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(-90)), -30);
-    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(900)), 30);
+        EXPECT_LT(test::angle_deg(spz::unpack_smallest_three(spz::pack_smallest_three(q)), q),
+                  0.22);
+    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(-90)), -kMaxLogit);
+    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(900)), kMaxLogit);
     EXPECT_EQ(spz::unpack_log_scale(spz::pack_log_scale(-30)), -10);
     EXPECT_EQ(spz::unpack_log_scale(spz::pack_log_scale(30)), 5.9375f);
     EXPECT_EQ(spz::unpack_sh(spz::pack_sh(-7, 8)), -1);
