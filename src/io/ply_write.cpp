@@ -58,11 +58,12 @@ private:
     std::string buffer_;
 };
 
-/// `comment`: splats have none, as viewers expect their count in the third line.
-std::string header(std::size_t count, Vec3d origin, bool comment = true) {
+/// `splats`: viewers expect their count in the third line.
+std::string header(std::size_t count, Vec3d origin, bool splats = false) {
+    const std::string ours = str("comment ", kVersion, "\n"),
+                      vertex = str("element vertex ", count, "\n");
     std::string text =
-        str("ply\nformat binary_little_endian 1.0\n",
-            comment ? str("comment ", kVersion, "\n") : "", "element vertex ", count, "\n");
+        "ply\nformat binary_little_endian 1.0\n" + (splats ? vertex + ours : ours + vertex);
     for (const char* axis : {"x", "y", "z"})
         text += str("property ", position_type(origin), " ", axis, "\n");
     return text;
@@ -104,7 +105,7 @@ void write_splat_ply(const std::string& path,
     for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
     if (!g.filter.empty()) names.push_back("filter_3D");
     check_size(path, g.filter.size(), count, "filters");
-    std::string text = header(count, origin, false);
+    std::string text = header(count, origin, true);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
     PlyWriter out(path);
