@@ -36,4 +36,13 @@ inline HalfTurn half_turn(SplatFrame frame) {
                                       : HalfTurn{};
 }
 
+/// All splats into that frame, or back.
+inline void turn(Gaussians<Cpu>& g, const HalfTurn& by) {
+    for (Vec3f& p : g.means.span()) p = by(p);
+    for (Quatf& q : g.quats.span()) q = by(q);
+    const std::size_t count = g.means.size();
+    for (std::size_t at = 0; at < g.sh.size(); ++at)
+        g.sh[at] = by.of_coefficient(static_cast<int>(at / count)) * g.sh[at];
+}
+
 }  // namespace tvsgs

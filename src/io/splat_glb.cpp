@@ -172,7 +172,8 @@ std::string splat_glb_bytes(const std::string& path,
                {"extras",
                 {{"origin", {o.x, o.y, o.z}},
                  {"splats", count},
-                 {"low_pass_px2", options.low_pass_px2}}}}},
+                 {"low_pass_px2", options.low_pass_px2},
+                 {"antialiased", options.antialiased}}}}},
              {"scene", 0},
              {"extensionsUsed", list_of(kExtension)}};
     json primitive{{"attributes", std::move(attributes)}, {"mode", glb::kPoints}};

@@ -10,11 +10,11 @@
 #include "io/sh_palette.h"
 #include "io/sog.h"
 #include "io/sog_math.h"
+#include "io/splat_errors.h"
 #include "io/splat_glb.h"
 #include "io/webp.h"
 #include "io/zip_archive.h"
 #include "io_test.h"
-#include "splat_test.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -51,7 +51,7 @@ TEST(SplatGlb, KeepsAllNumbers) {
                 parse_splat_glb(splat_glb_bytes("a.glb", g, options), "a.glb", frame);
             ASSERT_EQ(read.size(), g.size());
             ASSERT_EQ(read.sh_degree, degree);
-            const test::SplatErrors e = test::errors_of(g, read);
+            const SplatErrors e = errors_of(g, read);
             EXPECT_EQ(e.mean, 0);
             EXPECT_EQ(std::max({e.color, e.sh_1, e.sh_rest}), 0);
             EXPECT_LT(e.log_scale, 1e-6);
@@ -138,7 +138,7 @@ TEST(SplatGlb, TurnsItsNodeByWhatTheFrameHasNotTurned) {
             EXPECT_NEAR(shown, expected[int(row)], 1e-6);
         }
         const Gaussians<Cpu> read = parse_splat_glb(glb, "a.glb", frame);  // in our frame again
-        EXPECT_EQ(test::errors_of(g, read).mean, 0);
+        EXPECT_EQ(errors_of(g, read).mean, 0);
     }
 }
 
@@ -293,7 +293,7 @@ TEST_F(Sog, KeepsTheBoundsOfEachAttribute) {
             const Gaussians<Cpu> read = through(g, options);
             ASSERT_EQ(read.size(), g.size());
             ASSERT_EQ(read.sh_degree, degree);
-            const test::SplatErrors e = test::errors_of(g, read);
+            const SplatErrors e = errors_of(g, read);
             EXPECT_LT(e.mean_log, 2 * std::log1p(200.0) / 131070 * 1.01 + 1e-6);
             EXPECT_GT(e.mean_log, 1e-5);
             EXPECT_LT(e.degrees, 0.99);
@@ -312,12 +312,12 @@ TEST_F(Sog, HarmonicsOfFewKindsAndNumbersAreExact) {
             g.sh[k * 2000 + i] = {std::fmod(kind * float(k), 17.0f) / 8 - 1,
                                   std::fmod(kind + float(k), 29.0f) / 32, 0.25f};
         }
-    const test::SplatErrors e = test::errors_of(g, through(g));
+    const SplatErrors e = errors_of(g, through(g));
     EXPECT_EQ(e.sh_1, 0);
     EXPECT_EQ(e.sh_rest, 0);
     SogOptions few;
     few.palette = 20;
-    EXPECT_GT(test::errors_of(g, through(g, few)).sh_1, 0.1);
+    EXPECT_GT(errors_of(g, through(g, few)).sh_1, 0.1);
 }
 
 TEST_F(Sog, HasTheFilesAndPixelsOfTheSpecification) {

@@ -6,11 +6,11 @@
 
 #include <cstring>
 
+#include "io/splat_errors.h"
 #include "io/spz.h"
 #include "io/spz_math.h"
 #include "io_test.h"
 #include "render/backbone.h"
-#include "splat_test.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -104,7 +104,7 @@ TEST(Spz, KeepsTheBoundsOfEachAttribute) {
                 EXPECT_FALSE(read.antialiased);
                 ASSERT_EQ(r.size(), g.size());
                 ASSERT_EQ(r.sh_degree, degree);
-                const test::SplatErrors e = test::errors_of(r, g);
+                const SplatErrors e = errors_of(r, g);
                 EXPECT_LE(e.mean, std::ldexp(1, -15));
                 EXPECT_LE(e.log_scale, 1.0 / 32 + 1e-6);
                 EXPECT_LE(e.color, 0.013073);
@@ -137,8 +137,7 @@ TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
 TEST(Spz, KeepsExtremes) {
     for (const Quatf q : {Quatf{1, 1, 1, 1}, Quatf{-1, 1, -1, 1}, Quatf{0, 0, 0, -1},
                           Quatf{0, 1, 1, 0}, Quatf{1e-3f, -1, 0, 1}})
-        EXPECT_LT(test::angle_deg(spz::unpack_smallest_three(spz::pack_smallest_three(q)), q),
-                  0.22);
+        EXPECT_LT(angle_deg(spz::unpack_smallest_three(spz::pack_smallest_three(q)), q), 0.22);
     EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(-90)), -kMaxLogit);
     EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(900)), kMaxLogit);
     EXPECT_EQ(spz::unpack_log_scale(spz::pack_log_scale(-30)), -10);
@@ -168,12 +167,7 @@ TEST(SplatFrame, TurnsHarmonicsAndShapesAlike) {
         const HalfTurn turn = half_turn(frame);
         Gaussians<Cpu> turned;
         copy(g, turned);
-        for (std::size_t i = 0; i < g.means.size(); ++i) {
-            turned.means[i] = turn(g.means[i]), turned.quats[i] = turn(g.quats[i]);
-            for (std::size_t k = 0; k < 16; ++k)
-                turned.sh[k * g.means.size() + i] =
-                    turn.of_coefficient(int(k)) * g.sh[k * g.means.size() + i];
-        }
+        tvsgs::turn(turned, turn);
         Camera from = camera;
         for (int row = 0; row < 3; ++row)
             for (int c = 0; c < 3; ++c) from.camera_from_world.R[row][c] *= turn.signs[c];
