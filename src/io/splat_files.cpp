@@ -1,12 +1,15 @@
 #include "io/splat_files.h"
 
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 
 #include "core/error.h"
 #include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
+#include "io/json_value.h"
+#include "io/manifest.h"
 #include "io/ply.h"
 #include "io/read_file.h"
 #include "io/sog.h"
@@ -34,7 +37,7 @@ void write(const std::string& path, const void* bytes, std::size_t size) {
     file.commit();
 }
 
-/// In the file's frame: what is added to a position, once it is turned back.
+/// In the scene's axes: what is added to a position, once it is turned back from the file's.
 std::string origin_json(Vec3d origin, SplatFrame frame) {
     char numbers[128];
     std::snprintf(numbers, sizeof numbers, "[%.15g, %.15g, %.15g]", origin.x, origin.y, origin.z);
@@ -82,6 +85,8 @@ std::uintmax_t write_splat_file(const std::string& path,
         write_splat_ply(path, turned, vec_cast<double>(signs) * options.origin);
         return fs::file_size(path);
     }
+    const bool beside = format != SplatFormat::glb && norm(options.origin) > 0;
+    if (beside) require_replaceable(origin_file(path));
     std::uintmax_t size = 0;
     if (format == SplatFormat::spz) {
         SpzOptions how;
@@ -102,9 +107,24 @@ std::uintmax_t write_splat_file(const std::string& path,
         const std::string bytes = splat_glb_bytes(path, g, how);
         write(path, bytes.data(), size = bytes.size());
     }
-    if (format != SplatFormat::glb && norm(options.origin) > 0)
-        write_text_file(origin_file(path), origin_json(options.origin, frame));
+    if (beside) write_text_file(origin_file(path), origin_json(options.origin, frame));
     return size;
+}
+
+Vec3d read_splat_origin(const std::string& path) {
+    const SplatFormat format = format_of(path);
+    if (format == SplatFormat::glb) return splat_glb_origin(read_bytes(path), path);
+    std::error_code code;
+    if (format == SplatFormat::ply || !fs::is_regular_file(origin_file(path), code)) return {};
+    const JsonValue json = parse_json_value(read_text(origin_file(path)), origin_file(path));
+    if (!json["generator"].text_or("").starts_with("tvsgs ")) return {};  // somebody else's
+    const std::vector<JsonValue>& numbers = json["origin"].items;
+    Vec3d origin;
+    for (int c = 0; c < 3; ++c)
+        origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    if (!is_finite(origin))
+        throw input_error(origin_file(path), ": \"origin\": expected three finite numbers");
+    return origin;
 }
 
 Gaussians<Cpu> read_splat_file(const std::string& path,

@@ -41,6 +41,10 @@ std::uintmax_t write_splat_file(const std::string& path,
                                 const Gaussians<Cpu>& gaussians,
                                 const SplatFileOptions& options = {});
 
+/// What an SPZ, SOG or GLB file of ours says of its origin; zero: nothing, and for PLY. Throws
+/// Error(ExitCode::input).
+Vec3d read_splat_origin(const std::string& path);
+
 /// The splats of a file in our frame; `frame` is the file's, else the usual one. Positions of a PLY
 /// lose `origin`. Throws Error(ExitCode::input).
 Gaussians<Cpu> read_splat_file(const std::string& path,

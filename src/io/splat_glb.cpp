@@ -47,6 +47,11 @@ public:
         check_extensions({kExtension, "KHR_materials_", "KHR_texture_", "EXT_texture_"});
     }
 
+    Vec3d origin() const {
+        return is_ours("splats") ? vector3(member(member(doc_, "asset"), "extras"), "origin", {})
+                                 : Vec3d{};
+    }
+
     Gaussians<Cpu> read(const HalfTurn& turn) const {
         const json& attributes = member(splats(), "attributes");
         const GlbAccessor mean = accessor(attributes, "POSITION", "VEC3", 3);
@@ -191,6 +196,10 @@ std::string splat_glb_bytes(const std::string& path,
 
 Gaussians<Cpu> parse_splat_glb(std::string_view bytes, const std::string& path, SplatFrame frame) {
     return SplatGlbReader(path, bytes).read(half_turn(frame));
+}
+
+Vec3d splat_glb_origin(std::string_view bytes, const std::string& path) {
+    return SplatGlbReader(path, bytes).origin();
 }
 
 }  // namespace tvsgs

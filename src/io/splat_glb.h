@@ -37,4 +37,7 @@ Gaussians<Cpu> parse_splat_glb(std::string_view bytes,
                                const std::string& path,
                                SplatFrame frame = SplatFrame::luf);
 
+/// asset.extras.origin of a file of ours; else zero. Throws Error(ExitCode::input).
+Vec3d splat_glb_origin(std::string_view bytes, const std::string& path);
+
 }  // namespace tvsgs

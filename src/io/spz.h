@@ -12,7 +12,8 @@
 namespace tvsgs {
 
 struct SpzOptions {
-    int version = 3;  // 2 or 3: rotations of three bytes, off by up to 11 degrees, or four, by 0.22
+    int version =
+        3;  // 2 or 3: rotations of three bytes, off by up to 12 degrees, or of four, by 0.27
     SplatFrame frame = SplatFrame::rub;   // of the file; RUB by its specification
     int sh_bits_1 = 5, sh_bits_rest = 4;  // 1 to 8: of coefficients of degree 1, of 2 and 3
     bool antialiased = false;  // says that opacities are of a renderer that keeps a splat's mass

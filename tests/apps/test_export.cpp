@@ -190,10 +190,17 @@ TEST_F(ExportCommand, TakesLargeCoordinatesOff) {
     EXPECT_NEAR(double(beside["origin"][0]), 500000, 4);
     EXPECT_NEAR(double(beside["origin"][1]), 4000000, 4);
     EXPECT_FALSE(fs::exists(folder_ / "all.spz.json"));
-    exported("far.ply far_again.ply");
-    const PlyGeometry again = read_ply_geometry(at("far_again.ply")),
-                      first = read_ply_geometry(at("far.ply"));
-    for (int c = 0; c < 3; ++c) EXPECT_NEAR(again.positions[5][c], first.positions[5][c], 1e-6);
+    exported("far.ply far.glb");
+    const PlyGeometry first = read_ply_geometry(at("far.ply"));
+    for (const std::string from : {"far.ply", "far.spz", "far.glb"}) {  // and on again
+        exported(from + " again.ply");
+        const PlyGeometry again = read_ply_geometry(at("again.ply"));
+        double least = 1;  // SPZ sorts
+        for (const Vec3d p : again.positions) least = std::min(least, norm(p - first.positions[5]));
+        EXPECT_LT(least, 1e-5) << from;
+    }
+    std::ofstream(folder_ / "far.spz.json") << R"({"generator": "tvsgs 0.1.0", "origin": [1, 2]})";
+    expect_refused("far.spz x.ply", 3, "expected three finite numbers");
 }
 
 TEST_F(ExportCommand, WritesOverItsOwnFilesOnly) {

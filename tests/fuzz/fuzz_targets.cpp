@@ -71,6 +71,12 @@ void read_any_mesh(const std::string&, const std::string& file) {
     read_mesh_geometry(file);
 }
 
+void read_any_splat_glb(const std::string&, const std::string& file) {
+    const std::string bytes = read_bytes(file);
+    splat_glb_origin(bytes, file);
+    parse_splat_glb(bytes, file);
+}
+
 /// Lengths of the container made to fit, so that what lies behind them is reached.
 std::string with_lengths(std::string bytes) {
     if (bytes.size() < 28) return bytes;
@@ -242,8 +248,7 @@ const std::vector<Target>& targets() {
         {"mesh_glb", "a.glb", read_any_mesh, with_lengths},
         {"mesh_obj", "a.obj", read_any_mesh, nullptr},
         {"spz", "a.spz", [](S, S file) { read_spz(file); }, with_gzip},
-        {"splat_glb", "a.glb", [](S, S file) { parse_splat_glb(read_bytes(file), file); },
-         with_lengths},
+        {"splat_glb", "a.glb", read_any_splat_glb, with_lengths},
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},

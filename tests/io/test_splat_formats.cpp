@@ -328,6 +328,7 @@ TEST_F(Sog, HasTheFilesAndPixelsOfTheSpecification) {
     g.quats[0] = {1, 0, 0, 0}, g.quats[1] = {0.5f, 0.5f, 0.5f, -0.5f};
     g.opacity_logits[0] = 0, g.opacity_logits[1] = -40;
     for (std::size_t k = 0; k < 4; ++k) g.sh[2 * k] = {0, 0.5f, 1}, g.sh[2 * k + 1] = {0, 0, 0};
+    g.sh[1] = {1, 0.5f, 0};
     std::map<std::string, std::string> files;
     std::string first;
     read_zip(write("a.sog", sog_bytes("a.sog", g)), "SOG", {}, [&](const auto& name, auto bytes) {
@@ -357,7 +358,7 @@ TEST_F(Sog, HasTheFilesAndPixelsOfTheSpecification) {
     EXPECT_EQ(pixel("quats.webp", 0), (P{128, 128, 128, 252}));
     EXPECT_EQ(pixel("quats.webp", 1), (P{218, 218, 37, 252}));  // sqrt(1/2) / 2 from the middle
     EXPECT_EQ(pixel("sh0.webp", 0), (P{0, 1, 2, 128}));
-    EXPECT_EQ(pixel("sh0.webp", 1), (P{0, 0, 0, 0}));  // colours under alpha 0 stay
+    EXPECT_EQ(pixel("sh0.webp", 1), (P{2, 1, 0, 0}));  // colours under alpha 0 stay
     EXPECT_EQ(pixel("shN_labels.webp", 0)[0], 0);
     EXPECT_EQ(pixel("shN_labels.webp", 1)[0], 1);
     EXPECT_EQ(pixel("shN_centroids.webp", 2), (P{0, 1, 2, 255}));

@@ -89,6 +89,17 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
 }
 
+TEST(Spz, RoundsHarmonicsByTheirDegree) {
+    SpzOptions options;
+    options.sh_bits_1 = 6, options.sh_bits_rest = 3;
+    const Bytes bytes = gunzip(spz_bytes(test::random_gaussians(1000, 3), options));
+    for (std::size_t k = 0; k < 15; ++k) {
+        int common = 0;  // bits that are set somewhere
+        for (std::size_t i = 0; i < 1000; ++i) common |= bytes[16 + 20 * 1000 + 45 * i + 3 * k];
+        EXPECT_EQ(common & -common, k < 3 ? 4 : 32) << k;  // the lowest of them
+    }
+}
+
 TEST(Spz, KeepsTheBoundsOfEachAttribute) {
     for (const int version : {2, 3})
         for (int degree = 0; degree <= 3; ++degree)
