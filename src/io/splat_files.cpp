@@ -82,7 +82,8 @@ std::uintmax_t write_splat_file(const std::string& path,
         copy(g, turned);
         turn(turned, half_turn(frame));
         const Vec3f signs = half_turn(frame).signs;
-        write_splat_ply(path, turned, vec_cast<double>(signs) * options.origin);
+        write_splat_ply(path, turned, vec_cast<double>(signs) * options.origin, PlyScales::three,
+                        /*signature=*/true);
         return fs::file_size(path);
     }
     const bool beside = format != SplatFormat::glb && norm(options.origin) > 0;
