@@ -256,7 +256,9 @@ int command(int argc, char** argv) {
                 using Device = decltype(tag);
                 report.scores = compare_renders<Device>(kept, written, views, options.train);
                 report.of_input = report.scores.before;
-                if (kept.size() != in.splats.size() || kept.sh_degree != in.splats.sh_degree)
+                // Invisible splats are drawn by nobody.
+                if (kept.size() + report.left_out.invisible != in.splats.size() ||
+                    kept.sh_degree != in.splats.sh_degree)
                     report.of_input =
                         compare_renders<Device>(in.splats, kept, views, options.train).before;
             });
