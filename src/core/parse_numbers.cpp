@@ -39,4 +39,22 @@ std::int64_t parse_bytes(const std::string& flag, const std::string& text) {
     return static_cast<std::int64_t>(std::min(bytes, 9e18));
 }
 
+Box3d parse_box(const std::string& flag, const std::string& text) {
+    double numbers[6];
+    const char* at = text.data();
+    const char* const end = at + text.size();
+    bool good = true;
+    for (int i = 0; i < 6 && good; ++i) {
+        const auto [rest, code] = std::from_chars(at, end, numbers[i]);
+        good = code == std::errc{} && std::isfinite(numbers[i]) &&
+               (i < 5 ? rest != end && *rest == ',' : rest == end);
+        at = rest + 1;
+    }
+    if (!good || !(numbers[0] < numbers[3] && numbers[1] < numbers[4] && numbers[2] < numbers[5]))
+        throw Error(
+            ExitCode::usage,
+            str(flag, " ", text, ": expected x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1"));
+    return {{numbers[0], numbers[1], numbers[2]}, {numbers[3], numbers[4], numbers[5]}};
+}
+
 }  // namespace tvsgs

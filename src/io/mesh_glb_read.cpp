@@ -1,15 +1,12 @@
 #include <algorithm>
-#include <bit>
 #include <cmath>
-#include <cstring>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "core/affine.h"
-#include "core/version.h"
-#include "io/glb_format.h"
+#include "io/glb_document.h"
 #include "io/image_file.h"
-#include "io/json_file.h"
 #include "io/mesh_glb.h"
 
 namespace tvsgs {
@@ -22,69 +19,17 @@ constexpr std::int64_t kMostVertices = std::int64_t{1} << 30, kMostPixels = 8192
 // always.
 constexpr std::size_t kCopies = 64, kAlways = std::size_t{1} << 26;
 
-template <class T>
-T at_byte(std::string_view bytes, std::size_t offset) {
-    T value;
-    std::memcpy(&value, bytes.data() + offset, sizeof value);
-    return value;
-}
-
-std::size_t bytes_of(int component) {
-    switch (component) {
-        case glb::i8:
-        case glb::u8:
-            return 1;
-        case glb::i16:
-        case glb::u16:
-            return 2;
-        case glb::u32:
-        case glb::f32:
-            return 4;
-        default:
-            return 0;
-    }
-}
-
-/// Numbers of one accessor, all inside of the file.
-struct Accessor {
-    std::string_view bytes;  // of its elements, from the first on
-    std::size_t count = 0, stride = 0;
-    int component = 0, width = 0;  // numbers per element
-    bool normalized = false;
-
-    double value(std::size_t i, int c) const {
-        const std::size_t at = i * stride + static_cast<std::size_t>(c) * bytes_of(component);
-        const auto scaled = [&](double v, double most) {
-            return normalized ? std::max(v / most, -1.0) : v;
-        };
-        switch (component) {
-            case glb::i8:
-                return scaled(at_byte<std::int8_t>(bytes, at), 127);
-            case glb::u8:
-                return scaled(at_byte<std::uint8_t>(bytes, at), 255);
-            case glb::i16:
-                return scaled(at_byte<std::int16_t>(bytes, at), 32767);
-            case glb::u16:
-                return scaled(at_byte<std::uint16_t>(bytes, at), 65535);
-            case glb::u32:
-                return at_byte<std::uint32_t>(bytes, at);
-            default:
-                return double{at_byte<float>(bytes, at)};
-        }
-    }
-};
-
-class GlbReader {
+class GlbReader : GlbDocument {
 public:
     GlbReader(const std::string& path, std::string_view bytes, bool want_colors)
-        : path_(path), want_colors_(want_colors), most_(std::max(kAlways, kCopies * bytes.size())) {
-        split(bytes);
-        check_extensions();
-        const json& asset = member(doc_, "asset");
-        const json& extras = member(asset, "extras");
-        ours_ = text(asset, "generator").starts_with("tvsgs ") && extras.contains("origin") &&
-                extras.contains("vertices") && list(doc_, "nodes").size() == 1;
-        if (ours_) origin_ = vector3(extras, "origin", {});
+        : GlbDocument(path, bytes),
+          want_colors_(want_colors),
+          most_(std::max(kAlways, kCopies * bytes.size())) {
+        // What changes the geometry has to be known here; what changes pictures does not matter.
+        check_extensions(
+            {"KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_"});
+        ours_ = is_ours("vertices");
+        if (ours_) origin_ = vector3(member(member(doc_, "asset"), "extras"), "origin", {});
     }
 
     ReadMesh read() {
@@ -104,145 +49,7 @@ public:
     }
 
 private:
-    [[noreturn]] void fail(const std::string& what) const {
-        throw input_error("E_GLB: ", path_, ": ", what);
-    }
-
-    // 1. The container.
-    void split(std::string_view bytes) {
-        using glb::kChunkBytes;
-        const std::size_t header = glb::kHeaderBytes;
-        if (bytes.size() < header + kChunkBytes) fail("is cut off in its header");
-        if (const auto version = at_byte<std::uint32_t>(bytes, 4); version != glb::kVersion)
-            fail(str("glTF version ", version, "; expected 2"));
-        const auto claimed = at_byte<std::uint32_t>(bytes, 8);
-        if (claimed > bytes.size())
-            fail(str("claims ", claimed, " bytes of ", bytes.size(), "; is it cut off?"));
-        bytes = bytes.substr(0, claimed);
-        std::string_view text;
-        for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
-            if (bytes.size() - begin < kChunkBytes) fail(str("chunk ", chunk, " is cut off"));
-            const auto length = at_byte<std::uint32_t>(bytes, begin),
-                       kind = at_byte<std::uint32_t>(bytes, begin + 4);
-            begin += kChunkBytes;
-            if (length > bytes.size() - begin)
-                fail(str("chunk ", chunk, " claims ", length, " bytes of ", bytes.size() - begin));
-            if (chunk == 0 && kind != glb::kJson) fail("its first chunk is no JSON");
-            if (chunk == 0) text = bytes.substr(begin, length);
-            if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
-            begin += length;
-        }
-        const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
-            check_json_depth(depth, path_);
-            return true;
-        };
-        doc_ = json::parse(text, limit_depth, /*allow_exceptions=*/false);
-        if (!doc_.is_object()) fail("its JSON chunk is damaged");
-    }
-
-    /// What changes the geometry and is not known here; what changes pictures does not matter.
-    void check_extensions() const {
-        for (const json& name : list(doc_, "extensionsRequired")) {
-            const std::string known = name.is_string() ? name.get<std::string>() : "";
-            if (known != "KHR_mesh_quantization" && !known.starts_with("KHR_materials_") &&
-                !known.starts_with("KHR_texture_") && !known.starts_with("EXT_texture_"))
-                fail(str("needs the extension '", shown(known),
-                         "', which is not read; save it without compression"));
-        }
-    }
-
-    // 2. Members of any JSON, which may be of any type.
-    const json& member(const json& object, const char* key) const {
-        static const json none = json::object();
-        if (!object.is_object() || !object.contains(key)) return none;
-        return object[key];
-    }
-    const json& list(const json& object, const char* key) const {
-        static const json none = json::array();
-        const json& found = member(object, key);
-        if (found.is_array()) return found;
-        if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is no list"));
-        return none;
-    }
-    std::string text(const json& object, const char* key) const {
-        const json& found = member(object, key);
-        return found.is_string() ? found.get<std::string>() : "";
-    }
-    std::uint64_t whole(const json& object, const char* key, std::uint64_t standard) const {
-        if (!object.is_object() || !object.contains(key)) return standard;
-        if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is no whole number"));
-        return object[key].get<std::uint64_t>();
-    }
-    std::size_t index(const json& object, const char* key, const json& of) const {
-        const std::uint64_t i = whole(object, key, std::uint64_t{1} << 60);
-        if (i >= of.size()) fail(str("\"", key, "\" refers to no element"));
-        return static_cast<std::size_t>(i);
-    }
-    std::size_t index_at(const json& indices, std::size_t at, const json& of) const {
-        if (!indices[at].is_number_unsigned() || indices[at].get<std::uint64_t>() >= of.size())
-            fail("a node refers to no node");
-        return indices[at].get<std::size_t>();
-    }
-    /// `count` finite numbers, or none where the key is missing.
-    std::vector<double> numbers(const json& object, const char* key, std::size_t count) const {
-        std::vector<double> out;
-        for (const json& number : list(object, key))
-            out.push_back(number.is_number() ? number.get<double>() : NAN);
-        if (out.empty()) return out;
-        if (out.size() != count ||
-            !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); }))
-            fail(str("\"", key, "\": expected ", count, " finite numbers"));
-        return out;
-    }
-    Vec3d vector3(const json& object, const char* key, Vec3d standard) const {
-        const std::vector<double> v = numbers(object, key, 3);
-        return v.empty() ? standard : Vec3d{v[0], v[1], v[2]};
-    }
-
-    // 3. Accessors.
-    std::string_view view_bytes(const json& holder, std::size_t* stride) const {
-        const json& views = list(doc_, "bufferViews");
-        const json& view = views[index(holder, "bufferView", views)];
-        if (whole(view, "buffer", 0) != 0 || member(view, "extensions").size() > 0)
-            fail("keeps numbers in another file, or compressed; save it as one plain .glb");
-        const std::uint64_t offset = whole(view, "byteOffset", 0),
-                            length = whole(view, "byteLength", 0);
-        if (offset > binary_.size() || length > binary_.size() - offset)
-            fail(str("a buffer view of ", length, " bytes from ", offset,
-                     " on lies outside of the ", binary_.size(), " that there are"));
-        if (stride) *stride = static_cast<std::size_t>(whole(view, "byteStride", 0));
-        return binary_.substr(offset, length);
-    }
-
-    Accessor accessor(const json& holder, const char* key, const char* type, int width) const {
-        const json& accessors = list(doc_, "accessors");
-        const json& found = accessors[index(holder, key, accessors)];
-        Accessor out;
-        if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
-        if (found.contains("sparse") || !found.contains("bufferView"))
-            fail(str(key, ": a sparse or empty accessor, which is not read"));
-        out.width = width;
-        const std::uint64_t component = whole(found, "componentType", 0);
-        out.component = component < 10000 ? static_cast<int>(component) : 0;
-        const std::size_t size = bytes_of(out.component) * static_cast<std::size_t>(width);
-        if (size == 0) fail(str(key, ": unknown componentType ", component));
-        const json& normalized = member(found, "normalized");
-        out.normalized = normalized.is_boolean() && normalized.get<bool>();
-        out.bytes = view_bytes(found, &out.stride);
-        if (out.stride == 0) out.stride = size;
-        const std::uint64_t offset = whole(found, "byteOffset", 0),
-                            count = whole(found, "count", 0);
-        const std::uint64_t room = offset > out.bytes.size() ? 0 : out.bytes.size() - offset;
-        if (out.stride < size || out.stride > 65535 || count > room / out.stride + 1 ||
-            (count > 0 && (count - 1) * out.stride + size > room))
-            fail(str(key, ": ", count, " elements, ", out.stride,
-                     " bytes apart, do not fit into their buffer view"));
-        out.bytes = out.bytes.substr(static_cast<std::size_t>(std::min(offset, offset + room)));
-        out.count = static_cast<std::size_t>(count);
-        return out;
-    }
-
-    // 4. Nodes, meshes.
+    // 1. Nodes, meshes.
     Affine3d motion_of(const json& node) const {
         Affine3d T;
         if (const std::vector<double> m = numbers(node, "matrix", 16); !m.empty()) {
@@ -286,7 +93,7 @@ private:
         if (member(primitive, "extensions").contains("KHR_draco_mesh_compression"))
             fail("is compressed (KHR_draco_mesh_compression); save it without");
         const json& attributes = member(primitive, "attributes");
-        const Accessor position = accessor(attributes, "POSITION", "VEC3", 3);
+        const GlbAccessor position = accessor(attributes, "POSITION", "VEC3", 3);
         const auto first = static_cast<std::int64_t>(out_.positions.size());
         if (first + static_cast<std::int64_t>(position.count) > kMostVertices)
             fail("more than 2^30 vertices");
@@ -311,7 +118,7 @@ private:
             }
         };
         if (primitive.contains("indices")) {
-            const Accessor indices = accessor(primitive, "indices", "SCALAR", 1);
+            const GlbAccessor indices = accessor(primitive, "indices", "SCALAR", 1);
             if (indices.component != glb::u8 && indices.component != glb::u16 &&
                 indices.component != glb::u32)
                 fail("indices: expected an unsigned componentType");
@@ -330,7 +137,7 @@ private:
                      most_, " in a file of its size"));
     }
 
-    // 5. Colours, for pictures: what cannot be had is white.
+    // 2. Colours, for pictures: what cannot be had is white.
     void add_colors(const json& primitive, const json& attributes, std::size_t count) {
         out_.colors.resize(out_.positions.size(), Vec3f{1, 1, 1});
         Vec3f* const to = out_.colors.data() + (out_.colors.size() - count);
@@ -338,7 +145,7 @@ private:
             const json& accessors = list(doc_, "accessors");
             const bool alpha =
                 text(accessors[index(attributes, "COLOR_0", accessors)], "type") == "VEC4";
-            const Accessor color =
+            const GlbAccessor color =
                 accessor(attributes, "COLOR_0", alpha ? "VEC4" : "VEC3", alpha ? 4 : 3);
             if (color.count != count) fail("COLOR_0: not as many as positions");
             for (std::size_t i = 0; i < count; ++i)
@@ -346,7 +153,7 @@ private:
             has_colors_ = true;
         } else if (attributes.contains("TEXCOORD_0")) {
             const ImageU8* const image = texture_of(primitive);
-            const Accessor place = accessor(attributes, "TEXCOORD_0", "VEC2", 2);
+            const GlbAccessor place = accessor(attributes, "TEXCOORD_0", "VEC2", 2);
             if (place.count != count) fail("TEXCOORD_0: not as many as positions");
             if (!image) return;
             const auto pixel = [](double at, int size) {
@@ -425,13 +232,10 @@ private:
         if (!out_.colors.empty()) out_.colors.resize(own);
     }
 
-    const std::string& path_;
     const bool want_colors_;
     const std::size_t most_;  // vertices and corners
     std::size_t claimed_ = 0;
     bool has_colors_ = false, ours_ = false;
-    json doc_;
-    std::string_view binary_;
     Vec3d origin_;
     std::vector<char> visited_;
     std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // the last one

@@ -1,21 +1,17 @@
 #include "io/npz.h"
 
-#include <zip.h>
-
 #include <bit>
 #include <cstring>
-#include <memory>
 
 #include "io/half.h"
 #include "io/read_file.h"
+#include "io/zip_archive.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kMaxShapeEntry = std::int64_t(1) << 31;
-constexpr std::uint64_t kMaxEntryBytes = std::uint64_t(1) << 30;
-constexpr std::uint64_t kMaxEntries = 65536,
-                        kMaxCompressionRatio = 1100;  // deflate cannot exceed 1032
+constexpr std::uint64_t kMaxEntryBytes = ZipLimits{}.entry_bytes;
 
 [[noreturn]] void fail(const std::string& name, const std::string& what) {
     throw Error(ExitCode::input,
@@ -246,46 +242,12 @@ NpyArray read_npy(const std::string& path) {
 }
 
 NpzArchive read_npz(const std::string& path) {
-    require_regular_file(path);
-    int code = 0;
-    const std::unique_ptr<zip_t, decltype(&zip_discard)> zip(
-        zip_open(path.c_str(), ZIP_RDONLY | ZIP_CHECKCONS, &code), zip_discard);
-    if (!zip) {
-        zip_error_t error;
-        zip_error_init_with_code(&error, code);
-        const std::string reason = zip_error_strerror(&error);
-        zip_error_fini(&error);
-        throw Error(ExitCode::input,
-                    str(path, ": cannot be read as a .npz (ZIP) archive: ", reason));
-    }
-    const auto entries = static_cast<std::uint64_t>(zip_get_num_entries(zip.get(), 0));
-    if (entries > kMaxEntries)
-        fail(path, str(entries, " entries; at most ", kMaxEntries, " are read"));
     NpzArchive archive;
-    for (std::uint64_t i = 0; i < entries; ++i) {
-        zip_stat_t stat;
-        if (zip_stat_index(zip.get(), i, 0, &stat) != 0 || stat.name == nullptr)
-            fail(path, str("entry ", i, " is damaged"));
-        const std::string name = stat.name, where = str(path, ": ", name);
+    read_zip(path, ".npz", {}, [&](const std::string& name, const std::string& bytes) {
+        const std::string where = str(path, ": ", name);
         if (!name.ends_with(".npy")) fail(where, "the name does not end in .npy");
-        constexpr unsigned kNeeded = ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE | ZIP_STAT_COMP_METHOD;
-        if ((stat.valid & kNeeded) != kNeeded) fail(where, "the entry states no size");
-        if (stat.comp_method != ZIP_CM_STORE && stat.comp_method != ZIP_CM_DEFLATE)
-            fail(where, "compressed by another method than deflate");
-        if (stat.size > kMaxEntryBytes || stat.size / kMaxCompressionRatio > stat.comp_size)
-            fail(where, str(stat.size, " bytes from ", stat.comp_size, " is more than is read"));
-        const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(
-            zip_fopen_index(zip.get(), i, 0), zip_fclose);
-        std::string bytes(stat.size, '\0');
-        char end = 0;
-        // Reading on to the end is what makes libzip compare the checksum.
-        if (!file ||
-            zip_fread(file.get(), bytes.data(), stat.size) != static_cast<zip_int64_t>(stat.size) ||
-            zip_fread(file.get(), &end, 1) != 0)
-            fail(where, "the entry is truncated, or its checksum is wrong");
-        if (!archive.emplace(name.substr(0, name.size() - 4), parse_npy(bytes, where)).second)
-            fail(where, "the name appears twice");
-    }
+        archive.emplace(name.substr(0, name.size() - 4), parse_npy(bytes, where));
+    });
     return archive;
 }
 

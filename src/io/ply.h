@@ -45,11 +45,13 @@ Gaussians<Cpu> read_splat_ply(const std::string& path,
 /// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
 /// Error(ExitCode::numerical) naming the first non-finite value instead of writing it. Positions
 /// are floats, or doubles where there is an origin to add. A filter is written as it is, beside
-/// the scales and opacities that it has not touched.
+/// the scales and opacities that it has not touched. `signature`: its fourth line says who wrote
+/// it, so that it may be replaced where no list of our files is; else it is exactly that of 3DGS.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},
-                     PlyScales scales = PlyScales::three);
+                     PlyScales scales = PlyScales::three,
+                     bool signature = false);
 void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin = {});
 void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
 

@@ -58,11 +58,14 @@ private:
     std::string buffer_;
 };
 
-/// `comment`: splats have none, as viewers expect their count in the third line.
-std::string header(std::size_t count, Vec3d origin, bool comment = true) {
+enum class Comment { before_count, after_count, none };
+
+/// Of splats viewers expect the count in the third line.
+std::string header(std::size_t count, Vec3d origin, Comment comment = Comment::before_count) {
+    const std::string ours = str("comment ", kVersion, "\n");
     std::string text =
-        str("ply\nformat binary_little_endian 1.0\n",
-            comment ? str("comment ", kVersion, "\n") : "", "element vertex ", count, "\n");
+        str("ply\nformat binary_little_endian 1.0\n", comment == Comment::before_count ? ours : "",
+            "element vertex ", count, "\n", comment == Comment::after_count ? ours : "");
     for (const char* axis : {"x", "y", "z"})
         text += str("property ", position_type(origin), " ", axis, "\n");
     return text;
@@ -92,7 +95,8 @@ void check_size(const std::string& path,
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& g,
                      Vec3d origin,
-                     PlyScales scales) {
+                     PlyScales scales,
+                     bool signature) {
     const std::size_t count = g.means.size();
     const int rest = sh_count(g.sh_degree) - 1;
 
@@ -104,7 +108,7 @@ void write_splat_ply(const std::string& path,
     for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
     if (!g.filter.empty()) names.push_back("filter_3D");
     check_size(path, g.filter.size(), count, "filters");
-    std::string text = header(count, origin, false);
+    std::string text = header(count, origin, signature ? Comment::after_count : Comment::none);
     for (const std::string& name : names) text += "property float " + name + "\n";
 
     PlyWriter out(path);

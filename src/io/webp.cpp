@@ -1,5 +1,6 @@
 #include "io/webp.h"
 
+#include <webp/decode.h>
 #include <webp/encode.h>
 
 #include "core/error.h"
@@ -20,6 +21,43 @@ std::string webp_bytes(const ImageU8& image, int quality) {
         throw Error(ExitCode::internal,
                     str("encoding a WebP of ", image.width, "x", image.height, " failed"));
     return bytes;
+}
+
+std::string webp_lossless_bytes(const ImageU8& image) {
+    struct Picture : WebPPicture {
+        ~Picture() { WebPPictureFree(this); }
+    } picture;
+    struct Memory : WebPMemoryWriter {
+        ~Memory() { WebPMemoryWriterClear(this); }
+    } memory;
+    WebPConfig config;
+    constexpr int kLevel = 6;  // of 0 to 9: beyond it takes much longer and gains little
+    const bool known = WebPPictureInit(&picture) && WebPConfigInit(&config) &&
+                       WebPConfigLosslessPreset(&config, kLevel);
+    WebPMemoryWriterInit(&memory);
+    config.exact = 1;
+    picture.use_argb = 1, picture.width = image.width, picture.height = image.height;
+    picture.writer = WebPMemoryWrite, picture.custom_ptr = static_cast<WebPMemoryWriter*>(&memory);
+    if (!known || !WebPPictureImportRGBA(&picture, image.pixels.data(), 4 * image.width) ||
+        !WebPEncode(&config, &picture))
+        throw Error(ExitCode::internal, str("encoding a WebP of ", image.width, "x", image.height,
+                                            " failed: error ", picture.error_code));
+    return {reinterpret_cast<const char*>(memory.mem), memory.size};
+}
+
+ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
+    const auto* const data = reinterpret_cast<const std::uint8_t*>(bytes.data());
+    int width = 0, height = 0;
+    if (!WebPGetInfo(data, bytes.size(), &width, &height))
+        throw Error(ExitCode::input, str(where, ": is no WebP picture"));
+    if (std::int64_t{width} * height > max_pixels)
+        throw Error(ExitCode::input, str(where, ": ", width, "x", height,
+                                         " pixels; expected at most ", max_pixels, " of them"));
+    ImageU8 image(width, height, 4);
+    if (!WebPDecodeRGBAInto(data, bytes.size(), image.pixels.data(), image.pixels.size(),
+                            4 * width))
+        throw Error(ExitCode::input, str(where, ": a damaged WebP picture"));
+    return image;
 }
 
 }  // namespace tvsgs

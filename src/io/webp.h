@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 #include "core/image.h"
 
@@ -11,7 +12,15 @@ inline constexpr int kWebpMaxSide = 16383;  // of the format
 
 bool has_webp();
 
-/// Of 3 channels, with losses; `quality` 1 to 100. Throws Error(ExitCode::usage) without libwebp.
+// All throw Error(ExitCode::usage) without libwebp.
+
+/// Of 3 channels, with losses; `quality` 1 to 100.
 std::string webp_bytes(const ImageU8& image, int quality);
+
+/// Of 4 channels, every one as it is, also where alpha is 0.
+std::string webp_lossless_bytes(const ImageU8& image);
+
+/// 4 channels of at most `max_pixels`. Throws Error(ExitCode::input) that names `where`.
+ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels);
 
 }  // namespace tvsgs

@@ -3,14 +3,29 @@
 #include "io/webp.h"
 
 namespace tvsgs {
+namespace {
+
+[[noreturn]] void refuse(const char* instead) {
+    throw Error(ExitCode::usage, str("WebP: this build has no libwebp; ", instead,
+                                     ", or build where libwebp-dev is"));
+}
+
+}  // namespace
 
 bool has_webp() {
     return false;
 }
 
 std::string webp_bytes(const ImageU8&, int) {
-    throw Error(ExitCode::usage,
-                "WebP: this build has no libwebp; take jpg or png, or build where libwebp-dev is");
+    refuse("take jpg or png");
+}
+
+std::string webp_lossless_bytes(const ImageU8&) {
+    refuse("name a .spz");
+}
+
+ImageU8 decode_webp(std::string_view, const std::string&, std::int64_t) {
+    refuse("bring another format");
 }
 
 }  // namespace tvsgs

@@ -1,7 +1,6 @@
 #include "pipeline/mesh_extraction.h"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <limits>
 
@@ -14,26 +13,6 @@ namespace {
 
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
 
-void parse_box(const std::string& text, Vec3d origin, DepthRules& rules) {
-    double numbers[6];
-    const char* at = text.data();
-    const char* const end = at + text.size();
-    bool good = true;
-    for (int i = 0; i < 6 && good; ++i) {
-        const auto [rest, code] = std::from_chars(at, end, numbers[i]);
-        good = code == std::errc{} && std::isfinite(numbers[i]) &&
-               (i < 5 ? rest != end && *rest == ',' : rest == end);
-        at = rest + 1;
-    }
-    if (!good || !(numbers[0] < numbers[3] && numbers[1] < numbers[4] && numbers[2] < numbers[5]))
-        throw Error(
-            ExitCode::usage,
-            str("--bbox ", text, ": expected x0,y0,z0,x1,y1,z1 with x0 < x1, y0 < y1, z0 < z1"));
-    rules.has_box = true;
-    rules.box_min = vec_cast<float>(Vec3d{numbers[0], numbers[1], numbers[2]} - origin);
-    rules.box_max = vec_cast<float>(Vec3d{numbers[3], numbers[4], numbers[5]} - origin);
-}
-
 }  // namespace
 
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
@@ -42,7 +21,12 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
     rules.depth_step = options.depth_step;
     if (options.max_angle < 90)
         rules.min_cosine = std::cos(options.max_angle * static_cast<float>(M_PI / 180));
-    if (!options.box.empty()) parse_box(options.box, origin, rules);
+    if (!options.box.empty()) {
+        const Box3d box = parse_box("--bbox", options.box);
+        rules.has_box = true;
+        rules.box_min = vec_cast<float>(box.low - origin);
+        rules.box_max = vec_cast<float>(box.high - origin);
+    }
     return rules;
 }
 

@@ -1,6 +1,7 @@
 #include "fuzz_targets.h"
 
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cstring>
@@ -25,8 +26,13 @@
 #include "io/read_file.h"
 #include "io/safetensors.h"
 #include "io/scene_layout.h"
+#include "io/sog.h"
+#include "io/splat_glb.h"
+#include "io/spz.h"
 #include "io/trajectory.h"
 #include "io/view_split.h"
+#include "io/webp.h"
+#include "io/zip_archive.h"
 #include "optim/train.h"
 
 namespace tvsgs::fuzz {
@@ -63,6 +69,12 @@ void read_any_mesh(const std::string&, const std::string& file) {
     for (const Vec3i& face : contents.faces)
         for (int c = 0; c < 3; ++c) contents.points.positions.at(static_cast<std::size_t>(face[c]));
     read_mesh_geometry(file);
+}
+
+void read_any_splat_glb(const std::string&, const std::string& file) {
+    const std::string bytes = read_bytes(file);
+    splat_glb_origin(bytes, file);
+    parse_splat_glb(bytes, file);
 }
 
 /// Lengths of the container made to fit, so that what lies behind them is reached.
@@ -190,6 +202,32 @@ std::string with_checksums(std::string bytes) {
     return bytes;
 }
 
+/// What is inside of gzip, put there.
+std::string with_gzip(std::string bytes) {
+    z_stream z{};
+    if (deflateInit2(&z, 1, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+        throw std::bad_alloc();
+    std::string out(deflateBound(&z, static_cast<uLong>(bytes.size())), '\0');
+    z.next_in = reinterpret_cast<Bytef*>(bytes.data());
+    z.avail_in = static_cast<uInt>(bytes.size());
+    z.next_out = reinterpret_cast<Bytef*>(out.data());
+    z.avail_out = static_cast<uInt>(out.size());
+    deflate(&z, Z_FINISH);
+    out.resize(z.total_out);
+    deflateEnd(&z);
+    return out;
+}
+
+/// A meta.json with pictures that it may refer to.
+std::string with_pictures(std::string bytes) {
+    std::vector<std::pair<std::string, std::string>> files{{"meta.json", std::move(bytes)}};
+    ImageU8 picture(64 * 3, 2, 4);
+    for (std::size_t i = 0; i < picture.pixels.size(); ++i)
+        picture.pixels[i] = static_cast<std::uint8_t>(i * 37);
+    files.emplace_back("a.webp", webp_lossless_bytes(picture));
+    return zip_bytes(files);
+}
+
 void complain(const std::string& what) {
     throw std::logic_error(what);
 }
@@ -198,7 +236,7 @@ void complain(const std::string& what) {
 
 const std::vector<Target>& targets() {
     using S = const std::string&;
-    static const std::vector<Target> all = {
+    static std::vector<Target> all = {
         {"colmap_cameras_bin", "cameras.bin", read_cameras, nullptr},
         {"colmap_cameras_txt", "cameras.txt", read_cameras, nullptr},
         {"colmap_images_bin", "images.bin", read_images, nullptr},
@@ -209,6 +247,8 @@ const std::vector<Target>& targets() {
         {"ply_mesh", "a.ply", read_any_ply, nullptr},
         {"mesh_glb", "a.glb", read_any_mesh, with_lengths},
         {"mesh_obj", "a.obj", read_any_mesh, nullptr},
+        {"spz", "a.spz", [](S, S file) { read_spz(file); }, with_gzip},
+        {"splat_glb", "a.glb", read_any_splat_glb, with_lengths},
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},
@@ -236,6 +276,12 @@ const std::vector<Target>& targets() {
         {"depth_params", "sparse/0/depth_params.json", read_params, nullptr},
         {"depth_paths", "transforms.json", read_depth_paths, nullptr},
     };
+    static const bool with_sog = [] {
+        if (has_webp())
+            all.push_back({"sog", "a.sog", [](S, S file) { read_sog(file); }, with_pictures});
+        return has_webp();
+    }();
+    (void)with_sog;
     return all;
 }
 

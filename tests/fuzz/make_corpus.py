@@ -6,6 +6,7 @@
 Names that begin with good_ have to be read without an error; those that begin with found_ are not
 written here: libFuzzer found them, where a reader of then broke. Needs Python's standard library only.
 """
+import gzip
 import io
 import json
 import math
@@ -317,3 +318,86 @@ seed("mesh_glb", "good_nodes", glb(
     TRIANGLE + bytes(range(12))))
 seed("mesh_obj", "good_textured", "# by hand\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 .5\nvt 0 1\nf 1/1 2/1 3/1 4/1\nf -1 -2 -3\n")
 seed("mesh_obj", "good_colours", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1e3 1 0 0 0 1\nf 1//1 2//1 3//1\n")
+
+
+# SPZ: in gzip, and what is inside of it
+def spz(version, degree, count, flags=0):
+    rotation, rest = 3 if version == 2 else 4, (degree + 1) ** 2 - 1
+    return (struct.pack("<4sIIBBBB", b"NGSP", version, count, degree, 12, flags, 0)
+            + bytes(i % 251 for i in range(count * (9 + 1 + 3 + 3 + rotation + 3 * rest))))
+
+
+seed("spz", "good_v2", gzip.compress(spz(2, 0, 2), mtime=0))
+seed("spz", "good_v3", gzip.compress(spz(3, 3, 3) + b"more", mtime=0))
+seed("spz", "inside_v2", spz(2, 3, 2))
+seed("spz", "inside_v3", spz(3, 1, 3))
+seed("spz", "inside_degree_4", spz(3, 4, 1, 1))
+seed("spz", "inside_v4", spz(4, 0, 1))
+
+
+# Splats in GLB
+def splat_glb(degree, extras):
+    columns = [("POSITION", "VEC3", 3), ("KHR_gaussian_splatting:ROTATION", "VEC4", 4),
+               ("KHR_gaussian_splatting:SCALE", "VEC3", 3), ("KHR_gaussian_splatting:OPACITY", "SCALAR", 1)]
+    columns += [(f"KHR_gaussian_splatting:SH_DEGREE_{l}_COEF_{n}", "VEC3", 3)
+                for l in range(degree + 1) for n in range(2 * l + 1)]
+    binary, views, accessors = b"", [], []
+    for i, (_, kind, width) in enumerate(columns):
+        data = struct.pack(f"<{2 * width}f", *((j + i) % 7 / 8 for j in range(2 * width)))
+        views.append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(data)})
+        accessors.append({"bufferView": i, "componentType": 5126, "type": kind, "count": 2})
+        binary += data
+    return glb({"asset": {"version": "2.0", **extras}, "nodes": [{"mesh": 0}],
+                "extensionsUsed": ["KHR_gaussian_splatting"], "buffers": [{"byteLength": len(binary)}],
+                "bufferViews": views, "accessors": accessors,
+                "meshes": [{"primitives": [{
+                    "attributes": {name: i for i, (name, _, _) in enumerate(columns)}, "mode": 0,
+                    "extensions": {"KHR_gaussian_splatting": {"kernel": "ellipse"}}}]}]}, binary)
+
+
+seed("splat_glb", "good_others", splat_glb(0, {}))
+seed("splat_glb", "good_ours", splat_glb(
+    1, {"generator": "tvsgs 0.1.0", "extras": {"origin": [1, 2, 3], "splats": 2}}))
+
+
+# SOG, with pictures of one colour: lossless WebP whose codes have one symbol and take no bits
+def one_color(width, height, red, green, blue, alpha):
+    value, bits = 0, 0
+
+    def put(number, count):
+        nonlocal value, bits
+        value |= number << bits
+        bits += count
+
+    put(0x2f, 8), put(width - 1, 14), put(height - 1, 14), put(1, 1), put(0, 3)
+    put(0, 1), put(0, 1), put(0, 1)  # no transform, no cache of colours, one group of codes
+    for symbol in (green, red, blue, alpha, 0):
+        put(1, 1), put(0, 1), put(1, 1), put(symbol, 8)
+    data = value.to_bytes(bits // 8 + 1, "little")
+    data += b"\0" * (len(data) % 2)
+    chunk = b"WEBPVP8L" + struct.pack("<I", len(data)) + data
+    return b"RIFF" + struct.pack("<I", len(chunk)) + chunk
+
+
+def sog_meta(names):
+    codebook = [i / 256 for i in range(256)]
+    return {"version": 2, "count": 3, "means": {"mins": [0, 0, 0], "maxs": [1, 1, 2], "files": names[:2]},
+            "scales": {"codebook": codebook, "files": names[2:3]}, "quats": {"files": names[3:4]},
+            "sh0": {"codebook": codebook, "files": names[4:5]},
+            "shN": {"count": 2, "bands": 1, "codebook": codebook, "files": names[5:]}}
+
+
+def sog(meta, pictures):
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_STORED) as archive:
+        for name, content in [("meta.json", json.dumps(meta))] + pictures:
+            archive.writestr(zipfile.ZipInfo(name, (1980, 1, 1, 0, 0, 0)), content)
+    return out.getvalue()
+
+
+SMALL, WIDE = one_color(4, 4, 1, 2, 3, 253), one_color(192, 1, 9, 8, 7, 255)
+NAMES = ["means_l", "means_u", "scales", "quats", "sh0", "centroids", "labels"]
+PICTURES = [(name, WIDE if name == "centroids" else SMALL) for name in NAMES]
+seed("sog", "good_one_colour", sog(sog_meta(NAMES), PICTURES))
+seed("sog", "no_pictures", sog(sog_meta(NAMES), PICTURES[:3]))
+seed("sog", "inside_meta", json.dumps(sog_meta(7 * ["a.webp"])))

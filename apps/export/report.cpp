@@ -1,0 +1,120 @@
+#include "apps/export/report.h"
+
+#include <algorithm>
+#include <vector>
+
+#include "core/log.h"
+#include "core/version.h"
+#include "io/config.h"
+
+namespace tvsgs {
+namespace {
+
+const char* format_name(SplatFormat format) {
+    return format == SplatFormat::ply   ? "ply"
+           : format == SplatFormat::spz ? "spz"
+           : format == SplatFormat::sog ? "sog"
+                                        : "glb";
+}
+
+const char* axes(SplatFrame frame) {
+    return frame == SplatFrame::rdf   ? "x right, y down, z forward"
+           : frame == SplatFrame::rub ? "x right, y up, z back"
+                                      : "x left, y up, z forward";
+}
+
+/// PSNR, or that there is nothing to tell apart.
+std::string decibels(double psnr) {
+    return std::isfinite(psnr) ? fmt::format("{:.2f} dB", psnr) : "no difference";
+}
+
+}  // namespace
+
+double typical_size(const Gaussians<Cpu>& g) {
+    std::vector<float> middle;
+    for (const Vec3f s : g.log_scales.span())
+        middle.push_back(std::max(std::min(s.x, s.y), std::min(std::max(s.x, s.y), s.z)));
+    const auto at = middle.begin() + static_cast<std::ptrdiff_t>(middle.size() / 2);
+    std::nth_element(middle.begin(), at, middle.end());
+    return std::exp(double{*at});
+}
+
+void say_left_out(const SelectionReport& report, int of, std::size_t views) {
+    const auto say_one = [&](std::int64_t count, const std::string& why) {
+        if (count > 0) spdlog::info("{} of {} splats left out: {}", count, of, why);
+    };
+    say_one(report.outside, "outside of --bbox");
+    say_one(report.invisible, "opacity below 1/510, which is 0 in 8 bits");
+    say_one(report.unseen, fmt::format("seen by none of {} views", views));
+    say_one(report.beyond_most, views > 0 ? "beyond --max-splats, of the least light"
+                                          : "beyond --max-splats, the smallest");
+}
+
+void say(const ExportReport& r) {
+    spdlog::info("{}: {} splats of degree {}, {} bytes ({:.1f} each); {}", r.path, r.splats,
+                 r.sh_degree, r.bytes, static_cast<double>(r.bytes) / r.splats, axes(r.frame));
+    if (!r.errors) return;
+    const SplatErrors& e = *r.errors;
+    spdlog::info(
+        "largest errors: position {:.3g}, size {:.2g} %, rotation {:.2g} degrees, opacity "
+        "{:.2g}, coefficients of colour {:.2g}, of degree 1 {:.2g}, above {:.2g}",
+        e.mean, 100 * (std::exp(e.log_scale) - 1), e.degrees, e.opacity, e.color, e.sh_1,
+        e.sh_rest);
+    if (e.median_mean > 0.1 * r.typical_size)
+        spdlog::warn(
+            "{}: positions are off by {:.3g}, where splats are {:.3g} wide: those far away take "
+            "the digits; leave them out with --bbox, or name a .ply or .glb",
+            r.path, e.median_mean, r.typical_size);
+    if (r.views == 0) return;
+    if (r.of_input != r.scores.before)
+        spdlog::info(
+            "PSNR of {} {} views: {} with all splats, {} with those of the file before "
+            "rounding, {} after; renders before and after: {}",
+            r.views, r.view_kind, decibels(r.of_input), decibels(r.scores.before),
+            decibels(r.scores.after), decibels(r.scores.between));
+    else
+        spdlog::info(
+            "PSNR of {} {} views: {} before rounding, {} after; renders before and after: "
+            "{}",
+            r.views, r.view_kind, decibels(r.scores.before), decibels(r.scores.after),
+            decibels(r.scores.between));
+}
+
+std::string report_json(const ExportReport& r) {
+    JsonLine out, left_out, errors, views;
+    left_out.add("outside", r.left_out.outside)
+        .add("invisible", r.left_out.invisible)
+        .add("unseen", r.left_out.unseen)
+        .add("beyond_most", r.left_out.beyond_most);
+    out.add("version", kVersion)
+        .add("file", r.path)
+        .add("format", format_name(r.format))
+        .add("frame", frame_name(r.frame))
+        .add("splats", r.splats)
+        .add("sh_degree", r.sh_degree)
+        .add("bytes", static_cast<std::int64_t>(r.bytes))
+        .add_json("left_out", left_out.text());
+    if (r.errors) {
+        errors.add("position", r.errors->mean)
+            .add("position_median", r.errors->median_mean)
+            .add("log_scale", r.errors->log_scale)
+            .add("rotation_degrees", r.errors->degrees)
+            .add("opacity", r.errors->opacity)
+            .add("sh_0", r.errors->color)
+            .add("sh_1", r.errors->sh_1)
+            .add("sh_rest", r.errors->sh_rest);
+        out.add_json("errors", errors.text());
+    }
+    if (r.views > 0) {
+        views.add("kind", r.view_kind)
+            .add("count", r.views)
+            .add("psnr_input", r.of_input)
+            .add("psnr_before", r.scores.before)
+            .add("psnr_after", r.scores.after)
+            .add("psnr_between", r.scores.between);
+        out.add_json("views", views.text());
+    }
+    return out.text() + "\n";
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,279 @@
+// tvsgs-export: splats in, a file for viewers out, and what the format has cost.
+#include <filesystem>
+
+#include "apps/common/command_line.h"
+#include "apps/common/key_flags.h"
+#include "apps/export/report.h"
+#include "core/device_choice.h"
+#include "core/local_origin.h"
+#include "io/read_file.h"
+#include "io/webp.h"
+#include "mesh/upright.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+    std::string input, output, input_frame, frame, box, sh_bits = "8,8", report, device = "auto";
+    int spz_version = 3, palette = 0, sh_degree = 3;
+    std::int64_t max_splats = 0;
+    bool prune_unseen = false, keep_axes = false, no_check = false, json = false;
+    bool quiet = false, verbose = false;
+
+    SplatFormat format() const { return *splat_format(output); }
+    /// Whether the run's scene has to be there.
+    bool needs_views() const {
+        return !no_check || prune_unseen || max_splats > 0 ||
+               (format() == SplatFormat::glb && !keep_axes);
+    }
+};
+
+std::optional<SplatFrame> frame_of(const std::string& name) {
+    for (const SplatFrame frame : {SplatFrame::rdf, SplatFrame::rub, SplatFrame::luf})
+        if (name == frame_name(frame)) return frame;
+    return std::nullopt;
+}
+
+bool is_run(const std::string& path) {
+    std::error_code failure;
+    return fs::is_directory(path, failure);
+}
+
+/// The run's configuration, if there is one, gives the scene; flags override it.
+Arguments parse(int argc, char** argv, RunOptions& options) {
+    Arguments a;
+    OptionTable table;
+    options.add_to(table);
+    std::vector<std::string> configs, settings;
+    CLI::App app{"Writes splats in the formats that viewers take.", "tvsgs-export"};
+    app.get_formatter()->column_width(46);
+    KeyFlags flags(app);
+    app.add_option("input", a.input, "run folder, or splats as .ply, .spz, .sog or .glb")
+        ->required();
+    app.add_option("output", a.output, "file to write, .ply, .spz, .sog or .glb")->required();
+    app.add_option("--device", a.device, "auto, cpu, cuda or cuda:N");
+    app.add_option("-c,--config", configs, "JSON file over the run's configuration; later ones win")
+        ->expected(1)
+        ->take_all();
+    app.add_option("--set", settings, "KEY=VALUE, such as backbone=surfel")
+        ->expected(1)
+        ->take_all();
+    CLI::Option* quiet = app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    app.add_flag("--verbose", a.verbose, "more detail")->excludes(quiet);
+
+    const char* group = "Which splats";
+    app.add_option("--bbox", a.box, "x0,y0,z0,x1,y1,z1: splats with their centre outside stay out")
+        ->group(group);
+    app.add_option("--max-splats", a.max_splats,
+                   "keep so many: those that give the views of a run the most light, else the "
+                   "largest by opacity and size [0: all]")
+        ->check(CLI::Range(std::int64_t{0}, std::int64_t{2000000000}))
+        ->group(group);
+    app.add_flag("--prune-unseen", a.prune_unseen,
+                 "leave out what adds nothing to any view of the run")
+        ->group(group);
+    app.add_option("--sh-degree", a.sh_degree, "0 to 3: at most; 0 has no shine [3]")
+        ->check(CLI::Range(0, 3))
+        ->group(group);
+
+    group = "File";
+    const auto frames = CLI::IsMember({"rdf", "rub", "luf"});
+    app.add_option("--frame", a.frame,
+                   "axes of the file: rdf (right, down, forward), rub (right, up, back) or luf "
+                   "(left, up, forward) [ply, sog: rdf; spz: rub; glb: luf]")
+        ->check(frames)
+        ->group(group);
+    app.add_option("--input-frame", a.input_frame, "axes of an input file [as above]")
+        ->check(frames)
+        ->group(group);
+    app.add_flag("--keep-axes", a.keep_axes,
+                 "GLB: only the turn of the frame [turned so that a run's scene stands upright]")
+        ->group(group);
+    app.add_option("--spz-version", a.spz_version, "2 or 3; 2 for old readers [3]")
+        ->check(CLI::IsMember({2, 3}))
+        ->group(group);
+    app.add_option("--spz-sh-bits", a.sh_bits,
+                   "1 to 8 each: of harmonics of degree 1, and above [8,8]; 5,4 is what other "
+                   "writers take: smaller, with a loss that can be seen")
+        ->group(group);
+    app.add_option("--sh-palette", a.palette,
+                   "SOG: at most so many kinds of harmonics, up to 65536 [by the splats]")
+        ->check(CLI::Range(1, 65536))
+        ->group(group);
+
+    group = "Check";
+    app.add_flag("--no-check", a.no_check, "do not read the file again and compare")->group(group);
+    app.add_flag("--json", a.json, "print the result as JSON")->group(group);
+    add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
+    flags.add_scene("Scene (default: that of the run)");
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
+
+    std::error_code failure;
+    if (!fs::exists(a.input, failure))
+        throw Error(ExitCode::input,
+                    str(a.input, ": does not exist; expected a run folder or a file of splats"));
+    if (is_run(a.input)) table.read_file(run_config_path(a.input));
+    for (const std::string& file : configs) table.read_file(file);
+    flags.set_keys(table);
+    table.set_all(settings);
+    options.scene.need_points = false;
+    options.scene.min_train_views = 1;
+    require_output(a.output, {".ply", ".spz", ".sog", ".glb"},
+                   "the name says which format the splats get", options.scene);
+    if (fs::is_directory(a.output, failure) || !splat_format(a.output))
+        throw Error(ExitCode::usage, str(a.output, ": expected the name of a file"));
+    return a;
+}
+
+SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
+    SplatFileOptions out;
+    out.frame = frame_of(a.frame);
+    out.spz_version = a.spz_version, out.sog_palette = a.palette;
+    const std::vector<double> bits = parse_numbers("--spz-sh-bits", a.sh_bits);
+    const auto good = [](double b) { return b >= 1 && b <= 8 && b == std::floor(b); };
+    if (bits.size() != 2 || !good(bits[0]) || !good(bits[1]))
+        throw Error(ExitCode::usage,
+                    str("--spz-sh-bits ", a.sh_bits, ": expected two numbers from 1 to 8, as 5,4"));
+    out.spz_sh_bits_1 = static_cast<int>(bits[0]), out.spz_sh_bits_rest = static_cast<int>(bits[1]);
+    out.low_pass_px2 = double{options.train.render.low_pass_px2};
+    out.antialiased =
+        make_backbone<Cpu>(options.train.backbone, options.train.render)->fades_thin_splats();
+    if (a.format() == SplatFormat::sog && !has_webp()) webp_lossless_bytes({});  // which says so
+    return out;
+}
+
+/// The splats of a file, and where their frame lies in that of the scene.
+struct Input {
+    std::string path;
+    Gaussians<Cpu> splats;
+    Vec3d origin;
+};
+
+Input read_input(const Arguments& a, const RunOptions& options, const Scene* scene) {
+    Input in;
+    in.path = find_splats(a.input);
+    std::error_code failure;
+    if (fs::equivalent(in.path, a.output, failure))
+        throw Error(ExitCode::usage, str(a.output, ": is the file of the splats; name another"));
+    const std::optional<SplatFrame> frame = frame_of(a.input_frame);
+    if (is_run(a.input) && scene) {
+        in.origin = scene->origin;
+        in.splats = read_splats(in.path, in.origin, options.train);
+        return in;
+    }
+    in.splats = read_splat_file(in.path, frame);
+    if (in.splats.size() == 0)
+        throw input_error(in.path, ": holds no usable splat; expected at least one");
+    if (splat_format(in.path) != SplatFormat::ply) {
+        in.origin = read_splat_origin(in.path);
+        if (scene) {
+            const Vec3f off = vec_cast<float>(in.origin - scene->origin);
+            for (Vec3f& p : in.splats.means.span()) p += off;
+            in.origin = scene->origin;
+        }
+        return in;
+    }
+    if (scene) {
+        in.origin = scene->origin;
+    } else {
+        std::vector<Vec3d> places;
+        for (const Vec3f p : in.splats.means.span()) places.push_back(vec_cast<double>(p));
+        in.origin = local_origin(places);
+    }
+    if (norm(in.origin) > 0) in.splats = read_splat_file(in.path, frame, in.origin);
+    return in;
+}
+
+int command(int argc, char** argv) {
+    RunOptions options;
+    const Arguments a = parse(argc, argv, options);
+    init_log(a.quiet ? Verbosity::quiet : a.verbose ? Verbosity::verbose : Verbosity::normal);
+    // 1. The splats, and the views that have seen them.
+    SplatFileOptions how = file_options(a, options);
+    const DeviceChoice device = choose_device(a.device);
+    std::optional<Scene> scene;
+    if (!options.scene.path.empty() && a.needs_views())
+        scene = with_context("reading its views (--no-check and --keep-axes do without)",
+                             [&] { return read_scene_of_run(options.scene, a.input); });
+    if (a.prune_unseen && !scene)
+        throw Error(ExitCode::usage,
+                    str("--prune-unseen: ", a.input, " is no run folder; give --scene DIR"));
+    Input in = read_input(a, options, scene ? &*scene : nullptr);
+    how.origin = in.origin;
+    std::vector<Camera> cameras;
+    if (scene) {
+        for (const std::vector<View>* views : {&scene->train, &scene->test})
+            for (const View& view : *views) cameras.push_back(view.camera);
+        if (!a.keep_axes)
+            how.upright_from_scene = upright_from_scene(detail::cameras_of(scene->train));
+    }
+
+    // 2. What goes into the file.
+    SplatSelection selection;
+    if (!a.box.empty()) {
+        selection.box = parse_box("--bbox", a.box);
+        selection.box->low -= in.origin, selection.box->high -= in.origin;
+    }
+    selection.drop_invisible = a.format() != SplatFormat::ply;
+    selection.drop_unseen = a.prune_unseen;
+    selection.max_splats = a.max_splats;
+    selection.sort = a.format() == SplatFormat::spz || a.format() == SplatFormat::sog;
+    selection.sh_degree = a.sh_degree;
+    std::vector<double> light;
+    if (scene && (a.prune_unseen || (a.max_splats > 0 && in.splats.size() > a.max_splats)))
+        light = on_device(device, [&](auto tag) {
+            return light_of_splats<decltype(tag)>(in.splats, cameras, options.train);
+        });
+    ExportReport report;
+    report.path = a.output, report.format = a.format();
+    report.frame = how.frame.value_or(usual_frame(report.format));
+    Gaussians<Cpu> kept;
+    copy(in.splats, kept);
+    report.left_out = select_splats(selection, light, kept);
+    report.splats = kept.size(), report.sh_degree = kept.sh_degree;
+    if (report.splats == 0)
+        throw input_error(in.path, ": none of its ", in.splats.size(), " splats is left to write");
+    say_left_out(report.left_out, in.splats.size(), cameras.size());
+
+    // 3. The file, and what is in it.
+    report.bytes = write_splat_file(a.output, kept, how);
+    if (!a.no_check) {
+        const Gaussians<Cpu> written = read_splat_file(a.output, how.frame, in.origin);
+        report.errors = errors_of(kept, written);
+        report.typical_size = typical_size(kept);
+        if (scene) {
+            const bool test = !scene->test.empty();
+            const std::vector<View>& views = test ? scene->test : scene->train;
+            report.views = static_cast<int>(views.size());
+            report.view_kind = test ? "test" : "training";
+            on_device(device, [&](auto tag) {
+                using Device = decltype(tag);
+                report.scores = compare_renders<Device>(kept, written, views, options.train);
+                report.of_input = report.scores.before;
+                // Invisible splats are drawn by nobody.
+                if (kept.size() + report.left_out.invisible != in.splats.size() ||
+                    kept.sh_degree != in.splats.sh_degree)
+                    report.of_input =
+                        compare_renders<Device>(in.splats, kept, views, options.train).before;
+            });
+        }
+    }
+    say(report);
+    const std::string json = report_json(report);
+    if (a.json) std::fputs(json.c_str(), stdout);
+    if (!a.report.empty()) write_text_file(a.report, json);
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

@@ -1,0 +1,58 @@
+// What all writers of splats ask for, and what all readers make sure of.
+#pragma once
+
+#include <cmath>
+#include <string>
+
+#include "core/error.h"
+#include "core/gaussians.h"
+
+namespace tvsgs {
+
+/// Opacities of 0 and 1 have no finite logit; of this one and its opposite float makes them.
+inline constexpr float kMaxLogit = 30;
+
+inline float logit(float alpha) {
+    if (!(alpha > 0)) return -kMaxLogit;
+    return alpha < 1 ? std::log(alpha / (1 - alpha)) : kMaxLogit;
+}
+inline float sigmoid(float x) {
+    return 1 / (1 + std::exp(-x));
+}
+
+/// `fail(what, i)` for the first number that is not finite, or a rotation that is zero.
+template <class Fail>
+void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
+    const std::size_t count = g.means.size();
+    for (std::size_t i = 0; i < count; ++i) {
+        const Quatf q = g.quats[i];
+        const float size = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
+        if (!is_finite(g.means[i])) fail("the centre", i);
+        if (!is_finite(g.log_scales[i])) fail("a scale", i);
+        if (!(size > 0) || !std::isfinite(size)) fail("the rotation", i);
+        if (!std::isfinite(g.opacity_logits[i])) fail("the opacity", i);
+    }
+    for (std::size_t i = 0; i < g.sh.size(); ++i)
+        if (!is_finite(g.sh[i])) fail("a colour", i % count);
+}
+
+/// Before writing. Throws Error(ExitCode::numerical), and Error(ExitCode::internal) where there is
+/// a filter, which no format but PLY has.
+inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
+    if (!g.filter.empty())
+        throw Error(ExitCode::internal, str(path, ": not written: splats with filters"));
+    check_splats(g, [&](const char* what, std::size_t i) {
+        throw Error(ExitCode::numerical, str(path, ": not written: ", what, " of splat ", i,
+                                             " is not finite, or zero; expected finite numbers"));
+    });
+}
+
+/// After reading. Throws Error(ExitCode::input).
+inline void require_sound(const Gaussians<Cpu>& g, const std::string& path) {
+    check_splats(g, [&](const char* what, std::size_t i) {
+        throw Error(ExitCode::input, str(path, ": ", what, " of splat ", i,
+                                         " is not finite, or zero; expected finite numbers"));
+    });
+}
+
+}  // namespace tvsgs
