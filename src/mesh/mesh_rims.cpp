@@ -19,9 +19,74 @@ constexpr double kLeastCosine = 0.5;               // between a face before and 
 constexpr double kLeastArea = 0.1;                 // of a face, of that before
 constexpr double kLeastShare = 1.0 / 16;           // of a movement; less is none
 
-/// The sum of a face's edge vectors crossed: its normal, twice as long as its area.
-Vec3d face_normal(const Vec3d corners[3]) {
-    return cross(corners[1] - corners[0], corners[2] - corners[0]);
+/// Twice as long as the face's area.
+Vec3d face_normal(const Vec3f corners[3]) {
+    const Vec3d a = vec_cast<double>(corners[0]);
+    return cross(vec_cast<double>(corners[1]) - a, vec_cast<double>(corners[2]) - a);
+}
+
+/// Whether a face that is moved neither turns over nor shrinks to nothing.
+bool is_like(const Vec3f before[3], const Vec3f after[3]) {
+    const Vec3d n = face_normal(before), m = face_normal(after);
+    return dot(n, m) >= kLeastCosine * norm(n) * norm(m) && norm(m) >= kLeastArea * norm(n) &&
+           has_area(after[0], after[1], after[2]);
+}
+
+/// Where Taubin's steps along the loops lead, within the planes of the surface and balls of radius
+/// `limits` about the points.
+std::vector<Vec3d> smoothed(const Rims& rims,
+                            const std::vector<Vec3d>& points,
+                            const std::vector<double>& limits) {
+    std::vector<Vec3d> now = points, next = points;
+    for (int step = 0; step < 2 * kSteps; ++step) {
+        const double factor = step % 2 == 0 ? kShrink : kInflate;
+        for (const std::vector<int>& loop : rims.loops)
+            for (std::size_t k = 0; k < loop.size(); ++k) {
+                const auto at = [&](std::size_t l) { return std::size_t(loop[l % loop.size()]); };
+                const std::size_t i = at(k);
+                const Vec3d middle = 0.5 * (now[at(k + loop.size() - 1)] + now[at(k + 1)]);
+                const Vec3d by = factor * (middle - now[i]), n = rims.normals[i];
+                const Vec3d off = now[i] - points[i] + by - dot(by, n) * n;
+                const double length = norm(off);
+                next[i] = points[i] + (length > limits[i] ? limits[i] / length : 1) * off;
+            }
+        now = next;
+    }
+    return now;
+}
+
+/// As far on the ways from `before` to `after` as no face turns over.
+std::vector<Vec3f> unfolded(const TriangleMesh& mesh,
+                            const Rims& rims,
+                            const std::vector<Vec3d>& before,
+                            const std::vector<Vec3d>& after) {
+    std::vector<double> shares(before.size(), 1);
+    std::vector<Vec3f> places(before.size());
+    for (bool undone = true; undone;) {
+        for (std::size_t i = 0; i < places.size(); ++i)
+            places[i] = vec_cast<float>(before[i] + shares[i] * (after[i] - before[i]));
+        std::vector<char> wrong(before.size());
+        for (const int f : rims.faces) {
+            const Vec3i face = mesh.faces[std::size_t(f)];
+            Vec3f from[3], to[3];
+            int at[3]{};
+            for (int k = 0; k < 3; ++k) {
+                at[k] = rims.place(face[k]);
+                from[k] = mesh.vertices[std::size_t(face[k])];
+                to[k] = at[k] < 0 ? from[k] : places[std::size_t(at[k])];
+            }
+            if (is_like(from, to)) continue;
+            for (const int place : at)
+                if (place >= 0) wrong[std::size_t(place)] = 1;
+        }
+        undone = false;
+        for (std::size_t i = 0; i < shares.size(); ++i) {
+            if (!wrong[i] || shares[i] == 0) continue;
+            undone = true;
+            shares[i] = shares[i] > kLeastShare ? shares[i] / 2 : 0;
+        }
+    }
+    return places;
 }
 
 }  // namespace
@@ -70,71 +135,23 @@ std::size_t drop_teeth(TriangleMesh& mesh, int rounds) {
 std::size_t smooth_rims(TriangleMesh& mesh, const std::vector<Camera>& cameras, float limit_px) {
     if (!(limit_px > 0)) return 0;
     const Rims rims = find_rims(mesh);
-    const std::size_t count = rims.vertices.size();
-    std::vector<Vec3d> before(count), moved(count);
-    std::vector<double> limits(count);
-    for (std::size_t i = 0; i < count; ++i) {
+    std::vector<Vec3d> before;
+    std::vector<double> limits;
+    for (std::size_t i = 0; i < rims.vertices.size(); ++i) {
         const Vec3f p = mesh.vertices[std::size_t(rims.vertices[i])];
-        before[i] = vec_cast<double>(p);
-        if (rims.rim_edges[i] == 2)
-            limits[i] =
-                static_cast<double>(limit_px) * static_cast<double>(pixel_length(cameras, p));
+        before.push_back(vec_cast<double>(p));
+        const bool touches = rims.rim_edges[i] > 2;
+        limits.push_back(touches ? 0.0 : static_cast<double>(limit_px * pixel_length(cameras, p)));
     }
-    std::vector<Vec3d> now = before;
-    for (int step = 0; step < 2 * kSteps; ++step) {
-        moved = now;
-        for (const std::vector<int>& loop : rims.loops)
-            for (std::size_t k = 0; k < loop.size(); ++k) {
-                const auto i = static_cast<std::size_t>(loop[k]);
-                const auto last =
-                               static_cast<std::size_t>(loop[(k + loop.size() - 1) % loop.size()]),
-                           next = static_cast<std::size_t>(loop[(k + 1) % loop.size()]);
-                Vec3d by =
-                    (step % 2 == 0 ? kShrink : kInflate) * (0.5 * (now[last] + now[next]) - now[i]);
-                by = by - dot(by, rims.normals[i]) * rims.normals[i];
-                const Vec3d off = now[i] + by - before[i];
-                const double length = norm(off);
-                moved[i] = before[i] + (length > limits[i] ? limits[i] / length : 1) * off;
-            }
-        now.swap(moved);
-    }
-    std::vector<double> shares(count, 1);
-    const auto place_at = [&](std::size_t i) {
-        return vec_cast<float>(before[i] + shares[i] * (now[i] - before[i]));
-    };
-    for (bool undone = true; undone;) {
-        undone = false;
-        std::vector<char> wrong(count);
-        for (const int f : rims.faces) {
-            const Vec3i face = mesh.faces[std::size_t(f)];
-            Vec3d from[3], to[3];
-            int places[3];
-            for (int k = 0; k < 3; ++k) {
-                places[k] = rims.place(face[k]);
-                from[k] = to[k] = vec_cast<double>(mesh.vertices[std::size_t(face[k])]);
-                if (places[k] >= 0) to[k] = vec_cast<double>(place_at(std::size_t(places[k])));
-            }
-            const Vec3d n = face_normal(from), m = face_normal(to);
-            if (dot(n, m) >= kLeastCosine * norm(n) * norm(m) && norm(m) >= kLeastArea * norm(n) &&
-                has_area(vec_cast<float>(to[0]), vec_cast<float>(to[1]), vec_cast<float>(to[2])))
-                continue;
-            for (const int place : places)
-                if (place >= 0 && shares[std::size_t(place)] > 0) wrong[std::size_t(place)] = 1;
-        }
-        for (std::size_t i = 0; i < count; ++i) {
-            if (!wrong[i]) continue;
-            undone = true;
-            shares[i] = shares[i] > kLeastShare ? shares[i] / 2 : 0;
-        }
-    }
-    std::size_t vertices = 0;
-    for (std::size_t i = 0; i < count; ++i) {
+    const std::vector<Vec3d> after = smoothed(rims, before, limits);
+    const std::vector<Vec3f> places = unfolded(mesh, rims, before, after);
+    std::size_t moved = 0;
+    for (std::size_t i = 0; i < places.size(); ++i) {
         Vec3f& p = mesh.vertices[std::size_t(rims.vertices[i])];
-        const Vec3f to = place_at(i);
-        vertices += !(to.x == p.x && to.y == p.y && to.z == p.z);
-        p = to;
+        moved += !(places[i].x == p.x && places[i].y == p.y && places[i].z == p.z);
+        p = places[i];
     }
-    return vertices;
+    return moved;
 }
 
 }  // namespace tvsgs
