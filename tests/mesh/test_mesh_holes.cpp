@@ -108,6 +108,21 @@ TEST(Patch, HasFacesAsLargeAsTheLoopsEdges) {
     EXPECT_LT(longest, 2.5);
 }
 
+TEST(Patch, HasNoEdgeThatMayNotBe) {
+    // Of a rhombus the long diagonal, though the short one makes better faces.
+    HoleRim rim = alone({{0, -0.3, 0}, {1, 0, 0}, {0, 0.3, 0}, {-1, 0, 0}});
+    const auto has_short = [&](const std::vector<Vec3i>& faces) {
+        bool found = false;
+        for (const Vec3i f : faces)
+            for (int k = 0; k < 3; ++k) found |= f[k] + f[(k + 1) % 3] == 2;
+        return found;
+    };
+    EXPECT_FALSE(has_short(least_area(rim))) << "both have the same area";
+    EXPECT_TRUE(has_short(make_patch(rim).faces));
+    rim.may_be_joined = [](int a, int b) { return a + b != 2; };
+    EXPECT_FALSE(has_short(make_patch(rim).faces));
+}
+
 /// A unit ball whose faces are about 0.03 wide; of these those within `angle` of +z are gone.
 TriangleMesh open_ball(double angle) {
     const float least = static_cast<float>(std::cos(angle));
@@ -169,6 +184,14 @@ TEST(Holes, TheNearestCameraSaysHowWideAPixelIs) {
     EXPECT_EQ(close(mesh, blind({{0, 0.01, 9}}), 8.5f).closed, 1u) << "7 pixels";
     mesh = open;
     EXPECT_EQ(close(mesh, blind({{0, 0.01, 9}, {0, 0.01, 5}}), 8.5f).closed, 0u);
+    // One that is near, but has only a corner of the hole in its image.
+    const TriangleMesh wall = without(sheet(0, 0, 0, 2, 80), [](Vec3f p) {
+        return p.x > 0.05f && p.x < 0.2f && p.y > 0.05f && p.y < 0.2f;
+    });
+    mesh = wall;
+    EXPECT_EQ(close(mesh, blind({{0, 0.01, 5}}), 10).closed, 1u);
+    mesh = wall;
+    EXPECT_EQ(close(mesh, blind({{0, 0.01, 5}, {0, 0.001, 0.2}}), 10).closed, 0u);
 }
 
 TEST(Holes, HaveAtMostSoManyEdges) {
@@ -218,6 +241,27 @@ TEST(Holes, ThroughWhichAViewLooksStayOpen) {
     std::vector<EvidenceView> pixel = views_of(whole);
     pixel[0].depth[100 * 200 + 100] += 0.7f;
     EXPECT_FALSE(closed(pixel));
+    // Wherever it is, also in faces that are many pixels wide.
+    const TriangleMesh coarse = without(sheet(0, 0, 0, 2, 8), [](Vec3f p) {
+        return p.x > 0 && p.x < 0.25f && p.y > 0 && p.y < 0.25f;
+    });
+    const EvidenceView sees_whole = view_of(whole, {0, 0, 5});
+    std::size_t tried = 0;
+    for (int v = 0; v < 200; ++v)
+        for (int u = 0; u < 200; u += 3) {
+            const auto i = static_cast<std::size_t>(200 * v + u);
+            const Camera& camera = sees_whole.camera;
+            const Vec3f p =
+                transpose_times(camera.camera_from_world.R,
+                                5.0f * pixel_ray(camera, u, v) - camera.camera_from_world.t);
+            if (!(p.x > 0.02f && p.x < 0.23f && p.y > 0.02f && p.y < 0.23f)) continue;
+            EvidenceView seen = sees_whole;
+            seen.depth[i] += 0.7f;
+            TriangleMesh mesh = coarse;
+            EXPECT_EQ(close(mesh, {seen}, 20).contradicted, 1u) << u << " " << v;
+            ++tried;
+        }
+    EXPECT_GT(tried, 15u);
     // What is in front says nothing, nor does a view without depth, unless its mask does.
     EXPECT_TRUE(closed(views_of(joined({wall, sheet(0, 0, 0.6, 1.5, 4)}))));
     EXPECT_TRUE(closed(views_of(wall)));
@@ -326,10 +370,43 @@ TEST(Holes, ThatTouchAreClosedOneByOne) {
               return hole && !(i == j);
           }),
           2, "at both ends of a chain");
+    check(grid([](int i, int j) {
+              const bool hole = i >= 5 && i < 11 && j >= 5 && j < 11;
+              return hole && i + j != 15;
+          }),
+          2, "at both ends of the other chain");
     check(grid([](int i, int j) { return i > 3 && i < 9 && j > 3 && j < 9 && (i + j) % 2 == 0; }),
           13, "a chess board");
     check(grid([](int i, int j) { return i > 3 && i < 9 && j > 3 && j < 9 && (i + j) % 2 == 1; }),
           12, "its other half");
+}
+
+TEST(Holes, NoEdgeIsMadeTwice) {
+    const std::vector<EvidenceView> views = blind({{0, 0.01, 5}});
+    const auto vertex = [](const TriangleMesh& mesh, int i, int j) {
+        for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
+            if (norm(mesh.vertices[v] -
+                     Vec3f{-0.2f + 0.02f * float(i), -0.2f + 0.02f * float(j), 0}) < 1e-4f)
+                return static_cast<int>(v);
+        return -1;
+    };
+    // A flap that stands up at a side of the hole: its hinge must not get a third face.
+    TriangleMesh flap = grid([](int i, int j) { return i == 5 && j == 5; });
+    const int a = vertex(flap, 5, 5), b = vertex(flap, 6, 5);
+    flap.vertices.push_back({-0.09f, -0.1f, 0.01f});
+    flap.faces.push_back({a, b, static_cast<int>(flap.vertices.size()) - 1});
+    ASSERT_TRUE(topology(flap).sound);
+    EXPECT_EQ(close(flap, views, 17).closed, 1u);
+    EXPECT_TRUE(topology(flap).sound);
+    // Two holes with an arch between them, under which both would have the same edge.
+    TriangleMesh arch =
+        grid([](int i, int j) { return i >= 5 && i < 8 && j >= 5 && j < 8 && i + j != 12; });
+    arch.vertices[std::size_t(vertex(arch, 6, 6))].z = 0.05f;
+    arch.vertices[std::size_t(vertex(arch, 7, 7))].z = 0.05f;
+    ASSERT_TRUE(topology(arch).sound);
+    EXPECT_EQ(close(arch, views, 17).closed, 2u);
+    EXPECT_TRUE(topology(arch).sound);
+    EXPECT_EQ(topology(arch).euler, 1);
 }
 
 TEST(Holes, OfThreeEdgesAreOneFace) {
