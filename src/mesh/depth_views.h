@@ -51,6 +51,12 @@ public:
     /// Whether what lies outside of the views' masks is dropped.
     bool masks() const { return masks_; }
 
+    /// [H W] 255: object; empty: everything.
+    std::vector<std::uint8_t> mask(int i) const {
+        return masks_ ? views_[static_cast<std::size_t>(i)].mask.pixels
+                      : std::vector<std::uint8_t>();
+    }
+
     /// Renders view i; valid until the next call, or another render by the backbone.
     DepthView<Device> view(int i) {
         const View& view = views_[static_cast<std::size_t>(i)];
@@ -58,7 +64,7 @@ public:
         const auto& rendered = backbone_.forward(gaussians_, view.camera, gaussians_.sh_degree,
                                                  Maps::color | kGeometryMaps);
         const Camera& camera = rendered.camera;  // that of the depths
-        copy(masks_ ? view.mask.pixels : std::vector<std::uint8_t>(), mask_);
+        copy(mask(i), mask_);
         count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
         if (count.kept == 0) median_ = median_depth(to_host(rendered.depth));
         return {camera, std::as_const(clean_.depth).span(), rendered.color.span(),

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <functional>
-#include <numeric>
 
+#include "mesh/disjoint_sets.h"
 #include "mesh/mesh_edges.h"
 
 namespace tvsgs {
@@ -14,30 +14,11 @@ constexpr double kMaxThrough = 0.25;  // share of a component's pixels that a vi
 
 constexpr std::size_t kMinFaces = 50;  // smaller components are noise; the official scripts' figure
 
-/// Disjoint sets; the smallest member represents a set.
-class UnionFind {
-public:
-    explicit UnionFind(std::size_t count) : parent_(count) {
-        std::iota(parent_.begin(), parent_.end(), 0);
-    }
-    int find(int i) {
-        while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-        return i;
-    }
-    void unite(int a, int b) {
-        a = find(a), b = find(b);
-        parent_[std::max(a, b)] = std::min(a, b);
-    }
-
-private:
-    std::vector<int> parent_;
-};
-
 }  // namespace
 
 std::vector<int> face_components(const TriangleMesh& mesh) {
     const std::vector<FaceEdge> edges = sorted_edges(mesh);
-    UnionFind sets(mesh.faces.size());
+    DisjointSets sets(mesh.faces.size());
     for (std::size_t i = 1; i < edges.size(); ++i)
         if (edges[i].key == edges[i - 1].key) sets.unite(edges[i].face, edges[i - 1].face);
 
@@ -156,7 +137,7 @@ std::size_t peel_unseen(TriangleMesh& mesh, const EvidenceSource& source) {
     const auto is_unseen = [&](int face) {
         return evidence[static_cast<std::size_t>(face)].sees == 0;
     };
-    UnionFind sets(mesh.faces.size());
+    DisjointSets sets(mesh.faces.size());
     const std::vector<FaceEdge> edges = sorted_edges(mesh);
     for (std::size_t i = 1; i < edges.size(); ++i)
         if (edges[i].key == edges[i - 1].key && is_unseen(edges[i].face) &&

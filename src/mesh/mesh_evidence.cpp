@@ -26,7 +26,10 @@ Judgement judge(const EvidenceView& view, const SurfaceSample& sample) {
     const std::size_t i = static_cast<std::size_t>(v) * static_cast<std::size_t>(camera.width_px) +
                           static_cast<std::size_t>(u);
     const float depth = view.depth[i];
-    if (!(depth > 0)) return {};
+    if (!(depth > 0)) {
+        const bool off = !view.mask.empty() && view.mask[i] < 128;
+        return {off ? Verdict::off_object : Verdict::nothing, 0};
+    }
     const Vec3f normal = camera.camera_from_world.R * sample.normal;
     const float toward = -dot(normal, ray);
     const SurfacePixel facing{ray, p.z, toward < 0 ? -normal : normal};
@@ -34,7 +37,7 @@ Judgement judge(const EvidenceView& view, const SurfaceSample& sample) {
     const bool trusted = view.weight[i] >= kTrustedWeight;
     Judgement out{Verdict::nothing, std::fabs(toward) * camera.fx_px * camera.fy_px / (p.z * p.z)};
     if (p.z < depth - limit) {
-        if (trusted) out.verdict = Verdict::looks_through;
+        out.verdict = trusted ? Verdict::looks_through : Verdict::looks_past;
     } else if (std::fabs(p.z - depth) <= limit && toward > 0) {
         out.verdict = trusted ? Verdict::sees_surely : Verdict::sees;
     }

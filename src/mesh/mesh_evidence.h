@@ -13,8 +13,9 @@ namespace tvsgs {
 /// The depth map of a view, on the host.
 struct EvidenceView {
     Camera camera;
-    std::vector<float> depth;   // [H W] z-depth; 0: nothing known
-    std::vector<float> weight;  // [H W] of mesh/pixel_trust.h
+    std::vector<float> depth;             // [H W] z-depth; 0: nothing known
+    std::vector<float> weight;            // [H W] of mesh/pixel_trust.h
+    std::vector<std::uint8_t> mask = {};  // [H W] 255: object; empty: everything
 };
 
 /// The depth maps of a scene: view(i) for i in [0, count), any number of times.
@@ -30,12 +31,24 @@ struct SurfaceSample {
 };
 
 /// What a view says of a sample. It sees it if its depth there agrees and it faces the view, and it
-/// looks through it if its depth is behind it and the pixel trusted.
+/// looks through it if its depth is behind it and the pixel trusted; else it looks past it. What
+/// has no depth and is outside of its mask is off the object.
 /// [docs/method/evidence.md#what-a-view-says]
-enum class Verdict : std::uint8_t { nothing, sees, sees_surely, looks_through };
+enum class Verdict : std::uint8_t {
+    nothing,
+    sees,
+    sees_surely,
+    looks_through,
+    looks_past,
+    off_object
+};
 
 inline bool is_seen(Verdict v) {
     return v == Verdict::sees || v == Verdict::sees_surely;
+}
+/// Whether a surface that nothing else speaks for cannot be there.
+inline bool contradicts(Verdict v) {
+    return v == Verdict::looks_through || v == Verdict::looks_past || v == Verdict::off_object;
 }
 
 /// Verdict of a view, and pixels of its image that the sample covers.

@@ -7,10 +7,14 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
+#include "mesh/mesh_holes.h"
+#include "mesh/mesh_rims.h"
+#include "mesh/mesh_sound.h"
 
 namespace tvsgs {
 namespace {
 
+constexpr int kTeethRounds = 3;
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
 
 }  // namespace
@@ -89,6 +93,29 @@ std::string clean_mesh(TriangleMesh& mesh,
     if (!mesh.faces.empty() || cleaned.components == 0) return {};
     return str("all ", cleaned.components,
                " components have fewer than 50 faces; lower --voxel-size, or pass --clusters 0");
+}
+
+void mend_mesh(TriangleMesh& mesh,
+               const std::vector<Camera>& cameras,
+               const MeshOptions& options,
+               const EvidenceSource& evidence,
+               spdlog::level::level_enum level) {
+    if (mesh.faces.empty() || !(options.holes > 0 || options.rims > 0)) return;
+    const SoundReport sound = make_sound(mesh);
+    if (sound.dropped_faces > 0 || sound.split_vertices > 0)
+        spdlog::log(level, "{} faces were none or one too many, {} vertices split where sheets met",
+                    sound.dropped_faces, sound.split_vertices);
+    const HoleReport holes = close_holes(mesh, cameras, evidence, options.holes);
+    if (options.holes > 0)
+        spdlog::log(level,
+                    "of {} loops of rims {} holes of up to {} pixels are closed with {} faces, not "
+                    "{} that a view contradicts, {} that nothing fits",
+                    holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted,
+                    holes.unfit);
+    if (!(options.rims > 0)) return;
+    const std::size_t teeth = drop_teeth(mesh, kTeethRounds);
+    const std::size_t moved = smooth_rims(mesh, cameras, options.rims);
+    spdlog::log(level, "{} teeth of rims are off, {} vertices at rims moved", teeth, moved);
 }
 
 }  // namespace detail

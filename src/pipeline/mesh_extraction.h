@@ -23,7 +23,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify;
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0;
+          max_scale_px = 0, holes = 20, rims = 0;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true;
     std::string box, memory;
@@ -55,6 +55,12 @@ struct MeshOptions {
               "view sees; counts the views of each vertex");
         field("clusters", clusters, {0, 1e9},
               "largest components to keep, of 50 faces and more; 0: all");
+        field("holes", holes, {0, 1000},
+              "holes of up to that many pixels of the nearest view are closed where no view "
+              "contradicts; 0: none");
+        field("rims", rims, {0, 100},
+              "rims lose their teeth and are smoothed by up to that many pixels of the nearest "
+              "view; 0: they stay as they are");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
 };
@@ -81,6 +87,13 @@ std::string clean_mesh(TriangleMesh& mesh,
                        const EvidenceSource& evidence,
                        spdlog::level::level_enum level);
 
+/// Closes the small holes of a mesh and cuts its rims clean.
+void mend_mesh(TriangleMesh& mesh,
+               const std::vector<Camera>& cameras,
+               const MeshOptions& options,
+               const EvidenceSource& evidence,
+               spdlog::level::level_enum level);
+
 /// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and is not to
 /// be fused afterwards.
 template <class Device>
@@ -88,7 +101,7 @@ EvidenceSource evidence_of(DepthViews<Device>& depth) {
     depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
     return {depth.size(), [&depth](int i) -> EvidenceView {
                 const Camera camera = depth.view(i).camera;
-                return {camera, depth.depth_on_host(), depth.weight_on_host()};
+                return {camera, depth.depth_on_host(), depth.weight_on_host(), depth.mask(i)};
             }};
 }
 
@@ -154,8 +167,9 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
     const EvidenceSource evidence = detail::evidence_of(depth);
     std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
-    const std::string simplified =
-        simplify_and_say(found.mesh, detail::cameras_of(views), options.simplify, level);
+    const std::vector<Camera> cameras = detail::cameras_of(views);
+    detail::mend_mesh(found.mesh, cameras, options, evidence, level);
+    const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence) count_views(found.mesh, evidence);
     const std::string& why = !too_large.empty()        ? too_large

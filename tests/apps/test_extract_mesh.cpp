@@ -278,6 +278,8 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.simplify.faces, 0);
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.evidence);
+        EXPECT_EQ(mesh.holes, 0);
+        EXPECT_EQ(mesh.rims, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
         EXPECT_EQ(mesh.meshers.tsdf.lone_views, LoneViews::all);

@@ -33,7 +33,7 @@ TEST(Verdict, SeesWithinThreePixels) {
         EXPECT_EQ(judge(level(2 - off, kDoubtedWeight), facing(2)).verdict, Verdict::sees) << off;
     }
     EXPECT_EQ(judge(level(2.061f), facing(2)).verdict, Verdict::looks_through);
-    EXPECT_EQ(judge(level(2.061f, kDoubtedWeight), facing(2)).verdict, Verdict::nothing);
+    EXPECT_EQ(judge(level(2.061f, kDoubtedWeight), facing(2)).verdict, Verdict::looks_past);
     EXPECT_EQ(judge(level(1.939f), facing(2)).verdict, Verdict::nothing) << "hidden";
 }
 
@@ -67,6 +67,22 @@ TEST(Verdict, NothingWhereNothingIsKnown) {
     EXPECT_EQ(judge(level(2), {{-1.01f, 0, 2}, {0, 0, -1}}).verdict, Verdict::nothing);
     EXPECT_EQ(judge(level(2), {{0, 2.01f, 2}, {0, 0, -1}}).verdict, Verdict::nothing);
     EXPECT_EQ(judge(level(2), {{0.99f, 1.99f, 2}, {0, 0, -1}}).verdict, Verdict::sees_surely);
+}
+
+TEST(Verdict, MasksCountWhereThereIsNoDepth) {
+    EvidenceView view = level(0);
+    view.mask.assign(view.depth.size(), 0);
+    EXPECT_EQ(judge(view, facing(2)).verdict, Verdict::off_object);
+    EXPECT_EQ(judge(view, facing(-2)).verdict, Verdict::nothing) << "behind the camera";
+    view.mask.assign(view.depth.size(), 128);
+    EXPECT_EQ(judge(view, facing(2)).verdict, Verdict::nothing);
+    EvidenceView seen = level(2);
+    seen.mask.assign(seen.depth.size(), 0);
+    EXPECT_EQ(judge(seen, facing(2)).verdict, Verdict::sees_surely);
+    EXPECT_TRUE(contradicts(Verdict::off_object) && contradicts(Verdict::looks_past) &&
+                contradicts(Verdict::looks_through));
+    EXPECT_FALSE(contradicts(Verdict::nothing) || contradicts(Verdict::sees) ||
+                 contradicts(Verdict::sees_surely));
 }
 
 TEST(Verdict, PixelsAreThoseOfTheImage) {

@@ -1,0 +1,142 @@
+#include "mesh/mesh_sound.h"
+
+#include <algorithm>
+#include <map>
+#include <vector>
+
+#include "mesh/disjoint_sets.h"
+#include "mesh/mesh_clean.h"
+#include "mesh/mesh_edges.h"
+#include "mesh/simplify_pieces.h"
+
+namespace tvsgs {
+namespace {
+
+bool same_place(Vec3f a, Vec3f b) {
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/// Returns whether there was something to weld.
+bool weld(TriangleMesh& mesh) {
+    std::map<int, int> renamed;
+    const auto name_of = [&](int v) {
+        for (auto found = renamed.find(v); found != renamed.end(); found = renamed.find(v))
+            v = found->second;
+        return v;
+    };
+    for (const Vec3i& face : mesh.faces)
+        for (int k = 0; k < 3; ++k) {
+            const int a = face[k], b = face[(k + 1) % 3];
+            if (a == b || !same_place(mesh.vertices[std::size_t(a)], mesh.vertices[std::size_t(b)]))
+                continue;
+            const auto [low, high] = std::minmax({name_of(a), name_of(b)});
+            if (low != high) renamed[high] = low;
+        }
+    if (renamed.empty()) return false;
+    for (Vec3i& face : mesh.faces) face = {name_of(face.x), name_of(face.y), name_of(face.z)};
+    return true;
+}
+
+/// The edges of the faces with a marked vertex.
+std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>& marked) {
+    TriangleMesh part;
+    std::vector<int> places;
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        if (!marked[std::size_t(face.x)] && !marked[std::size_t(face.y)] &&
+            !marked[std::size_t(face.z)])
+            continue;
+        part.faces.push_back(face), places.push_back(static_cast<int>(f));
+    }
+    std::vector<FaceEdge> edges = sorted_edges(part);
+    for (FaceEdge& edge : edges) edge.face = places[std::size_t(edge.face)];
+    return edges;
+}
+
+/// Gives the sheets that meet at marked vertices vertices of their own. Faces are of one sheet at a
+/// vertex if edges of two faces lead from one to the other around it.
+std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
+    const std::vector<FaceEdge> edges = edges_at(mesh, marked);
+    std::vector<std::pair<int, int>> corners;  // vertex, face
+    for (const FaceEdge& edge : edges)
+        if (const int v = mesh.faces[std::size_t(edge.face)][edge.corner]; marked[std::size_t(v)])
+            corners.push_back({v, edge.face});
+    std::sort(corners.begin(), corners.end());
+    const auto place = [&](int v, int face) {
+        return static_cast<int>(
+            std::lower_bound(corners.begin(), corners.end(), std::pair{v, face}) - corners.begin());
+    };
+    DisjointSets sheets(corners.size());
+    for (std::size_t i = 0, end = 0; i < edges.size(); i = end) {
+        for (end = i; end < edges.size() && edges[end].key == edges[i].key;) ++end;
+        if (end != i + 2) continue;
+        const FaceEdge a = edges[i], b = edges[i + 1];
+        for (const int step : {0, 1})
+            if (const int v = mesh.faces[std::size_t(a.face)][(a.corner + step) % 3];
+                marked[std::size_t(v)])
+                sheets.unite(place(v, a.face), place(v, b.face));
+    }
+    const std::size_t before = mesh.vertices.size();
+    std::vector<int> names(corners.size());
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+        const auto [v, face] = corners[i];
+        const auto root = static_cast<std::size_t>(sheets.find(static_cast<int>(i)));
+        const bool first_sheet = root == 0 || corners[root - 1].first != v;
+        if (root < i) {
+            names[i] = names[root];
+        } else if (first_sheet) {
+            names[i] = v;
+        } else {
+            names[i] = static_cast<int>(mesh.vertices.size());
+            mesh.vertices.push_back(mesh.vertices[std::size_t(v)]);
+            if (!mesh.colors.empty()) mesh.colors.push_back(mesh.colors[std::size_t(v)]);
+            if (!mesh.views.empty()) mesh.views.push_back(mesh.views[std::size_t(v)]);
+        }
+    }
+    for (std::size_t i = 0; i < corners.size(); ++i)
+        for (int k = 0; k < 3; ++k)
+            if (int& corner = mesh.faces[std::size_t(corners[i].second)][k];
+                corner == corners[i].first)
+                corner = names[i];
+    return mesh.vertices.size() - before;
+}
+
+bool any(const std::vector<char>& flags) {
+    return std::find(flags.begin(), flags.end(), 1) != flags.end();
+}
+
+}  // namespace
+
+bool has_area(Vec3f a, Vec3f b, Vec3f c) {
+    const Vec3d A = vec_cast<double>(a), ab = vec_cast<double>(b) - A, ac = vec_cast<double>(c) - A,
+                bc = ac - ab;
+    const double longest2 = std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+    return norm(cross(ab, ac)) > 1e-12 * longest2;
+}
+
+SoundReport make_sound(TriangleMesh& mesh) {
+    SoundReport report;
+    const std::size_t before = mesh.faces.size();
+    drop_what_is_no_triangle(mesh);  // and looks at indices
+    if (weld(mesh)) drop_what_is_no_triangle(mesh);
+    std::vector<bool> keep(mesh.faces.size());
+    for (std::size_t f = 0; f < keep.size(); ++f) {
+        const Vec3i face = mesh.faces[f];
+        keep[f] = has_area(mesh.vertices[std::size_t(face.x)], mesh.vertices[std::size_t(face.y)],
+                           mesh.vertices[std::size_t(face.z)]);
+    }
+    filter_faces(mesh, keep);
+    if (std::vector<char> crowded = find_edges(mesh).fixed; any(crowded)) {
+        report.split_vertices = split_sheets(mesh, crowded);
+        crowded = find_edges(mesh).fixed;
+        const std::vector<FaceEdge> edges = edges_at(mesh, crowded);
+        keep.assign(mesh.faces.size(), true);
+        for (std::size_t i = 2; i < edges.size(); ++i)
+            if (edges[i].key == edges[i - 2].key) keep[std::size_t(edges[i].face)] = false;
+        filter_faces(mesh, keep);
+    }
+    report.dropped_faces = before - mesh.faces.size();
+    return report;
+}
+
+}  // namespace tvsgs
