@@ -21,10 +21,14 @@ struct ViewSource {
 };
 
 /// In their order; positions count from `origin`. Throws Error(ExitCode::input) where a picture or
-/// mask cannot be read, or has another shape than its camera.
+/// mask cannot be read, or has another shape than its camera. A picture that fits only as its EXIF
+/// orientation turns it is turned.
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
                              Vec3d origin);
+
+/// One line of the log for each camera model that was undistorted, with what it cost.
+void say_lenses(const std::vector<ViewSource>& sources);
 
 /// Of `views` as they were loaded from `sources`: a mask without a pixel of the object is rather
 /// written in another scale than meant.
