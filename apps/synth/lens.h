@@ -110,22 +110,10 @@ private:
         return text;
     }
 
-    /// The pinhole's pixel that is seen at `place`, by Newton's method with differences.
+    /// The pinhole's pixel that is seen at `place`.
     Vec2<double> undistorted_place(Vec2<double> place) const {
-        const Vec2<double> wanted{(place.x - in_.cx_px) / in_.fx_px,
-                                  (place.y - in_.cy_px) / in_.fy_px};
-        Vec2<double> uv = wanted;
-        constexpr double h = 1e-6;
-        for (int step = 0; step < 10; ++step) {
-            const Vec2<double> miss = distort(in_.distortion, uv) - wanted;
-            const Vec2<double> du = (1 / (2 * h)) * (distort(in_.distortion, {uv.x + h, uv.y}) -
-                                                     distort(in_.distortion, {uv.x - h, uv.y}));
-            const Vec2<double> dv = (1 / (2 * h)) * (distort(in_.distortion, {uv.x, uv.y + h}) -
-                                                     distort(in_.distortion, {uv.x, uv.y - h}));
-            const double det = du.x * dv.y - du.y * dv.x;
-            uv = uv - Vec2<double>{(miss.x * dv.y - miss.y * dv.x) / det,
-                                   (miss.y * du.x - miss.x * du.y) / det};
-        }
+        const Vec2<double> uv = undistort(
+            in_.distortion, {(place.x - in_.cx_px) / in_.fx_px, (place.y - in_.cy_px) / in_.fy_px});
         return {uv.x * in_.fx_px + in_.cx_px, uv.y * in_.fy_px + in_.cy_px};
     }
 

@@ -218,6 +218,22 @@ Vec2<double> distort(const Distortion& d, Vec2<double> uv) {
             v * factor + 2 * d.p2 * u * v + d.p1 * (r2 + 2 * v * v) + d.s2 * r2};
 }
 
+Vec2<double> undistort(const Distortion& d, Vec2<double> place) {
+    Vec2<double> uv = place;
+    constexpr double h = 1e-6;
+    const auto slope = [&](Vec2<double> step) {
+        return 1 / (2 * h) * (distort(d, uv + step) - distort(d, uv - step));
+    };
+    for (int i = 0; i < 20; ++i) {
+        const Vec2<double> miss = distort(d, uv) - place, du = slope({h, 0}), dv = slope({0, h});
+        const double det = du.x * dv.y - du.y * dv.x;
+        uv = uv - Vec2<double>{(miss.x * dv.y - miss.y * dv.x) / det,
+                               (miss.y * du.x - miss.x * du.y) / det};
+        if (dot(miss, miss) < 1e-28) break;
+    }
+    return uv;
+}
+
 ImageU8 undistorted(const Intrinsics& in, const ImageU8& image, ImageU8& valid) {
     const int width = image.width, height = image.height;
     ImageU8 out(width, height, image.channels);

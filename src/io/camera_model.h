@@ -34,6 +34,10 @@ struct Distortion {
 };
 Vec2<double> distort(const Distortion& distortion, Vec2<double> uv);
 
+/// The ray that lands there: the inverse, by Newton's method, for places that distort() reaches
+/// without folding.
+Vec2<double> undistort(const Distortion& distortion, Vec2<double> place);
+
 /// A camera without its pose; the principal point counts from the corner of the first pixel.
 struct Intrinsics {
     int width_px = 0, height_px = 0;

@@ -1,6 +1,10 @@
 #include "io/exif.h"
 
+#include <algorithm>
 #include <cstdint>
+#include <iterator>
+
+#include "io/read_file.h"
 
 namespace tvsgs {
 namespace {
@@ -21,36 +25,66 @@ struct Numbers {
     }
 };
 
-/// Of a TIFF header with its first list of entries.
-int orientation_of_tiff(std::string_view tiff) {
-    if (!tiff.starts_with("MM") && !tiff.starts_with("II")) return 1;
-    const Numbers in{tiff, tiff[0] == 'M'};
-    const std::size_t list = in.at(4, 4), count = in.at(list, 2);
-    for (std::size_t i = 0; i < count; ++i) {
-        const std::size_t entry = list + 2 + 12 * i;  // tag, type, count, value
-        if (in.at(entry, 2) != 0x0112) continue;
-        const std::uint32_t value = in.at(entry + 8, 2);
-        return value >= 1 && value <= 8 ? static_cast<int>(value) : 1;
+/// A TIFF with lists of entries: tag, type, count, and the value or where it stands.
+struct Tiff {
+    Numbers in;
+
+    /// Where the value of a tag begins in the file; 0: there is none. `size`: bytes of the value.
+    std::size_t find(std::size_t list, std::uint32_t tag, std::size_t& size) const {
+        const std::size_t count = in.at(list, 2);
+        for (std::size_t i = 0; i < count; ++i) {
+            const std::size_t entry = list + 2 + 12 * i;
+            if (in.at(entry, 2) != tag) continue;
+            constexpr std::size_t kSizes[] = {0, 1, 1, 2, 4, 8};  // text, short, long, rational
+            const std::uint32_t type = in.at(entry + 2, 2);
+            if (type >= std::size(kSizes)) return 0;
+            size = kSizes[type] * in.at(entry + 4, 4);
+            return size <= 4 ? entry + 8 : in.at(entry + 8, 4);
+        }
+        return 0;
     }
-    return 1;
+    std::string text(std::size_t list, std::uint32_t tag) const {
+        std::size_t size = 0;
+        const std::size_t at = find(list, tag, size);
+        if (at == 0 || at >= in.bytes.size()) return "";
+        const std::string_view all = in.bytes.substr(at, std::min<std::size_t>(size, 64));
+        return std::string(trimmed(all.substr(0, all.find('\0'))));
+    }
+};
+
+Exif read_tiff(std::string_view bytes) {
+    Exif exif;
+    if (!bytes.starts_with("MM") && !bytes.starts_with("II")) return exif;
+    const Tiff tiff{{bytes, bytes[0] == 'M'}};
+    const Numbers& in = tiff.in;
+    const std::size_t list = in.at(4, 4);
+    std::size_t size = 0;
+    if (const std::size_t at = tiff.find(list, 0x0112, size))
+        if (const std::uint32_t value = in.at(at, 2); value >= 1 && value <= 8)
+            exif.orientation = static_cast<int>(value);
+    exif.camera = trimmed(tiff.text(list, 0x010F) + " " + tiff.text(list, 0x0110));
+    if (const std::size_t details = tiff.find(list, 0x8769, size))
+        if (const std::size_t at = tiff.find(in.at(details, 4), 0x920A, size))
+            if (const double of = in.at(at + 4, 4); of > 0) exif.focal_mm = in.at(at, 4) / of;
+    return exif;
 }
 
 }  // namespace
 
-int exif_orientation(std::string_view jpeg) {
+Exif read_exif(std::string_view jpeg) {
     using std::string_view_literals::operator""sv;
-    if (!jpeg.starts_with("\xFF\xD8")) return 1;
+    if (!jpeg.starts_with("\xFF\xD8")) return {};
     const Numbers in{jpeg, true};
     // Segments, up to the one with which the pixels begin.
     for (std::size_t at = 2; in.at(at, 1) == 0xFF && in.at(at + 1, 1) != 0xDA;) {
         const std::size_t length = in.at(at + 2, 2);
-        if (length < 2) return 1;
+        if (length < 2) return {};
         const std::string_view segment = jpeg.substr(at, 2 + length);
         if (in.at(at + 1, 1) == 0xE1 && segment.substr(4).starts_with("Exif\0\0"sv))
-            return orientation_of_tiff(segment.substr(10));
+            return read_tiff(segment.substr(10));
         at += 2 + length;
     }
-    return 1;
+    return {};
 }
 
 ImageU8 turned(const ImageU8& image, int orientation) {

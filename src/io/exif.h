@@ -1,15 +1,22 @@
-// How a camera was held, as EXIF says.
+// What a photograph says of its camera.
 #pragma once
 
+#include <string>
 #include <string_view>
 
 #include "core/image.h"
 
 namespace tvsgs {
 
-/// EXIF orientation of a JPEG, 1 to 8; 1 where none is said. Never throws: what is broken says
-/// nothing.
-int exif_orientation(std::string_view jpeg);
+struct Exif {
+    int orientation = 1;  // 1 to 8
+    std::string camera;   // maker and model, or empty
+    double focal_mm = 0;  // 0: not said
+};
+
+/// Of the start of a JPEG that holds its segments before the pixels. Never throws: what is broken
+/// says nothing.
+Exif read_exif(std::string_view jpeg);
 
 /// Of orientations that swap the sides.
 inline bool turns_sides(int orientation) {

@@ -24,10 +24,11 @@ bool same_shape(int w, int h, int camera_w, int camera_h) {
 
 /// The pixels as their camera has them: turned by EXIF where they fit only so. Others are left as
 /// they are stored, as COLMAP does.
-ImageU8 read_photo(const std::string& file, const Intrinsics& camera, std::atomic<int>& turns) {
+ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was_turned) {
     const auto fits = [&](int width, int height) {
         return same_shape(width, height, camera.width_px, camera.height_px);
     };
+    was_turned = false;
     const ImageSize found = read_image_size(file);
     const bool as_stored = fits(found.width, found.height),
                sideways = !as_stored && fits(found.height, found.width);
@@ -41,13 +42,13 @@ ImageU8 read_photo(const std::string& file, const Intrinsics& camera, std::atomi
             "; pass the folder of the images that the cameras were computed for (--images)");
     const std::string bytes = read_bytes(file);
     if (as_stored) return decode_image(file, bytes);
-    const int orientation = exif_orientation(bytes);
+    const int orientation = read_exif(bytes).orientation;
     if (!turns_sides(orientation))
         throw wrong(
             " (turned, as by EXIF orientation 6, which this file no longer says: the poses were "
             "computed on rotated pixels); rotate the image, or pass the folder of the images that "
             "the cameras were computed for (--images)");
-    ++turns;
+    was_turned = true;
     return turned(decode_image(file, bytes), orientation);
 }
 
@@ -98,11 +99,10 @@ View load_view(const ViewSource& source,
                Vec3d origin,
                std::atomic<int>& turns) {
     // 1. Pixels, and where there are masks, theirs.
-    ImageU8 photo, mask;
-    split_alpha(read_photo(source.file, source.intrinsics, turns), photo, mask);
-    if (source.alpha_on_black)
-        for (std::size_t i = 0; i < photo.pixels.size() && !mask.empty(); ++i)
-            photo.pixels[i] = static_cast<std::uint8_t>(photo.pixels[i] * mask.pixels[i / 3] / 255);
+    ImageU8 mask;
+    bool was_turned = false;
+    ImageU8 photo = read_photo(source, mask, was_turned);
+    turns += was_turned;
     if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
         mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
@@ -160,6 +160,17 @@ View load_view(const ViewSource& source,
 }
 
 }  // namespace
+
+ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned) {
+    ImageU8 photo;
+    alpha = {};
+    split_alpha(read_pixels(source.file, source.intrinsics, was_turned), photo, alpha);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !alpha.empty(); ++i)
+            photo.pixels[i] =
+                static_cast<std::uint8_t>(photo.pixels[i] * alpha.pixels[i / 3] / 255);
+    return photo;
+}
 
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,

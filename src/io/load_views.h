@@ -20,9 +20,13 @@ struct ViewSource {
     bool alpha_on_black = false;
 };
 
+/// [H, W, 3] as its camera has it, before lens distortion is undone: turned by its EXIF orientation
+/// where it fits only so. `alpha` [H, W, 1] becomes that channel, or empty. Throws
+/// Error(ExitCode::input) where the picture cannot be read or has another shape than its camera.
+ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned);
+
 /// In their order; positions count from `origin`. Throws Error(ExitCode::input) where a picture or
-/// mask cannot be read, or has another shape than its camera. A picture that fits only as its EXIF
-/// orientation turns it is turned.
+/// mask cannot be read, or has another shape than its camera.
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
                              Vec3d origin);

@@ -114,6 +114,9 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
                                                               {{0.05, 0.5}, c.second}};
         for (const auto& [uv, theirs] : rays) {
             const Vec2<double> ours = distort(in.distortion, uv);
+            const Vec2<double> back = undistort(in.distortion, ours);
+            EXPECT_NEAR(back.x, uv.x, 1e-12) << c.model;
+            EXPECT_NEAR(back.y, uv.y, 1e-12) << c.model;
             // The same formula in double, printed with 13 digits.
             EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9) << c.model;
             EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9) << c.model;
