@@ -13,7 +13,7 @@
 #include "apps/priors/recipe.h"
 #include "apps/priors/recipe_flags.h"
 #include "core/log.h"
-#include "io/image_file.h"
+#include "io/load_views.h"
 #include "io/scene_reader.h"
 
 namespace tvsgs::priors {
@@ -75,31 +75,23 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     return arguments;
 }
 
-/// One photograph of the scene.
-struct Photograph {
-    std::string view, file;
-};
-
-std::vector<Photograph> photographs_of(const ChosenViews& chosen) {
-    std::vector<Photograph> photographs;
+std::vector<ViewSource> photographs_of(const ChosenViews& chosen) {
+    std::vector<ViewSource> photographs;
+    const ColmapModel& model = chosen.layout.model;
     for (const int i : chosen.split.train) {
         const auto at = static_cast<std::size_t>(i);
-        photographs.push_back({chosen.layout.model.images[at].name, *chosen.files[at]});
+        const ColmapImage& image = model.images[at];
+        photographs.push_back({&image, model.cameras.at(image.camera_id), *chosen.files[at],
+                               std::nullopt, chosen.layout.alpha_on_black});
     }
     return photographs;
 }
 
-/// As training sees it: three channels; what is transparent is black where the layout says so.
-ImageU8 read_photograph(const std::string& file, bool alpha_on_black) {
-    if (!alpha_on_black || read_image_size(file).channels != 4) return read_image(file, 3);
-    const ImageU8 image = read_image(file, 4);
-    ImageU8 photo(image.width, image.height, 3);
-    for (std::size_t i = 0; i < photo.pixels.size(); ++i) {
-        const std::size_t pixel = i / 3;
-        photo.pixels[i] = static_cast<std::uint8_t>(image.pixels[4 * pixel + i % 3] *
-                                                    image.pixels[4 * pixel + 3] / 255);
-    }
-    return photo;
+/// As training sees it, but for its lens: three channels.
+ImageU8 read_photograph(const ViewSource& source) {
+    ImageU8 alpha;
+    bool was_turned = false;
+    return read_photo(source, alpha, was_turned);
 }
 
 /// A line now and then of how far it is.
@@ -152,9 +144,9 @@ int command(int argc, char** argv) {
 
     // 2. The scene and the network.
     const ChosenViews chosen = choose_views(scene_options);
-    const std::vector<Photograph> photographs = photographs_of(chosen);
+    const std::vector<ViewSource> photographs = photographs_of(chosen);
     std::vector<std::string> views;
-    for (const Photograph& photograph : photographs) views.push_back(photograph.view);
+    for (const ViewSource& photograph : photographs) views.push_back(photograph.image->name);
     Network network(arguments.model, recipe.output);
     recipe.size = network.settled(recipe.size, arguments.recipe.size_of_preset());
     const std::string producer =
@@ -164,9 +156,9 @@ int command(int argc, char** argv) {
             ", gives ", meaning_of(recipe));
     PriorsFolder folder(arguments.out, recipe.kind, section_of(recipe, producer),
                         arguments.overwrite, scene_options.path, views);
-    std::vector<Photograph> wanted;
+    std::vector<ViewSource> wanted;
     std::copy_if(photographs.begin(), photographs.end(), std::back_inserter(wanted),
-                 [&](const Photograph& p) { return !folder.has(p.view); });
+                 [&](const ViewSource& p) { return !folder.has(p.image->name); });
     spdlog::info("{}: {} of {}: {}; {} photographs on the CPU{}", arguments.out,
                  name_of(recipe.kind), fs::path(arguments.model).filename().string(),
                  meaning_of(recipe), wanted.size(),
@@ -177,14 +169,14 @@ int command(int argc, char** argv) {
 
     // 3. The maps.
     Pace pace(wanted.size());
-    for (const Photograph& photograph : wanted)
+    for (const ViewSource& photograph : wanted)
         with_context(str("making the ", name_of(recipe.kind), " of ", photograph.file), [&] {
-            const ImageU8 photo = read_photograph(photograph.file, chosen.layout.alpha_on_black);
+            const ImageU8 photo = read_photograph(photograph);
             const InputPlace place = place_photo(recipe, photo.width, photo.height);
             const Tensor output =
                 network.run(input_of(recipe, place, photo), place.width, place.height);
             const ImageF map = map_of(recipe, place, output, arguments.model);
-            folder.write(photograph.view,
+            folder.write(photograph.image->name,
                          map_of_photo(recipe, place, map, photo.width, photo.height));
             pace.done_one();
         });

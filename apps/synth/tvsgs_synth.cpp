@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "apps/common/command_line.h"
+#include "apps/synth/lens.h"
 #include "apps/synth/photo.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/views.h"
@@ -88,12 +89,24 @@ bool is_visible(const Sample& sample, const Camera& camera, const ImageF& depth)
     return z <= farthest + 0.1f * kMeshSpacing;
 }
 
+/// Of a pinhole's pixel (`whole`: of its view) in the photograph.
+bool is_in_photo(const Lens& lens, const Camera& whole, Vec3f point) {
+    Vec2f pixel;
+    float z = 0;
+    project(whole, point, pixel, z);
+    Vec2<double> place;
+    return lens.find(pixel, place);
+}
+
 void mark_visible(std::vector<Sample>& samples,
                   int view,
                   const Camera& camera,
-                  const ImageF& depth) {
+                  const ImageF& depth,
+                  const Lens& lens,
+                  const Camera& whole) {
     parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int i) {
-        if (is_visible(samples[i], camera, depth)) samples[i].views.push_back(view);
+        if (is_visible(samples[i], camera, depth) && is_in_photo(lens, whole, samples[i].position))
+            samples[i].views.push_back(view);
     });
 }
 
@@ -102,27 +115,27 @@ void write_view(const std::string& out,
                 const TriangleMesh& mesh,
                 const Highlights* highlights,
                 const SynthOptions& options,
+                const Lens& lens,
                 const std::vector<SynthView>& views,
                 int i,
                 std::vector<Sample>& points,
                 std::vector<Sample>& truth) {
-    const Camera fine = scaled_camera(views[i].camera, options.width * kSupersampling,
-                                      options.height * kSupersampling);
+    const Camera fine = lens.pinhole(views[i].camera);
     MeshRender render = render_mesh(highlights ? highlights->seen_from(camera_centre(fine)) : mesh,
                                     fine, {.smooth_normals = false});
-    mark_visible(points, i, fine, render.depth);
-    mark_visible(truth, i, fine, render.depth);
+    mark_visible(points, i, fine, render.depth, lens, views[i].camera);
+    mark_visible(truth, i, fine, render.depth, lens, views[i].camera);
 
     if (options.masks) {
         ImageF hit(fine.width_px, fine.height_px, 1);
         for (std::size_t k = 0; k < hit.pixels.size(); ++k)
             hit.pixels[k] = render.face.pixels[k] >= 0;
-        ImageU8 mask = to_8bit(box_filter(hit, kSupersampling));
+        ImageU8 mask = to_8bit(box_filter(lens.bent(hit), kSupersampling));
         for (std::uint8_t& value : mask.pixels) value = value > 127 ? 255 : 0;
         write_png(str(out, "/masks/", views[i].name), mask);
     }
     if (options.background == "sky") add_sky(render, fine, options.seed);
-    ImageF photo = box_filter(render.color, kSupersampling);
+    ImageF photo = box_filter(lens.bent(render.color), kSupersampling);
     const auto gain = static_cast<float>(exposure_gain(options.exposure_drift, i));
     for (float& value : photo.pixels) value *= gain;
     add_noise(photo, static_cast<float>(options.noise), options.seed, i);
@@ -133,6 +146,7 @@ void write_view(const std::string& out,
 /// exact.
 void write_colmap(const std::string& folder,
                   const std::vector<SynthView>& views,
+                  const Lens& lens,
                   const std::vector<Sample>& points,
                   std::uint64_t seed) {
     std::ostringstream cameras, images, cloud;
@@ -142,9 +156,7 @@ void write_colmap(const std::string& folder,
     cloud << std::setprecision(9)
           << "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n";
 
-    const Camera& camera = views.front().camera;
-    cameras << "1 PINHOLE " << camera.width_px << ' ' << camera.height_px << ' ' << camera.fx_px
-            << ' ' << camera.fy_px << ' ' << camera.cx_px << ' ' << camera.cy_px << '\n';
+    cameras << "1 " << lens.colmap() << '\n';
 
     std::vector<std::ostringstream> observations(views.size());
     std::vector<int> observation_count(views.size());
@@ -158,9 +170,11 @@ void write_colmap(const std::string& folder,
             Vec2f pixel;
             float depth = 0;
             project(views[view].camera, point.position, pixel, depth);
+            Vec2<double> place;
+            lens.find(pixel, place);
             cloud << ' ' << view + 1 << ' ' << observation_count[view]++;
-            observations[view] << (observation_count[view] > 1 ? " " : "") << pixel.x << ' '
-                               << pixel.y << ' ' << k + 1;
+            observations[view] << (observation_count[view] > 1 ? " " : "") << place.x << ' '
+                               << place.y << ' ' << k + 1;
         }
         cloud << '\n';
     }
@@ -252,19 +266,21 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     if (options.shininess > 0)
         highlights =
             std::make_unique<Highlights>(shape, mesh, static_cast<float>(options.shininess));
-    const std::vector<SynthView> views = make_views(options);
+    std::vector<SynthView> views = make_views(options);
+    const Lens lens(options.lens, views.front().camera, kSupersampling);
+    for (SynthView& view : views) view.camera.fy_px = lens.fy_px();
     std::vector<Sample> points = sample_surface(mesh, options.points, options.seed);
     std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
     for (int i = 0; i < options.views; ++i) {
         SignalGuard::check();
-        write_view(out, mesh, highlights.get(), options, views, i, points, truth);
+        write_view(out, mesh, highlights.get(), options, lens, views, i, points, truth);
         if (!options.priors.format.empty())
             write_priors(out, mesh, options, views[static_cast<std::size_t>(i)], i);
     }
     finish_priors(out, mesh, options, views);
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
-    write_colmap(out + "/sparse/0", views, points, options.seed);
+    write_colmap(out + "/sparse/0", views, lens, points, options.seed);
     const Splits splits = make_splits(views, options.test_views);
     write_text_file(out + "/splits.json", splits_json(splits, views));
     std::vector<int> all(views.size());
@@ -294,6 +310,8 @@ int run(const SynthOptions& options) {
                                          " views leave fewer than two to train; expected at most ",
                                          options.views - 2, ", or more --views"));
     check_priors(options.priors);
+    if (options.lens != "PINHOLE" && !options.priors.format.empty())
+        throw Error(ExitCode::usage, "--lens and --priors: priors are made for PINHOLE alone");
     make_shape(options.shape);  // a wrong name is said before anything is touched
     const fs::path out = fs::path(options.out).lexically_normal();
     std::error_code failure;
@@ -401,6 +419,12 @@ int command(int argc, char** argv) {
         ->capture_default_str();
     app.add_flag("--masks,!--no-masks", options.masks,
                  "masks of object and ground disc; written unless --no-masks");
+    std::vector<std::string> lenses;
+    for (const auto& [name, coefficients] : kLenses) lenses.push_back(name);
+    app.add_option("--lens", options.lens,
+                   "camera model of the photographs, with the distortion of a common lens")
+        ->check(CLI::IsMember(lenses))
+        ->capture_default_str();
     app.add_option("--exposure-drift", options.exposure_drift,
                    "each view is brighter or darker by up to this share; gt/info.json says by how "
                    "much")

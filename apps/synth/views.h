@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "apps/common/quaternion.h"
 #include "core/camera.h"
 
 namespace tvsgs::synth {
@@ -31,7 +32,7 @@ struct SynthOptions {
     std::optional<int> test_views;  // absent: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
     double noise = 0, exposure_drift = 0, shininess = 0, texture = 1;
-    std::string background = "empty";
+    std::string background = "empty", lens = "PINHOLE";
     std::uint64_t seed = 1;
     bool masks = true, overwrite = false;
     SynthPriors priors;
@@ -44,22 +45,6 @@ struct SynthView {
     Vec3d translation;
     Camera camera;
 };
-
-/// Unit quaternion of a rotation matrix.
-inline Quat<double> quaternion(const Mat3<double>& R) {
-    // The largest entry is taken from the diagonal, the others from it: no cancellation.
-    const double squares[4] = {1 + R[0][0] + R[1][1] + R[2][2], 1 + R[0][0] - R[1][1] - R[2][2],
-                               1 - R[0][0] + R[1][1] - R[2][2], 1 - R[0][0] - R[1][1] + R[2][2]};
-    const auto largest = std::max_element(squares, squares + 4) - squares;
-    const double a = R[2][1] - R[1][2], b = R[0][2] - R[2][0], c = R[1][0] - R[0][1];
-    const double d = R[1][0] + R[0][1], e = R[0][2] + R[2][0], f = R[2][1] + R[1][2];
-    const double s = squares[largest];
-    const Quat<double> q = largest == 0   ? Quat<double>{s, a, b, c}
-                           : largest == 1 ? Quat<double>{a, s, d, e}
-                           : largest == 2 ? Quat<double>{b, d, s, f}
-                                          : Quat<double>{c, e, f, s};
-    return normalize(q);
-}
 
 /// Cameras around the object at three heights in turn, all looking at its middle; the front is at
 /// azimuth 0.

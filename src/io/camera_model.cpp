@@ -53,41 +53,54 @@ void throw_camera_model(const std::string& path,
                         const std::string& model) {
     throw input_error(
         "E_CAMERA_MODEL: ", path, ": camera ", camera_id, " uses ", model,
-        "; tvsgs needs PINHOLE, SIMPLE_PINHOLE or a model it can undistort (SIMPLE_RADIAL, RADIAL, "
-        "OPENCV, FULL_OPENCV). Run \"colmap image_undistorter\" and pass its output folder.");
-}
-
-bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
-    const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
-    const Vec2<double> from = distort(in.distortion, uv);
-    place = {from.x * in.fx_px + in.cx_px, from.y * in.fy_px + in.cy_px};
-    if (in.distortion.kind == Distortion::Kind::fisheye &&
-        dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
-        return false;
-    if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
-        return false;                     // NaN too
-    if (dot(from, uv) < 0) return false;  // through the middle to the other side
-    const double step = 1e-5 * (1 + std::sqrt(dot(uv, uv)));
-    const Vec2<double> u = distort(in.distortion, {uv.x + step, uv.y}),
-                       v = distort(in.distortion, {uv.x, uv.y + step});
-    return (u.x - from.x) * (v.y - from.y) - (u.y - from.y) * (v.x - from.x) > 0;
+        "; expected PINHOLE, SIMPLE_PINHOLE or a model that tvsgs undistorts: SIMPLE_RADIAL, "
+        "RADIAL, "
+        "OPENCV, FULL_OPENCV, FOV, OPENCV_FISHEYE, SIMPLE_RADIAL_FISHEYE, RADIAL_FISHEYE, "
+        "THIN_PRISM_FISHEYE, SIMPLE_FISHEYE, FISHEYE. Run \"colmap image_undistorter\" and pass "
+        "its "
+        "output folder, or calibrate with one of these models.");
 }
 
 namespace {
 
-/// Of a pinhole of the same size; by a grid.
-double share_in_photo(const Intrinsics& in) {
-    constexpr int kSteps = 64;
-    int found = 0;
-    Vec2<double> place;
-    for (int y = 0; y < kSteps; ++y)
-        for (int x = 0; x < kSteps; ++x)
-            found += find_in_photo(in, (x + 0.5) / kSteps * in.width_px,
-                                   (y + 0.5) / kSteps * in.height_px, place);
-    return double(found) / (kSteps * kSteps);
+/// How many of the photograph's pixels one of the pinhole's is large; 0 where it shows nothing.
+double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
+    const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
+    const Vec2<double> from = distort(in.distortion, uv);
+    place = {from.x * in.fx_px + in.cx_px, from.y * in.fy_px + in.cy_px};
+    const Distortion::Kind kind = in.distortion.kind;
+    if ((kind == Distortion::Kind::fisheye || kind == Distortion::Kind::fov) &&
+        dot(uv, uv) > kMaxFisheyeRadius * kMaxFisheyeRadius)
+        return 0;
+    if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
+        return 0;                     // NaN too
+    if (dot(from, uv) < 0) return 0;  // through the middle to the other side
+    const double step = 1e-5 * (1 + std::sqrt(dot(uv, uv)));
+    const Vec2<double> u = distort(in.distortion, {uv.x + step, uv.y}),
+                       v = distort(in.distortion, {uv.x, uv.y + step});
+    const double area = (u.x - from.x) * (v.y - from.y) - (u.y - from.y) * (v.x - from.x);
+    return area > 0 ? area / (step * step) : 0;
 }
 
 }  // namespace
+
+bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
+    return area_in_photo(in, x, y, place) > 0;
+}
+
+UndistortionLoss undistortion_loss(const Intrinsics& in, int steps) {
+    if (in.distortion.kind == Distortion::Kind::none) return {};
+    const double share = 1.0 / (steps * steps);
+    UndistortionLoss loss{1, 1};
+    Vec2<double> place;
+    for (int y = 0; y < steps; ++y)
+        for (int x = 0; x < steps; ++x)
+            if (const double area = area_in_photo(in, (x + 0.5) / steps * in.width_px,
+                                                  (y + 0.5) / steps * in.height_px, place);
+                area > 0)
+                loss.cropped -= area * share, loss.empty -= share;
+    return {std::max(loss.cropped, 0.0), std::max(loss.empty, 0.0)};
+}
 
 Intrinsics make_intrinsics(const std::string& path,
                            std::uint32_t camera_id,
@@ -99,11 +112,12 @@ Intrinsics make_intrinsics(const std::string& path,
     if (width < 1 || height < 1 || width > 65535 || height > 65535 || width * height > (1u << 30))
         throw input_error("E_CAMERA_SIZE: ", where, ": ", width, "x", height,
                           " pixels; expected 1 to 65535 a side and at most 2^30 in all");
-    const bool two_focals =
-        model.id == 1 || model.id == 4 || model.id == 5 || model.id == 6 || model.id == 15;
+    constexpr int kTwoFocals[] = {1, 4, 5, 6, 7, 10, 15};
+    const bool two_focals = std::ranges::find(kTwoFocals, model.id) != std::end(kTwoFocals);
     const int first = two_focals ? 4 : 3;  // the first coefficient
 
     Intrinsics in;
+    in.model = model.name;
     Distortion& d = in.distortion;
     in.width_px = static_cast<int>(width), in.height_px = static_cast<int>(height);
     in.fx_px = params[0], in.fy_px = params[two_focals ? 1 : 0];
@@ -129,6 +143,15 @@ Intrinsics make_intrinsics(const std::string& path,
         case 15:
             d.kind = Distortion::Kind::fisheye;
             std::copy(params.begin() + first, params.end(), d.k);
+            break;
+        case 7:
+            d.kind = Distortion::Kind::fov;
+            d.k[0] = params[4];
+            break;
+        case 10:  // k1, k2, p1, p2, k3, k4, sx1, sy1
+            d.kind = Distortion::Kind::fisheye;
+            d.k[0] = params[4], d.k[1] = params[5], d.p1 = params[6], d.p2 = params[7];
+            d.k[2] = params[8], d.k[3] = params[9], d.s1 = params[10], d.s2 = params[11];
             break;
         default:
             throw_camera_model(path, camera_id, model.name);
@@ -158,10 +181,10 @@ Intrinsics make_intrinsics(const std::string& path,
 
     const bool zero = d.p1 == 0 && d.p2 == 0 &&
                       std::all_of(std::begin(d.k), std::end(d.k), [](double k) { return k == 0; });
-    if (d.kind == Distortion::Kind::radial && zero) d.kind = Distortion::Kind::none;
+    if (d.kind != Distortion::Kind::fisheye && zero) d.kind = Distortion::Kind::none;
     constexpr double kLeastShare = 0.2;
     if (d.kind != Distortion::Kind::none)
-        if (const double share = share_in_photo(in); share < kLeastShare)
+        if (const double share = 1 - undistortion_loss(in, 64).empty; share < kLeastShare)
             throw input_error("E_CAMERA_PARAMS: ", where, ": its distortion leaves ",
                               std::round(1000 * share) / 10,
                               " % of the picture when it is undone, expected ", 100 * kLeastShare,
@@ -179,17 +202,36 @@ Intrinsics scaled(Intrinsics in, int width_px, int height_px) {
 
 Vec2<double> distort(const Distortion& d, Vec2<double> uv) {
     if (d.kind == Distortion::Kind::none) return uv;
-    if (d.kind == Distortion::Kind::fisheye) {
-        const double r = std::sqrt(dot(uv, uv));
-        if (r < 1e-12) return uv;
-        const double angle = std::atan(r), a2 = angle * angle;
-        return angle * (1 + a2 * (d.k[0] + a2 * (d.k[1] + a2 * (d.k[2] + a2 * d.k[3])))) / r * uv;
+    if (d.kind == Distortion::Kind::fov) {
+        const double r = std::sqrt(dot(uv, uv)), omega = d.k[0];
+        if (r < 1e-12) return 2 * std::tan(omega / 2) / omega * uv;
+        return std::atan(2 * r * std::tan(omega / 2)) / (r * omega) * uv;
     }
+    const bool fisheye = d.kind == Distortion::Kind::fisheye;
+    if (fisheye)  // the angle becomes the distance from the middle
+        if (const double r = std::sqrt(dot(uv, uv)); r > 1e-12) uv = std::atan(r) / r * uv;
     const double u = uv.x, v = uv.y, r2 = dot(uv, uv);
-    const double factor = (1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * d.k[2]))) /
-                          (1 + r2 * (d.k[3] + r2 * (d.k[4] + r2 * d.k[5])));
-    return {u * factor + 2 * d.p1 * u * v + d.p2 * (r2 + 2 * u * u),
-            v * factor + 2 * d.p2 * u * v + d.p1 * (r2 + 2 * v * v)};
+    const double factor = fisheye ? 1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * (d.k[2] + r2 * d.k[3])))
+                                  : (1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * d.k[2]))) /
+                                        (1 + r2 * (d.k[3] + r2 * (d.k[4] + r2 * d.k[5])));
+    return {u * factor + 2 * d.p1 * u * v + d.p2 * (r2 + 2 * u * u) + d.s1 * r2,
+            v * factor + 2 * d.p2 * u * v + d.p1 * (r2 + 2 * v * v) + d.s2 * r2};
+}
+
+Vec2<double> undistort(const Distortion& d, Vec2<double> place) {
+    Vec2<double> uv = place;
+    constexpr double h = 1e-6;
+    const auto slope = [&](Vec2<double> step) {
+        return 1 / (2 * h) * (distort(d, uv + step) - distort(d, uv - step));
+    };
+    for (int i = 0; i < 20; ++i) {
+        const Vec2<double> miss = distort(d, uv) - place, du = slope({h, 0}), dv = slope({0, h});
+        const double det = du.x * dv.y - du.y * dv.x;
+        uv = uv - Vec2<double>{(miss.x * dv.y - miss.y * dv.x) / det,
+                               (miss.y * du.x - miss.x * du.y) / det};
+        if (dot(miss, miss) < 1e-28) break;
+    }
+    return uv;
 }
 
 ImageU8 undistorted(const Intrinsics& in, const ImageU8& image, ImageU8& valid) {

@@ -25,19 +25,25 @@ const CameraModel* find_camera_model(std::string_view name);
 /// Where a ray (u, v, 1) really lands on the plane z = 1; the coefficients of all models that we
 /// undo.
 struct Distortion {
-    enum class Kind { none, radial, fisheye };
+    enum class Kind { none, radial, fisheye, fov };
     Kind kind = Kind::none;
     double k[6]{};  // radial: (1 + k0 r^2 + k1 r^4 + k2 r^6) / (1 + k3 r^2 + ...); fisheye: k0 ...
-                    // k3 of angle^2 ... angle^8
-    double p1 = 0, p2 = 0;  // tangential
+                    // k3 of angle^2 ... angle^8; fov: k0 is the angle omega
+    double p1 = 0, p2 = 0;  // tangential; of fisheyes as well
+    double s1 = 0, s2 = 0;  // thin prism, of fisheyes
 };
 Vec2<double> distort(const Distortion& distortion, Vec2<double> uv);
+
+/// The ray that lands there: the inverse, by Newton's method, for places that distort() reaches
+/// without folding.
+Vec2<double> undistort(const Distortion& distortion, Vec2<double> place);
 
 /// A camera without its pose; the principal point counts from the corner of the first pixel.
 struct Intrinsics {
     int width_px = 0, height_px = 0;
     double fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
     Distortion distortion;
+    const char* model = "PINHOLE";  // as COLMAP names it
 };
 
 /// Checks the camera and reads the model's parameters. Throws Error(ExitCode::input):
@@ -60,6 +66,14 @@ Intrinsics scaled(Intrinsics intrinsics, int width_px, int height_px);
 /// Where a pinhole's pixel lies in the photograph; false where it shows nothing: outside, or where
 /// the model's polynomials fold the picture over, so that another pixel is seen in the same place.
 bool find_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place);
+
+/// What undistorted() costs, in shares of the pixels.
+struct UndistortionLoss {
+    double cropped = 0;  // of the photograph: beyond the rim of the pinhole's image
+    double empty = 0;    // of the pinhole's image: beyond the rim of the photograph
+};
+/// By steps x steps samples: a rim is off by half a step at most.
+UndistortionLoss undistortion_loss(const Intrinsics& in, int steps = 128);
 
 /// The image that the pinhole camera of the same focal lengths, centre and size would have taken,
 /// sampled bilinearly. `valid` [H, W, 1] becomes 0 where the image does not reach, and 255

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <limits>
 #include <memory>
 
@@ -13,23 +14,42 @@
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 #include "io/stb.h"
+#include "io/webp.h"
 
 namespace tvsgs {
 namespace {
+
+using std::string_view_literals::operator""sv;
 
 struct StbFree {
     void operator()(void* pixels) const { stbi_image_free(pixels); }
 };
 
+/// What the first bytes of a file that we do not read say that it is; empty: nothing known.
+std::string kind_of_file(std::string_view bytes) {
+    if (bytes.starts_with("II*") || bytes.starts_with("MM\0*"sv)) return "a TIFF or raw photograph";
+    if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp")
+        return str("of the kind '", shown(bytes.substr(8, 4)), "', as HEIC and AVIF are");
+    if (bytes.starts_with("\x76\x2F\x31\x01")) return "an OpenEXR";
+    return "";
+}
+
 ImageSize checked_size(const std::string& path,
-                       int known,
-                       int width,
-                       int height,
-                       int channels,
+                       std::string_view bytes,
+                       bool known,
+                       const ImageSize& size,
                        std::int64_t max_pixels = kMaxPixels) {
-    if (!known)
-        throw input_error("E_IMAGE_READ: ", path, ": not a readable image (", stbi_failure_reason(),
-                          "); expected JPEG, PNG or BMP: convert it");
+    const auto [width, height, channels] = size;
+    if (!known) {
+        const std::string kind = kind_of_file(bytes);
+        throw input_error(
+            "E_IMAGE_READ: ", path, ": not a readable image (",
+            !kind.empty()    ? kind
+            : is_webp(bytes) ? "damaged or moving WebP"
+                             : stbi_failure_reason(),
+            "); expected JPEG, PNG, WebP or BMP: convert it to a PNG of the same name, which is "
+            "found as well");
+    }
     if (width < 1 || height < 1 || std::int64_t{width} * height > max_pixels)
         throw input_error("E_IMAGE_READ: ", path, ": ", width, "x", height, " pixels; at most ",
                           max_pixels, " are supported");
@@ -53,6 +73,17 @@ void check_png_chunks(const std::string& path, std::string_view bytes) {
     }
 }
 
+/// Of a file's bytes, or of enough of them: what stands before the pixels.
+ImageSize size_in(const std::string& path, std::string_view bytes, std::int64_t max_pixels) {
+    ImageSize size{};
+    const bool known = is_webp(bytes)
+                           ? read_webp_size(path, bytes, size.width, size.height, size.channels)
+                           : stbi_info_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()),
+                                                   static_cast<int>(bytes.size()), &size.width,
+                                                   &size.height, &size.channels) != 0;
+    return checked_size(path, bytes, known, size, max_pixels);
+}
+
 /// The pixels of a file, of 8 or 16 bits, in `channels` or in as many as it has (0).
 struct Decoded {
     ImageSize size;
@@ -67,12 +98,11 @@ struct Decoded {
             throw input_error("E_IMAGE_READ: ", path, ": the file is larger than 2 GiB");
         const auto* data = reinterpret_cast<const stbi_uc*>(bytes.data());
         const int length = static_cast<int>(bytes.size());
-        int width = 0, height = 0, found = 0;
-        const int known = stbi_info_from_memory(data, length, &width, &height, &found);
-        size = checked_size(path, known, width, height, found, max_pixels);
+        size = size_in(path, bytes, max_pixels);
         check_png_chunks(path, bytes);
-        if (channels == 0) channels = found == 2 ? 4 : found;
+        if (channels == 0) channels = size.channels == 2 ? 4 : size.channels;
         size.channels = channels;
+        int width = 0, height = 0, found = 0;
         if (stbi_is_16_bit_from_memory(data, length))
             wide.reset(stbi_load_16_from_memory(data, length, &width, &height, &found, channels));
         else
@@ -82,6 +112,18 @@ struct Decoded {
                               "); the file may be cut off: copy it again");
     }
 };
+
+ImageU8 decode_webp_image(const std::string& path,
+                          std::string_view bytes,
+                          int channels,
+                          std::int64_t max_pixels) {
+    const ImageSize size = size_in(path, bytes, max_pixels);
+    ImageU8 image(size.width, size.height, channels == 0 ? size.channels : channels == 4 ? 4 : 3);
+    if (!decode_webp(bytes, image))
+        throw input_error("E_IMAGE_READ: ", path,
+                          ": decoding failed; the file may be cut off: copy it again");
+    return channels == 1 ? grey_of(image) : image;
+}
 
 /// Filter weights of one axis: output i is the sum of weights[i * taps + j] * input[first[i] + j].
 struct Resampling {
@@ -134,6 +176,12 @@ void append_bytes(void* out, void* data, int size) {
 
 }  // namespace
 
+bool has_image_extension(const std::string& path) {
+    std::string extension = std::filesystem::path(path).extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return std::ranges::find(kImageExtensions, extension) != std::end(kImageExtensions);
+}
+
 ImageSize read_image_size(const std::string& path) {
     int width = 0, height = 0, channels = 0;
     require_regular_file(path);
@@ -141,8 +189,12 @@ ImageSize read_image_size(const std::string& path) {
                                                                std::fclose);
     if (!file)
         throw input_error("E_IMAGE_READ: ", path, ": cannot be opened: ", std::strerror(errno));
-    const int known = stbi_info_from_file(file.get(), &width, &height, &channels);
-    return checked_size(path, known, width, height, channels);
+    char start[64];  // enough of a WebP; a JPEG may have its size far behind
+    const std::string_view head(start, std::fread(start, 1, sizeof start, file.get()));
+    if (is_webp(head)) return size_in(path, head, kMaxPixels);
+    std::rewind(file.get());
+    const bool known = stbi_info_from_file(file.get(), &width, &height, &channels) != 0;
+    return checked_size(path, head, known, {width, height, channels});
 }
 
 ImageU8 read_image(const std::string& path, int channels) {
@@ -153,6 +205,7 @@ ImageU8 decode_image(const std::string& where,
                      std::string_view bytes,
                      int channels,
                      std::int64_t max_pixels) {
+    if (is_webp(bytes)) return decode_webp_image(where, bytes, channels, max_pixels);
     const Decoded decoded(where, bytes, channels, max_pixels);
     ImageU8 image(decoded.size.width, decoded.size.height, decoded.size.channels);
     if (decoded.narrow)

@@ -9,7 +9,7 @@
 namespace tvsgs {
 
 /// 8-bit with `channels` (1, 3, 4) or as in the file (0). 16-bit files are scaled; palettes and
-/// grey are expanded; EXIF orientation is ignored, as COLMAP does. JPEG, PNG and BMP. Throws
+/// grey are expanded; EXIF orientation is ignored, as COLMAP does. JPEG, PNG, BMP and WebP. Throws
 /// Error(ExitCode::input) for unreadable or oversized files.
 ImageU8 read_image(const std::string& path, int channels = 0);
 
@@ -24,6 +24,10 @@ ImageU8 decode_image(const std::string& where,
 /// The numbers as they are in the file, 0 to 255 or to 65535, in its channels. Throws as
 /// read_image.
 ImageF read_image_numbers(const std::string& path);
+
+/// Extensions of these files, in lower case, with the dot.
+inline constexpr const char* kImageExtensions[] = {".png", ".jpg", ".jpeg", ".webp", ".bmp"};
+bool has_image_extension(const std::string& path);
 
 /// Width and height without decoding the pixels.
 struct ImageSize {

@@ -100,7 +100,8 @@ struct TransformsReader {
             model = "OPENCV_FISHEYE";
             for (const char* key : {"k1", "k2", "k3", "k4"}) params.push_back(value(key, 0));
         } else if (model_name.empty() || model_name == "PINHOLE" || model_name == "OPENCV" ||
-                   model_name == "SIMPLE_PINHOLE") {
+                   model_name == "SIMPLE_PINHOLE" || model_name == "SIMPLE_RADIAL" ||
+                   model_name == "RADIAL") {
             for (const char* key : {"k1", "k2", "p1", "p2"}) params.push_back(value(key, 0));
             if (value("k3", 0) != 0 || value("k4", 0) != 0) {
                 model = "FULL_OPENCV";

@@ -1,10 +1,14 @@
 #include "io/load_views.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
+#include <map>
+#include <set>
 
 #include "core/log.h"
 #include "core/parallel_errors.h"
+#include "io/exif.h"
 #include "io/image_file.h"
 #include "io/read_file.h"
 #include "io/scene_reader.h"
@@ -18,15 +22,34 @@ bool same_shape(int w, int h, int camera_w, int camera_h) {
            std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
 }
 
-void check_size(const std::string& file, ImageSize found, const Intrinsics& camera) {
-    if (same_shape(found.width, found.height, camera.width_px, camera.height_px)) return;
-    const bool turned = same_shape(found.height, found.width, camera.width_px, camera.height_px);
-    throw input_error(
-        "E_IMAGE_SIZE: ", file, ": ", found.width, "x", found.height, " pixels; its camera has ",
-        camera.width_px, "x", camera.height_px,
-        turned ? " (turned, as by EXIF orientation 6: the poses were computed on rotated pixels; "
-                 "re-encode the images)"
-               : "; pass the folder of the images that the cameras were computed for (--images)");
+/// The pixels as their camera has them: turned by EXIF where they fit only so. Others are left as
+/// they are stored, as COLMAP does.
+ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was_turned) {
+    const auto fits = [&](int width, int height) {
+        return same_shape(width, height, camera.width_px, camera.height_px);
+    };
+    was_turned = false;
+    const ImageSize found = read_image_size(file);
+    const bool as_stored = fits(found.width, found.height),
+               sideways = !as_stored && fits(found.height, found.width);
+    const auto wrong = [&](const char* what_to_do) {
+        return input_error("E_IMAGE_SIZE: ", file, ": ", found.width, "x", found.height,
+                           " pixels; its camera has ", camera.width_px, "x", camera.height_px,
+                           what_to_do);
+    };
+    if (!as_stored && !sideways)
+        throw wrong(
+            "; pass the folder of the images that the cameras were computed for (--images)");
+    const std::string bytes = read_bytes(file);
+    if (as_stored) return decode_image(file, bytes);
+    const int orientation = read_exif(bytes).orientation;
+    if (!turns_sides(orientation))
+        throw wrong(
+            " (turned, as by EXIF orientation 6, which this file no longer says: the poses were "
+            "computed on rotated pixels); rotate the image, or pass the folder of the images that "
+            "the cameras were computed for (--images)");
+    was_turned = true;
+    return turned(decode_image(file, bytes), orientation);
 }
 
 /// Masks may be smaller or larger than their images, but not of another shape.
@@ -47,6 +70,17 @@ int finer(int size_px, const SceneOptions& options, int file_px) {
                                                                 options.grey_scale)));
 }
 
+/// From the least to the most of some shares.
+struct Shares {
+    double least = 1, most = 0;
+    void add(double share) { least = std::min(least, share), most = std::max(most, share); }
+    /// In per cent; one number where they agree.
+    std::string text() const {
+        const double low = std::round(1000 * least) / 10, high = std::round(1000 * most) / 10;
+        return low == high ? str(low) : str(low, " to ", high);
+    }
+};
+
 /// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
 void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
@@ -60,15 +94,15 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
 }
 
-View load_view(const ViewSource& source, const SceneOptions& options, Vec3d origin) {
+View load_view(const ViewSource& source,
+               const SceneOptions& options,
+               Vec3d origin,
+               std::atomic<int>& turns) {
     // 1. Pixels, and where there are masks, theirs.
-    const ImageSize file_size = read_image_size(source.file);
-    check_size(source.file, file_size, source.intrinsics);
-    ImageU8 photo, mask;
-    split_alpha(read_image(source.file), photo, mask);
-    if (source.alpha_on_black)
-        for (std::size_t i = 0; i < photo.pixels.size() && !mask.empty(); ++i)
-            photo.pixels[i] = static_cast<std::uint8_t>(photo.pixels[i] * mask.pixels[i / 3] / 255);
+    ImageU8 mask;
+    bool was_turned = false;
+    ImageU8 photo = read_photo(source, mask, was_turned);
+    turns += was_turned;
     if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
         mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
@@ -127,15 +161,54 @@ View load_view(const ViewSource& source, const SceneOptions& options, Vec3d orig
 
 }  // namespace
 
+ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned) {
+    ImageU8 photo;
+    alpha = {};
+    split_alpha(read_pixels(source.file, source.intrinsics, was_turned), photo, alpha);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !alpha.empty(); ++i)
+            photo.pixels[i] =
+                static_cast<std::uint8_t>(photo.pixels[i] * alpha.pixels[i / 3] / 255);
+    return photo;
+}
+
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
                              Vec3d origin) {
     std::vector<View> views(sources.size());
+    std::atomic<int> turns = 0;
     parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
-        views[at] = load_view(sources[at], options, origin);
+        views[at] = load_view(sources[at], options, origin, turns);
     });
+    if (turns > 0)
+        spdlog::info(
+            "{} of {} photographs were turned by their EXIF orientation, as their cameras have "
+            "them",
+            turns.load(), views.size());
     return views;
+}
+
+void say_lenses(const std::vector<ViewSource>& sources) {
+    struct Lens {
+        Shares cropped, empty;
+    };
+    std::map<std::string, Lens> lenses;
+    std::set<std::uint32_t> seen;
+    for (const ViewSource& source : sources) {
+        const Intrinsics& in = source.intrinsics;
+        if (in.distortion.kind == Distortion::Kind::none ||
+            !seen.insert(source.image->camera_id).second)
+            continue;
+        const UndistortionLoss loss = undistortion_loss(in);
+        lenses[in.model].cropped.add(loss.cropped), lenses[in.model].empty.add(loss.empty);
+    }
+    for (const auto& [model, lens] : lenses)
+        spdlog::info("lens: {} undistorted, {} % of the pixels cropped{}", model,
+                     lens.cropped.text(),
+                     lens.empty.most >= 0.0005
+                         ? str(", ", lens.empty.text(), " % of the views empty and masked")
+                         : "");
 }
 
 void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views) {

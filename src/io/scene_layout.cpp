@@ -5,6 +5,7 @@
 #include <filesystem>
 
 #include "core/log.h"
+#include "io/image_file.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -99,10 +100,8 @@ std::vector<std::string> image_names(const std::string& folder) {
     std::vector<std::string> names;
     std::error_code error;
     for (const auto& entry : fs::directory_iterator(folder, error)) {
-        std::string extension = entry.path().extension().string();
-        for (char& c : extension) c = static_cast<char>(std::tolower(c));
-        for (const char* known : {".png", ".jpg", ".jpeg", ".bmp"})
-            if (extension == known) names.push_back(entry.path().filename().string());
+        if (has_image_extension(entry.path().string()))
+            names.push_back(entry.path().filename().string());
     }
     std::sort(names.begin(), names.end());
     return names;

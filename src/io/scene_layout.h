@@ -34,7 +34,7 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options);
 
 // What they share.
 
-/// Names of the PNG, JPEG and BMP files in a folder, sorted; none where there is no such folder.
+/// Names of the image files in a folder, sorted; none where there is no such folder.
 std::vector<std::string> image_names(const std::string& folder);
 
 /// The folder of the images: `scene.images`, else one of `standard`. Throws E_NO_IMAGES.

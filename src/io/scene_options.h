@@ -30,10 +30,8 @@ struct SceneOptions {
     std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
     std::string init_ply;  // --init-ply: initial cloud instead of the model's points
     bool center_principal_point = false;  // parity with the official codes
-    bool undistort_fisheye =
-        false;                    // fisheyes become pinholes of 120 degrees; else they are refused
-    bool need_points = true;      // false: no initial cloud is read (meshing, evaluation)
-    bool points_required = true;  // false: an empty initial cloud is no error
+    bool need_points = true;              // false: no initial cloud is read (meshing, evaluation)
+    bool points_required = true;          // false: an empty initial cloud is no error
     int min_train_views = 2;
 
     /// What belongs to a run's configuration.
@@ -67,8 +65,6 @@ struct SceneOptions {
         field("init_ply", init_ply, "initial cloud instead of the model's points");
         field("center_principal_point", center_principal_point,
               "principal point at the image centre, as the official codes");
-        field("undistort_fisheye", undistort_fisheye,
-              "fisheyes become pinholes of 120 degrees; else they are refused");
     }
 };
 

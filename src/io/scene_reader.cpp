@@ -13,6 +13,7 @@
 #include "core/local_origin.h"
 #include "core/log.h"
 #include "io/colmap.h"
+#include "io/image_file.h"
 #include "io/load_views.h"
 #include "io/ply.h"
 #include "io/read_file.h"
@@ -42,11 +43,20 @@ public:
     }
 
 private:
-    static std::optional<std::string> find_with_extensions(fs::path path) {
-        if (is_file(path)) return path.string();
-        for (const char* extension : {".png", ".jpg", ".jpeg", ".JPG", ".tif", ".tiff", ".exr"})
-            if (is_file(path.replace_extension(extension))) return path.string();
-        return std::nullopt;
+    static std::optional<std::string> find_with_extensions(const fs::path& path) {
+        const bool listed = is_file(path);
+        if (listed && has_image_extension(path.string())) return path.string();
+        for (std::string extension : kImageExtensions)
+            for (const bool upper : {false, true}) {
+                if (upper)
+                    std::transform(
+                        extension.begin(), extension.end(), extension.begin(),
+                        [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+                const fs::path other = fs::path(path).replace_extension(extension);
+                if (is_file(other)) return other.string();
+            }
+        // A TIFF, say: reading it says what to do.
+        return listed ? std::optional(path.string()) : std::nullopt;
     }
     fs::path folder_;
     std::map<std::string, int> uses_;
@@ -306,11 +316,6 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
             for (const int i : indices) {
                 const ColmapImage& image = model.images[static_cast<std::size_t>(i)];
                 const Intrinsics& intrinsics = model.cameras.at(image.camera_id);
-                if (intrinsics.distortion.kind == Distortion::Kind::fisheye &&
-                    !options.undistort_fisheye)
-                    throw_camera_model(
-                        layout.source, image.camera_id,
-                        "a fisheye model (--undistort-fisheye makes a pinhole of it)");
                 const auto mask = layout.masks.find(image.name);
                 out.push_back({&image, intrinsics, *chosen.files[static_cast<std::size_t>(i)],
                                mask != layout.masks.end() && options.masks.empty()
@@ -330,6 +335,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
                 "{}); files have coordinates as given",
                 options.path, scene.origin.x, scene.origin.y, scene.origin.z);
         scene.train = load_views(train, options, scene.origin);
+        say_lenses(train);
         warn_of_empty_masks(train, scene.train);
         scene.test = load_views(sources(chosen.split.test), options, scene.origin);
         double offset = 0;

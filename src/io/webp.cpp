@@ -45,17 +45,33 @@ std::string webp_lossless_bytes(const ImageU8& image) {
     return {reinterpret_cast<const char*>(memory.mem), memory.size};
 }
 
-ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
+bool read_webp_size(
+    const std::string&, std::string_view bytes, int& width, int& height, int& channels) {
+    WebPBitstreamFeatures features;
+    if (WebPGetFeatures(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(),
+                        &features) != VP8_STATUS_OK ||
+        features.has_animation)
+        return false;
+    width = features.width, height = features.height, channels = features.has_alpha ? 4 : 3;
+    return true;
+}
+
+bool decode_webp(std::string_view bytes, ImageU8& image) {
     const auto* const data = reinterpret_cast<const std::uint8_t*>(bytes.data());
-    int width = 0, height = 0;
-    if (!WebPGetInfo(data, bytes.size(), &width, &height))
+    const int row = image.width * image.channels;
+    return (image.channels == 4 ? WebPDecodeRGBAInto : WebPDecodeRGBInto)(
+               data, bytes.size(), image.pixels.data(), image.pixels.size(), row) != nullptr;
+}
+
+ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
+    int width = 0, height = 0, channels = 0;
+    if (!read_webp_size(where, bytes, width, height, channels))
         throw Error(ExitCode::input, str(where, ": is no WebP picture"));
     if (std::int64_t{width} * height > max_pixels)
         throw Error(ExitCode::input, str(where, ": ", width, "x", height,
                                          " pixels; expected at most ", max_pixels, " of them"));
     ImageU8 image(width, height, 4);
-    if (!WebPDecodeRGBAInto(data, bytes.size(), image.pixels.data(), image.pixels.size(),
-                            4 * width))
+    if (!decode_webp(bytes, image))
         throw Error(ExitCode::input, str(where, ": a damaged WebP picture"));
     return image;
 }

@@ -28,4 +28,14 @@ ImageU8 decode_webp(std::string_view, const std::string&, std::int64_t) {
     refuse("bring another format");
 }
 
+bool read_webp_size(const std::string& where, std::string_view, int&, int&, int&) {
+    throw Error(ExitCode::input, str("E_IMAGE_READ: ", where,
+                                     ": a WebP, and this build has no libwebp; convert it to PNG, "
+                                     "or build where libwebp-dev is"));
+}
+
+bool decode_webp(std::string_view, ImageU8&) {
+    return false;
+}
+
 }  // namespace tvsgs

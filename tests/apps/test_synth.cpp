@@ -91,6 +91,42 @@ TEST_F(Synth, MeshAndCamerasExplainThePhotographs) {
     }
 }
 
+// Through each lens the same: what the readers make of the bent photographs is what a pinhole sees,
+// and the points are seen where the model says.
+TEST_F(Synth, LensesAreUndoneByTheReaders) {
+    for (const char* const lens : {"FULL_OPENCV", "FOV", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE"}) {
+        const std::string name = other("lens");
+        ASSERT_EQ(synth("--out " + name +
+                        " --views 2 --width 120 --height 90 --points 500 --lens " + lens),
+                  0);
+        const PlyContents ply = read_ply(name + "/gt/mesh.ply");
+        const TriangleMesh mesh{ply.points.positions, ply.points.colors, ply.faces};
+        SceneOptions options;
+        options.path = name;
+        const Scene read = read_scene(options);
+        const View& view = read.train[0];
+        const ImageU8 image = to_8bit(render_mesh(mesh, view.camera, {.supersampling = 3}).color);
+        const ImageU8 bent = read_image(name + "/images/" + view.name, 3);
+        double undone = 0, left = 0;
+        int seen = 0;
+        for (std::size_t i = 0; i < image.pixels.size(); ++i) {
+            if (view.photo.pixels[i] == 0) continue;  // the background, and what the lens misses
+            ++seen;
+            undone += std::abs(static_cast<double>(image.pixels[i]) - view.photo.pixels[i]);
+            left += std::abs(static_cast<double>(image.pixels[i]) - bent.pixels[i]);
+        }
+        ASSERT_GT(seen, 5000) << lens;
+        // Interpolated once: the texture is blurred a little, and its places are right.
+        EXPECT_LT(undone / seen, 4) << lens;
+        EXPECT_GT(left / seen, 2 * undone / seen) << lens;
+        fs::remove_all(name);
+    }
+    EXPECT_EQ(synth("--out " + other("lens") + " --views 2 --lens PINHOLE --width 32 --height 24"),
+              0);
+    EXPECT_EQ(synth("--out " + other("bad") + " --views 2 --lens FISH"), 2);
+    EXPECT_EQ(synth("--out " + other("bad") + " --views 2 --lens FOV --priors vggt"), 2);
+}
+
 TEST_F(Synth, PointsLieNearTheSurface) {
     const PlyContents truth = read_ply(scene() + "/gt/points.ply");
     const PlyContents sparse_truth = read_ply(scene() + "/gt/points_train_3.ply");

@@ -47,7 +47,7 @@ seed("colmap_cameras_bin", "unknown_model", struct.pack("<Q", 1) + camera(1, 7, 
 seed("colmap_cameras_txt", "good_pinhole", "# cameras\n1 PINHOLE 64 48 60 60 32 24\n")
 seed("colmap_cameras_txt", "good_bom_crlf",
      b"\xef\xbb\xbf# cameras\r\n1 FULL_OPENCV 64 48 60 60 32 24 .1 .01 0 0 1e-3 0 0 0\r\n")
-seed("colmap_cameras_txt", "unknown_model", "1 FOV 64 48 60 60 32 24 1\n")
+seed("colmap_cameras_txt", "unknown_model", "1 EUCM 64 48 60 60 32 24 .5 1\n")
 seed("colmap_images_bin", "good_two", struct.pack("<Q", 2) + image(1, b"a.png", 2)
      + image(2, b"sub/b c.png", 0))
 seed("colmap_images_bin", "bad_name", struct.pack("<Q", 1) + image(1, b"../a.png", 1))

@@ -27,12 +27,11 @@ TEST(CameraModel, NativeModels) {
 }
 
 TEST(CameraModel, RejectsWhatItCannotUse) {
-    const char* rejected[] = {
-        "FOV",  "THIN_PRISM_FISHEYE", "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION",
-        "EUCM", "EQUIRECTANGULAR"};
+    const char* rejected[] = {"RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION", "EUCM",
+                              "EQUIRECTANGULAR"};
     for (const char* name : rejected) {
         const auto params = static_cast<std::size_t>(find_camera_model(name)->params);
-        expect_error(ExitCode::input, str("camera 3 uses ", name, "; tvsgs needs PINHOLE"),
+        expect_error(ExitCode::input, str("camera 3 uses ", name, "; expected PINHOLE"),
                      [&] { make(name, std::vector<double>(params, 500)); });
     }
     EXPECT_EQ(find_camera_model(99), nullptr);
@@ -92,6 +91,14 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
          {300, 320, 240, 0.05, 0.01},
          {160.7709640352, 346.1526906432},
          {334.0571168317, 380.5711683165}},
+        {"THIN_PRISM_FISHEYE",  // the ray at its angle from the middle, then projectPoints()
+         {300, 310, 320, 240, 0.01, -0.02, 0.002, -0.003, 0.003, 0, 0.004, -0.005},
+         {163.30518606, 347.6629866863},
+         {334.0043297584, 383.8376180326}},
+        {"THIN_PRISM_FISHEYE",
+         {300, 310, 320, 240, 0.01, -0.02, 0, 0, 0.003, 0.001, 0, 0},
+         {163.8870426312, 347.544481743},
+         {333.9174173203, 383.8133123096}},
         {"SIMPLE_FISHEYE",
          {300, 320, 240},
          {164.0520078816, 343.9653280789},
@@ -107,11 +114,76 @@ TEST(CameraModel, DistortsAsOpenCvDoes) {
                                                               {{0.05, 0.5}, c.second}};
         for (const auto& [uv, theirs] : rays) {
             const Vec2<double> ours = distort(in.distortion, uv);
+            const Vec2<double> back = undistort(in.distortion, ours);
+            EXPECT_NEAR(back.x, uv.x, 1e-12) << c.model;
+            EXPECT_NEAR(back.y, uv.y, 1e-12) << c.model;
             // The same formula in double, printed with 13 digits.
             EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9) << c.model;
             EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9) << c.model;
         }
     }
+}
+
+TEST(CameraModel, FovIsTheInverseOfItsPaper) {
+    // The radius for which tan(r omega) / (2 tan(omega / 2)) is that of the ray, by bisection.
+    const struct {
+        double omega;
+        Vec2<double> first, second;
+    } cases[] = {{0.9, {151.2355544949, 356.259951348}, {334.9902883973, 394.8996467724}},
+                 {1.4, {162.730759404, 348.3410324106}, {334.9778487911, 394.7711041748}}};
+    for (const auto& c : cases) {
+        const Intrinsics in = make("FOV", {300, 310, 320, 240, c.omega});
+        const std::pair<Vec2<double>, Vec2<double>> rays[] = {{{-0.6, 0.4}, c.first},
+                                                              {{0.05, 0.5}, c.second}};
+        for (const auto& [uv, theirs] : rays) {
+            const Vec2<double> ours = distort(in.distortion, uv);
+            EXPECT_NEAR(ours.x * in.fx_px + in.cx_px, theirs.x, 1e-9);
+            EXPECT_NEAR(ours.y * in.fy_px + in.cy_px, theirs.y, 1e-9);
+        }
+        // The same in the middle, where the quotient has no value.
+        const Vec2<double> near = distort(in.distortion, {1e-9, 0}),
+                           middle = distort(in.distortion, {1e-13, 0});
+        EXPECT_NEAR(middle.x / 1e-13, near.x / 1e-9, 1e-6);
+    }
+    EXPECT_EQ(make("FOV", {300, 310, 320, 240, 0}).distortion.kind, Distortion::Kind::none);
+    expect_error(ExitCode::input, "of the picture when it is undone", [] {
+        make("FOV", {300, 310, 320, 240, 3.3});
+    });
+}
+
+TEST(CameraModel, WhatUndistortionCosts) {
+    EXPECT_EQ(undistortion_loss(make("PINHOLE", {500, 500, 320, 240})).cropped, 0);
+    // The pinhole's rim as a curve in the photograph; the area inside of it by Green's theorem.
+    const double k = -0.2, f = 500;
+    double area = 0;
+    const auto rim = [&](double x, double y) {
+        const double r2 = (x * x + y * y) / (f * f);
+        return Vec2<double>{x * (1 + k * r2), y * (1 + k * r2)};
+    };
+    const Vec2<double> corners[] = {{-320, -240}, {320, -240}, {320, 240}, {-320, 240}};
+    constexpr int kParts = 2000;
+    for (int side = 0; side < 4; ++side)
+        for (int i = 0; i < kParts; ++i) {
+            const auto at = [&](int j) {
+                const double t = double(j) / kParts;
+                const Vec2<double> p = corners[side], q = corners[(side + 1) % 4];
+                return rim(p.x + t * (q.x - p.x), p.y + t * (q.y - p.y));
+            };
+            const Vec2<double> a = at(i), b = at(i + 1);
+            area += (a.x * b.y - a.y * b.x) / 2;
+        }
+    const UndistortionLoss barrel = undistortion_loss(make("SIMPLE_RADIAL", {f, 320, 240, k}));
+    EXPECT_NEAR(barrel.cropped, 1 - area / (640 * 480), 1e-4);
+    EXPECT_EQ(barrel.empty, 0);
+    // The other way nothing is lost, and the pinhole's corners show nothing.
+    const Intrinsics pincushion = make("SIMPLE_RADIAL", {f, 320, 240, 0.2});
+    ImageU8 valid;
+    undistorted(pincushion, ImageU8(640, 480, 1), valid);
+    const double masked =
+        static_cast<double>(std::count(valid.pixels.begin(), valid.pixels.end(), 0)) / (640 * 480);
+    EXPECT_NEAR(undistortion_loss(pincushion).empty, masked, 2e-3);
+    EXPECT_NEAR(undistortion_loss(pincushion).cropped, 0, 5e-3);
+    EXPECT_GT(masked, 0.05);
 }
 
 TEST(CameraModel, UndistortionOfNothingIsTheIdentity) {

@@ -132,8 +132,9 @@ TEST_F(ColmapTest, Cameras) {
     expect_input_error("E_CAMERA_FOCAL");
     write("cameras.bin", pack(U64{1}) + camera_bin(1, 99));
     expect_input_error("E_CAMERA_MODEL");
-    write("cameras.bin", pack(U64{1}, U32{3}, 7, U64{64}, U64{48}, 60.0, 60.0, 32.0, 24.0, 1.0));
-    expect_input_error("camera 3 uses FOV; tvsgs needs");
+    write("cameras.bin",
+          pack(U64{1}, U32{3}, 16, U64{64}, U64{48}, 60.0, 60.0, 32.0, 24.0, 0.5, 1.0));
+    expect_input_error("camera 3 uses EUCM; expected PINHOLE");
 }
 
 TEST_F(ColmapTest, Poses) {

@@ -2,6 +2,7 @@
 
 #include "io/image_file.h"
 #include "io/io_test.h"
+#include "io/webp.h"
 
 namespace tvsgs {
 namespace {
@@ -47,6 +48,49 @@ TEST_F(ImageFile, GreyIsExpandedAndSixteenBitsAreRounded) {
         "\x00\x00\x00\x00IEND\xAE\x42\x60\x82";
     const std::string path = write("deep.png", std::string(deep, sizeof deep - 1));
     EXPECT_EQ(read_image(path).pixels, (std::vector<std::uint8_t>{0, 1, 255}));
+}
+
+TEST_F(ImageFile, WebpIsReadWhereItsLibraryIs) {
+    if (!has_webp()) GTEST_SKIP() << "built without libwebp";
+    ImageU8 image(40, 30, 3);
+    for (int y = 0; y < 30; ++y)
+        for (int x = 0; x < 40; ++x)
+            for (int c = 0; c < 3; ++c)
+                image.at(x, y, c) = static_cast<std::uint8_t>(40 + 3 * x + 2 * y);
+    const std::string bytes = webp_bytes(image, 95);
+    const std::string path = write("photo.webp", bytes);
+    const ImageSize size = read_image_size(path);
+    EXPECT_EQ(size.width, 40);
+    EXPECT_EQ(size.height, 30);
+    EXPECT_EQ(size.channels, 3);
+    const ImageU8 back = read_image(path);
+    for (const auto& [x, y] : {std::pair{3, 4}, {30, 20}, {39, 29}})
+        EXPECT_NEAR(back.at(x, y, 1), image.at(x, y, 1), 4);
+    EXPECT_EQ(read_image(path, 4).at(5, 5, 3), 255);
+    EXPECT_NEAR(read_image(path, 1).at(30, 20), image.at(30, 20), 4);
+    for (const std::size_t length : {std::size_t{12}, std::size_t{25}, bytes.size() / 2})
+        expect_error(ExitCode::input, "E_IMAGE_READ",
+                     [&] { read_image(write("cut.webp", bytes.substr(0, length))); });
+    expect_error(ExitCode::input, "damaged or moving WebP",
+                 [&] { read_image_size(write("cut.webp", bytes.substr(0, 25))); });
+}
+
+TEST_F(ImageFile, ProgressiveJpeg) {
+    // 16x16, left half 200, right half 60, as OpenCV writes it.
+    const ImageU8 image = read_image(test_data("images/progressive.jpg"));
+    ASSERT_EQ(image.width, 16);
+    EXPECT_NEAR(image.at(3, 8, 0), 200, 3);
+    EXPECT_NEAR(image.at(12, 8, 2), 60, 3);
+}
+
+TEST_F(ImageFile, FilesOfOtherKindsAreNamed) {
+    expect_error(ExitCode::input, "a TIFF or raw photograph",
+                 [&] { read_image(write("a.tif", std::string("II*\0\x08\0\0\0", 8))); });
+    expect_error(ExitCode::input, "'heic', as HEIC and AVIF are", [&] {
+        read_image_size(write("a.heic", std::string("\0\0\0\x18"
+                                                    "ftypheic\0\0\0\0",
+                                                    16)));
+    });
 }
 
 /// The start of a PNG that claims to be of the size.

@@ -1,10 +1,15 @@
+#include <spdlog/sinks/ostream_sink.h>
+
 #include <cmath>
 #include <set>
+#include <sstream>
 
+#include "core/log.h"
 #include "io/image_file.h"
 #include "io/io_test.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
+#include "io/webp.h"
 
 namespace tvsgs {
 namespace {
@@ -297,12 +302,104 @@ TEST_F(SceneReader, DistortedCameras) {
     EXPECT_EQ(view.mask.at(0, 0), 0);  // the pinhole sees farther than the lens did
     EXPECT_EQ(view.mask.at(4, 3), 255);
     EXPECT_EQ(view.photo.at(4, 3), 10);
-    camera("1 OPENCV_FISHEYE 8 6 10 10 4 3 0 0 0 0");
-    expect_input_error("E_CAMERA_MODEL");
-    options.undistort_fisheye = true;
-    EXPECT_EQ(read().train[1].photo.at(4, 3), 10);
-    camera("1 FOV 8 6 10 10 4 3 0.9");
-    expect_input_error("E_CAMERA_MODEL");
+    for (const char* line : {"1 OPENCV_FISHEYE 8 6 10 10 4 3 0 0 0 0", "1 FOV 8 6 10 10 4 3 0.9",
+                             "1 THIN_PRISM_FISHEYE 8 6 10 10 4 3 0.1 0 0.01 0 0 0 0.02 0"}) {
+        camera(line);
+        EXPECT_EQ(read().train[1].photo.at(4, 3), 10) << line;
+    }
+    camera("1 EUCM 8 6 10 10 4 3 0.9 1");
+    expect_input_error("camera 1 uses EUCM");
+    expect_input_error("colmap image_undistorter");
+}
+
+TEST_F(SceneReader, SaysWhatUndistortionCosts) {
+    const auto said = [&](const std::string& line) {
+        camera(line);
+        std::ostringstream out;
+        const auto before = spdlog::default_logger();
+        spdlog::set_default_logger(std::make_shared<spdlog::logger>(
+            "said", std::make_shared<spdlog::sinks::ostream_sink_mt>(out)));
+        read();
+        spdlog::set_default_logger(before);
+        return out.str();
+    };
+    const auto expect_said = [&](const char* line, const char* text) {
+        const std::string all = said(line);
+        EXPECT_NE(all.find(text), std::string::npos) << all;
+    };
+    // The mean of (1 + k r^2)(1 + 3 k r^2) over 0.4 x 0.3, half the sides, is 0.9345.
+    expect_said("1 SIMPLE_RADIAL 8 6 10 4 3 -0.2",
+                "lens: SIMPLE_RADIAL undistorted, 6.5 % of the pixels cropped");
+    expect_said("1 OPENCV 8 6 10 10 4 3 0.2 0 0 0", "% of the views empty and masked");
+    EXPECT_EQ(said("1 OPENCV 8 6 10 10 4 3 0 0 0 0").find("lens"), std::string::npos);
+}
+
+/// A JPEG with an EXIF orientation, which viewers turn and COLMAP does not.
+std::string oriented_jpeg(const ImageU8& image, char orientation) {
+    const std::string plain = jpeg_bytes(image, 100);
+    const std::string exif = std::string("Exif\0\0II\x2A\0\x08\0\0\0\1\0\x12\1\3\0\1\0\0\0", 24) +
+                             orientation + std::string(7, '\0');
+    return plain.substr(0, 2) + "\xFF\xE1" + std::string(1, '\0') +
+           static_cast<char>(exif.size() + 2) + exif + plain.substr(2);
+}
+
+TEST_F(SceneReader, PhotographsThatFitOnlyWhenTurned) {
+    // Bright where the stored image has its top left corner.
+    ImageU8 stored(64, 32, 3, 10);
+    for (int y = 0; y < 16; ++y)
+        for (int x = 0; x < 32; ++x)
+            for (int c = 0; c < 3; ++c) stored.at(x, y, c) = 240;
+    camera("1 PINHOLE 64 32 100 110 32 16");
+    for (int i = 0; i < 4; ++i) {
+        fs::remove(folder / str("images/", i, ".png"));
+        write(str("images/", i, ".jpg"), oriented_jpeg(stored, static_cast<char>(5 + i)));
+    }
+    // As COLMAP computes: the pixels as they are stored.
+    for (const View& view : read().train) EXPECT_NEAR(view.photo.at(8, 4), 240, 3);
+    // The cameras of other programs are of turned pixels.
+    camera("1 PINHOLE 32 64 100 110 16 32");
+    const Scene scene = read();
+    const std::pair<int, int> bright[] = {{8, 8}, {24, 8}, {24, 56}, {8, 56}};
+    for (std::size_t i = 0; i < 4; ++i) {
+        const View& view = scene.train[i];
+        ASSERT_EQ(view.photo.width, 32);
+        for (const auto& [x, y] : bright)
+            EXPECT_NEAR(view.photo.at(x, y), std::pair(x, y) == bright[i] ? 240 : 10, 3)
+                << "orientation " << 5 + i << " at " << x << ", " << y;
+    }
+    // What says no orientation, or one that keeps the sides, is refused.
+    for (const char orientation : {'\0', '\1', '\3', '\x09'}) {
+        write("images/2.jpg", oriented_jpeg(stored, orientation));
+        expect_input_error("2.jpg: 64x32 pixels; its camera has 32x64 (turned");
+    }
+    write("images/2.jpg", jpeg_bytes(stored, 90));
+    expect_input_error("E_IMAGE_SIZE");
+}
+
+TEST_F(SceneReader, ExtensionsOfEveryKind) {
+    const ImageU8 image(8, 6, 3, 90);
+    const auto put = [&](int i, const std::string& extension, const std::string& bytes) {
+        const fs::path old = folder / str("images/", i);
+        for (const char* other : {".png", ".PNG", ".JPG", ".JPEG", ".webp", ".tif"})
+            fs::remove(fs::path(old).concat(other));
+        write(str("images/", i, extension), bytes);
+    };
+    put(0, ".JPG", jpeg_bytes(image, 95));
+    put(1, ".PNG", png_bytes(image));
+    put(2, ".JPEG", jpeg_bytes(image, 95));
+    if (has_webp()) put(3, ".webp", webp_bytes(image, 95));
+    const Scene scene = read();
+    ASSERT_EQ(scene.train.size(), 4u);
+    for (std::size_t i = 0; i < (has_webp() ? 4 : 3); ++i)
+        EXPECT_NEAR(scene.train[i].photo.at(3, 3), 90, 2) << i;
+    // A TIFF that the model lists: a PNG of its name is taken; alone it is refused by what it is.
+    std::string images = read_bytes((folder / "sparse/0/images.txt").string());
+    images.replace(images.find("0.png"), 5, "0.tif");
+    write("sparse/0/images.txt", images);
+    write("images/0.tif", std::string("II*\0\x08\0\0\0", 8));
+    EXPECT_EQ(read().train.size(), 4u);
+    fs::remove(folder / "images/0.JPG");
+    expect_input_error("0.tif: not a readable image (a TIFF or raw photograph); expected JPEG");
 }
 
 TEST_F(SceneReader, PosesAndNumbersOfViews) {

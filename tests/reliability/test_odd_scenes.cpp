@@ -227,7 +227,7 @@ TEST_F(OddScenes, NamesInSubfoldersAndBeyondAscii) {
 TEST_F(OddScenes, EveryDistortionThatIsUndone) {
     const struct {
         const char *name, *params, *zeros;
-        bool fisheye;
+        bool fisheye;  // even without coefficients
     } models[] = {{"SIMPLE_PINHOLE", "57 24 18", "", false},
                   {"PINHOLE", "57 57 24 18", "", false},
                   {"SIMPLE_RADIAL", "57 24 18 ", "0", false},
@@ -237,6 +237,8 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
                   {"OPENCV_FISHEYE", "57 57 24 18 ", "0 0 0 0", true},
                   {"SIMPLE_RADIAL_FISHEYE", "57 24 18 ", "0", true},
                   {"RADIAL_FISHEYE", "57 24 18 ", "0 0", true},
+                  {"THIN_PRISM_FISHEYE", "57 57 24 18 ", "0 0 0 0 0 0 0 0", true},
+                  {"FOV", "57 57 24 18 ", "0", false},
                   {"SIMPLE_FISHEYE", "57 24 18", "", true},
                   {"FISHEYE", "57 57 24 18", "", true}};
     copy_scene("lens");
@@ -249,11 +251,10 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
             write(model_file("lens", "cameras"),
                   "1 " + std::string(model.name) + " 48 36 " + model.params + last + "\n");
             const std::string what = std::string(model.name) + (bent ? "_bent" : "");
-            if (model.fisheye) expect_refused("--scene lens --views 0,1", 3, "fisheye");
-            expect_trained(
-                "--scene lens --views 0,1 --iterations 1 " +
-                    std::string(model.fisheye ? "--set scene.undistort_fisheye=true" : ""),
-                what, 1);
+            const Result r = expect_trained("--scene lens --views 0,1 --iterations 1 ", what, 1);
+            EXPECT_EQ(r.says("lens: " + std::string(model.name) + " undistorted, "),
+                      model.fisheye || bent)
+                << r;
             const std::string result = splats(what, 1);
             if (pinhole.empty()) pinhole = result;
             if (!model.fisheye && !bent) {
@@ -261,8 +262,14 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
             }
         }
     write(model_file("lens", "cameras"),
-          "1 THIN_PRISM_FISHEYE 48 36 57 57 24 18 0 0 0 0 0 0 0 0\n");
-    expect_refused("--scene lens --views 0,1", 3, "camera 1 uses THIN_PRISM_FISHEYE");
+          "1 RAD_TAN_THIN_PRISM_FISHEYE 48 36 57 57 24 18 0 0 0 0 0 0 0 0 0 0 0 0\n");
+    expect_refused("--scene lens --views 0,1", 3, "camera 1 uses RAD_TAN_THIN_PRISM_FISHEYE");
+    // A key of earlier versions.
+    write(model_file("lens", "cameras"), "1 OPENCV_FISHEYE 48 36 57 57 24 18 0 0 0 0\n");
+    EXPECT_TRUE(expect_trained("--scene lens --views 0,1 --iterations 1 --set "
+                               "scene.undistort_fisheye=true",
+                               "old_key", 1)
+                    .says("has no effect any more"));
 }
 
 TEST_F(OddScenes, MeasuredPointsThatAreNotFinite) {

@@ -1,0 +1,204 @@
+#include "apps/prepare/check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+#include "core/error.h"
+#include "core/log.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+template <class Value>
+Value median(std::vector<Value> values) {
+    if (values.empty()) return {};
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+double round_to(double value, double step) {
+    return std::round(value / step) * step;
+}
+
+void measure_residuals(const SparseModel& model, Check& check) {
+    std::map<std::uint64_t, Vec3d> points;
+    for (const SparsePoint& point : model.points) points[point.id] = point.position;
+    std::map<std::uint32_t, Intrinsics> cameras;
+    for (const SparseCamera& camera : model.cameras) cameras[camera.id] = intrinsics_of(camera);
+    double sum = 0;
+    for (const SparseImage& image : model.images) {
+        const Intrinsics& in = cameras.at(image.camera_id);
+        const Rigid3d pose = image.camera_from_world();
+        double own = 0;
+        std::size_t count = 0;
+        for (const SparseObservation& seen : image.observations) {
+            const auto point = points.find(seen.point);
+            if (point == points.end()) continue;
+            const Vec3d p = pose * point->second;
+            const Vec2<double> uv = distort(in.distortion, {p.x / p.z, p.y / p.z});
+            const Vec2<double> miss{uv.x * in.fx_px + in.cx_px - seen.place.x,
+                                    uv.y * in.fy_px + in.cy_px - seen.place.y};
+            own += std::sqrt(dot(miss, miss));
+            ++count;
+        }
+        sum += own;
+        check.observations += count;
+        if (count == 0) continue;
+        const double mean = own / static_cast<double>(count);
+        if (mean > check.worst_px) check.worst_px = mean, check.worst = image.name;
+    }
+    if (check.observations > 0) check.residual_px = sum / static_cast<double>(check.observations);
+}
+
+double median_angle_deg(const SparseModel& model) {
+    std::map<std::uint32_t, Vec3d> centres;
+    for (const SparseImage& image : model.images)
+        centres[image.id] = inverse(image.camera_from_world()).t;
+    std::vector<double> cosines;
+    for (const SparsePoint& point : model.points) {
+        std::vector<Vec3d> rays;
+        for (const auto& [image, observation] : point.track)
+            if (const auto centre = centres.find(image); centre != centres.end())
+                rays.push_back(normalize(centre->second - point.position));
+        double least = 1;
+        for (const Vec3d& a : rays)
+            for (const Vec3d& b : rays) least = std::min(least, dot(a, b));
+        cosines.push_back(least);
+    }
+    if (cosines.empty()) return 0;
+    return std::acos(std::clamp(median(cosines), -1.0, 1.0)) * 180 / std::numbers::pi;
+}
+
+/// In which model a photograph is; -1: in none.
+int piece_of(const std::vector<SparseModel>& models, const std::string& name) {
+    for (std::size_t i = 0; i < models.size(); ++i)
+        if (std::ranges::binary_search(models[i].images, name, {}, &SparseImage::name))
+            return static_cast<int>(i);
+    return -1;
+}
+
+std::string names_of(const MissingRun& run) {
+    return run.names.size() == 1
+               ? run.names.front()
+               : str(run.names.front(), run.names.size() == 2 ? " and " : " to ", run.names.back(),
+                     run.names.size() > 2 ? str(" (", run.names.size(), " photographs)") : "");
+}
+
+std::string neighbours_of(const MissingRun& run) {
+    return run.before.empty() && run.after.empty() ? "that are like those with poses"
+           : run.before.empty()                    ? str("towards ", run.after)
+           : run.after.empty()                     ? str("towards ", run.before)
+                               : str("between ", run.before, " and ", run.after);
+}
+
+}  // namespace
+
+Check check_models(const std::vector<std::string>& names,
+                   const std::vector<SparseModel>& models,
+                   const std::map<std::string, int>& features) {
+    const SparseModel& model = models.at(0);
+    Check check;
+    check.photographs = names.size(), check.registered = model.images.size();
+    check.points = model.points.size();
+    for (const SparseModel& piece : models) check.pieces.push_back(piece.images.size());
+    measure_residuals(model, check);
+    check.angle_deg = median_angle_deg(model);
+    if (check.points > 0)
+        check.track_length =
+            static_cast<double>(check.observations) / static_cast<double>(check.points);
+
+    std::vector<int> of_registered, of_run;
+    std::string before;
+    MissingRun run;
+    const auto end_run = [&](const std::string& after) {
+        if (run.names.empty()) return;
+        run.after = after;
+        if (!of_run.empty()) run.features = median(of_run);
+        check.missing.push_back(run);
+        run = {}, of_run.clear();
+    };
+    for (const std::string& name : names) {
+        const int piece = piece_of(models, name);
+        const auto found = features.find(name);
+        if (piece == 0) {
+            end_run(name);
+            before = name;
+            if (found != features.end()) of_registered.push_back(found->second);
+            continue;
+        }
+        if (piece != run.piece) end_run("");
+        if (run.names.empty()) run.before = before, run.piece = piece;
+        run.names.push_back(name);
+        if (found != features.end()) of_run.push_back(found->second);
+    }
+    end_run("");
+    check.features = median(of_registered);
+    return check;
+}
+
+void say_check(const Check& check) {
+    spdlog::info("{} of {} photographs have poses; {} points, each seen {:.1f} times",
+                 check.registered, check.photographs, check.points, check.track_length);
+    spdlog::info("residual {:.2f} px on average, {:.2f} px in the worst photograph, {}",
+                 check.residual_px, check.worst_px, check.worst);
+    spdlog::info("points are seen from directions {:.0f} degrees apart (median)", check.angle_deg);
+    constexpr double kNarrow =
+        4;  // degrees: an error of a pixel is then some per cent of the depth
+    if (check.angle_deg < kNarrow)
+        spdlog::warn(
+            "the photographs were taken from nearly one place: depth will be uncertain; "
+            "step sideways between photographs rather than turn");
+    constexpr double kLarge = 1.5;  // pixels: COLMAP's usual results are below 1
+    if (check.residual_px > kLarge)
+        spdlog::warn(
+            "the residual is large: was something moving, or the lens zoomed in between? "
+            "--cameras each tells zooms apart");
+    std::string sizes;
+    for (const std::size_t size : check.pieces) sizes += str(sizes.empty() ? "" : ", ", size);
+    if (check.pieces.size() > 1)
+        spdlog::warn(
+            "the photographs fall into {} pieces that do not hang together, of {}; the "
+            "first is kept",
+            check.pieces.size(), sizes);
+    for (const MissingRun& run : check.missing) {
+        if (run.piece > 0)
+            spdlog::warn(
+                "{}: without a pose beside the others, but they fit each other: photograph "
+                "what lies {} in small steps",
+                names_of(run), neighbours_of(run));
+        else if (run.features >= 0 && run.features < 0.3 * check.features)
+            spdlog::warn(
+                "{}: without a pose; {} features where others have {}: blurred, dark or "
+                "without texture: photograph this again, {}",
+                names_of(run), run.features, check.features, neighbours_of(run));
+        else
+            spdlog::warn(
+                "{}: without a pose; too little overlap: add photographs {}, each sharing "
+                "two thirds with the next",
+                names_of(run), neighbours_of(run));
+    }
+}
+
+JsonValue json_of(const Check& check) {
+    JsonValue out = JsonValue::object();
+    out.set("photographs", static_cast<double>(check.photographs));
+    out.set("registered", static_cast<double>(check.registered));
+    out.set("points", static_cast<double>(check.points));
+    out.set("observations", static_cast<double>(check.observations));
+    out.set("residual_px", round_to(check.residual_px, 1e-4));
+    out.set("worst_px", round_to(check.worst_px, 1e-4));
+    out.set("worst", check.worst);
+    out.set("track_length", round_to(check.track_length, 1e-3));
+    out.set("angle_deg", round_to(check.angle_deg, 1e-2));
+    JsonValue pieces = JsonValue::list(), missing = JsonValue::list();
+    for (const std::size_t size : check.pieces) pieces.items.push_back(static_cast<double>(size));
+    for (const MissingRun& run : check.missing)
+        for (const std::string& name : run.names) missing.items.push_back(name);
+    out.set("pieces", pieces);
+    out.set("missing", missing);
+    return out;
+}
+
+}  // namespace tvsgs::prepare

@@ -1,0 +1,130 @@
+// Frames of a video: sharp ones, each some way on from the one before.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <iomanip>
+#include <opencv2/imgcodecs.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/video/tracking.hpp>
+#include <opencv2/videoio.hpp>
+#include <sstream>
+
+#include "apps/prepare/opencv.h"
+#include "io/read_file.h"
+#include "pipeline/signals.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kLookWidth = 320;    // motion and sharpness are judged at this width
+constexpr double kStep = 0.1;      // of the width: overlap of about 90 %, as structure needs
+constexpr double kLookFrom = 0.7;  // of a step: from here on a frame may be taken
+constexpr double kStepEnd = 1.3;   // here one has to be
+
+cv::Mat small_grey(const cv::Mat& frame) {
+    cv::Mat grey, small;
+    cv::cvtColor(frame, grey, cv::COLOR_BGR2GRAY);
+    const double scale = static_cast<double>(kLookWidth) / grey.cols;
+    cv::resize(grey, small, {}, scale, scale, cv::INTER_AREA);
+    return small;
+}
+
+/// Variance of the Laplacian: small where edges are blurred.
+double sharpness(const cv::Mat& grey) {
+    cv::Mat edges;
+    cv::Laplacian(grey, edges, CV_32F);
+    cv::Scalar mean, deviation;
+    cv::meanStdDev(edges, mean, deviation);
+    return deviation[0] * deviation[0];
+}
+
+/// How far corners have moved since a frame, in widths of the picture (median); they are followed
+/// from frame to frame.
+class Motion {
+public:
+    void start(const cv::Mat& grey) {
+        cv::goodFeaturesToTrack(grey, began_, 300, 0.01, 7);
+        now_ = began_, last_ = grey, count_ = began_.size();
+    }
+    double follow(const cv::Mat& grey) {
+        if (began_.empty()) return start(grey), kStep;
+        std::vector<cv::Point2f> next;
+        std::vector<unsigned char> found;
+        std::vector<float> error;
+        cv::calcOpticalFlowPyrLK(last_, grey, now_, next, found, error);
+        std::vector<cv::Point2f> began, now;
+        std::vector<double> moved;
+        const cv::Rect2f inside(0, 0, static_cast<float>(grey.cols), static_cast<float>(grey.rows));
+        for (std::size_t i = 0; i < next.size(); ++i) {
+            if (!found[i] || !inside.contains(next[i])) continue;
+            began.push_back(began_[i]), now.push_back(next[i]);
+            moved.push_back(cv::norm(next[i] - began_[i]) / grey.cols);
+        }
+        began_ = began, now_ = now, last_ = grey;
+        if (2 * moved.size() < count_) return kStep * kStepEnd;  // most are lost: far enough
+        std::nth_element(moved.begin(),
+                         moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2),
+                         moved.end());
+        return moved[moved.size() / 2];
+    }
+
+private:
+    std::vector<cv::Point2f> began_, now_;
+    std::size_t count_ = 0;
+    cv::Mat last_;
+};
+
+/// The files that stay when every so many go, evenly.
+void thin_out(std::vector<std::string>& files, std::size_t most) {
+    if (files.size() <= most) return;
+    std::vector<std::string> kept;
+    for (std::size_t i = 0; i < most; ++i) kept.push_back(files[i * files.size() / most]);
+    for (const std::string& file : files)
+        if (std::ranges::find(kept, file) == kept.end()) fs::remove(file);
+    files = kept;
+}
+
+}  // namespace
+
+int extract_frames(const std::string& video, const std::string& folder, int most) {
+    cv::VideoCapture in(video);
+    if (!in.isOpened())
+        throw input_error(video,
+                          ": not a video that OpenCV reads; expected one as phones and "
+                          "cameras write it");
+    std::vector<std::string> files;
+    const auto keep = [&](const cv::Mat& frame) {
+        std::ostringstream name;
+        name << folder << "/frame_" << std::setw(5) << std::setfill('0') << files.size() << ".jpg";
+        if (!cv::imwrite(name.str(), frame, {cv::IMWRITE_JPEG_QUALITY, 97}))
+            throw Error(ExitCode::io, name.str() + ": cannot be written");
+        files.push_back(name.str());
+    };
+    Motion motion;
+    cv::Mat frame, best;
+    double sharpest = -1;
+    while (in.read(frame)) {
+        SignalGuard::check();
+        const cv::Mat grey = small_grey(frame);
+        const double moved = files.empty() ? kStep : motion.follow(grey);
+        if (moved >= kStep * kLookFrom)
+            if (const double sharp = sharpness(grey); sharp > sharpest)
+                sharpest = sharp, frame.copyTo(best);
+        if (moved < kStep * kStepEnd && !files.empty()) continue;
+        keep(best);
+        motion.start(small_grey(best));
+        sharpest = -1;
+        motion.follow(grey);  // frames have passed since
+    }
+    if (sharpest >= 0) keep(best);
+    if (files.size() < 2)
+        throw input_error(video, ": ", files.size(),
+                          " frames that differ by a tenth of the picture; expected 2 or more: was "
+                          "the camera moved?");
+    thin_out(files, static_cast<std::size_t>(most));
+    return static_cast<int>(files.size());
+}
+
+}  // namespace tvsgs::prepare

@@ -1,0 +1,150 @@
+#include "apps/prepare/photographs.h"
+
+#include <algorithm>
+#include <cctype>
+#include <filesystem>
+#include <map>
+#include <set>
+
+#include "apps/prepare/opencv.h"
+#include "core/log.h"
+#include "io/colmap.h"
+#include "io/exif.h"
+#include "io/image_file.h"
+#include "io/read_file.h"
+#include "pipeline/signals.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string lower_extension(const fs::path& path) {
+    std::string extension = path.extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    return extension;
+}
+
+bool is_one_of(const std::string& extension, std::initializer_list<const char*> known) {
+    return std::ranges::find(known, extension) != known.end();
+}
+
+/// What COLMAP as Debian has it does not read, or what training does not.
+bool needs_converting(const std::string& extension) {
+    return is_one_of(extension, {".tif", ".tiff", ".webp"});
+}
+
+constexpr std::size_t kExifBytes = 1 << 17;  // the segments with it come first
+
+std::string camera_of(const std::string& file) {
+    const Exif exif = read_exif(std::string_view(read_bytes(file)).substr(0, kExifBytes));
+    return exif.camera.empty() && exif.focal_mm == 0
+               ? ""
+               : str(exif.camera, " at ", exif.focal_mm, " mm");
+}
+
+}  // namespace
+
+std::vector<Photograph> find_photographs(const std::string& folder) {
+    std::vector<Photograph> photographs;
+    std::vector<std::string> unreadable;
+    for (const auto& entry : fs::recursive_directory_iterator(
+             folder, fs::directory_options::follow_directory_symlink)) {
+        const std::string extension = lower_extension(entry.path());
+        if (!entry.is_regular_file() || entry.path().filename().string().starts_with(".")) continue;
+        if (is_one_of(extension,
+                      {".heic", ".heif", ".avif", ".cr2", ".cr3", ".nef", ".arw", ".dng"}))
+            unreadable.push_back(entry.path().string());
+        if (!has_image_extension(entry.path().string()) && !needs_converting(extension)) continue;
+        Photograph photo;
+        photo.file = entry.path().string();
+        photo.name = entry.path().lexically_relative(folder).generic_string();
+        photo.convert = needs_converting(extension);
+        photographs.push_back(photo);
+    }
+    if (!unreadable.empty())
+        spdlog::warn(
+            "{} files are left out, such as {}: expected JPEG, PNG, TIFF or WebP; export "
+            "them as JPEG",
+            unreadable.size(), unreadable.front());
+    std::ranges::sort(photographs, {}, &Photograph::name);
+    if (photographs.size() < 2)
+        throw input_error(folder, ": found ", photographs.size(),
+                          " photographs (.jpg, .jpeg, .png, .tif, .webp, .bmp, in folders below as "
+                          "well); expected at least 2");
+    std::set<std::string> taken;
+    for (const Photograph& photo : photographs)
+        if (!photo.convert) taken.insert(photo.name);
+    for (Photograph& photo : photographs) {
+        if (photo.convert) {
+            const std::string full = photo.name;
+            photo.name = fs::path(full).replace_extension(".png").generic_string();
+            if (!taken.insert(photo.name).second) taken.insert(photo.name = full + ".png");
+        }
+        const std::string extension = lower_extension(photo.file);
+        if (is_one_of(extension, {".tif", ".tiff"})) {
+            read_size(photo.file, photo.width, photo.height);
+        } else {
+            const ImageSize size = read_image_size(photo.file);
+            photo.width = size.width, photo.height = size.height;
+            photo.camera = camera_of(photo.file);
+        }
+    }
+    return photographs;
+}
+
+bool is_video(const std::string& file) {
+    return is_one_of(lower_extension(file),
+                     {".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".mts"});
+}
+
+std::vector<CameraGroup> group_by_camera(const std::vector<Photograph>& photographs,
+                                         Sharing sharing) {
+    std::map<std::string, CameraGroup> groups;
+    for (const Photograph& photo : photographs) {
+        const std::string size = str(photo.width, "x", photo.height);
+        const std::string camera = photo.camera.empty() ? size : str(size, ", ", photo.camera);
+        CameraGroup& group = groups[sharing == Sharing::one    ? size
+                                    : sharing == Sharing::each ? photo.name
+                                                               : camera];
+        group.description = camera;
+        group.names.push_back(photo.name);
+    }
+    if (sharing == Sharing::one && groups.size() > 1)
+        throw input_error("--cameras one: the photographs have ", groups.size(), " sizes, such as ",
+                          groups.begin()->first, " and ", groups.rbegin()->first,
+                          "; expected one size, or --cameras auto");
+    std::vector<CameraGroup> out;
+    for (auto& [key, group] : groups) out.push_back(std::move(group));
+    return out;
+}
+
+void put_photographs(const std::vector<Photograph>& photographs, const std::string& folder) {
+    for (const Photograph& photo : photographs) {
+        SignalGuard::check();
+        const fs::path to = fs::path(folder) / photo.name;
+        fs::create_directories(to.parent_path());
+        if (!photo.convert)
+            fs::copy_file(photo.file, to);
+        else if (lower_extension(photo.file) == ".webp")
+            write_png(to.string(), read_image(photo.file));
+        else
+            convert_to_png(photo.file, to.string());
+    }
+}
+
+std::string find_model_of(const std::string& folder) {
+    const fs::path photos = fs::absolute(folder).lexically_normal();
+    const fs::path above =
+        photos.has_filename() ? photos.parent_path() : photos.parent_path().parent_path();
+    for (const fs::path& scene : {photos, above}) {
+        for (const char* model : {"sparse/0", "sparse", "colmap/sparse/0"})
+            if (missing_colmap_files((scene / model).string()).empty())
+                return (scene / model).string();
+        for (const char* file : {"transforms.json", "transforms_train.json", "cameras_sphere.npz"})
+            if (fs::exists(scene / file)) return (scene / file).string();
+    }
+    return "";
+}
+
+}  // namespace tvsgs::prepare

@@ -1,0 +1,82 @@
+// A COLMAP model with all that its binary files hold, to be looked at, moved and written again.
+// [docs/input.md#scene-folder]
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/rigid.h"
+#include "io/camera_model.h"
+
+namespace tvsgs::prepare {
+
+inline constexpr std::uint64_t kNoPoint = ~std::uint64_t{0};
+
+struct SparseCamera {
+    std::uint32_t id = 0;
+    int model = 0;
+    std::uint64_t width = 0, height = 0;
+    std::vector<double> params;
+};
+
+struct SparseObservation {
+    Vec2<double> place;  // pixels
+    std::uint64_t point = kNoPoint;
+};
+
+struct SparseImage {
+    std::uint32_t id = 0, camera_id = 0;
+    Quat<double> quat;  // camera_from_world
+    Vec3d translation;
+    std::string name;
+    std::vector<SparseObservation> observations;
+
+    Rigid3d camera_from_world() const { return {rotation(normalize(quat)), translation}; }
+};
+
+struct SparsePoint {
+    std::uint64_t id = 0;
+    Vec3d position;
+    std::array<std::uint8_t, 3> color{};
+    double error = 0;                                            // pixels
+    std::vector<std::pair<std::uint32_t, std::uint32_t>> track;  // image, its observation
+};
+
+struct SparseModel {
+    std::vector<SparseCamera> cameras;
+    std::vector<SparseImage> images;  // sorted by name
+    std::vector<SparsePoint> points;
+
+    /// Throws where there is none.
+    const SparseCamera& camera(std::uint32_t id) const;
+};
+
+/// World frames: p_new = scale R p_old + t.
+struct Similarity {
+    double scale = 1;
+    Mat3<double> R{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    Vec3d t{};
+
+    Vec3d operator*(Vec3d p) const { return scale * (R * p) + t; }
+};
+
+/// cameras.bin, images.bin, points3D.bin of a folder. Throws Error(ExitCode::input) where one is
+/// missing or cut off.
+SparseModel read_sparse_model(const std::string& folder);
+
+/// Number of images without reading the rest; 0 where there is no model.
+std::uint64_t count_images(const std::string& folder);
+
+/// Throws Error(ExitCode::io).
+void write_sparse_model(const std::string& folder, const SparseModel& model);
+
+/// The same cameras and points in another world frame.
+void move(SparseModel& model, const Similarity& to_new);
+
+/// With its parameters checked, as the readers of scenes take it.
+Intrinsics intrinsics_of(const SparseCamera& camera);
+
+}  // namespace tvsgs::prepare

@@ -1,0 +1,309 @@
+// tvsgs-prepare: photographs or a video in, a scene with cameras out, by COLMAP.
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+
+#include "apps/common/command_line.h"
+#include "apps/prepare/check.h"
+#include "apps/prepare/metric.h"
+#include "apps/prepare/opencv.h"
+#include "apps/prepare/photographs.h"
+#include "apps/prepare/reconstruct.h"
+#include "core/log.h"
+#include "io/atomic_file.h"
+#include "io/read_file.h"
+#include "pipeline/signals.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct Arguments {
+    std::string photos, scene, cameras = "auto", matcher = "auto", calibration,
+                               dictionary = "DICT_4X4_50", markers_on = "floor";
+    ReconstructOptions reconstruct;
+    double marker_size = 0;
+    int min_share = 50, frames = 150;
+    bool anew = false, quiet = false;
+};
+
+Arguments parse(int argc, char** argv) {
+    Arguments a;
+    CLI::App app{
+        "Makes a scene of photographs or a video: finds by COLMAP where they were taken from, "
+        "checks "
+        "that, and says what to photograph again.",
+        "tvsgs-prepare"};
+    app.get_formatter()->column_width(40);
+    app.add_option("photos", a.photos, "folder of photographs, or a video")->required();
+    app.add_option("scene", a.scene, "folder to write; must not exist")->required();
+    const char* group = "Cameras";
+    app.add_option(
+           "--cameras", a.cameras,
+           "which photographs share focal length and lens: auto (size, and camera and focal "
+           "length in EXIF), one (all), each (none) [auto]")
+        ->check(CLI::IsMember({"auto", "one", "each"}))
+        ->group(group);
+    app.add_option(
+           "--lens", a.reconstruct.lens,
+           "camera model of COLMAP: auto (OPENCV for 10 photographs of a camera or more, else "
+           "SIMPLE_RADIAL), OPENCV_FISHEYE for a fisheye, ... [auto]")
+        ->check(CLI::IsMember({"auto", "SIMPLE_PINHOLE", "PINHOLE", "SIMPLE_RADIAL", "RADIAL",
+                               "OPENCV", "FULL_OPENCV", "FOV", "OPENCV_FISHEYE",
+                               "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "THIN_PRISM_FISHEYE"}))
+        ->group(group);
+    app.add_option("--calibration", a.calibration,
+                   "file of OpenCV's calibration (YAML, XML or JSON): the one lens of all, kept")
+        ->group(group);
+    app.add_option("--poses", a.reconstruct.poses,
+                   "COLMAP model (cameras, images) whose poses are kept; only points are made")
+        ->group(group);
+    group = "Metric frame";
+    app.add_option("--marker-size", a.marker_size,
+                   "side of ArUco or AprilTag markers in the scene, in metres: makes it metric and "
+                   "upright")
+        ->check(kPositive)
+        ->group(group);
+    app.add_option("--marker-dictionary", a.dictionary,
+                   "DICT_4X4_50, DICT_APRILTAG_36h11, ... [DICT_4X4_50]")
+        ->group(group);
+    app.add_option("--markers-on", a.markers_on,
+                   "floor: up is out of the paper; wall: up is up on it [floor]")
+        ->check(CLI::IsMember({"floor", "wall"}))
+        ->group(group);
+    group = "Work";
+    app.add_option("--frames", a.frames, "of a video: take this many at most [150]")
+        ->check(CLI::Range(2, 100000))
+        ->group(group);
+    app.add_option("--matcher", a.matcher,
+                   "exhaustive, sequential (each with those next by name), auto: sequential for a "
+                   "video and above 200 photographs [auto]")
+        ->check(CLI::IsMember({"auto", "exhaustive", "sequential"}))
+        ->group(group);
+    app.add_option("--max-size", a.reconstruct.max_size,
+                   "features are searched in photographs shrunk to this many pixels [3200]")
+        ->check(CLI::Range(100, 65535))
+        ->group(group);
+    app.add_option("--threads", a.reconstruct.threads, "of COLMAP [all]")
+        ->check(CLI::Range(1, 4096))
+        ->group(group);
+    app.add_option("--min-share", a.min_share,
+                   "per cent of the photographs that must find a pose [50]")
+        ->check(CLI::Range(0, 100))
+        ->group(group);
+    app.add_flag("--anew", a.anew, "although there is a model of these photographs already")
+        ->group(group);
+    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    return a;
+}
+
+/// A folder beside the scene, removed at the end whatever happens.
+class WorkFolder {
+public:
+    explicit WorkFolder(const fs::path& scene)
+        : path_(scene.parent_path() / str(".", scene.filename().string(), ".partial-", getpid())) {
+        fs::create_directories(path_);
+    }
+    WorkFolder(const WorkFolder&) = delete;
+    WorkFolder& operator=(const WorkFolder&) = delete;
+    ~WorkFolder() {
+        std::error_code no_matter;
+        fs::remove_all(path_, no_matter);
+    }
+    const fs::path& path() const { return path_; }
+
+private:
+    fs::path path_;
+};
+
+constexpr const char* kLogHead = "tvsgs-prepare ";
+
+/// What COLMAP says: beside the scene while there is none. A file of another program stays.
+std::string start_log(const fs::path& scene) {
+    std::string path = scene.string() + ".log";
+    std::string head;
+    std::getline(std::ifstream(path), head);
+    if (fs::exists(path) && !head.starts_with(kLogHead))
+        path = str(scene.string(), ".", getpid(), ".log");
+    std::ofstream(path) << kLogHead << kVersion << "\n";
+    if (!fs::exists(path)) throw Error(ExitCode::io, path + ": cannot be written");
+    return path;
+}
+
+/// SCENE/images becomes a scene where it lies.
+bool is_in_place(const Arguments& a, const fs::path& scene) {
+    std::error_code error;
+    return fs::is_directory(a.photos, error) && fs::equivalent(a.photos, scene / "images", error);
+}
+
+void check_places(const Arguments& a, const fs::path& scene) {
+    if (!fs::exists(a.photos))
+        throw input_error(a.photos, ": no such folder of photographs, and no such video");
+    if (!fs::is_directory(a.photos) && !is_video(a.photos))
+        throw input_error(a.photos,
+                          ": neither a folder nor a video (.mp4, .mov, .avi, .mkv, .webm)");
+    std::error_code error;
+    if (is_in_place(a, scene)) {
+        for (const char* ours : {"sparse", "prepare.json", "prepare.log"})
+            if (fs::exists(scene / ours))
+                throw Error(ExitCode::usage,
+                            str((scene / ours).string(), " is there already; name another scene"));
+    } else if (fs::exists(scene) &&
+               !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
+        throw Error(ExitCode::usage,
+                    a.scene + ": exists and is not an empty folder; name a new one");
+    }
+    if (!a.anew && a.reconstruct.poses.empty() && fs::is_directory(a.photos))
+        if (const std::string model = find_model_of(a.photos); !model.empty())
+            throw Error(
+                ExitCode::usage,
+                str(a.photos, ": its cameras are known already, by ", model,
+                    ": tvsgs-train --scene takes that folder's scene as it is; --poses MODEL "
+                    "keeps the poses of a COLMAP model and makes points, --anew finds all "
+                    "anew"));
+    if (a.marker_size > 0) {
+        const std::vector<std::string> known = marker_dictionaries();
+        if (std::ranges::find(known, a.dictionary) == known.end()) {
+            std::string names;
+            for (const std::string& name : known) names += (names.empty() ? "" : ", ") + name;
+            throw Error(ExitCode::usage,
+                        has_opencv()
+                            ? str("--marker-dictionary ", a.dictionary, ": expected one of ", names)
+                            : std::string("--marker-size: this tvsgs-prepare was built "
+                                          "without OpenCV (Debian: libopencv-contrib-dev)"));
+        }
+    }
+}
+
+/// The calibration at the size of the photographs, which all have one.
+Calibration calibration_of(const std::string& file, const Photograph& photo) {
+    Calibration lens = read_calibration(file);
+    const double scale = static_cast<double>(photo.width) / lens.width;
+    if (std::abs(scale * lens.height - photo.height) > 1)
+        throw input_error(file, ": made for ", lens.width, "x", lens.height, " pixels; ",
+                          photo.file, " has ", photo.width, "x", photo.height,
+                          "; expected that size or the same shape");
+    for (int i = 0; i < 4; ++i) lens.params[static_cast<std::size_t>(i)] *= scale;
+    return lens;
+}
+
+/// The scene gets metres and an upright axis; what was found, for prepare.json.
+JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& model) {
+    std::vector<MarkerView> views;
+    std::size_t found = 0;
+    for (const SparseImage& image : model.images) {
+        SignalGuard::check();
+        MarkerView view{intrinsics_of(model.camera(image.camera_id)), image.camera_from_world(),
+                        find_markers((images / image.name).string(), a.dictionary)};
+        found += view.markers.size();
+        views.push_back(std::move(view));
+    }
+    const MetricFrame frame = metric_frame(views, a.marker_size, a.markers_on == "wall");
+    move(model, frame.to_new);
+    spdlog::info("metric by {} markers, seen {} times: their sides agree within {:.1f} %",
+                 frame.markers, found, 100 * frame.spread);
+    if (!frame.upright)
+        spdlog::warn(
+            "the markers do not lie in one plane or in parallel ones: units are metres, but "
+            "the axes are COLMAP's");
+    JsonValue out = JsonValue::object();
+    out.set("markers", frame.markers);
+    out.set("spread", frame.spread);
+    out.set("scale", frame.to_new.scale);
+    JsonValue upright(frame.upright ? 1.0 : 0.0);
+    upright.kind = JsonValue::Kind::boolean;
+    out.set("upright", upright);
+    return out;
+}
+
+int command(int argc, char** argv) {
+    // 1. What there is.
+    Arguments a = parse(argc, argv);
+    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
+    fs::path scene = fs::absolute(a.scene).lexically_normal();
+    if (!scene.has_filename()) scene = scene.parent_path();
+    check_places(a, scene);
+    const std::string colmap = find_colmap();
+    const SignalGuard signals;
+    fs::create_directories(scene.parent_path());
+    const WorkFolder work(scene);
+    const bool in_place = is_in_place(a, scene);
+    const fs::path made = work.path() / "scene", images = (in_place ? scene : made) / "images";
+    std::string photos = a.photos;
+    const bool video = !fs::is_directory(a.photos);
+    if (video) {
+        photos = (work.path() / "frames").string();
+        fs::create_directories(photos);
+        spdlog::info("{}: {} frames taken", a.photos, extract_frames(a.photos, photos, a.frames));
+    }
+    const std::vector<Photograph> photographs = find_photographs(photos);
+    if (!a.calibration.empty()) {
+        a.reconstruct.calibration = calibration_of(a.calibration, photographs.front());
+        a.cameras = "one";
+    }
+    const std::vector<CameraGroup> groups =
+        group_by_camera(photographs, a.cameras == "one" || video ? Sharing::one
+                                     : a.cameras == "each"       ? Sharing::each
+                                                                 : Sharing::automatic);
+    constexpr std::size_t kExhaustive = 200;  // half an hour on 16 cores, growing with the square
+    a.reconstruct.matcher = a.matcher != "auto"                         ? a.matcher
+                            : video || photographs.size() > kExhaustive ? "sequential"
+                                                                        : "exhaustive";
+
+    // 2. Where they were taken from.
+    if (!in_place)
+        put_photographs(photographs, images.string());
+    else if (std::ranges::any_of(photographs, &Photograph::convert))
+        throw Error(ExitCode::usage, a.photos +
+                                         ": TIFF and WebP become PNG, and nothing is added to "
+                                         "your photographs; name another scene");
+    const std::string log = start_log(scene);
+    Reconstruction found = with_context(
+        str("preparing ", a.scene, " (all of COLMAP's messages: ", log, ")"),
+        [&] { return reconstruct(colmap, work.path(), images, log, groups, a.reconstruct); });
+    std::vector<std::string> names;
+    for (const Photograph& photo : photographs) names.push_back(photo.name);
+    const Check check = check_models(names, found.models, found.features);
+    say_check(check);
+    if (check.registered * 100 < check.photographs * static_cast<std::size_t>(a.min_share))
+        throw input_error(a.photos, ": ", check.registered, " of ", check.photographs,
+                          " photographs have poses, expected ", a.min_share,
+                          " % or more; add photographs as said above, or take what there is by "
+                          "--min-share ",
+                          check.registered * 100 / check.photographs, "; COLMAP's messages: ", log);
+
+    // 3. The scene, whole before it gets its name.
+    SparseModel& model = found.models[0];
+    JsonValue report = json_of(check);
+    if (a.marker_size > 0) report.set("metric", make_metric(a, images, model));
+    for (const std::string& name : names)
+        if (!in_place && !std::ranges::binary_search(model.images, name, {}, &SparseImage::name))
+            fs::remove(images / name);
+    write_sparse_model((made / "sparse/0").string(), model);
+    write_text_file((made / "prepare.json").string(), json_text(report) + "\n");
+    fs::copy_file(log, made / "prepare.log");
+    if (in_place) {
+        for (const char* file : {"prepare.json", "prepare.log", "sparse"})
+            fs::rename(made / file, scene / file);
+    } else {
+        fs::remove(scene);  // an empty folder
+        fs::rename(made, scene);
+    }
+    fs::remove(log);
+    spdlog::info("{}: {} photographs; next: tvsgs-train --scene {}", a.scene, check.registered,
+                 a.scene);
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs::prepare
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::prepare::command(argc, argv); });
+}

@@ -1,0 +1,21 @@
+# What tvsgs-prepare uses of OpenCV: pictures and videos, and the markers of its contrib modules. Sets
+# TVSGS_PREPARE_OPENCV_FOUND. Debian: libopencv-contrib-dev, 600 MB on disk, so it stays optional.
+find_path(OPENCV_ARUCO_INCLUDE_DIR opencv2/aruco.hpp PATH_SUFFIXES opencv4)
+set(TVSGS_PREPARE_OPENCV_FOUND ${OPENCV_ARUCO_INCLUDE_DIR})
+add_library(tvsgs_opencv_prepare INTERFACE)
+foreach(module aruco calib3d video videoio imgcodecs imgproc core)
+    find_library(OPENCV_${module}_LIBRARY opencv_${module})
+    mark_as_advanced(OPENCV_${module}_LIBRARY)
+    if(OPENCV_${module}_LIBRARY)
+        target_link_libraries(tvsgs_opencv_prepare INTERFACE ${OPENCV_${module}_LIBRARY})
+    else()
+        set(TVSGS_PREPARE_OPENCV_FOUND OFF)
+    endif()
+endforeach()
+mark_as_advanced(OPENCV_ARUCO_INCLUDE_DIR)
+if(TVSGS_PREPARE_OPENCV_FOUND)
+    target_include_directories(tvsgs_opencv_prepare SYSTEM INTERFACE ${OPENCV_ARUCO_INCLUDE_DIR})
+else()
+    message(STATUS "OpenCV's contrib modules not found: tvsgs-prepare without videos, TIFF, markers and "
+                   "calibration files (Debian: libopencv-contrib-dev)")
+endif()

@@ -1,0 +1,259 @@
+// tvsgs-prepare as a user runs it, with a stand-in for COLMAP.
+#include <signal.h>
+
+#include "io/json_value.h"
+#include "io/scene_reader.h"
+#include "prepare/prepare_test.h"
+#include "support/command.h"
+
+namespace tvsgs::prepare {
+namespace {
+
+class Prepare : public PrepareTest {
+protected:
+    Result run(const std::string& arguments, const std::string& before = "") const {
+        return run_script(folder, "PATH=$PWD/bin:/usr/bin:/bin " + before +
+                                      " " TVSGS_BIN_DIR "/tvsgs-prepare " + arguments +
+                                      " >out.txt 2>err.txt");
+    }
+    JsonValue report() const {
+        return parse_json_value(text("scene/prepare.json"), "prepare.json");
+    }
+};
+
+const std::vector<std::string> kNames = {"IMG_1.JPG", "IMG_2.JPG", "IMG_3.JPG", "b/1.png",
+                                         "b/2.png"};
+
+TEST_F(Prepare, PhotographsBecomeAScene) {
+    photos(kNames);
+    photo("IMG_4.JPG");
+    write("photos/notes.txt", "no photograph");
+    write("photos/b/raw.CR2", "no photograph that we read");
+    store(0, made_model(kNames, 0.75));
+    write("features_IMG_4.JPG", "120");
+    const Result r = run("photos scene");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("5 of 6 photographs have poses")) << r;
+    EXPECT_TRUE(r.says("residual 0.75 px on average")) << r;
+    EXPECT_TRUE(r.says("IMG_4.JPG: without a pose; 120 features where others have 1000")) << r;
+    EXPECT_TRUE(r.says("between IMG_3.JPG and b/1.png")) << r;
+    EXPECT_TRUE(r.says("1 files are left out, such as photos/b/raw.CR2")) << r;
+    EXPECT_TRUE(r.says("next: tvsgs-train --scene scene")) << r;
+    EXPECT_FALSE(fs::exists(folder / "scene/images/IMG_4.JPG"));
+    EXPECT_FALSE(fs::exists(folder / "scene.log"));
+    EXPECT_NE(text("scene/prepare.log").find("I am mapper"), std::string::npos);
+    EXPECT_EQ(report()["registered"].number, 5);
+    EXPECT_NEAR(report()["residual_px"].number, 0.75, 1e-3);
+    EXPECT_EQ(report()["missing"].items.at(0).text, "IMG_4.JPG");
+    // The rim of the points' cloud is seen from 40 degrees apart around the axis; all of them
+    // about.
+    EXPECT_NEAR(report()["angle_deg"].number, 37, 3);
+    // Photographs are what they were, and training reads them.
+    EXPECT_EQ(text("scene/images/b/1.png"), text("photos/b/1.png"));
+    SceneOptions options;
+    options.path = (folder / "scene").string();
+    const Scene scene = read_scene(options);
+    ASSERT_EQ(scene.train.size(), 5u);
+    EXPECT_EQ(scene.train[0].name, "IMG_1.JPG");
+    EXPECT_EQ(scene.points.positions.size(), 20u);
+    // COLMAP runs without a GPU and a display; photographs of one size share a camera.
+    const std::string calls = text("calls.txt");
+    EXPECT_NE(calls.find("offscreen: feature_extractor"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--SiftExtraction.use_gpu 0"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--SiftMatching.use_gpu 0"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--ImageReader.single_camera 1"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--ImageReader.camera_model SIMPLE_RADIAL"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("exhaustive_matcher"), std::string::npos) << calls;
+    EXPECT_EQ(calls.find("bundle_adjuster"), std::string::npos) << calls;
+}
+
+TEST_F(Prepare, PhotographsOfASceneStayWhereTheyLie) {
+    photos(kNames);
+    photo("z.png");
+    store(0, made_model(kNames));
+    fs::create_directories(folder / "scene");
+    fs::rename(folder / "photos", folder / "scene/images");
+    Result r = run("scene/images scene/");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(fs::exists(folder / "scene/images/z.png"));
+    EXPECT_EQ(read_sparse_model((folder / "scene/sparse/0").string()).images.size(), 5u);
+    EXPECT_EQ(report()["registered"].number, 5);
+    r = run("scene/images scene --anew");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("scene/sparse is there already")) << r;
+    // Nothing is added where it fails.
+    for (const char* ours : {"scene/sparse", "scene/prepare.json", "scene/prepare.log"})
+        fs::remove_all(folder / ours);
+    write("fail_exhaustive_matcher", "");
+    EXPECT_EQ(run("scene/images scene").code, 3);
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder / "scene"), {}), 1);
+    write("scene/images/t.webp", "no picture");
+    EXPECT_NE(run("scene/images scene").code, 0);
+}
+
+TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
+    std::vector<std::string> names;
+    for (int i = 0; i < 24; ++i) names.push_back(str("f", 10 + i, ".png"));
+    photos(names);
+    store(0, made_model(names));
+    ASSERT_EQ(run("photos scene --threads 3 --max-size 1000 --matcher sequential").code, 0);
+    std::string calls = text("calls.txt");
+    EXPECT_NE(calls.find("--ImageReader.camera_model OPENCV "), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--SiftExtraction.num_threads 3"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--Mapper.num_threads 3"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--SiftExtraction.max_image_size 1000"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("sequential_matcher"), std::string::npos) << calls;
+    // Enough photographs of one camera tell its principal point.
+    EXPECT_NE(calls.find("--BundleAdjustment.refine_principal_point 1"), std::string::npos);
+
+    write("calls.txt", "");
+    ASSERT_EQ(run("photos each --cameras each --lens OPENCV_FISHEYE").code, 0);
+    calls = text("calls.txt");
+    std::size_t extractions = 0;
+    for (std::size_t at = 0; (at = calls.find("feature_extractor", at)) != std::string::npos; ++at)
+        ++extractions;
+    EXPECT_EQ(extractions, 24u);
+    EXPECT_NE(calls.find("camera_model OPENCV_FISHEYE"), std::string::npos);
+
+    write("photos/wide.png", png_bytes(ImageU8(80, 48, 3)));
+    const Result r = run("photos one --cameras one");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("the photographs have 2 sizes, such as 64x48 and 80x48")) << r;
+}
+
+TEST_F(Prepare, TheLargestPieceIsKept) {
+    const std::vector<std::string> small = {"a.png", "b.png"}, large = {"c.png", "d.png", "e.png"};
+    photos(small), photos(large);
+    store(0, made_model(small)), store(1, made_model(large));
+    const Result r = run("photos scene");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.says("2 pieces that do not hang together, of 3, 2")) << r;
+    EXPECT_TRUE(
+        r.says("a.png and b.png: without a pose beside the others, but they fit each "
+               "other: photograph what lies towards c.png"))
+        << r;
+    EXPECT_EQ(read_sparse_model((folder / "scene/sparse/0").string()).images.size(), 3u);
+}
+
+TEST_F(Prepare, TooFewPosesAreAnError) {
+    photos({"a.png", "b.png", "c.png", "d.png", "e.png"});
+    store(0, made_model({"a.png", "b.png"}));
+    Result r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("2 of 5 photographs have poses, expected 50 % or more")) << r;
+    EXPECT_TRUE(r.says("c.png to e.png (3 photographs): without a pose; too little overlap")) << r;
+    EXPECT_TRUE(r.says("--min-share 40")) << r;
+    expect_nothing_left();
+    r = run("photos scene --min-share 40");
+    EXPECT_EQ(r.code, 0) << r;
+    // Nothing at all.
+    fs::remove_all(folder / "models");
+    fs::create_directories(folder / "models");
+    write("fail_mapper", "");
+    fs::remove_all(folder / "scene");
+    r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("no two of the 5 photographs")) << r;
+    expect_nothing_left();
+}
+
+TEST_F(Prepare, WhatFailsIsSaidAndLeavesNothing) {
+    photos(kNames);
+    store(0, made_model(kNames));
+    for (const std::string step : {"feature_extractor", "exhaustive_matcher"}) {
+        write("fail_" + step, "");
+        const Result r = run("photos scene");
+        EXPECT_EQ(r.code, 3) << r;
+        EXPECT_TRUE(r.says("colmap " + step + " failed (exit code 1); the end of " +
+                           (folder / "scene.log").string()))
+            << r;
+        EXPECT_TRUE(r.says("this is why")) << r;
+        expect_nothing_left();
+        fs::remove(folder / ("fail_" + step));
+    }
+    write("crash_mapper", "");
+    const Result r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("colmap mapper failed (exit code 139)")) << r;
+    expect_nothing_left();
+    fs::remove(folder / "crash_mapper");
+    // A model that is cut off.
+    const std::string images = text("models/0/images.bin");
+    write("models/0/images.bin", images.substr(0, images.size() / 2));
+    const Result cut = run("photos scene");
+    EXPECT_EQ(cut.code, 3) << cut;
+    EXPECT_TRUE(cut.says("the file is cut off or damaged")) << cut;
+    expect_nothing_left();
+    // A log of the user's stays.
+    write("scene.log", "mine");
+    EXPECT_EQ(run("photos scene").code, 3);
+    EXPECT_EQ(text("scene.log"), "mine");
+}
+
+TEST_F(Prepare, ASignalEndsColmapAsWell) {
+    photos(kNames);
+    store(0, made_model(kNames));
+    write("hang_mapper", "");
+    const Result r = run("photos scene", "timeout -s TERM 3");
+    EXPECT_TRUE(r.says("stopped by signal 15")) << r;
+    expect_nothing_left();
+    const int pid = std::stoi(text("pid.txt"));
+    EXPECT_NE(kill(pid, 0), 0) << "COLMAP still runs";
+}
+
+TEST_F(Prepare, WhatIsMissingOrThereAlready) {
+    Result r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("photos: no such folder of photographs")) << r;
+    photo("a.png");
+    r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("found 1 photographs")) << r;
+    photos(kNames);
+    r = run_script(folder,
+                   "PATH=/nowhere " TVSGS_BIN_DIR "/tvsgs-prepare photos scene >out.txt 2>err.txt");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("apt-get install colmap")) << r;
+    write("photos/b/broken.png", "\x89PNG");
+    r = run("photos scene");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_TRUE(r.says("photos/b/broken.png: not a readable image")) << r;
+    fs::remove(folder / "photos/b/broken.png");
+    // Known cameras.
+    store(0, made_model(kNames));
+    fs::create_directories(folder / "sparse");
+    fs::copy(folder / "models/0", folder / "sparse/0");
+    r = run("photos scene");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("its cameras are known already, by " + (folder / "sparse/0").string())) << r;
+    EXPECT_EQ(run("photos scene --anew").code, 0);
+    r = run("photos scene --anew");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("exists and is not an empty folder")) << r;
+    expect_error(ExitCode::input, "cut off", [&] {
+        write("short/cameras.bin", "abc");
+        read_sparse_model((folder / "short").string());
+    });
+}
+
+TEST_F(Prepare, PosesThatAreKnownAreKept) {
+    photos(kNames);
+    std::vector<std::string> more = kNames;
+    more.push_back("elsewhere.png");
+    write_sparse_model((folder / "mine").string(), made_model(more));
+    store(0, made_model(kNames));
+    const Result r = run("photos scene --poses mine");
+    ASSERT_EQ(r.code, 0) << r;
+    const std::string calls = text("calls.txt");
+    EXPECT_NE(calls.find("point_triangulator"), std::string::npos) << calls;
+    EXPECT_NE(calls.find("--clear_points 1"), std::string::npos) << calls;
+    EXPECT_EQ(calls.find(": mapper"), std::string::npos) << calls;
+    // What was given to it: the poses of the photographs that are there, without points.
+    const SparseModel given = read_sparse_model((folder / "given").string());
+    ASSERT_EQ(given.images.size(), kNames.size());
+    EXPECT_TRUE(given.points.empty());
+    EXPECT_EQ(given.images[2].translation.x, made_model(more).images[2].translation.x);
+}
+
+}  // namespace
+}  // namespace tvsgs::prepare
