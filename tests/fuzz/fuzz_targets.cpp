@@ -1,6 +1,7 @@
 #include "fuzz_targets.h"
 
 #include <unistd.h>
+#include <zlib.h>
 
 #include <algorithm>
 #include <cstring>
@@ -25,6 +26,7 @@
 #include "io/read_file.h"
 #include "io/safetensors.h"
 #include "io/scene_layout.h"
+#include "io/spz.h"
 #include "io/trajectory.h"
 #include "io/view_split.h"
 #include "optim/train.h"
@@ -190,6 +192,22 @@ std::string with_checksums(std::string bytes) {
     return bytes;
 }
 
+/// What is inside of gzip, put there.
+std::string with_gzip(std::string bytes) {
+    z_stream z{};
+    if (deflateInit2(&z, 1, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY) != Z_OK)
+        throw std::bad_alloc();
+    std::string out(deflateBound(&z, static_cast<uLong>(bytes.size())), '\0');
+    z.next_in = reinterpret_cast<Bytef*>(bytes.data());
+    z.avail_in = static_cast<uInt>(bytes.size());
+    z.next_out = reinterpret_cast<Bytef*>(out.data());
+    z.avail_out = static_cast<uInt>(out.size());
+    deflate(&z, Z_FINISH);
+    out.resize(z.total_out);
+    deflateEnd(&z);
+    return out;
+}
+
 void complain(const std::string& what) {
     throw std::logic_error(what);
 }
@@ -209,6 +227,7 @@ const std::vector<Target>& targets() {
         {"ply_mesh", "a.ply", read_any_ply, nullptr},
         {"mesh_glb", "a.glb", read_any_mesh, with_lengths},
         {"mesh_obj", "a.obj", read_any_mesh, nullptr},
+        {"spz", "a.spz", [](S, S file) { read_spz(file); }, with_gzip},
         {"npy", "a.npy", [](S, S file) { read_npy(file); }, nullptr},
         {"npz", "a.npz", [](S, S file) { read_npz(file); }, nullptr},
         {"npz_cameras", "cameras_sphere.npz", read_npz_cameras, nullptr},

@@ -6,6 +6,7 @@
 Names that begin with good_ have to be read without an error; those that begin with found_ are not
 written here: libFuzzer found them, where a reader of then broke. Needs Python's standard library only.
 """
+import gzip
 import io
 import json
 import math
@@ -317,3 +318,18 @@ seed("mesh_glb", "good_nodes", glb(
     TRIANGLE + bytes(range(12))))
 seed("mesh_obj", "good_textured", "# by hand\nmtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 .5\nvt 0 1\nf 1/1 2/1 3/1 4/1\nf -1 -2 -3\n")
 seed("mesh_obj", "good_colours", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 1e3 1 0 0 0 1\nf 1//1 2//1 3//1\n")
+
+
+# SPZ: in gzip, and what is inside of it
+def spz(version, degree, count, flags=0):
+    rotation, rest = 3 if version == 2 else 4, (degree + 1) ** 2 - 1
+    return (struct.pack("<4sIIBBBB", b"NGSP", version, count, degree, 12, flags, 0)
+            + bytes(i % 251 for i in range(count * (9 + 1 + 3 + 3 + rotation + 3 * rest))))
+
+
+seed("spz", "good_v2", gzip.compress(spz(2, 0, 2), mtime=0))
+seed("spz", "good_v3", gzip.compress(spz(3, 3, 3) + b"more", mtime=0))
+seed("spz", "inside_v2", spz(2, 3, 2))
+seed("spz", "inside_v3", spz(3, 1, 3))
+seed("spz", "inside_degree_4", spz(3, 4, 1, 1))
+seed("spz", "inside_v4", spz(4, 0, 1))

@@ -1,0 +1,303 @@
+// SPZ: bytes made by hand, the format's bounds on errors, turns of frames by rendering, files that
+// are damaged on purpose.
+#include <gtest/gtest.h>
+#include <omp.h>
+#include <zlib.h>
+
+#include <cstring>
+#include <numbers>
+
+#include "io/spz.h"
+#include "io/spz_math.h"
+#include "io_test.h"
+#include "render/backbone.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+using Bytes = std::vector<std::uint8_t>;
+
+Bytes gzip(const Bytes& bytes) {
+    z_stream z{};
+    deflateInit2(&z, 6, Z_DEFLATED, 16 + MAX_WBITS, 8, Z_DEFAULT_STRATEGY);
+    Bytes out(deflateBound(&z, bytes.size()) + 64);
+    z.next_in = const_cast<Bytef*>(bytes.data()), z.avail_in = uInt(bytes.size());
+    z.next_out = out.data(), z.avail_out = uInt(out.size());
+    EXPECT_EQ(deflate(&z, Z_FINISH), Z_STREAM_END);
+    out.resize(z.total_out);
+    deflateEnd(&z);
+    return out;
+}
+
+Bytes gunzip(const Bytes& bytes) {
+    z_stream z{};
+    inflateInit2(&z, 16 + MAX_WBITS);
+    Bytes out(1 << 20);
+    z.next_in = const_cast<Bytef*>(bytes.data()), z.avail_in = uInt(bytes.size());
+    z.next_out = out.data(), z.avail_out = uInt(out.size());
+    EXPECT_EQ(inflate(&z, Z_FINISH), Z_STREAM_END);
+    out.resize(z.total_out);
+    inflateEnd(&z);
+    return out;
+}
+
+Gaussians<Cpu> one_splat() {
+    Gaussians<Cpu> g;
+    resize(g, 1, 1);
+    g.means[0] = {2000, 1, -0.25f};
+    g.log_scales[0] = {-10, -9.5f, 0.03f};
+    g.quats[0] = {2, 0, 0, 0};
+    g.opacity_logits[0] = 0;
+    g.sh[0] = {0, 3.33f, -4};
+    g.sh[1] = {0.5f, -0.5f, 0}, g.sh[2] = {0.25f, 2, -2}, g.sh[3] = {0.02f, 0.04f, -0.04f};
+    return g;
+}
+
+TEST(Spz, HasTheBytesOfTheSpecification) {
+    // 2000 leaves 12 fractional bits; y and z change sign, and with them the coefficients of y and
+    // z, the first two of degree 1. Rotation: w, number 3, is the largest, and the rest is 0.
+    const Bytes expected = {
+        'N',  'G',  'S',  'P',  3, 0, 0,    0,    1,    0,
+        0,    0,    1,    12,   0, 0, 0x00, 0x00, 0x7d,  // 2000 * 4096 = 0x7d0000
+        0x00, 0xf0, 0xff,                                // -4096
+        0x00, 0x04, 0x00,                                // 1024
+        128,                                             // 127.5 away from zero
+        128,  255,  0,                                   // 127.5; 254.9; below 0
+        0,    8,    160,                                 // 160.48
+        0,    0,    0,    0xc0,                          //
+        64,   192,  128,                                 // of -0.5, 0.5, 0
+        96,   0,    255,                                 // of -0.25, -2 and 2
+        128,  136,  120,  // 131 and 133 and 123 in steps of 8, halves up: 128, 136, 120
+    };
+    EXPECT_EQ(gunzip(spz_bytes(one_splat())), expected);
+}
+
+TEST(Spz, OfVersionTwoDiffersInItsRotations) {
+    Gaussians<Cpu> g = one_splat();
+    g.quats[0] = {-0.5f, 0.5f, 0.5f, -0.5f};  // as its opposite: 0.5, -0.5, -0.5, 0.5
+    SpzOptions options;
+    options.version = 2, options.frame = SplatFrame::rdf, options.antialiased = true;
+    const Bytes bytes = gunzip(spz_bytes(g, options));
+    ASSERT_EQ(bytes.size(), 16u + 19 + 9);
+    EXPECT_EQ(bytes[4], 2);
+    EXPECT_EQ(bytes[14], 1);
+    EXPECT_EQ(Bytes(bytes.begin() + 32, bytes.begin() + 35), (Bytes{64, 64, 191}));
+    g.quats[0] = {0, 0, 0, -1};
+    options.version = 3;  // z, number 2, counts as 1, so that the others' zeros are negative
+    const Bytes three = gunzip(spz_bytes(g, options));
+    EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
+}
+
+double angle_deg(Quatf a, Quatf b) {
+    const auto p = normalize(quat_cast<double>(a)), q = normalize(quat_cast<double>(b));
+    const double c = p.w * q.w + p.x * q.x + p.y * q.y + p.z * q.z;
+    return 2 * std::acos(std::min(1.0, std::abs(c))) * 180 / std::numbers::pi;
+}
+
+double opacity(float logit) {
+    return 1 / (1 + std::exp(-double{logit}));
+}
+
+TEST(Spz, KeepsTheBoundsOfEachAttribute) {
+    for (const int version : {2, 3})
+        for (int degree = 0; degree <= 3; ++degree)
+            for (const SplatFrame frame : {SplatFrame::rub, SplatFrame::rdf, SplatFrame::luf}) {
+                Gaussians<Cpu> g = test::random_gaussians(1000, 7, 0.05, degree);
+                for (Vec3f& p : g.means.span()) p = 300 * p;  // 14 fractional bits
+                SpzOptions options;
+                options.version = version, options.frame = frame;
+                const SpzContents read = parse_spz(spz_bytes(g, options), "a.spz", frame);
+                const Gaussians<Cpu>& r = read.splats;
+                EXPECT_EQ(read.version, version);
+                EXPECT_EQ(read.fractional_bits, 14);
+                EXPECT_FALSE(read.antialiased);
+                ASSERT_EQ(r.size(), g.size());
+                ASSERT_EQ(r.sh_degree, degree);
+                double turned = 0;
+                for (std::size_t i = 0; i < g.means.size(); ++i) {
+                    for (int c = 0; c < 3; ++c) {
+                        ASSERT_LE(std::abs(r.means[i][c] - g.means[i][c]), std::ldexp(1, -15));
+                        ASSERT_NEAR(r.log_scales[i][c], g.log_scales[i][c], 1.0 / 32 + 1e-6);
+                        ASSERT_NEAR(r.sh[i][c], g.sh[i][c], 0.013073);
+                        for (std::size_t k = 1; k < std::size_t(sh_count(degree)); ++k)
+                            ASSERT_NEAR(r.sh[k * g.means.size() + i][c],
+                                        g.sh[k * g.means.size() + i][c],
+                                        (k < 4 ? 8 : 16) / 256.0 + 1 / 256.0);
+                    }
+                    ASSERT_NEAR(opacity(r.opacity_logits[i]), opacity(g.opacity_logits[i]),
+                                1.0 / 510 + 1e-7);
+                    turned = std::max(turned, angle_deg(r.quats[i], g.quats[i]));
+                }
+                EXPECT_LT(turned, version == 2 ? 12 : 0.22);
+                EXPECT_GT(turned, version == 2 ? 1 : 0.02);
+            }
+}
+
+TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
+    EXPECT_EQ(spz::fractional_bits(0), 20);
+    EXPECT_EQ(spz::fractional_bits(7.99f), 20);
+    EXPECT_EQ(spz::fractional_bits(8), 19);  // 2^23 is one too many
+    EXPECT_EQ(spz::fractional_bits(2047.99f), 12);
+    EXPECT_EQ(spz::fractional_bits(8388607), 0);
+    EXPECT_EQ(spz::fractional_bits(8388608), -1);
+    Gaussians<Cpu> g = one_splat();
+    for (const float far : {8388607.0f, -8388607.0f, 7.99f, -8.01f}) {
+        g.means[0] = {1, far, 0};
+        const SpzContents read = parse_spz(spz_bytes(g), "a.spz");
+        EXPECT_NEAR(read.splats.means[0].y, far, std::ldexp(1, -read.fractional_bits - 1));
+    }
+    g.means[0].x = 9e6f;
+    expect_error(ExitCode::input, "lies 9e+06 from zero", [&] { spz_bytes(g); });
+}
+
+/// Rotations at the seams of their packing, opacities of 0 and 1, and values beyond the ranges.
+TEST(Spz, KeepsExtremes) {
+    for (const Quatf q : {Quatf{1, 1, 1, 1}, Quatf{-1, 1, -1, 1}, Quatf{0, 0, 0, -1},
+                          Quatf{0, 1, 1, 0}, Quatf{1e-3f, -1, 0, 1}})
+        EXPECT_LT(angle_deg(spz::unpack_smallest_three(spz::pack_smallest_three(q)), q), 0.22);
+    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(-90)), -30);
+    EXPECT_EQ(spz::unpack_opacity(spz::pack_opacity(900)), 30);
+    EXPECT_EQ(spz::unpack_log_scale(spz::pack_log_scale(-30)), -10);
+    EXPECT_EQ(spz::unpack_log_scale(spz::pack_log_scale(30)), 5.9375f);
+    EXPECT_EQ(spz::unpack_sh(spz::pack_sh(-7, 8)), -1);
+    EXPECT_EQ(spz::unpack_sh(spz::pack_sh(7, 8)), 127 / 128.0f);
+    for (int i = -64; i < 64; ++i)  // with all bits: to the nearest
+        EXPECT_EQ(spz::unpack_sh(spz::pack_sh(float(i) / 128, 8)), float(i) / 128);
+}
+
+/// What the file's frame shows from its own camera is what ours shows from ours.
+TEST(SplatFrame, TurnsHarmonicsAndShapesAlike) {
+    const Gaussians<Cpu> g = test::random_gaussians(300, 3, 0.15);
+    const Camera camera = test::test_camera(48, 40);
+    const auto render = [](const Gaussians<Cpu>& splats, const Camera& from) {
+        const auto backbone = make_backbone<Cpu>("ewa", {});
+        const auto& images = backbone->forward(splats, from, 3, Maps::color);
+        return std::vector<Vec3f>(images.color.span().begin(), images.color.span().end());
+    };
+    const auto difference = [](const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+        double most = 0;
+        for (std::size_t i = 0; i < a.size(); ++i) most = std::max(most, double(norm(a[i] - b[i])));
+        return most;
+    };
+    const std::vector<Vec3f> expected = render(g, camera);
+    for (const SplatFrame frame : {SplatFrame::rub, SplatFrame::luf}) {
+        const HalfTurn turn = half_turn(frame);
+        Gaussians<Cpu> turned;
+        copy(g, turned);
+        for (std::size_t i = 0; i < g.means.size(); ++i) {
+            turned.means[i] = turn(g.means[i]), turned.quats[i] = turn(g.quats[i]);
+            for (std::size_t k = 0; k < 16; ++k)
+                turned.sh[k * g.means.size() + i] =
+                    turn.of_coefficient(int(k)) * g.sh[k * g.means.size() + i];
+        }
+        Camera from = camera;
+        for (int row = 0; row < 3; ++row)
+            for (int c = 0; c < 3; ++c) from.camera_from_world.R[row][c] *= turn.signs[c];
+        EXPECT_LT(difference(render(turned, from), expected), 1e-4);
+        copy(g.sh, turned.sh);  // that the test would notice
+        EXPECT_GT(difference(render(turned, from), expected), 0.05);
+    }
+}
+
+TEST(Spz, IsTheSameForAnyNumberOfThreads) {
+    const Gaussians<Cpu> g = test::random_gaussians(3000, 5);
+    const int threads = omp_get_max_threads();
+    omp_set_num_threads(1);
+    const Bytes one = spz_bytes(g);
+    omp_set_num_threads(5);
+    const Bytes five = spz_bytes(g);
+    omp_set_num_threads(threads);
+    EXPECT_EQ(one, five);
+}
+
+class SpzFiles : public IoTest {};
+
+TEST_F(SpzFiles, AreWrittenOverOursAndNoOthers) {
+    const std::string path = (folder / "a.spz").string();
+    const Gaussians<Cpu> g = one_splat();
+    write_spz(path, g);
+    write_spz(path, g);
+    const std::string bytes = read_bytes(path);
+    EXPECT_EQ(Bytes(bytes.begin(), bytes.end()), spz_bytes(g));
+    EXPECT_EQ(read_spz(path).splats.size(), 1);
+    write("b.spz", "holiday");
+    expect_error(ExitCode::usage, "not written by tvsgs",
+                 [&] { write_spz((folder / "b.spz").string(), g); });
+}
+
+TEST(Spz, RefusesToWriteWhatItCannotSay) {
+    expect_error(ExitCode::input, "0 splats", [] {
+        Gaussians<Cpu> none;
+        resize(none, 0, 0);
+        spz_bytes(none);
+    });
+    constexpr float kNan = std::numeric_limits<float>::quiet_NaN();
+    const auto refuses = [](const char* what, const auto& spoil) {
+        Gaussians<Cpu> g = one_splat();
+        spoil(g);
+        expect_error(ExitCode::numerical, what, [&] { spz_bytes(g); });
+    };
+    refuses("the centre of splat 0", [](auto& g) { g.means[0].y = kNan; });
+    refuses("a scale of splat 0", [](auto& g) { g.log_scales[0].z = -1 / 0.0f; });
+    refuses("the rotation of splat 0", [](auto& g) { g.quats[0].w = kNan; });
+    refuses("the opacity of splat 0", [](auto& g) { g.opacity_logits[0] = kNan; });
+    refuses("a colour of splat 0", [](auto& g) { g.sh[3].x = kNan; });
+}
+
+TEST(Spz, RefusesDamagedFiles) {
+    const Bytes file = spz_bytes(test::random_gaussians(40, 2)), good = gunzip(file);
+    const auto refuses = [](const Bytes& bytes, const char* why) {
+        expect_error(ExitCode::input, why, [&] { parse_spz(bytes, "a.spz"); });
+    };
+    for (std::size_t size = 0; size < file.size(); size += 1 + size / 16) {
+        const Bytes cut(file.begin(), file.begin() + std::ptrdiff_t(size));
+        refuses(cut, size < 2 ? "does not begin as gzip" : "ends early");
+    }
+    refuses(Bytes(file.begin(), file.end() - 1), "ends early");
+    const auto changed = [&](std::size_t at, int value) {
+        Bytes bytes = good;
+        bytes[at] = std::uint8_t(value);
+        return gzip(bytes);
+    };
+    refuses(good, "not inside gzip");
+    refuses({'P', 'K', 3, 4}, "does not begin as gzip");
+    refuses(changed(0, 'X'), "does not begin with the 16 bytes");
+    refuses(gzip({'N', 'G', 'S', 'P', 3}), "does not begin with the 16 bytes");
+    refuses(changed(4, 1), "SPZ version 1; expected 2 or 3");
+    refuses(changed(4, 4), "SPZ version 4");
+    refuses(changed(8, 0), "claims 0 splats");
+    refuses(changed(11, 0x7f), "expected 1 to 50000000");
+    refuses(changed(10, 2), "more than its");  // 131112: none of them are there
+    refuses(changed(8, 41), "bytes of splats; its header (41 splats, degree 3)");
+    refuses(changed(12, 5), "harmonics of degree 5");
+    refuses(changed(13, 32), "32 fractional bits");
+    Bytes broken = file;
+    broken[file.size() / 2] ^= 0x10;
+    refuses(broken, "damaged");
+    broken = file, broken[file.size() - 6] ^= 1;  // its checksum
+    refuses(broken, "damaged");
+    Bytes bomb = good;
+    bomb.resize(64 << 20);
+    refuses(gzip(bomb), "goes on for more than");
+}
+
+TEST(Spz, TakesWhatOtherReadersTake) {
+    Bytes bytes = gunzip(spz_bytes(test::random_gaussians(40, 2)));
+    bytes[14] = 3,
+    bytes[15] = 9;  // flags, among them extensions behind the arrays; a reserved byte
+    bytes.resize(bytes.size() + 24);
+    const SpzContents read = parse_spz(gzip(bytes), "a.spz");
+    EXPECT_EQ(read.splats.size(), 40);
+    EXPECT_TRUE(read.antialiased);
+
+    Bytes four = gunzip(spz_bytes(one_splat()));  // degree 4: 24 coefficients, of which 15 are ours
+    four[12] = 4;
+    four.resize(four.size() - 9 + 72, 192);
+    const SpzContents cut = parse_spz(gzip(four), "a.spz");
+    EXPECT_EQ(cut.splats.sh_degree, 3);
+    EXPECT_EQ(std::abs(cut.splats.sh[15].x), 0.5f);
+}
+
+}  // namespace
+}  // namespace tvsgs
