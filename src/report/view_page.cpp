@@ -254,7 +254,7 @@ private:
         about.set("splats", static_cast<double>(count));
         about.set("discs", backbone->flat() ? 1.0 : 0.0);
         about.set("near", static_cast<double>(run.train.render.near));
-        about.set("low_pass", static_cast<double>(run.train.render.low_pass_px2));
+        about.set("low_pass", static_cast<double>(backbone->low_pass_px2()));
         about.set("least_alpha", static_cast<double>(least));
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
@@ -268,7 +268,7 @@ private:
                       escaped(cameras_[start()].name), " sees it\" src=\"",
                       jpeg_source(jpeg_bytes(picture, 80)), "\">\n");
         overlays_ +=
-            str("<div class=\"pane\" hidden><img alt=\"\" hidden><canvas></canvas>",
+            str("<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" hidden><canvas></canvas>",
                 runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
         rows_.push_back(
             {run.name, grouped(count), std::to_string(packed.shown.sh_degree),

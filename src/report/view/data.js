@@ -87,45 +87,44 @@ function unpackMesh(bytes, about) {
 }
 
 /**
- * Runs in a worker: the order of splats from back to front, all digits of the depths counting; as
- * in the trainer, splats at one depth keep the order of their numbers.
+ * Runs in a worker: the order of splats from back to front, by 24 bits of the range of depths; as in
+ * the trainer, splats at one depth keep the order of their numbers.
  */
 function sorter() {
-  let positions, keys, order, spare;
-  const bits = new Uint32Array(1), float = new Float32Array(bits.buffer);
-  const bitsOf = value => { float[0] = value; return bits[0]; };
+  const bins = 4096, counts = new Uint32Array(bins), float = new Float32Array(1);
+  const bits = new Uint32Array(float.buffer);  // of positive floats, in their order
+  let positions, n, keys, order, keysHalf, orderHalf;
   onmessage = ({data}) => {
     if (data.positions) {
-      positions = data.positions;
-      const n = positions.length / 3;
-      keys = new Uint32Array(n);
+      positions = data.positions, n = positions.length / 3;
+      [keys, order, keysHalf, orderHalf] = [1, 2, 3, 4].map(() => new Uint32Array(n));
       return;
     }
-    const {forward: [fx, fy, fz], offset, near, id} = data, n = keys.length;
-    const result = data.buffer || new Uint32Array(n);
-    if (!spare || spare.length !== n) spare = new Uint32Array(n), order = new Uint32Array(n);
+    const {forward: [fx, fy, fz], offset, near} = data, result = data.buffer || new Uint32Array(n);
     let kept = 0, least = 0xffffffff, most = 0;
-    for (let i = 0; i < n; ++i) {
-      const z = fx * positions[3 * i] + fy * positions[3 * i + 1] + fz * positions[3 * i + 2] + offset;
+    for (let i = n - 1, j = 3 * i; i >= 0; --i, j -= 3) {
+      const z = fx * positions[j] + fy * positions[j + 1] + fz * positions[j + 2] + offset;
       if (!(z > near)) continue;
-      const key = bitsOf(z);  // of positive floats, in their order
+      float[0] = z;
+      const key = bits[0];
       if (key < least) least = key;
       if (key > most) most = key;
-      keys[i] = key;
-      order[kept++] = i;
+      keys[kept] = key, order[kept++] = i;
     }
-    const counts = new Uint32Array(65537);
-    // Stable and rising; turned round at the end, so splats of one depth are, too.
-    const pass = (from, to, shift) => {
+    const shift = Math.max(0, 8 - Math.clz32(most - least));
+    for (let k = 0; k < kept; ++k) keys[k] = most - keys[k] >>> shift;  // the farthest first
+    const starts = digit => {
       counts.fill(0);
-      for (let j = 0; j < kept; ++j) ++counts[(keys[from[j]] - least >>> shift & 65535) + 1];
-      for (let b = 0; b < 65536; ++b) counts[b + 1] += counts[b];
-      for (let j = 0; j < kept; ++j) to[counts[keys[from[j]] - least >>> shift & 65535]++] = from[j];
+      for (let k = 0; k < kept; ++k) ++counts[keys[k] >>> digit & bins - 1];
+      for (let b = 0, sum = 0; b < bins; ++b) [counts[b], sum] = [sum, sum + counts[b]];
     };
-    pass(order, spare, 0);
-    let sorted = spare;
-    if (most - least > 65535) pass(spare, order, 16), sorted = order;
-    for (let j = 0; j < kept; ++j) result[j] = sorted[kept - 1 - j];
-    postMessage({order: result, count: kept, id}, [result.buffer]);
+    starts(0);
+    for (let k = 0; k < kept; ++k) {
+      const at = counts[keys[k] & bins - 1]++;
+      keysHalf[at] = keys[k] >>> 12, orderHalf[at] = order[k];
+    }
+    starts(12);
+    for (let k = 0; k < kept; ++k) result[counts[keysHalf[k]]++] = orderHalf[k];
+    postMessage({order: result, count: kept}, [result.buffer]);
   };
 }

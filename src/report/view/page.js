@@ -54,10 +54,16 @@ class Viewer {
     for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
     element('controls').hidden = false;
     this.panes.forEach(pane => { pane.hidden = false; });
+    if (query.has('show')) this.showOnly(query.get('show'));
     this.listen();
     new ResizeObserver(() => this.ask()).observe(this.stage);
     this.state();
     this.ask();
+  }
+
+  /** Names with spaces between them. */
+  showOnly(names) {
+    for (const name of Object.keys(this.show)) this.show[name] = names.split(' ').includes(name);
   }
 
   ask() {
@@ -344,8 +350,7 @@ async function test(viewer) {
   const renderer = viewer.renderer, gl = renderer.gl;
   const camera = about.cameras[Number(query.get('test'))];
   const size = name => Number(query.get(name) || camera[name]);
-  const shown = (query.get('show') || 'splats').split(' ');
-  for (const name of Object.keys(viewer.show)) viewer.show[name] = shown.includes(name);
+  viewer.showOnly(query.get('show') || 'splats');
   const view = viewOf(camera, about.scene), results = [];
   for (const run of renderer.runs) {
     await new Promise(resolve => {
@@ -374,7 +379,8 @@ async function main() {
       result = await patiently(test(viewer));
     } else {
       viewer.begin();
-      say('Ready. Choose the view to use keys and wheel.');
+      say('Ready. Click into the view, or go there with Tab, to use keys and wheel.');
+      if (query.has('camera')) viewer.goTo(Number(query.get('camera')) || 0);
     }
   } catch (error) {
     fail(`There is no view in 3D here: ${error.message}. The pictures below are in this page.`);

@@ -152,7 +152,7 @@ void main() {
   // The determinant as a sum of squares: as a difference it has no digits for needles.
   vec3 areas = vec3(a.x * b.y - a.y * b.x, b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x);
   float det = uLowPass * (uLowPass + dot(a, a) + dot(b, b) + dot(c, c)) + dot(areas, areas);
-  if (!(det > 0.) || !(det < 1e30)) return;
+  if (!(det > 1e-6) || !(det < 1e30)) return;  // too small to be seen, or too large for floats
   float xx = uLowPass + a.x * a.x + b.x * b.x + c.x * c.x;
   float yy = uLowPass + a.y * a.y + b.y * b.y + c.y * c.y;
   float xy = a.x * a.y + b.x * b.y + c.x * c.y;
