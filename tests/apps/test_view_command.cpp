@@ -28,7 +28,7 @@ protected:
         const Result trained =
             run_tool(folder_, "train",
                      "--scene scene --split train_3 --iterations 40 --device cpu --out run --gt "
-                     "scene/gt/mesh.ply "
+                     "scene/gt/points.ply "
                      "--eval-every 20 --set backbone=surfel --set densify.enabled=false");
         ASSERT_EQ(trained.code, 0) << trained;
     }
@@ -48,9 +48,9 @@ TEST_F(ViewCommand, APageHasAllThatTheRunHas) {
     const Result result = run_tool(folder_, "view", "run --out page.html");
     ASSERT_EQ(result.code, 0) << result;
     const std::string page = contents(folder_ / "page.html");
-    EXPECT_EQ(count_of(page, "<li><button type=\"button\" data-camera="), 6u) << "all cameras";
-    EXPECT_EQ(count_of(page, "<img id=\"photo"), 6u);
-    EXPECT_EQ(count_of(page, "(test)</span></button>"), 3u);
+    EXPECT_EQ(count_of(page, "<li><button type=\"button\" data-camera="), 4u) << "all cameras";
+    EXPECT_EQ(count_of(page, "<img id=\"photo"), 4u);
+    EXPECT_EQ(count_of(page, "(test)</span></button>"), 1u);
     EXPECT_NE(page.find("id=\"splats0\""), std::string::npos);
     EXPECT_NE(page.find("id=\"errors0\""), std::string::npos) << "the run knows its truth";
     EXPECT_NE(page.find("Distance of the centres"), std::string::npos) << "error against time";
@@ -80,7 +80,7 @@ TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {
     EXPECT_TRUE(lost.says("photographs")) << lost;
     EXPECT_EQ(count_of(contents(folder_ / "lost.html"), "<img id=\"photo"), 0u);
     EXPECT_EQ(found.code, 0) << found;
-    EXPECT_EQ(count_of(contents(folder_ / "found.html"), "<img id=\"photo"), 6u);
+    EXPECT_EQ(count_of(contents(folder_ / "found.html"), "<img id=\"photo"), 4u);
 }
 
 TEST_F(ViewCommand, WhatIsWrongIsSaid) {
