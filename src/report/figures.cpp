@@ -122,15 +122,14 @@ std::vector<Plot> plots_over_time(const JsonValue& evaluations) {
     return plots;
 }
 
-std::string error_scale(double full, const std::string& attributes) {
+std::string error_scale(double full) {
     std::string stops;
     for (int i = 0; i <= 8; ++i) {
         const Rgb c = error_shade(i / 8.0);
         stops += str(", rgb(", int{c.r}, " ", int{c.g}, " ", int{c.b}, ")");
     }
-    return str("<div class=\"scale\"", attributes,
-               "><span>0</span><i style=\"background:linear-gradient(to right", stops,
-               ")\"></i><span>", short_number(full), " and more</span></div>\n");
+    return str("<div class=\"scale\"><span>0</span><i style=\"background:linear-gradient(to right",
+               stops, ")\"></i><span>", short_number(full), " and more</span></div>\n");
 }
 
 std::string json_for_page(const JsonValue& value) {

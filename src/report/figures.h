@@ -26,8 +26,8 @@ std::string plot_figure(const Plot& plot, const std::string& id, const std::stri
 /// report.json. Empty with fewer than two.
 std::vector<Plot> plots_over_time(const JsonValue& evaluations);
 
-/// What colours by error mean, from 0 to `full`; `attributes` with a space before them.
-std::string error_scale(double full, const std::string& attributes = "");
+/// What colours by error mean, from 0 to `full`.
+std::string error_scale(double full);
 
 /// The text of a script element of type application/json: it cannot end the element.
 std::string json_for_page(const JsonValue& value);

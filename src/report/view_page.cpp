@@ -336,22 +336,27 @@ private:
         std::string notes;
         for (const std::string& text : notes_)
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
-        return filled(kViewPage,
-                      {{"policy", kPolicy},
-                       {"title", escaped(title) + ": view"},
-                       {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
-                       {"heading", escaped(title)},
-                       {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
-                       {"notes", notes},
-                       {"view", escaped(str("View in 3D of ", summary, "."))},
-                       {"panes", panes_ + overlays_},
-                       {"toggles", toggles()},
-                       {"scale", full_ > 0 ? error_scale(full_, " id=\"scale\" hidden") : ""},
-                       {"parts", parts_},
-                       {"version", escaped(kVersion)},
-                       {"about", json_for_page(about_)},
-                       {"data", data_},
-                       {"script", kViewScript}});
+        return filled(
+            kViewPage,
+            {{"policy", kPolicy},
+             {"title", escaped(title) + ": view"},
+             {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
+             {"heading", escaped(title)},
+             {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
+             {"notes", notes},
+             {"view", escaped(str("View in 3D of ", summary, "."))},
+             {"panes", panes_ + overlays_},
+             {"toggles", toggles()},
+             {"scale", full_ > 0
+                           ? str("<div id=\"scale\" hidden><p>Distance to the true surface, in "
+                                 "units of the scene. Grey: not measured.</p>\n",
+                                 error_scale(full_), "</div>\n")
+                           : ""},
+             {"parts", parts_},
+             {"version", escaped(kVersion)},
+             {"about", json_for_page(about_)},
+             {"data", data_},
+             {"script", kViewScript}});
     }
 
     std::vector<ViewRun> runs_;

@@ -54,6 +54,8 @@ class Viewer {
     for (const poster of document.querySelectorAll('.poster')) poster.hidden = true;
     element('controls').hidden = false;
     this.panes.forEach(pane => { pane.hidden = false; });
+    if (Number(query.get('zoom')) > 0)
+      this.view = zoomed(this.home, Number(query.get('zoom')), about.scene);
     if (query.has('show')) this.showOnly(query.get('show'));
     this.listen();
     new ResizeObserver(() => this.ask()).observe(this.stage);
