@@ -1,7 +1,9 @@
-// tvsgs-view: runs as a page to look at, one file that opens in a browser without a network.
+// tvsgs-view: runs as a page to look at, one file that opens in a browser without a network; or
+// served to the browser of this machine, while a training goes on.
 #include <filesystem>
 
 #include "apps/common/command_line.h"
+#include "apps/view/server.h"
 #include "io/atomic_file.h"
 #include "pipeline/run_folder.h"
 #include "report/view_run.h"
@@ -14,7 +16,8 @@ constexpr std::size_t kMaxRuns = 2;  // beside each other
 struct Arguments {
     ViewInput input;
     ViewPageOptions page;
-    std::string out;
+    std::string out;  // empty: the page is served
+    int port = 0;
     bool quiet = false;
 };
 
@@ -29,7 +32,10 @@ Arguments parse(int argc, char** argv) {
     app.add_option("runs,-m,--run,--model,--model-path", a.input.runs,
                    "run folder, or two of one scene")
         ->required();
-    add_output_flag(app, "-o,--out,--output", a.out, "page to write, .html")->required();
+    add_output_flag(app, "-o,--out,--output", a.out,
+                    "page to write, .html [it is served to a browser of this machine, and follows "
+                    "a training]");
+    app.add_option("--port", a.port, "to serve at [any]")->check(CLI::Range(1, 65535));
     app.add_option("-s,--scene", a.input.scene, "folder of the scene [that of the first run]");
     app.add_option("--gt", a.input.gt,
                    "true surface (mesh or cloud): splats and mesh get colours by their distance to "
@@ -51,6 +57,10 @@ Arguments parse(int argc, char** argv) {
     if (!a.input.crop.empty() && a.input.gt.empty())
         throw Error(ExitCode::usage,
                     str("--crop ", a.input.crop, ": belongs to --gt, which is missing"));
+    if (a.out.empty() && a.input.runs.size() > 1)
+        throw Error(ExitCode::usage, "two runs: give --out FILE.html; one alone can be served");
+    if (!a.out.empty() && a.port > 0)
+        throw Error(ExitCode::usage, "--port with --out: a page in a file is not served");
     a.page.max_bytes = static_cast<std::size_t>(megabytes * 1e6);
     return a;
 }
@@ -58,6 +68,10 @@ Arguments parse(int argc, char** argv) {
 int command(int argc, char** argv) {
     const Arguments a = parse(argc, argv);
     init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
+    if (a.out.empty()) {
+        serve(a.input, a.page, a.port);
+        return 0;
+    }
     require_output(a.out, {".html"}, "is a page", {});
     ViewSubject subject = read_view_subject(a.input);
     const ViewPage page = view_page(std::move(subject.runs), subject.cameras, a.page);

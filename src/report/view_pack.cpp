@@ -49,14 +49,6 @@ void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     keep(g, order);
 }
 
-void lower_degree(Gaussians<Cpu>& g) {
-    --g.sh_degree;
-    Buffer<Vec3f, Cpu> sh;
-    sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
-    std::copy_n(g.sh.data(), sh.size(), sh.data());  // coefficient major: the first ones
-    g.sh.swap(sh);
-}
-
 }  // namespace
 
 PackedSplats pack_splats(Gaussians<Cpu> g,
@@ -76,7 +68,8 @@ PackedSplats pack_splats(Gaussians<Cpu> g,
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");
         if (packed.bytes.size() <= max_bytes) break;
         if (g.sh_degree > 0) {
-            lower_degree(g);
+            --g.sh_degree;  // coefficient major: the first ones stay
+            g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
             continue;
         }
         const double share =

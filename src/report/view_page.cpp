@@ -83,6 +83,10 @@ std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int
     return jpegs;
 }
 
+JsonValue list_of(Vec3d v) {
+    return std::vector<double>{v.x, v.y, v.z};
+}
+
 /// What views turn around, and what sizes go by.
 JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<ViewRun>& runs) {
     std::vector<Camera> all;
@@ -107,9 +111,9 @@ JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<V
     }
     const Vec3d p = focus.point, u = up / norm(up);
     JsonValue scene = JsonValue::object();
-    scene.set("middle", std::vector<double>{p.x, p.y, p.z});
+    scene.set("middle", list_of(p));
     scene.set("radius", focus.radius);
-    scene.set("up", std::vector<double>{u.x, u.y, u.z});
+    scene.set("up", list_of(u));
     return scene;
 }
 
@@ -117,13 +121,12 @@ JsonValue camera_json(const ViewCamera& c, bool has_photo) {
     const Mat3<double> R = mat_cast<double>(c.camera.camera_from_world.R);
     const Vec3d centre = -transpose_times(R, vec_cast<double>(c.camera.camera_from_world.t));
     JsonValue camera = JsonValue::object(), rows = JsonValue::list();
-    for (int r = 0; r < 3; ++r)
-        rows.items.push_back(std::vector<double>{R[r][0], R[r][1], R[r][2]});
+    for (int r = 0; r < 3; ++r) rows.items.push_back(list_of({R[r][0], R[r][1], R[r][2]}));
     camera.set("name", c.name);
     camera.set("test", c.test ? 1.0 : 0.0);
     camera.set("photo", has_photo ? 1.0 : 0.0);
     camera.set("rows", std::move(rows));
-    camera.set("centre", std::vector<double>{centre.x, centre.y, centre.z});
+    camera.set("centre", list_of(centre));
     for (const auto& [key, value] :
          {std::pair("fx", c.camera.fx_px), std::pair("fy", c.camera.fy_px),
           std::pair("cx", c.camera.cx_px), std::pair("cy", c.camera.cy_px)})
@@ -333,12 +336,13 @@ private:
         }
         about_.set("runs", std::move(runs));
         about_.set("palette", base64(palette));
+        if (options_.follow) about_.set("origin", list_of(*options_.follow));
         std::string notes;
         for (const std::string& text : notes_)
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
         return filled(
             kViewPage,
-            {{"policy", kPolicy},
+            {{"policy", str(kPolicy, options_.follow ? "; connect-src 'self'" : "")},
              {"title", escaped(title) + ": view"},
              {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
              {"heading", escaped(title)},

@@ -36,6 +36,9 @@ struct ViewPageOptions {
     std::size_t max_bytes = 40'000'000;  // of the page, about
     int max_splats = 50'000'000;         // of a run
     int max_photos = 60;
+    /// The page follows a training, by the server that it is from; where its frame lies in that of
+    /// the scene.
+    std::optional<Vec3d> follow;
 };
 
 struct ViewPage {

@@ -129,7 +129,11 @@ ViewRun read_run(const std::string& path,
     ViewRun run;
     run.name = name_of(path);
     run.train = options.train;
-    run.splats = read_splats(find_splats(path), origin, options.train);
+    std::error_code code;
+    if (input.may_train && !fs::exists(path + "/point_cloud", code))
+        resize(run.splats, 0, 0);
+    else
+        run.splats = read_splats(find_splats(path), origin, options.train);
     if_possible("a mesh", [&] {
         const std::string file = find_mesh(path);
         if (file.empty()) return;
@@ -167,7 +171,7 @@ ViewSubject read_view_subject(const ViewInput& input) {
     std::vector<FileCamera> files = file_cameras(input.runs.front());
     std::vector<Vec3d> centres;
     for (const FileCamera& c : files) centres.push_back(c.centre);
-    const Vec3d origin = local_origin(centres);
+    const Vec3d origin = subject.origin = local_origin(centres);
     for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
     if (!input.scene.empty()) first.scene.path = input.scene;
     if_possible("photographs",

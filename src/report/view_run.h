@@ -12,12 +12,14 @@ struct ViewInput {
     std::vector<std::string> runs;  // folders, at least one
     std::string scene;              // empty: that of the first run
     std::string gt, crop;           // empty: what a run has been measured against
+    bool may_train = false;         // a run that has no splats yet is shown without
 };
 
 /// What view_page() takes. The frame is that of the first run's cameras, moved near to zero.
 struct ViewSubject {
     std::vector<ViewRun> runs;
     std::vector<ViewCamera> cameras;
+    Vec3d origin;  // of the frame, in that of the scene
 };
 
 /// Photographs, meshes and truths that cannot be read are left out with a warning, but for a truth

@@ -6,13 +6,13 @@
 #include <filesystem>
 #include <numbers>
 
-#include "browser.h"
 #include "io/atomic_file.h"
 #include "io/spz.h"
 #include "render/backbone.h"
 #include "report/pictures.h"
 #include "report/view_pack.h"
 #include "report/view_page.h"
+#include "support/browser.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

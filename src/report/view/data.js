@@ -28,9 +28,9 @@ const kNoSplats = new Uint8Array([0x4e, 0x47, 0x53, 0x50, 3, 0, 0, 0, 0, 0, 0, 0
  * colour and alpha; `shapes` the bytes of the logarithmic scales with that of the error, then the
  * rotation; `sh` the bytes of the coefficients, 16 to a texel, a layer after another.
  * The file's frame is that of the page.
- * @param errors bytes, one a splat, or null
+ * `errors`: bytes, one a splat, or null; `shift` is added to places.
  */
-function unpackSplats(bytes, errors) {
+function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   const head = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   if (bytes.byteLength < 16 || head.getUint32(0, true) !== 0x5053474e ||
       head.getUint32(4, true) !== 3)
@@ -49,7 +49,7 @@ function unpackSplats(bytes, errors) {
     for (let a = 0; a < 3; ++a) {
       const at = 16 + 9 * i + 3 * a;
       const fixed = (bytes[at] << 8 | bytes[at + 1] << 16 | bytes[at + 2] << 24) >> 8;
-      positions[3 * i + a] = floats[4 * i + a] = fixed * unit;
+      positions[3 * i + a] = floats[4 * i + a] = fixed * unit + shift[a];
     }
     const c = colors + 3 * i, s = scales + 3 * i;
     places[4 * i + 3] =

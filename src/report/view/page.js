@@ -101,7 +101,7 @@ class Viewer {
     this.renderer.makeTarget(width, height);
     const drawn = [Math.max(1, Math.round(width * share)), Math.max(1, Math.round(height * share))];
     this.renderer.runs.forEach((run, i) => {
-      this.renderer.sort(run, this.view, share === 1 && now - this.movedAt > 200);
+      this.renderer.sort(run.cloud, run.about.near, this.view, share === 1 && now - this.movedAt > 200);
       this.renderer.drawRun(run, this.view, ...drawn, this.show);
       this.renderer.finish(null, tall ? 0 : i * width, tall ? (n - 1 - i) * height : 0, width,
                            height, ...drawn);
@@ -335,6 +335,33 @@ function fail(message) {
   document.querySelectorAll('.poster').forEach(poster => { poster.hidden = false; });
 }
 
+/** Asks the server that this page is from for newer splats while a training goes on. */
+async function follow(viewer) {
+  const run = viewer.renderer.runs[0], note = text => { element('training').textContent = text; };
+  for (let last = null;;) {
+    try {
+      const state = await (await fetch('api/state')).json();
+      if (!state.live) {
+        note(last ? 'The training has ended. Reload this page for its results.' : '');
+        return;
+      }
+      if (state.tag !== last) {
+        const bytes = new Uint8Array(await (await fetch('api/splats')).arrayBuffer());
+        const splats = unpackSplats(await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin));
+        viewer.renderer.sort(viewer.renderer.makeCloud(run, splats), run.about.near, viewer.view, true);
+        last = state.tag;
+      }
+      const count = n => Math.round(n).toLocaleString('en');
+      note(`In training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
+           `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
+           (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
+    } catch (error) {
+      note(`The server of this page does not answer (${error.message}).`);
+    }
+    await new Promise(resolve => setTimeout(resolve, document.hidden ? 5000 : 1000));
+  }
+}
+
 /** For programs that let a page's clock run as fast as it can (?test, ?wait): no budget of it is
  *  used up while workers work. */
 async function patiently(promise) {
@@ -357,8 +384,8 @@ async function test(viewer) {
   for (const run of renderer.runs) {
     await new Promise(resolve => {
       viewer.ask = resolve;
-      if (run.count === 0) resolve();
-      else renderer.sort(run, view, true);
+      if (run.cloud.count === 0) resolve();
+      else renderer.sort(run.cloud, run.about.near, view, true);
     });
     const pixels = renderer.picture(run, view, size('width'), size('height'), viewer.show);
     let text = '';
@@ -382,6 +409,7 @@ async function main() {
     } else {
       viewer.begin();
       say('Ready. Click into the view, or go there with Tab, to use keys and wheel.');
+      if (about.origin) follow(viewer);
       if (query.has('camera')) viewer.goTo(Number(query.get('camera')) || 0);
     }
   } catch (error) {

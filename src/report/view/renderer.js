@@ -65,50 +65,67 @@ class Renderer {
 
   /** `about`: what the page says of the run; `palette`: 256 x RGBA of errors. */
   addRun(about, splats, mesh, palette, onOrder) {
-    const gl = this.gl, run = {about, count: splats.count, drawn: 0, degree: splats.degree,
-                               rows: splats.rows, colorKey: ''};
-    if (splats.rows > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+    const gl = this.gl, run = {about, onOrder};
+    run.palette = this.flat(gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
+    if (mesh) this.addMesh(run, mesh);
+    run.cloud = this.makeCloud(run, splats);
+    this.runs.push(run);
+    return run;
+  }
+
+  /** Splats on the device with the worker that sorts them; shown when it first has. */
+  makeCloud(run, splats) {
+    const gl = this.gl, {rows, layers} = splats;
+    const cloud = {count: splats.count, drawn: 0, degree: splats.degree, rows, colorKey: ''};
+    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE))
       throw Error(`this device's textures hold ${1024 * gl.getParameter(gl.MAX_TEXTURE_SIZE)} ` +
                   'splats at most; make the page with --max-splats');
-    const {rows, layers} = splats;
-    run.places = this.flat(gl.RGBA32UI, kPerRow, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
-                           splats.places);
-    run.shapes = this.flat(gl.RG32UI, kPerRow, rows, gl.RG_INTEGER, gl.UNSIGNED_INT, splats.shapes);
+    cloud.places = this.flat(gl.RGBA32UI, kPerRow, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
+                             splats.places);
+    cloud.shapes = this.flat(gl.RG32UI, kPerRow, rows, gl.RG_INTEGER, gl.UNSIGNED_INT,
+                             splats.shapes);
     const array = gl.TEXTURE_2D_ARRAY, depth = Math.max(layers, 1);
-    run.sh = this.texture(array, () => gl.texStorage3D(array, 1, gl.RGBA32UI, layers ? kPerRow : 1,
-                                                       layers ? rows : 1, depth),
-                          layers && (() => gl.texSubImage3D(array, 0, 0, 0, 0, kPerRow, rows, depth,
-                                                            gl.RGBA_INTEGER, gl.UNSIGNED_INT,
-                                                            splats.sh)));
-    run.palette = this.flat(gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
-    run.colors = this.flat(this.format, kPerRow, rows);
-    run.colorTarget = gl.createFramebuffer();
-    gl.bindFramebuffer(gl.FRAMEBUFFER, run.colorTarget);
-    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, run.colors, 0);
-    run.order = gl.createBuffer();
-    run.quads = gl.createVertexArray();
-    gl.bindVertexArray(run.quads);
-    gl.bindBuffer(gl.ARRAY_BUFFER, run.order);
+    cloud.sh = this.texture(array, () => gl.texStorage3D(array, 1, gl.RGBA32UI, layers ? kPerRow : 1,
+                                                         layers ? rows : 1, depth),
+                            layers && (() => gl.texSubImage3D(array, 0, 0, 0, 0, kPerRow, rows,
+                                                              depth, gl.RGBA_INTEGER,
+                                                              gl.UNSIGNED_INT, splats.sh)));
+    cloud.colors = this.flat(this.format, kPerRow, rows);
+    cloud.colorTarget = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, cloud.colors, 0);
+    cloud.order = gl.createBuffer();
+    cloud.quads = gl.createVertexArray();
+    gl.bindVertexArray(cloud.quads);
+    gl.bindBuffer(gl.ARRAY_BUFFER, cloud.order);
     gl.bufferData(gl.ARRAY_BUFFER, 4 * Math.max(splats.count, 1), gl.DYNAMIC_DRAW);
     gl.enableVertexAttribArray(0);
     gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
     gl.vertexAttribDivisor(0, 1);
-    if (mesh) this.addMesh(run, mesh);
     gl.bindVertexArray(null);
 
     const url = URL.createObjectURL(new Blob([`(${sorter})()`], {type: 'text/javascript'}));
-    run.worker = new Worker(url);
+    cloud.worker = new Worker(url);
     URL.revokeObjectURL(url);
-    run.worker.postMessage({positions: splats.positions}, [splats.positions.buffer]);
-    run.sorting = false, run.sortedFor = null, run.spare = null;
-    run.worker.onmessage = ({data}) => {
-      run.sorting = false, run.drawn = data.count, run.spare = data.order;
-      gl.bindBuffer(gl.ARRAY_BUFFER, run.order);
+    cloud.worker.postMessage({positions: splats.positions}, [splats.positions.buffer]);
+    cloud.sorting = false, cloud.sortedFor = null, cloud.spare = null;
+    cloud.worker.onmessage = ({data}) => {
+      cloud.sorting = false, cloud.drawn = data.count, cloud.spare = data.order;
+      gl.bindBuffer(gl.ARRAY_BUFFER, cloud.order);
       gl.bufferSubData(gl.ARRAY_BUFFER, 0, data.order, 0, data.count);
-      onOrder();
+      if (run.cloud !== cloud) this.removeCloud(run.cloud), run.cloud = cloud;
+      run.onOrder();
     };
-    this.runs.push(run);
-    return run;
+    return cloud;
+  }
+
+  removeCloud(cloud) {
+    const gl = this.gl;
+    cloud.worker.terminate();
+    for (const name of ['places', 'shapes', 'sh', 'colors']) gl.deleteTexture(cloud[name]);
+    gl.deleteFramebuffer(cloud.colorTarget);
+    gl.deleteBuffer(cloud.order);
+    gl.deleteVertexArray(cloud.quads);
   }
 
   addMesh(run, mesh) {
@@ -127,20 +144,20 @@ class Renderer {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.faces, gl.STATIC_DRAW);
   }
 
-  /** Has the splats of a run sorted for the view, unless they are, or about. */
-  sort(run, view, exactly) {
+  /** Has the splats of a cloud sorted for the view, unless they are, or about. */
+  sort(cloud, near, view, exactly) {
     const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
-    const last = run.sortedFor;
-    if (run.sorting || run.count === 0) return;
+    const last = cloud.sortedFor;
+    if (cloud.sorting || cloud.count === 0) return;
     if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset) return;
     const turned = last ? fx * last.fx + fy * last.fy + fz * last.fz : -1;
     if (last && !exactly && turned > Math.cos(0.5 * Math.PI / 180) &&
         Math.abs(offset - last.offset) < 0.002 * view.distance) return;
-    run.sortedFor = {fx, fy, fz, offset}, run.sorting = true;
-    const message = {forward: [fx, fy, fz], offset, near: run.about.near};
-    if (run.spare) message.buffer = run.spare;
-    run.worker.postMessage(message, run.spare ? [run.spare.buffer] : []);
-    run.spare = null;
+    cloud.sortedFor = {fx, fy, fz, offset}, cloud.sorting = true;
+    const message = {forward: [fx, fy, fz], offset, near: near};
+    if (cloud.spare) message.buffer = cloud.spare;
+    cloud.worker.postMessage(message, cloud.spare ? [cloud.spare.buffer] : []);
+    cloud.spare = null;
   }
 
   makeTarget(width, height) {
@@ -180,21 +197,21 @@ class Renderer {
 
   /** Where only the camera's place and the kind of colours count. */
   colorSplats(run, view, show) {
-    const key = show.error ? 'error' : run.degree === 0 ? 'own' : view.centre.join();
-    if (key === run.colorKey) return;
-    run.colorKey = key;
+    const cloud = run.cloud, key = show.error ? 'error' : cloud.degree === 0 ? 'own' : view.centre.join();
+    if (key === cloud.colorKey) return;
+    cloud.colorKey = key;
     const gl = this.gl, {handle, at} = this.programs.colors;
     gl.useProgram(handle);
-    this.bind(0, gl.TEXTURE_2D, run.places, at.uPlaces);
-    this.bind(1, gl.TEXTURE_2D, run.shapes, at.uShapes);
-    this.bind(2, gl.TEXTURE_2D_ARRAY, run.sh, at.uSh);
+    this.bind(0, gl.TEXTURE_2D, cloud.places, at.uPlaces);
+    this.bind(1, gl.TEXTURE_2D, cloud.shapes, at.uShapes);
+    this.bind(2, gl.TEXTURE_2D_ARRAY, cloud.sh, at.uSh);
     this.bind(3, gl.TEXTURE_2D, run.palette, at.uPalette);
-    gl.uniform1i(at.uCount, run.count);
-    gl.uniform1i(at.uCoefficients, (run.degree + 1) * (run.degree + 1) - 1);
+    gl.uniform1i(at.uCount, cloud.count);
+    gl.uniform1i(at.uCoefficients, (cloud.degree + 1) * (cloud.degree + 1) - 1);
     gl.uniform1i(at.uErrors, show.error);
     gl.uniform3fv(at.uCentre, view.centre);
-    gl.bindFramebuffer(gl.FRAMEBUFFER, run.colorTarget);
-    gl.viewport(0, 0, kPerRow, run.rows);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
+    gl.viewport(0, 0, kPerRow, cloud.rows);
     gl.bindVertexArray(this.nothing);
     gl.disable(gl.BLEND);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -223,13 +240,13 @@ class Renderer {
       gl.bindVertexArray(run.mesh);
       gl.drawElements(gl.TRIANGLES, run.indices, gl.UNSIGNED_INT, 0);
     }
-    if ((show.splats || show.centres) && run.drawn > 0) {
+    if ((show.splats || show.centres) && run.cloud.drawn > 0) {
       const {handle, at} = run.about.discs ? this.programs.discs : this.programs.ellipses;
       gl.useProgram(handle);
       this.setView(at, view, lens, width, height, run.about.near);
-      this.bind(0, gl.TEXTURE_2D, run.places, at.uPlaces);
-      this.bind(1, gl.TEXTURE_2D, run.shapes, at.uShapes);
-      this.bind(2, gl.TEXTURE_2D, run.colors, at.uColors);
+      this.bind(0, gl.TEXTURE_2D, run.cloud.places, at.uPlaces);
+      this.bind(1, gl.TEXTURE_2D, run.cloud.shapes, at.uShapes);
+      this.bind(2, gl.TEXTURE_2D, run.cloud.colors, at.uColors);
       const u = [-lens.cx / lens.fx, (width - lens.cx) / lens.fx],
             v = [-lens.cy / lens.fy, (height - lens.cy) / lens.fy];
       const du = 0.15 * width / lens.fx, dv = 0.15 * height / lens.fy;
@@ -241,8 +258,8 @@ class Renderer {
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
       if (meshed) gl.enable(gl.DEPTH_TEST); else gl.disable(gl.DEPTH_TEST);
-      gl.bindVertexArray(run.quads);
-      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.drawn);
+      gl.bindVertexArray(run.cloud.quads);
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.cloud.drawn);
     }
     gl.disable(gl.DEPTH_TEST);
     gl.disable(gl.BLEND);

@@ -46,20 +46,26 @@ inline std::string chromium() {
     return "";
 }
 
-/// The page as it is when its scripts have run. `query`: begins with "?", or empty.
-inline std::string page_in_browser(const std::filesystem::path& page,
-                                   const std::string& query,
-                                   const std::string& flags = "") {
-    const std::filesystem::path folder = page.parent_path();
+/// A page as it is when its scripts have run. `folder`: for the browser's own files.
+inline std::string document_in_browser(const std::filesystem::path& folder,
+                                       const std::string& url,
+                                       const std::string& flags = "") {
     const Result result = run_script(
         folder, "timeout 200 " + chromium() + (geteuid() == 0 ? " --no-sandbox" : "") +
                     " --headless=new --use-angle=swiftshader --enable-unsafe-swiftshader "
                     "--force-device-scale-factor=1 --virtual-time-budget=60000 --dump-dom "
                     "--user-data-dir='" +
-                    (folder / "profile").string() + "' " + flags + " 'file://" + page.string() +
-                    query + "' >out.txt 2>err.txt");
+                    (folder / "profile").string() + "' " + flags + " '" + url +
+                    "' >out.txt 2>err.txt");
     EXPECT_EQ(result.code, 0) << result;
     return result.out;
+}
+
+/// `query`: begins with "?", or empty.
+inline std::string page_in_browser(const std::filesystem::path& page,
+                                   const std::string& query,
+                                   const std::string& flags = "") {
+    return document_in_browser(page.parent_path(), "file://" + page.string() + query, flags);
 }
 
 /// What the page's test mode says: {"width", "height", "bits", "error", "renderer", "pixels"}.
