@@ -209,8 +209,16 @@ protected:
     }
 };
 
-// Thresholds of 45 and 40 dB: 8-bit targets round each blend. Swapped harmonics or half a pixel
-// cost far more.
+/// Large splats all around the camera: beside the image their projection is clamped.
+Gaussians<Cpu> around(int count) {
+    Gaussians<Cpu> g = test::random_gaussians(count, 17, 0.3, 0);
+    for (Vec3f& p : g.means.span()) p = 3.5f * p;
+    for (float& logit : g.opacity_logits.span()) logit -= 2;
+    return g;
+}
+
+// Below 59 dB, what rounding to 8 bits leaves, and 50 where the target rounds each blend: the rest
+// is the device's exponential. A dot of discs left out costs 13 dB, half a pixel 16.
 TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
     struct Case {
         std::string backbone;
@@ -222,6 +230,7 @@ TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
     cases.push_back({"surfel", sphere(4000)});
     cases.push_back({"surfel", test::random_gaussians(1500, 13, 0.1, 2)});
     cases.push_back({"rade", sphere(3000)});
+    cases.push_back({"ewa", around(600)});
     std::vector<ViewRun> runs;
     for (Case& c : cases) runs.push_back(run_of(c.backbone, c.backbone, std::move(c.splats)));
     const std::vector<ViewCamera> cameras = two_cameras();
@@ -239,7 +248,7 @@ TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
             const auto expected =
                 render(cases[i].backbone, splats_in(page.html, int(i)), cameras[bits == 16].camera);
             const double found = psnr(pixels_of(result, i), expected);
-            EXPECT_GT(found, bits == 16 ? 45 : 40) << i << ": " << cases[i].backbone;
+            EXPECT_GT(found, bits == 16 ? 50 : 45) << i << ": " << cases[i].backbone;
             std::printf("%d bits, %s: %.1f dB\n", bits, cases[i].backbone.c_str(), found);
         }
     }
