@@ -71,6 +71,27 @@ TEST_F(ViewCommand, TwoRunsAreInOnePage) {
     EXPECT_NE(page.find("<h1>run beside other</h1>"), std::string::npos);
 }
 
+TEST_F(ViewCommand, WhatARunHasBeenMeasuredAgainstIsFound) {
+    fs::copy(folder_ / "run", folder_ / "later", fs::copy_options::recursive);
+    std::string config = contents(folder_ / "later/config.json");
+    const std::string gt = "\"gt\": \"scene/gt/points.ply\"";
+    ASSERT_NE(config.find(gt), std::string::npos);
+    std::ofstream(folder_ / "later/config.json")
+        << config.replace(config.find(gt), gt.size(), "\"gt\": \"\"");
+    const auto page_of_later = [&] {
+        const Result result = run_tool(folder_, "view", "later --out later.html");
+        EXPECT_EQ(result.code, 0) << result;
+        return contents(folder_ / "later.html");
+    };
+    EXPECT_EQ(page_of_later().find("id=\"errors0\""), std::string::npos);
+    const Result measured = run_tool(
+        folder_, "eval",
+        "geometry --pred later/point_cloud/iteration_40/point_cloud.ply --gt scene/gt/points.ply "
+        "--out later/eval/geometry_centres.json");
+    ASSERT_EQ(measured.code, 0) << measured;
+    EXPECT_NE(page_of_later().find("id=\"errors0\""), std::string::npos);
+}
+
 TEST_F(ViewCommand, ARunThatHasLostItsSceneDoesWithoutPhotographs) {
     fs::rename(folder_ / "scene", folder_ / "moved");
     const Result lost = run_tool(folder_, "view", "run --out lost.html"),

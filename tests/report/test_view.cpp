@@ -23,7 +23,8 @@ namespace fs = std::filesystem;
 constexpr int kWidth = 320, kHeight = 240;
 
 fs::path folder(const std::string& name) {
-    const fs::path path = fs::path(testing::TempDir()) / ("tvsgs_view_" + name);
+    const fs::path path =
+        fs::path(testing::TempDir()) / ("tvsgs_view_" + name + std::to_string(::getpid()));
     fs::remove_all(path);
     fs::create_directories(path);
     return path;
@@ -205,7 +206,7 @@ class ViewInBrowser : public testing::Test {
 protected:
     void SetUp() override {
         if (chromium().empty())
-            GTEST_SKIP() << "no chromium here: what the page draws is not compared";
+            GTEST_SKIP() << "no chromium that starts here: what the page draws is not compared";
     }
 };
 
@@ -401,6 +402,11 @@ async function drive(viewer) {
   const wheel = () => canvas.dispatchEvent(new WheelEvent('wheel', {deltaY: 100, cancelable: true}));
   wheel(); note('unfocused'); canvas.focus(); wheel(); note('wheel');
   document.querySelector('button[data-camera="0"]').click(); await rest(); await rest(); note('camera');
+  const cloud = viewer.renderer.runs[0].cloud;
+  await patiently((async () => {  // until it has come to rest, the order is that of the view
+    while (cloud.sorting || cloud.sortedFor.fx !== viewer.view.rows[2][0] || cloud.drawn === 0)
+      await new Promise(done => setTimeout(done, 20));
+  })());
   seen.status = element('status').textContent;
   const pane = document.querySelector('.pane').getBoundingClientRect(), photo = document.querySelector('.pane img');
   const lens = lensIn(viewer.view, pane.width, pane.height), c = about.cameras[0], p = photo.getBoundingClientRect();

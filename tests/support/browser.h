@@ -38,12 +38,18 @@ inline std::string text_of(const std::string& html, const std::string& id) {
     return html.substr(from, html.find("</", from) - from);
 }
 
-/// The name of a Chromium; empty: none is installed.
-inline std::string chromium() {
-    for (const char* name : {"chromium", "chromium-browser", "google-chrome"})
-        if (std::system(("command -v " + std::string(name) + " >/dev/null").c_str()) == 0)
-            return name;
-    return "";
+/// The name of a Chromium that starts here; empty: there is none.
+inline const std::string& chromium() {
+    static const std::string found = [] {
+        for (const std::string name : {"chromium", "chromium-browser", "google-chrome"})
+            if (std::system(("command -v " + name + " >/dev/null && timeout 60 " + name +
+                             (geteuid() == 0 ? " --no-sandbox" : "") +
+                             " --headless=new --dump-dom about:blank >/dev/null 2>&1")
+                                .c_str()) == 0)
+                return name;
+        return std::string();
+    }();
+    return found;
 }
 
 /// A page as it is when its scripts have run. `folder`: for the browser's own files.

@@ -92,7 +92,7 @@ class Viewer {
     if (this.flight) this.fly(now);
     const box = this.stage.getBoundingClientRect(), ratio = Math.min(devicePixelRatio || 1, 2);
     const tall = box.height > box.width, n = this.panes.length;
-    const share = this.adapt(now), count = tall ? [1, n] : [n, 1];
+    const share = this.adapt(now), resting = now - this.movedAt >= 200, count = tall ? [1, n] : [n, 1];
     const width = Math.max(1, Math.floor(box.width / count[0] * ratio)),
           height = Math.max(1, Math.floor(box.height / count[1] * ratio));
     if (this.canvas.width !== width * count[0] || this.canvas.height !== height * count[1])
@@ -101,14 +101,14 @@ class Viewer {
     this.renderer.makeTarget(width, height);
     const drawn = [Math.max(1, Math.round(width * share)), Math.max(1, Math.round(height * share))];
     this.renderer.runs.forEach((run, i) => {
-      this.renderer.sort(run.cloud, run.about.near, this.view, share === 1 && now - this.movedAt > 200);
+      this.renderer.sort(run.cloud, run.about.near, this.view, resting);
       this.renderer.drawRun(run, this.view, ...drawn, this.show);
       this.renderer.finish(null, tall ? 0 : i * width, tall ? (n - 1 - i) * height : 0, width,
                            height, ...drawn);
     });
     for (const pane of this.panes) this.drawOver(pane, width / ratio, height / ratio, ratio);
     // Once more, with all pixels and the exact order, when all has come to rest.
-    if (now - this.movedAt < 200 || share < 1) this.ask();
+    if (!resting) this.ask();
   }
 
   /** Frusta, and the photograph where its camera has it. */
@@ -333,6 +333,7 @@ function fail(message) {
   element('controls').hidden = true;
   document.querySelectorAll('.pane').forEach(pane => { pane.hidden = true; });
   document.querySelectorAll('.poster').forEach(poster => { poster.hidden = false; });
+  document.querySelectorAll('button[data-camera]').forEach(button => { button.disabled = true; });
 }
 
 /** Asks the server that this page is from for newer splats while a training goes on. */
