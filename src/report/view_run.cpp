@@ -15,6 +15,8 @@
 namespace tvsgs {
 namespace {
 
+constexpr const char* kPage = "page";  // what does without
+
 namespace fs = std::filesystem;
 
 bool exists(const std::string& path) {
@@ -134,32 +136,38 @@ ViewRun read_run(const std::string& path,
         resize(run.splats, 0, 0);
     else
         run.splats = read_splats(find_splats(path), origin, options.train);
-    if_possible("a mesh", [&] {
+    const auto read_mesh_of_run = [&] {
         const std::string file = find_mesh(path);
         if (file.empty()) return;
-        PlyContents mesh = read_mesh(file, origin);
-        run.mesh = {std::move(mesh.points.positions), std::move(mesh.points.colors),
-                    std::move(mesh.faces)};
-        check_mesh(file, run.mesh);
-        run.mesh_faces = run.mesh.faces.size();
+        PlyContents read = read_mesh(file, origin);
+        TriangleMesh mesh{std::move(read.points.positions), std::move(read.points.colors),
+                          std::move(read.faces)};
+        check_mesh(file, mesh);
+        run.mesh_faces = mesh.faces.size();
         std::vector<Camera> all;
         for (const ViewCamera& c : cameras) all.push_back(c.camera);
         if (run.mesh_faces > kViewFaces)
-            simplify_and_say(run.mesh, all, {0, static_cast<int>(kViewFaces)}, spdlog::level::info);
-    });
+            simplify_and_say(mesh, all, {0, static_cast<int>(kViewFaces)}, spdlog::level::info);
+        run.mesh = std::move(mesh);
+    };
+    if_possible("a mesh", read_mesh_of_run, kPage);
     if (input.gt.empty()) {
-        if_possible("colours by error",
-                    [&] { run.truth = read_truth(measured_against(options.eval, path), origin); });
+        if_possible(
+            "colours by error",
+            [&] { run.truth = read_truth(measured_against(options.eval, path), origin); }, kPage);
     } else {
         EvaluationOptions measure;
         measure.gt = input.gt, measure.crop = input.crop;
         run.truth = read_truth(measure, origin);
     }
-    if_possible("plots", [&] {
-        const std::string report = path + "/report.json";
-        if (exists(report))
-            run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
-    });
+    if_possible(
+        "plots",
+        [&] {
+            const std::string report = path + "/report.json";
+            if (exists(report))
+                run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
+        },
+        kPage);
     return run;
 }
 
@@ -174,8 +182,9 @@ ViewSubject read_view_subject(const ViewInput& input) {
     const Vec3d origin = subject.origin = local_origin(centres);
     for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
     if (!input.scene.empty()) first.scene.path = input.scene;
-    if_possible("photographs",
-                [&] { add_photographs(subject.cameras, first.scene, input.runs.front()); });
+    if_possible(
+        "photographs", [&] { add_photographs(subject.cameras, first.scene, input.runs.front()); },
+        kPage);
     for (const std::string& run : input.runs)
         subject.runs.push_back(read_run(run, input, origin, subject.cameras));
     return subject;
