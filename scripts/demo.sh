@@ -53,6 +53,9 @@ mkdir -p "$run/eval"
 step "renders of the test views against the photographs"
 "$bin/tvsgs-eval" nvs --model "$run"
 
+step "a page to look at"
+"$bin/tvsgs-view" "$run" --out "$run/view.html"
+
 cat <<END
 
 Done in $SECONDS s after the build.
@@ -61,5 +64,6 @@ Done in $SECONDS s after the build.
   splats                  $run/point_cloud/iteration_*/point_cloud.ply
   mesh                    $run/mesh/mesh.glb      (the true one: $scene/gt/mesh.ply)
   picture of the mesh     $run/mesh/mesh.png
+  all of it in 3D         $run/view.html
   numbers                 $run/eval/*.json, $run/log.jsonl
 END

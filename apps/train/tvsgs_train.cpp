@@ -118,6 +118,12 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     app.add_flag("--profile", arguments.session.profile,
                  "seconds per stage in log.jsonl; waits around each stage, so the run is slower")
         ->group(group);
+    app.add_option("--live", arguments.session.live_every,
+                   "write the splats every so many seconds, for tvsgs-view to follow the run [5]")
+        ->expected(0, 1)
+        ->default_str("5")
+        ->check(CLI::Range(1.0, 1e6))
+        ->group(group);
     app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     init_log(arguments.quiet     ? Verbosity::quiet

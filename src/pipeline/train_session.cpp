@@ -4,6 +4,7 @@
 #include "io/ply.h"
 #include "optim/time_budget.h"
 #include "pipeline/checkpoints.h"
+#include "pipeline/live_snapshots.h"
 #include "pipeline/progress.h"
 #include "pipeline/signals.h"
 #include "pipeline/train_evaluation.h"
@@ -51,6 +52,7 @@ private:
     TrainOptions training_;  // in_.training with the schedule that it goes by now
     Progress progress_;
     CheckpointWriter checkpoints_;
+    LiveSnapshots live_;
     TimeBudget budget_;
     ScoreWatch scores_;     // of evaluations on the way
     int done_;              // iterations
@@ -65,6 +67,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
       training_(inputs.training),
       progress_(training_.iterations, inputs.session.progress, inputs.resume.seconds()),
       checkpoints_(run.path(), inputs.config(), inputs.scene),
+      live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
           inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
@@ -84,6 +87,7 @@ void TrainSession<Device>::run() {
     warn_of_few(splats.size());
     const bool discs = in_.options.output.ply_scales == OutputOptions::Scales::automatic &&
                        make_backbone<Cpu>(training_.backbone, training_.render)->flat();
+    live_.finish();
     run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
     say_how_it_ended(seconds);
     SignalGuard::check();
@@ -118,6 +122,11 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
     const auto after_step = [this](int step, const Gaussians<Device>& splats) {
         done_ = step;
         evaluate_if_due(step, splats);
+        if (live_.due()) {
+            Gaussians<Cpu> now;
+            copy(splats, now);
+            live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
+        }
     };
     for (;;) {
         Gaussians<Device> trained = train<Device>(in_.scene, training_, told, after_step, state_);

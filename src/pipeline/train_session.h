@@ -19,6 +19,7 @@ struct SessionOptions {
     int report_every = 50;          // iterations between lines of log.jsonl
     int checkpoint_every = 5000;    // iterations; 0: only when the run is stopped
     bool profile = false;           // seconds per stage in log.jsonl
+    double live_every = 0;          // seconds between snapshots for tvsgs-view; 0: none
 };
 
 /// What a session is of. References must outlive it.

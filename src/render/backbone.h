@@ -162,6 +162,9 @@ public:
     /// Whether splats are discs: their third scale, along the normal, is not theirs to choose.
     virtual bool flat() const { return false; }
 
+    /// What is added to the covariances of ellipses in the image, px^2; viewers draw by it.
+    virtual float low_pass_px2() const { return 0; }
+
     /// Whether splats thinner than a pixel are drawn fainter, so that nothing should flatten them.
     virtual bool fades_thin_splats() const { return false; }
 

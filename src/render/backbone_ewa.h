@@ -37,6 +37,8 @@ class EwaBackbone final : public TiledBackbone<Device> {
 public:
     explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
 
+    float low_pass_px2() const override { return options_.low_pass_px2; }
+
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,

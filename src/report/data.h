@@ -13,13 +13,13 @@
 
 namespace tvsgs {
 
-/// A part of a report that cannot be made is left out, with a warning.
+/// A part of a report, or of `whole`, that cannot be made is left out, with a warning.
 template <class Action>
-void if_possible(const char* part, const Action& action) {
+void if_possible(const char* part, const Action& action, const char* whole = "report") {
     try {
         action();
     } catch (const Error& error) {
-        spdlog::warn("{}; the report does without {}", error.what(), part);
+        spdlog::warn("{}; the {} does without {}", error.what(), whole, part);
     }
 }
 

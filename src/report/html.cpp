@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/error.h"
+#include "report/figures.h"
 #include "report/page.h"
 #include "report/pictures.h"
 #include "report/plot.h"
@@ -11,59 +12,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kTableRows = 60, kMaxBars = 40;
-
-std::vector<double> numbers(const JsonValue& list) {
-    std::vector<double> values;
-    for (const JsonValue& item : list.items) values.push_back(item.number_or(std::nan("")));
-    return values;
-}
-
-/// One number of each evaluation, found by `find`.
-template <class Find>
-std::vector<double> of_each(const JsonValue& list, Find&& find) {
-    std::vector<double> values;
-    for (const JsonValue& item : list.items) {
-        const JsonValue& found = find(item);
-        values.push_back(found.number_or(std::nan("")));
-    }
-    return values;
-}
-
-std::string table(const std::string& caption,
-                  const std::vector<std::string>& heads,
-                  const std::vector<std::vector<std::string>>& rows,
-                  const std::string& style = "") {
-    std::string text = str("<div class=\"scroll\" tabindex=\"0\"><table", style, "><caption>",
-                           escaped(caption), "</caption><thead><tr>");
-    for (const std::string& head : heads) text += "<th scope=\"col\">" + escaped(head) + "</th>";
-    text += "</tr></thead><tbody>\n";
-    for (const auto& row : rows) {
-        text += "<tr>";
-        for (const std::string& cell : row) text += "<td>" + escaped(cell) + "</td>";
-        text += "</tr>\n";
-    }
-    return text + "</tbody></table></div>\n";
-}
-
-/// Series over the same x, thinned.
-std::string plot_table(const Plot& plot) {
-    std::vector<std::string> heads{plot.x_label};
-    for (const Series& s : plot.series) heads.push_back(s.name);
-    const std::vector<double>& x = plot.series.front().x;
-    const std::size_t n = x.size(), count = std::min(n, kTableRows);
-    std::vector<std::vector<std::string>> rows;
-    for (std::size_t r = 0; r < count; ++r) {
-        const std::size_t i = count < 2 ? 0 : r * (n - 1) / (count - 1);
-        std::vector<std::string> row{short_number(x[i])};
-        for (const Series& s : plot.series)
-            row.push_back(i < s.y.size() ? short_number(s.y[i]) : "");
-        rows.push_back(std::move(row));
-    }
-    std::string caption = plot.title + ", " + plot.y_label;
-    if (count < n) caption += str("; ", count, " of ", n, " rows, report.json has them all");
-    return table(caption, heads, rows);
-}
+constexpr std::size_t kMaxBars = 40;
 
 class Page {
 public:
@@ -123,15 +72,8 @@ private:
 
     void paragraph(const std::string& text) { body_ += "<p>" + escaped(text) + "</p>\n"; }
 
-    /// The plot with its table, unless it has nothing to show.
     std::string figure(const Plot& plot) {
-        const auto shows = [](const Series& s) {
-            return std::count_if(s.y.begin(), s.y.end(), [](double v) { return std::isfinite(v); });
-        };
-        if (std::none_of(plot.series.begin(), plot.series.end(), shows)) return "";
-        return str("<figure class=\"card\">\n", plot_svg(plot, str("plot", ++plots_)),
-                   "<details><summary>Table: ", escaped(plot.title), "</summary>", plot_table(plot),
-                   "</details></figure>\n");
+        return plot_figure(plot, str("plot", ++plots_), "report.json");
     }
 
     void fact(std::string& list, const char* name, const std::string& value) {
@@ -170,54 +112,12 @@ private:
     }
 
     void over_time() {
-        const JsonValue& list = report_["evaluations"];
-        if (list.items.size() < 2) return;
+        const std::vector<Plot> plots = plots_over_time(report_["evaluations"]);
+        if (plots.empty()) return;
         heading("time", "Error against time");
         paragraph("Seconds of training; the time that evaluations take is not counted.");
-        const std::vector<double> seconds =
-            of_each(list, [](const JsonValue& e) -> const JsonValue& { return e["seconds"]; });
-        const auto series = [&](const char* name, auto&& find) {
-            return Series{name, seconds, of_each(list, find), {}, {}, true};
-        };
         body_ += "<div class=\"plots\">\n";
-        for (const char* what : {"centres", "mesh"}) {
-            const auto distance = [&](const char* name, const char* key) {
-                return series(name,
-                              [=](const JsonValue& e) -> const JsonValue& { return e[what][key]; });
-            };
-            body_ += figure({str("Distance of the ", what),
-                             "seconds",
-                             "scene units",
-                             true,
-                             true,
-                             false,
-                             {distance("Chamfer", "chamfer"), distance("accuracy", "accuracy"),
-                              distance("completeness", "completeness")},
-                             ""});
-            Plot f1{str("F1 of the ", what), "seconds", "share", true, false, true, {}, ""};
-            const auto& thresholds = list.items.back()[what]["thresholds"].items;
-            for (std::size_t t = 0; t < thresholds.size(); ++t)
-                f1.series.push_back(
-                    series(("at " + short_number(thresholds[t]["tau"].number)).c_str(),
-                           [=](const JsonValue& e) -> const JsonValue& {
-                               static const JsonValue none;
-                               const auto& items = e[what]["thresholds"].items;
-                               return t < items.size() ? items[t]["f1"] : none;
-                           }));
-            body_ += figure(f1);
-        }
-        for (const auto& [title, unit, key] :
-             {std::tuple("PSNR of the test views", "dB", "psnr"),
-              std::tuple("SSIM of the test views", "1 is equal", "ssim")})
-            body_ += figure(
-                {title,
-                 "seconds",
-                 unit,
-                 true,
-                 false,
-                 false,
-                 {series(key, [k = key](const JsonValue& e) -> const JsonValue& { return e[k]; })},
-                 ""});
+        for (const Plot& plot : plots) body_ += figure(plot);
         body_ += "</div>\n";
     }
 
@@ -287,7 +187,7 @@ private:
         }
         return str("<figure class=\"card\">\n", bars_svg(shown, str("plot", ++plots_)),
                    "<details><summary>Table: ", escaped(bars.title), "</summary>",
-                   table(bars.title, {head, bars.unit.empty() ? "value" : bars.unit}, rows),
+                   html_table(bars.title, {head, bars.unit.empty() ? "value" : bars.unit}, rows),
                    "</details></figure>\n");
     }
 
@@ -387,9 +287,6 @@ private:
         JsonValue data = JsonValue::object();
         for (const char* part : {"positions", "colors", "errors", "palette", "pitch"})
             if (p[part]) data.set(part, p[part]);
-        std::string safe = json_text(data);  // must not end the script element
-        for (std::size_t at = 0; (at = safe.find('<', at)) != std::string::npos;)
-            safe.replace(at, 1, "\\u003c");
         body_ += "<figure class=\"viewer card\">\n";
         picture_only(p["picture"], what);
         body_ += str("<canvas hidden tabindex=\"0\" role=\"img\" aria-label=\"", escaped(what),
@@ -408,24 +305,13 @@ private:
             body_ +=
                 "<button type=\"button\" data-colors aria-pressed=\"false\">Own colours</button>";
         body_ += "</div>\n";
-        if (errors) {
-            std::string stops;
-            for (int i = 0; i <= 8; ++i) {
-                const Rgb c = error_shade(i / 8.0);
-                stops += str(", rgb(", int{c.r}, " ", int{c.g}, " ", int{c.b}, ")");
-            }
-            body_ +=
-                str("<div class=\"scale\"><span>0</span><i "
-                    "style=\"background:linear-gradient(to right",
-                    stops, ")\"></i><span>", short_number(p["full"].number_or(0)),
-                    " and more</span></div>\n");
-        }
+        if (errors) body_ += error_scale(p["full"].number_or(0));
         body_ +=
             str("<figcaption>", escaped(what),
                 ". Drag, or use the arrow keys, to turn; pinch, + and &minus;, or the wheel once "
                 "the view is chosen, to zoom.</figcaption>\n"
                 "<script type=\"application/json\">",
-                safe, "</script>\n</figure>\n");
+                json_for_page(data), "</script>\n</figure>\n");
     }
 
     void picture_only(const JsonValue& image, const std::string& alt) {
@@ -443,7 +329,7 @@ private:
         for (const auto& [name, result] : members) {
             std::vector<std::vector<std::string>> rows;
             flatten("", result, rows);
-            body_ += table(name, {"quantity", "value"}, rows);
+            body_ += html_table(name, {"quantity", "value"}, rows);
         }
     }
 
@@ -467,9 +353,10 @@ private:
         paragraph("Command: " + report_["run"]["command_line"].text_or("unknown"));
         std::vector<std::vector<std::string>> rows;
         flatten("", report_["config"], rows);
-        body_ += "<details><summary>All keys of the configuration</summary>" +
-                 table("The resolved configuration", {"key", "value"}, rows, " class=\"words\"") +
-                 "</details>\n";
+        body_ +=
+            "<details><summary>All keys of the configuration</summary>" +
+            html_table("The resolved configuration", {"key", "value"}, rows, " class=\"words\"") +
+            "</details>\n";
     }
 
     const JsonValue& report_;

@@ -163,6 +163,12 @@ PointCloud centres_of(const Gaussians<Cpu>& splats) {
     return cloud;
 }
 
+double full_error(const Truth& truth) {
+    double full = 0;
+    for (const double tau : truth.taus) full = std::max(full, 2 * tau);
+    return full;
+}
+
 JsonValue points_json(const PointCloud& points,
                       const std::optional<Truth>& truth,
                       const Viewpoint& viewpoint) {
@@ -190,7 +196,7 @@ JsonValue points_json(const PointCloud& points,
     double full = 0;
     if (truth) {
         errors = truth->surface.to.distances(all_points(centres).points);
-        for (const double tau : truth->taus) full = std::max(full, 2 * tau);
+        full = full_error(*truth);
     }
     const Ball ball = ball_around(centres);
 

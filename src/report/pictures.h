@@ -40,6 +40,9 @@ Viewpoint viewpoint_of(const JsonValue& cameras);
 /// The splats' centres with their base colours.
 PointCloud centres_of(const Gaussians<Cpu>& splats);
 
+/// Where colours by error end: twice the largest threshold; 0: there is none.
+double full_error(const Truth& truth);
+
 /// At most 40,000 of the points (of those in the crop, where there is one) with their colours,
 /// their distances to the truth where it is known, and a picture of them. Null without points.
 JsonValue points_json(const PointCloud& points,

@@ -1,0 +1,189 @@
+#include "apps/view/server.h"
+
+#include <httplib.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <mutex>
+#include <random>
+
+#include "core/log.h"
+#include "io/read_file.h"
+#include "pipeline/run_folder.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kMaxRequestBytes = 1024;  // of a body, which none needs
+constexpr int kSeconds = 5;                     // that a reader or writer may keep us waiting
+
+/// 128 random bits of the system.
+std::string make_token() {
+    std::random_device random;
+    std::string token;
+    for (int i = 0; i < 4; ++i) {
+        char text[9];
+        std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(random()));
+        token += text;
+    }
+    return token;
+}
+
+/// In a time that tells nothing of where they differ.
+bool same(const std::string& a, const std::string& b) {
+    if (a.size() != b.size()) return false;
+    unsigned difference = 0;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        difference |= static_cast<unsigned char>(a[i]) ^ static_cast<unsigned char>(b[i]);
+    return difference == 0;
+}
+
+/// The value of a cookie in a header "a=1; b=2"; empty: it is not there.
+std::string cookie(const std::string& header, const std::string& name) {
+    const std::string all = "; " + header, start = "; " + name + "=";
+    const std::size_t at = all.find(start);
+    if (at == std::string::npos) return "";
+    const std::size_t from = at + start.size();
+    return all.substr(from, all.find(';', from) - from);
+}
+
+class Server {
+public:
+    Server(const ViewInput& input, const ViewPageOptions& options)
+        : input_(input), options_(options), run_(input.runs.front()) {
+        input_.may_train = true;
+    }
+
+    void listen(int port) {
+        server_.set_payload_max_length(kMaxRequestBytes);
+        server_.set_read_timeout(kSeconds);
+        server_.set_write_timeout(kSeconds);
+        server_.set_keep_alive_max_count(16);
+        server_.set_default_headers({{"Content-Security-Policy", "frame-ancestors 'none'"},
+                                     {"X-Content-Type-Options", "nosniff"},
+                                     {"Referrer-Policy", "no-referrer"},
+                                     {"Cache-Control", "no-store"}});
+        server_.set_pre_routing_handler([this](const auto& request, auto& response) {
+            return admit(request, response) ? httplib::Server::HandlerResponse::Unhandled
+                                            : httplib::Server::HandlerResponse::Handled;
+        });
+        server_.Get("/", [this](const auto&, auto& response) {
+            answer(response, [&] { response.set_content(page(), "text/html; charset=utf-8"); });
+        });
+        server_.Get("/api/state", [this](const auto&, auto& response) {
+            answer(response, [&] { response.set_content(state(), "application/json"); });
+        });
+        server_.Get("/api/splats", [this](const auto&, auto& response) {
+            answer(response, [&] {
+                response.set_content(read_bytes(live("splats.spz")), "application/octet-stream");
+            });
+        });
+        const char* const host = "127.0.0.1";  // of this machine alone
+        port_ = port > 0 ? (server_.bind_to_port(host, port) ? port : -1)
+                         : server_.bind_to_any_port(host);
+        if (port_ < 0)
+            throw Error(
+                ExitCode::usage,
+                str("--port ", port, ": is taken, or not ours to take; name another, or none"));
+        std::printf("http://127.0.0.1:%d/?token=%s\n", port_, token_.c_str());
+        std::fflush(stdout);
+        spdlog::info("open this address in a browser of this machine; Ctrl-C ends it");
+        if (!server_.listen_after_bind()) throw Error(ExitCode::io, "the server has failed");
+    }
+
+private:
+    std::string live(const char* name) const { return str(run_, "/live/", name); }
+
+    /// Who asks by another name than ours may be a page of somebody else's, led here by its name
+    /// server; who has no token is not who started us. The first request turns the token into a
+    /// cookie, so that it does not stay in the address.
+    bool admit(const httplib::Request& request, httplib::Response& response) {
+        const std::string host = request.get_header_value("Host"), port = std::to_string(port_),
+                          name = "tvsgs_" + port;
+        if (host != "127.0.0.1:" + port && host != "localhost:" + port) {
+            response.status = 403;
+        } else if (request.method != "GET") {
+            response.status = 405;
+            response.set_header("Allow", "GET");
+        } else if (request.path == "/" && same(request.get_param_value("token"), token_)) {
+            response.set_header("Set-Cookie",
+                                str(name, "=", token_, "; HttpOnly; SameSite=Strict; Path=/"));
+            response.set_redirect("/", 303);
+        } else if (!same(cookie(request.get_header_value("Cookie"), name), token_)) {
+            response.status = 403;
+            response.set_content("Open the address that tvsgs-view has printed.\n", "text/plain");
+        } else {
+            return true;
+        }
+        return false;
+    }
+
+    /// What goes wrong is said here, not there.
+    template <class Action>
+    void answer(httplib::Response& response, const Action& action) {
+        try {
+            action();
+        } catch (const std::exception& error) {
+            spdlog::warn("{}", error.what());
+            response.status = 503;
+            response.set_content("Not now: see what tvsgs-view says.\n", "text/plain");
+        }
+    }
+
+    /// Changes when the results of the run do.
+    std::string version_of_run() const {
+        std::string text;
+        std::error_code code;
+        for (const std::string& file :
+             {run_ + "/report.json", run_ + "/config.json", find_mesh(run_)})
+            if (const auto time = fs::last_write_time(file, code); !code)
+                text += std::to_string(time.time_since_epoch().count()) + " ";
+        return text;
+    }
+
+    std::string page() {
+        const std::lock_guard lock(mutex_);  // two at once would take twice the memory
+        const std::string version = version_of_run();
+        if (version != version_ || page_.empty()) {
+            ViewSubject subject = read_view_subject(input_);
+            options_.follow = subject.origin;
+            ViewPage made = view_page(std::move(subject.runs), subject.cameras, options_);
+            for (const std::string& note : made.notes) spdlog::warn("{}", note);
+            page_ = std::move(made.html), version_ = version;
+        }
+        return page_;
+    }
+
+    std::string state() const {
+        std::error_code code;
+        const auto time = fs::last_write_time(live("splats.spz"), code);
+        if (code || !fs::is_regular_file(live("state.json"), code)) return "{\"live\": false}\n";
+        const std::chrono::duration<double> age = fs::file_time_type::clock::now() - time;
+        JsonValue json = parse_json_value(read_text(live("state.json"), 4096), live("state.json"));
+        json.set("live", 1.0);
+        json.set("age", age.count());
+        json.set("tag", std::to_string(time.time_since_epoch().count()));
+        return json_text(json) + "\n";
+    }
+
+    ViewInput input_;
+    ViewPageOptions options_;
+    const std::string run_;
+    const std::string token_ = make_token();
+    int port_ = 0;
+    std::mutex mutex_;
+    std::string page_, version_;
+    httplib::Server server_;
+};
+
+}  // namespace
+
+void serve(const ViewInput& input, const ViewPageOptions& options, int port) {
+    run_config_path(input.runs.front());  // complains before there is an address
+    Server(input, options).listen(port);
+}
+
+}  // namespace tvsgs

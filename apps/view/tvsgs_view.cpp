@@ -1,0 +1,90 @@
+// tvsgs-view: runs as a page to look at, one file that opens in a browser without a network; or
+// served to the browser of this machine, while a training goes on.
+#include <filesystem>
+
+#include "apps/common/command_line.h"
+#include "apps/view/server.h"
+#include "io/atomic_file.h"
+#include "pipeline/run_folder.h"
+#include "report/view_run.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kMaxRuns = 2;  // beside each other
+
+struct Arguments {
+    ViewInput input;
+    ViewPageOptions page;
+    std::string out;  // empty: the page is served
+    int port = 0;
+    bool quiet = false;
+};
+
+Arguments parse(int argc, char** argv) {
+    Arguments a;
+    double megabytes = 40;
+    CLI::App app{
+        "Makes a page of a run, or of two beside each other: splats, mesh, cameras with "
+        "their photographs, errors.",
+        "tvsgs-view"};
+    app.get_formatter()->column_width(40);
+    app.add_option("runs,-m,--run,--model,--model-path", a.input.runs,
+                   "run folder, or two of one scene")
+        ->required();
+    add_output_flag(app, "-o,--out,--output", a.out,
+                    "page to write, .html [it is served to a browser of this machine, and follows "
+                    "a training]");
+    app.add_option("--port", a.port, "to serve at [any]")->check(CLI::Range(1, 65535));
+    app.add_option("-s,--scene", a.input.scene, "folder of the scene [that of the first run]");
+    app.add_option("--gt", a.input.gt,
+                   "true surface (mesh or cloud): splats and mesh get colours by their distance to "
+                   "it [what the run has been measured against]");
+    app.add_option("--crop", a.input.crop, "with --gt: selection volume, as tvsgs-eval takes it");
+    app.add_option("--megabytes", megabytes,
+                   "size of the page, about: harmonics, then the smallest splats give way [40]")
+        ->check(CLI::Range(1.0, 2000.0));
+    app.add_option("--max-splats", a.page.max_splats, "the largest so many of each run [all]")
+        ->check(CLI::Range(1, 50000000));
+    app.add_option("--photos", a.page.max_photos, "at most so many photographs [60]")
+        ->check(CLI::Range(0, 10000));
+    app.add_flag("--quiet", a.quiet, "warnings and errors only");
+    app.set_version_flag("--version", kVersion);
+    parse_command_line(app, argc, argv);
+    if (a.input.runs.size() > kMaxRuns)
+        throw Error(ExitCode::usage,
+                    str(a.input.runs.size(), " runs; expected one, or two to compare"));
+    if (!a.input.crop.empty() && a.input.gt.empty())
+        throw Error(ExitCode::usage,
+                    str("--crop ", a.input.crop, ": belongs to --gt, which is missing"));
+    if (a.out.empty() && a.input.runs.size() > 1)
+        throw Error(ExitCode::usage, "two runs: give --out FILE.html; one alone can be served");
+    if (!a.out.empty() && a.port > 0)
+        throw Error(ExitCode::usage, "--port with --out: a page in a file is not served");
+    a.page.max_bytes = static_cast<std::size_t>(megabytes * 1e6);
+    return a;
+}
+
+int command(int argc, char** argv) {
+    const Arguments a = parse(argc, argv);
+    init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
+    if (a.out.empty()) {
+        serve(a.input, a.page, a.port);
+        return 0;
+    }
+    require_output(a.out, {".html"}, "is a page", {});
+    ViewSubject subject = read_view_subject(a.input);
+    const ViewPage page = view_page(std::move(subject.runs), subject.cameras, a.page);
+    for (const std::string& note : page.notes) spdlog::warn("{}", note);
+    write_text_file(a.out, page.html);
+    spdlog::info("{}: {:.1f} MB; open it in a browser", a.out,
+                 static_cast<double>(page.html.size()) / 1e6);
+    return 0;
+}
+
+}  // namespace
+}  // namespace tvsgs
+
+int main(int argc, char** argv) {
+    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
+}

@@ -1,0 +1,130 @@
+// What the page holds: splats as SPZ version 3, meshes, pictures.
+'use strict';
+
+/** Bytes of base64 text, in slices: atob() of 50 MB at once takes three times its memory. */
+function decodeBase64(text) {
+  text = text.trim();
+  const padding = text.endsWith('==') ? 2 : text.endsWith('=') ? 1 : 0;
+  const bytes = new Uint8Array(text.length / 4 * 3 - padding), slice = 1 << 20;
+  for (let from = 0, to = 0; from < text.length; from += slice) {
+    const part = atob(text.slice(from, from + slice));
+    for (let i = 0; i < part.length; ++i) bytes[to++] = part.charCodeAt(i);
+  }
+  return bytes;
+}
+
+/** `format`: gzip, as SPZ has it, or deflate. */
+async function inflate(bytes, format) {
+  if (typeof DecompressionStream === 'undefined') throw Error('this browser cannot inflate data');
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream(format));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+const kPerRow = 1024;  // splats in a row of a texture
+const kNoSplats = new Uint8Array([0x4e, 0x47, 0x53, 0x50, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+
+/**
+ * SPZ version 3, as rows of textures: `places` has x, y, z as bits of floats, then the bytes of
+ * colour and alpha; `shapes` the bytes of the logarithmic scales with that of the error, then the
+ * rotation; `sh` the bytes of the coefficients, 16 to a texel, a layer after another.
+ * The file's frame is that of the page.
+ * `errors`: bytes, one a splat, or null; `shift` is added to places.
+ */
+function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
+  const head = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  if (bytes.byteLength < 16 || head.getUint32(0, true) !== 0x5053474e ||
+      head.getUint32(4, true) !== 3)
+    throw Error('the splats of this page are damaged');
+  const count = head.getUint32(8, true), degree = head.getUint8(12);
+  const unit = 1 / (1 << head.getUint8(13));
+  const coefficients = (degree + 1) * (degree + 1) - 1, shBytes = 3 * coefficients;
+  if (degree > 3 || bytes.byteLength < 16 + count * (20 + shBytes))
+    throw Error('the splats of this page are damaged');
+  const alphas = 16 + 9 * count, colors = alphas + count, scales = colors + 3 * count,
+        rotations = scales + 3 * count, sh = rotations + 4 * count;
+  const rows = Math.max(1, Math.ceil(count / kPerRow)), cells = rows * kPerRow;
+  const places = new Uint32Array(4 * cells), shapes = new Uint32Array(2 * cells);
+  const floats = new Float32Array(places.buffer), positions = new Float32Array(3 * count);
+  for (let i = 0; i < count; ++i) {
+    for (let a = 0; a < 3; ++a) {
+      const at = 16 + 9 * i + 3 * a;
+      const fixed = (bytes[at] << 8 | bytes[at + 1] << 16 | bytes[at + 2] << 24) >> 8;
+      positions[3 * i + a] = floats[4 * i + a] = fixed * unit + shift[a];
+    }
+    const c = colors + 3 * i, s = scales + 3 * i;
+    places[4 * i + 3] =
+        bytes[c] | bytes[c + 1] << 8 | bytes[c + 2] << 16 | bytes[alphas + i] << 24;
+    shapes[2 * i] = bytes[s] | bytes[s + 1] << 8 | bytes[s + 2] << 16 |
+                    (errors ? errors[i] : 255) << 24;
+    shapes[2 * i + 1] = head.getUint32(rotations + 4 * i, true);
+  }
+  const layers = Math.ceil(shBytes / 16), harmonics = new Uint8Array(16 * layers * cells);
+  for (let i = 0; i < count; ++i)
+    for (let b = 0; b < shBytes; ++b)
+      harmonics[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[sh + shBytes * i + b];
+  return {count, degree, rows, layers, positions, places, shapes,
+          sh: new Uint32Array(harmonics.buffer)};
+}
+
+/** Arrays of a mesh: positions u16, colours u8 (x3), errors u8, indices u32, one after another. */
+function unpackMesh(bytes, about) {
+  let at = 0;
+  const take = n => bytes.slice(at, at += n);
+  const positions = new Uint16Array(take(6 * about.vertices).buffer);
+  const colors = about.colors ? take(3 * about.vertices) : null;
+  const errors = about.errors ? take(about.vertices) : null;
+  const faces = new Uint32Array(take(12 * about.faces).buffer);
+  if (at !== bytes.length) throw Error('the mesh of this page is damaged');
+  const looks = new Uint8Array(4 * about.vertices).fill(200);  // colour and error side by side
+  for (let i = 0; i < about.vertices; ++i) {
+    for (let c = 0; c < 3 && colors; ++c) looks[4 * i + c] = colors[3 * i + c];
+    looks[4 * i + 3] = errors ? errors[i] : 255;
+  }
+  const padded = new Uint16Array(4 * about.vertices);
+  for (let i = 0; i < about.vertices; ++i)
+    for (let a = 0; a < 3; ++a) padded[4 * i + a] = positions[3 * i + a];
+  return {positions: padded, looks, faces};
+}
+
+/**
+ * Runs in a worker: the order of splats from back to front, by 24 bits of the range of depths; as in
+ * the trainer, splats at one depth keep the order of their numbers.
+ */
+function sorter() {
+  const bins = 4096, counts = new Uint32Array(bins), float = new Float32Array(1);
+  const bits = new Uint32Array(float.buffer);  // of positive floats, in their order
+  let positions, n, keys, order, keysHalf, orderHalf;
+  onmessage = ({data}) => {
+    if (data.positions) {
+      positions = data.positions, n = positions.length / 3;
+      [keys, order, keysHalf, orderHalf] = [1, 2, 3, 4].map(() => new Uint32Array(n));
+      return;
+    }
+    const {forward: [fx, fy, fz], offset, near} = data, result = data.buffer || new Uint32Array(n);
+    let kept = 0, least = 0xffffffff, most = 0;
+    for (let i = n - 1, j = 3 * i; i >= 0; --i, j -= 3) {
+      const z = fx * positions[j] + fy * positions[j + 1] + fz * positions[j + 2] + offset;
+      if (!(z > near)) continue;
+      float[0] = z;
+      const key = bits[0];
+      if (key < least) least = key;
+      if (key > most) most = key;
+      keys[kept] = key, order[kept++] = i;
+    }
+    const shift = Math.max(0, 8 - Math.clz32(most - least));
+    for (let k = 0; k < kept; ++k) keys[k] = most - keys[k] >>> shift;  // the farthest first
+    const starts = digit => {
+      counts.fill(0);
+      for (let k = 0; k < kept; ++k) ++counts[keys[k] >>> digit & bins - 1];
+      for (let b = 0, sum = 0; b < bins; ++b) [counts[b], sum] = [sum, sum + counts[b]];
+    };
+    starts(0);
+    for (let k = 0; k < kept; ++k) {
+      const at = counts[keys[k] & bins - 1]++;
+      keysHalf[at] = keys[k] >>> 12, orderHalf[at] = order[k];
+    }
+    starts(12);
+    for (let k = 0; k < kept; ++k) result[counts[keysHalf[k]]++] = orderHalf[k];
+    postMessage({order: result, count: kept}, [result.buffer]);
+  };
+}

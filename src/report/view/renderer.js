@@ -1,0 +1,297 @@
+// Draws runs: textures, the order of splats, targets.
+'use strict';
+
+class Renderer {
+  /** Throws where there is no WebGL 2. `accumulate`: 16 or 8 bits of the blended sums. */
+  constructor(canvas, accumulate) {
+    const gl = this.gl = canvas.getContext('webgl2', {antialias: false, alpha: false, depth: false,
+                                                      powerPreference: 'high-performance'});
+    if (!gl) throw Error('this browser has no WebGL 2, or has switched it off');
+    const floats = gl.getExtension('EXT_color_buffer_float') ||
+                   gl.getExtension('EXT_color_buffer_half_float');
+    this.bits = floats && accumulate !== 8 ? 16 : 8;
+    this.format = this.bits === 16 ? gl.RGBA16F : gl.RGBA8;
+    const program = (v, f) => this.makeProgram(v, f);
+    this.programs = {colors: program(kScreenVertex, kColorFragment),
+                     ellipses: program(kEllipseVertex, kEllipseFragment),
+                     discs: program(kDiscVertex, kDiscFragment),
+                     mesh: program(kMeshVertex, kMeshFragment),
+                     finish: program(kScreenVertex, kFinishFragment)};
+    this.runs = [];
+    this.target = null;
+    this.nothing = gl.createVertexArray();
+  }
+
+  makeProgram(vertex, fragment) {
+    const gl = this.gl, handle = gl.createProgram();
+    for (const [kind, source] of [[gl.VERTEX_SHADER, vertex], [gl.FRAGMENT_SHADER, fragment]]) {
+      const shader = gl.createShader(kind);
+      gl.shaderSource(shader, source);
+      gl.compileShader(shader);
+      gl.attachShader(handle, shader);
+      if (!gl.getShaderParameter(shader, gl.COMPILE_STATUS) && !gl.isContextLost())
+        throw Error('shader: ' + gl.getShaderInfoLog(shader));
+    }
+    gl.linkProgram(handle);
+    if (!gl.getProgramParameter(handle, gl.LINK_STATUS) && !gl.isContextLost())
+      throw Error('shaders: ' + gl.getProgramInfoLog(handle));
+    const at = {};
+    for (let i = 0; i < gl.getProgramParameter(handle, gl.ACTIVE_UNIFORMS); ++i) {
+      const {name} = gl.getActiveUniform(handle, i);
+      at[name] = gl.getUniformLocation(handle, name);
+    }
+    return {handle, at};
+  }
+
+  texture(kind, allocate, fill, filter) {
+    const gl = this.gl, texture = gl.createTexture();
+    gl.bindTexture(kind, texture);
+    allocate();
+    if (fill) fill();
+    for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
+      gl.texParameteri(kind, name, filter || gl.NEAREST);
+    for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
+      gl.texParameteri(kind, name, gl.CLAMP_TO_EDGE);
+    return texture;
+  }
+
+  flat(format, width, height, layout, type, data) {
+    const gl = this.gl;
+    return this.texture(gl.TEXTURE_2D,
+                        () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height),
+                        data && (() => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height,
+                                                        layout, type, data)));
+  }
+
+  /** `about`: what the page says of the run; `palette`: 256 x RGBA of errors. */
+  addRun(about, splats, mesh, palette, onOrder) {
+    const gl = this.gl, run = {about, onOrder};
+    run.palette = this.flat(gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
+    if (mesh) this.addMesh(run, mesh);
+    run.cloud = this.makeCloud(run, splats);
+    this.runs.push(run);
+    return run;
+  }
+
+  /** Splats on the device with the worker that sorts them; shown when it first has. */
+  makeCloud(run, splats) {
+    const gl = this.gl, {rows, layers} = splats;
+    const cloud = {count: splats.count, drawn: 0, degree: splats.degree, rows, colorKey: ''};
+    if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE))
+      throw Error(`this device's textures hold ${1024 * gl.getParameter(gl.MAX_TEXTURE_SIZE)} ` +
+                  'splats at most; make the page with --max-splats');
+    cloud.places = this.flat(gl.RGBA32UI, kPerRow, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
+                             splats.places);
+    cloud.shapes = this.flat(gl.RG32UI, kPerRow, rows, gl.RG_INTEGER, gl.UNSIGNED_INT,
+                             splats.shapes);
+    const array = gl.TEXTURE_2D_ARRAY, depth = Math.max(layers, 1);
+    cloud.sh = this.texture(array, () => gl.texStorage3D(array, 1, gl.RGBA32UI, layers ? kPerRow : 1,
+                                                         layers ? rows : 1, depth),
+                            layers && (() => gl.texSubImage3D(array, 0, 0, 0, 0, kPerRow, rows,
+                                                              depth, gl.RGBA_INTEGER,
+                                                              gl.UNSIGNED_INT, splats.sh)));
+    cloud.colors = this.flat(this.format, kPerRow, rows);
+    cloud.colorTarget = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, cloud.colors, 0);
+    cloud.order = gl.createBuffer();
+    cloud.quads = gl.createVertexArray();
+    gl.bindVertexArray(cloud.quads);
+    gl.bindBuffer(gl.ARRAY_BUFFER, cloud.order);
+    gl.bufferData(gl.ARRAY_BUFFER, 4 * Math.max(splats.count, 1), gl.DYNAMIC_DRAW);
+    gl.enableVertexAttribArray(0);
+    gl.vertexAttribIPointer(0, 1, gl.UNSIGNED_INT, 0, 0);
+    gl.vertexAttribDivisor(0, 1);
+    gl.bindVertexArray(null);
+
+    const url = URL.createObjectURL(new Blob([`(${sorter})()`], {type: 'text/javascript'}));
+    cloud.worker = new Worker(url);
+    URL.revokeObjectURL(url);
+    cloud.worker.postMessage({positions: splats.positions}, [splats.positions.buffer]);
+    cloud.sorting = false, cloud.sortedFor = null, cloud.spare = null;
+    cloud.worker.onmessage = ({data}) => {
+      cloud.sorting = false, cloud.drawn = data.count, cloud.spare = data.order;
+      gl.bindBuffer(gl.ARRAY_BUFFER, cloud.order);
+      gl.bufferSubData(gl.ARRAY_BUFFER, 0, data.order, 0, data.count);
+      if (run.cloud !== cloud) this.removeCloud(run.cloud), run.cloud = cloud;
+      run.onOrder();
+    };
+    return cloud;
+  }
+
+  removeCloud(cloud) {
+    const gl = this.gl;
+    cloud.worker.terminate();
+    for (const name of ['places', 'shapes', 'sh', 'colors']) gl.deleteTexture(cloud[name]);
+    gl.deleteFramebuffer(cloud.colorTarget);
+    gl.deleteBuffer(cloud.order);
+    gl.deleteVertexArray(cloud.quads);
+  }
+
+  addMesh(run, mesh) {
+    const gl = this.gl;
+    run.mesh = gl.createVertexArray(), run.indices = mesh.faces.length;
+    gl.bindVertexArray(run.mesh);
+    const attribute = (at, data, type) => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+      gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
+      gl.enableVertexAttribArray(at);
+      gl.vertexAttribPointer(at, 4, type, true, 0, 0);
+    };
+    attribute(0, mesh.positions, gl.UNSIGNED_SHORT);
+    attribute(1, mesh.looks, gl.UNSIGNED_BYTE);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
+    gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.faces, gl.STATIC_DRAW);
+  }
+
+  /** Has the splats of a cloud sorted for the view, unless they are, or about. */
+  sort(cloud, near, view, exactly) {
+    const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
+    const last = cloud.sortedFor;
+    if (cloud.sorting || cloud.count === 0) return;
+    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset) return;
+    const turned = last ? fx * last.fx + fy * last.fy + fz * last.fz : -1;
+    if (last && !exactly && turned > Math.cos(0.5 * Math.PI / 180) &&
+        Math.abs(offset - last.offset) < 0.002 * view.distance) return;
+    cloud.sortedFor = {fx, fy, fz, offset}, cloud.sorting = true;
+    const message = {forward: [fx, fy, fz], offset, near: near};
+    if (cloud.spare) message.buffer = cloud.spare;
+    cloud.worker.postMessage(message, cloud.spare ? [cloud.spare.buffer] : []);
+    cloud.spare = null;
+  }
+
+  makeTarget(width, height) {
+    const gl = this.gl;
+    if (this.target && this.target.width === width && this.target.height === height) return;
+    if (this.target) {
+      gl.deleteTexture(this.target.sums);
+      gl.deleteRenderbuffer(this.target.depth);
+      gl.deleteFramebuffer(this.target.frame);
+    }
+    const sums = this.texture(gl.TEXTURE_2D, () => gl.texStorage2D(gl.TEXTURE_2D, 1, this.format,
+                                                                  width, height), null, gl.LINEAR);
+    const depth = gl.createRenderbuffer(), frame = gl.createFramebuffer();
+    gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
+    gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, sums, 0);
+    gl.framebufferRenderbuffer(gl.FRAMEBUFFER, gl.DEPTH_ATTACHMENT, gl.RENDERBUFFER, depth);
+    this.target = {width, height, sums, depth, frame};
+  }
+
+  bind(unit, kind, texture, at) {
+    const gl = this.gl;
+    gl.activeTexture(gl.TEXTURE0 + unit);
+    gl.bindTexture(kind, texture);
+    gl.uniform1i(at, unit);
+  }
+
+  setView(at, view, lens, width, height, near) {
+    const gl = this.gl, [r, d, f] = view.rows, c = view.centre;
+    gl.uniform3fv(at.uRight, r), gl.uniform3fv(at.uDown, d), gl.uniform3fv(at.uForward, f);
+    gl.uniform3f(at.uOffset, -dot(r, c), -dot(d, c), -dot(f, c));
+    gl.uniform4f(at.uLens, lens.fx, lens.fy, lens.cx, lens.cy);
+    gl.uniform2f(at.uSize, width, height);
+    gl.uniform1f(at.uNear, near);
+  }
+
+  /** Where only the camera's place and the kind of colours count. */
+  colorSplats(run, view, show) {
+    const cloud = run.cloud, key = show.error ? 'error' : cloud.degree === 0 ? 'own' : view.centre.join();
+    if (key === cloud.colorKey) return;
+    cloud.colorKey = key;
+    const gl = this.gl, {handle, at} = this.programs.colors;
+    gl.useProgram(handle);
+    this.bind(0, gl.TEXTURE_2D, cloud.places, at.uPlaces);
+    this.bind(1, gl.TEXTURE_2D, cloud.shapes, at.uShapes);
+    this.bind(2, gl.TEXTURE_2D_ARRAY, cloud.sh, at.uSh);
+    this.bind(3, gl.TEXTURE_2D, run.palette, at.uPalette);
+    gl.uniform1i(at.uCount, cloud.count);
+    gl.uniform1i(at.uCoefficients, (cloud.degree + 1) * (cloud.degree + 1) - 1);
+    gl.uniform1i(at.uErrors, show.error);
+    gl.uniform3fv(at.uCentre, view.centre);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
+    gl.viewport(0, 0, kPerRow, cloud.rows);
+    gl.bindVertexArray(this.nothing);
+    gl.disable(gl.BLEND);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** Blends a run into the target's lower left part; `width`, `height` at most the target's. */
+  drawRun(run, view, width, height, show) {
+    const gl = this.gl, lens = lensIn(view, width, height);
+    if (show.splats || show.centres) this.colorSplats(run, view, show);
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.target.frame);
+    gl.viewport(0, 0, width, height);
+    gl.depthMask(true);
+    gl.clearColor(0, 0, 0, 0);
+    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    const meshed = show.mesh && run.mesh;
+    if (meshed) {
+      const {handle, at} = this.programs.mesh, {low, high} = run.about.mesh;
+      gl.useProgram(handle);
+      this.setView(at, view, lens, width, height, run.about.near);
+      this.bind(0, gl.TEXTURE_2D, run.palette, at.uPalette);
+      gl.uniform3fv(at.uLow, low);
+      gl.uniform3f(at.uSpan, high[0] - low[0], high[1] - low[1], high[2] - low[2]);
+      gl.uniform1i(at.uErrors, show.error);
+      gl.disable(gl.BLEND);
+      gl.enable(gl.DEPTH_TEST);
+      gl.bindVertexArray(run.mesh);
+      gl.drawElements(gl.TRIANGLES, run.indices, gl.UNSIGNED_INT, 0);
+    }
+    if ((show.splats || show.centres) && run.cloud.drawn > 0) {
+      const {handle, at} = run.about.discs ? this.programs.discs : this.programs.ellipses;
+      gl.useProgram(handle);
+      this.setView(at, view, lens, width, height, run.about.near);
+      this.bind(0, gl.TEXTURE_2D, run.cloud.places, at.uPlaces);
+      this.bind(1, gl.TEXTURE_2D, run.cloud.shapes, at.uShapes);
+      this.bind(2, gl.TEXTURE_2D, run.cloud.colors, at.uColors);
+      const u = [-lens.cx / lens.fx, (width - lens.cx) / lens.fx],
+            v = [-lens.cy / lens.fy, (height - lens.cy) / lens.fy];
+      const du = 0.15 * width / lens.fx, dv = 0.15 * height / lens.fy;
+      gl.uniform4f(at.uClamp, u[0] - du, u[1] + du, v[0] - dv, v[1] + dv);
+      gl.uniform1f(at.uLowPass, run.about.low_pass);
+      gl.uniform1f(at.uLeast, run.about.least_alpha);
+        gl.uniform1i(at.uDots, show.centres);
+      gl.enable(gl.BLEND);
+      gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+      gl.depthMask(false);
+      if (meshed) gl.enable(gl.DEPTH_TEST); else gl.disable(gl.DEPTH_TEST);
+      gl.bindVertexArray(run.cloud.quads);
+      gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.cloud.drawn);
+    }
+    gl.disable(gl.DEPTH_TEST);
+    gl.disable(gl.BLEND);
+  }
+
+  /** Copies what drawRun() has blended into a rectangle of `frame` (null: the canvas). */
+  finish(frame, x, y, width, height, drawnWidth, drawnHeight) {
+    const gl = this.gl, {handle, at} = this.programs.finish;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.viewport(x, y, width, height);
+    gl.useProgram(handle);
+    this.bind(0, gl.TEXTURE_2D, this.target.sums, at.uSums);
+    gl.uniform2f(at.uShare, drawnWidth / this.target.width, drawnHeight / this.target.height);
+    gl.bindVertexArray(this.nothing);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+  }
+
+  /** RGBA of a picture of that size, rows from the top. */
+  picture(run, view, width, height, show) {
+    const gl = this.gl;
+    this.makeTarget(width, height);
+    this.drawRun(run, view, width, height, show);
+    const texture = this.flat(gl.RGBA8, width, height), frame = gl.createFramebuffer();
+    gl.bindFramebuffer(gl.FRAMEBUFFER, frame);
+    gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+    this.finish(frame, 0, 0, width, height, width, height);
+    const rows = new Uint8Array(4 * width * height), pixels = new Uint8Array(rows.length);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, rows);
+    for (let y = 0; y < height; ++y)
+      pixels.set(rows.subarray(4 * width * y, 4 * width * (y + 1)), 4 * width * (height - 1 - y));
+    gl.deleteFramebuffer(frame);
+    gl.deleteTexture(texture);
+    return pixels;
+  }
+}

@@ -1,0 +1,140 @@
+#include "report/view_pack.h"
+
+#include <zlib.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/error.h"
+#include "io/spz.h"
+#include "optim/splat_order.h"
+#include "render/blend_math.h"
+
+namespace tvsgs {
+namespace {
+
+const SpzOptions kFormat{.frame = SplatFrame::rdf};  // the page draws in the frame of the cameras
+
+void keep(Gaussians<Cpu>& g, const std::vector<int>& kept) {
+    for_each_array(
+        [&]<class T>(const SplatArray& array, Buffer<T, Cpu>& values) {
+            Buffer<T, Cpu> scratch;
+            if (!values.empty())
+                gather({kept.data(), kept.size()}, {}, values, scratch, array.planes);
+        },
+        g);
+}
+
+/// How much of pictures a splat makes, about.
+float weight(const Gaussians<Cpu>& g, std::size_t i) {
+    const Vec3f s = g.log_scales[i];
+    return std::log(sigmoid(g.opacity_logits[i])) + s.x + s.y + s.z - std::min({s.x, s.y, s.z});
+}
+
+void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
+    std::vector<int> order(g.means.size());
+    std::iota(order.begin(), order.end(), 0);
+    if (count >= order.size()) return;
+    std::vector<float> weights(order.size());
+    for (std::size_t i = 0; i < order.size(); ++i) weights[i] = weight(g, i);
+    std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
+                     [&](int a, int b) {
+                         const float wa = weights[static_cast<std::size_t>(a)],
+                                     wb = weights[static_cast<std::size_t>(b)];
+                         return wa != wb ? wa > wb : a < b;
+                     });
+    order.resize(count);
+    std::sort(order.begin(), order.end());
+    keep(g, order);
+}
+
+}  // namespace
+
+PackedSplats pack_splats(Gaussians<Cpu> g,
+                         std::size_t max_bytes,
+                         int max_splats,
+                         float least_alpha) {
+    std::vector<int> drawn;
+    for (int i = 0; i < g.size(); ++i)
+        if (sigmoid(g.opacity_logits[static_cast<std::size_t>(i)]) > least_alpha)
+            drawn.push_back(i);
+    keep(g, drawn);
+    PackedSplats packed;
+    packed.of = g.size(), packed.of_degree = g.sh_degree;
+    keep_largest(g, static_cast<std::size_t>(max_splats));
+    sort_by_place(g);  // neighbours are alike, which deflates well
+    while (g.size() > 0) {
+        packed.bytes = spz_bytes(g, kFormat, "the page's splats");
+        if (packed.bytes.size() <= max_bytes) break;
+        if (g.sh_degree > 0) {
+            --g.sh_degree;  // coefficient major: the first ones stay
+            g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
+            continue;
+        }
+        const double share =
+            0.97 * static_cast<double>(max_bytes) / static_cast<double>(packed.bytes.size());
+        keep_largest(g, static_cast<std::size_t>(share * g.size()));
+        packed.bytes.clear();
+    }
+    if (!packed.bytes.empty())
+        packed.shown = parse_spz(packed.bytes, "the page's splats", kFormat.frame).splats;
+    return packed;
+}
+
+std::string deflated(const std::string& bytes) {
+    uLongf size = compressBound(static_cast<uLong>(bytes.size()));
+    std::string out(size, '\0');
+    const auto to = reinterpret_cast<Bytef*>(out.data());
+    if (compress2(to, &size, reinterpret_cast<const Bytef*>(bytes.data()),
+                  static_cast<uLong>(bytes.size()), 6) != Z_OK)
+        throw Error(ExitCode::memory, "zlib: no memory to pack the page");
+    out.resize(size);
+    return out;
+}
+
+PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& errors) {
+    Vec3f low = mesh.vertices.front(), high = low;
+    for (const Vec3f v : mesh.vertices)
+        for (int a = 0; a < 3; ++a)
+            low[a] = std::min(low[a], v[a]), high[a] = std::max(high[a], v[a]);
+    std::string bytes;
+    const auto put = [&](std::uint32_t value, int count) {
+        for (int b = 0; b < count; ++b) bytes += static_cast<char>(value >> (8 * b) & 255);
+    };
+    for (const Vec3f v : mesh.vertices)
+        for (int a = 0; a < 3; ++a)
+            put(static_cast<std::uint32_t>(
+                    high[a] > low[a] ? std::lround(65535 * (v[a] - low[a]) / (high[a] - low[a]))
+                                     : 0),
+                2);
+    for (const Vec3f c : mesh.colors)
+        for (int a = 0; a < 3; ++a)
+            put(static_cast<std::uint32_t>(std::lround(255 * std::clamp(c[a], 0.0f, 1.0f))), 1);
+    for (const std::uint8_t level : errors) put(level, 1);
+    for (const Vec3i face : mesh.faces)
+        for (int c = 0; c < 3; ++c) put(static_cast<std::uint32_t>(face[c]), 4);
+    PackedMesh packed{JsonValue::object(), deflated(bytes)};
+    const auto list = [](Vec3f v) { return JsonValue(std::vector<double>{v.x, v.y, v.z}); };
+    packed.about.set("vertices", static_cast<double>(mesh.vertices.size()));
+    packed.about.set("faces", static_cast<double>(mesh.faces.size()));
+    packed.about.set("low", list(low));
+    packed.about.set("high", list(high));
+    packed.about.set("colors", mesh.colors.empty() ? 0.0 : 1.0);
+    packed.about.set("errors", errors.empty() ? 0.0 : 1.0);
+    return packed;
+}
+
+std::vector<std::uint8_t> error_levels(Span<const Vec3f> points, const Truth& truth, double full) {
+    std::vector<Vec3d> places;
+    for (std::size_t i = 0; i < points.count; ++i) places.push_back(vec_cast<double>(points[i]));
+    const std::vector<double> errors = truth.surface.to.distances(places);
+    std::vector<std::uint8_t> levels(places.size(), kNoError);
+    for (std::size_t i = 0; i < places.size(); ++i)
+        if (contains(truth.crop, places[i] + truth.measure.origin) && full > 0)
+            levels[i] = static_cast<std::uint8_t>(
+                std::lround(kErrorLevels * std::min(errors[i] / full, 1.0)));
+    return levels;
+}
+
+}  // namespace tvsgs

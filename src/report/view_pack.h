@@ -1,0 +1,45 @@
+// Splats and meshes as a page of tvsgs-view holds them.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/gaussians.h"
+#include "core/mesh.h"
+#include "io/json_value.h"
+#include "pipeline/train_evaluation.h"
+
+namespace tvsgs {
+
+struct PackedSplats {
+    std::vector<std::uint8_t> bytes;  // SPZ 3 in our frame; empty: no splats
+    Gaussians<Cpu> shown;             // as the page decodes them
+    int of = 0, of_degree = 0;        // splats that draw at all, and their degree, before
+};
+
+/// At most `max_splats`, in at most `max_bytes`: of a lower degree where that is enough, else of
+/// degree 0 and only the largest, by alpha times the two largest scales. Those of at most
+/// `least_alpha` draw nothing and are left out.
+PackedSplats pack_splats(Gaussians<Cpu> splats,
+                         std::size_t max_bytes,
+                         int max_splats,
+                         float least_alpha);
+
+/// Vertices in 16 bits of the mesh's box, colours, errors (a byte each, may be empty), indices.
+struct PackedMesh {
+    JsonValue about;   // {"vertices", "faces", "low", "high", "colors", "errors"}
+    std::string data;  // deflated
+};
+PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& errors);
+
+/// In the format of zlib.
+std::string deflated(const std::string& bytes);
+
+inline constexpr int kErrorLevels = 254;       // error_levels() of `full` and more
+inline constexpr std::uint8_t kNoError = 255;  // outside of the truth's crop
+
+/// Distances to the truth in steps of full / kErrorLevels.
+std::vector<std::uint8_t> error_levels(Span<const Vec3f> points, const Truth& truth, double full);
+
+}  // namespace tvsgs

@@ -1,0 +1,386 @@
+#include "report/view_page.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/version.h"
+#include "io/image_file.h"
+#include "mesh/focus.h"
+#include "render/backbone.h"
+#include "render/map_images.h"
+#include "report/figures.h"
+#include "report/page.h"
+#include "report/pictures.h"
+#include "report/view_assets.h"
+#include "report/view_pack.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr int kPhotoSide = 640, kPosterSide = 800;  // px
+constexpr std::size_t kPhotoBytes = 3'000'000;      // of all photographs
+constexpr std::size_t kPageBytes = 200'000;         // of texts, scripts and posters, about
+constexpr double kBase64 = 4.0 / 3;                 // bytes of text for one of data
+constexpr const char* kPolicy =
+    "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src "
+    "'unsafe-inline'; worker-src blob:";
+
+/// The template with {{name}} replaced; each name has to be in `values`.
+std::string filled(const std::string& text, const std::map<std::string, std::string>& values) {
+    std::string out;
+    for (std::size_t at = 0; at < text.size();) {
+        const std::size_t open = text.find("{{", at), close = text.find("}}", open);
+        out.append(text, at, open == std::string::npos ? open : open - at);
+        if (open == std::string::npos) break;
+        out += values.at(text.substr(open + 2, close - open - 2));
+        at = close + 2;
+    }
+    return out;
+}
+
+/// 1234567 as 1,234,567.
+std::string grouped(std::size_t value) {
+    std::string text = std::to_string(value);
+    for (std::size_t i = 3; i < text.size(); i += 4) text.insert(text.size() - i, ",");
+    return text;
+}
+
+ImageU8 at_most(const ImageU8& image, int side) {
+    const double scale =
+        std::min(1.0, static_cast<double>(side) / std::max(image.width, image.height));
+    const auto scaled = [&](int n) {
+        return std::max(1, static_cast<int>(std::lround(n * scale)));
+    };
+    return scale < 1 ? resize_bicubic(image, scaled(image.width), scaled(image.height)) : image;
+}
+
+std::string jpeg_source(const std::string& bytes) {
+    return "data:image/jpeg;base64," + base64(bytes);
+}
+
+/// Of the cameras that have one: at most so many, evenly chosen, small enough together. Empty: it
+/// is not shown.
+std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int count) {
+    std::vector<std::size_t> with;
+    for (std::size_t i = 0; i < cameras.size(); ++i)
+        if (!cameras[i].photo.empty()) with.push_back(i);
+    const std::size_t n = with.size(), kept = std::min(n, static_cast<std::size_t>(count));
+    std::vector<std::string> jpegs(cameras.size());
+    for (int side = kPhotoSide; kept > 0;) {
+        std::size_t bytes = 0;
+        for (std::size_t k = 0; k < kept; ++k) {
+            const std::size_t i = with[kept < 2 ? 0 : k * (n - 1) / (kept - 1)];
+            jpegs[i] = jpeg_bytes(at_most(cameras[i].photo, side), 80);
+            bytes += jpegs[i].size();
+        }
+        if (bytes <= kPhotoBytes || side <= 64) break;
+        side = static_cast<int>(
+            0.95 * side * std::sqrt(static_cast<double>(kPhotoBytes) / static_cast<double>(bytes)));
+    }
+    return jpegs;
+}
+
+JsonValue list_of(Vec3d v) {
+    return std::vector<double>{v.x, v.y, v.z};
+}
+
+/// What views turn around, and what sizes go by.
+JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<ViewRun>& runs) {
+    std::vector<Camera> all;
+    Vec3d up{};
+    for (const ViewCamera& c : cameras) {
+        all.push_back(c.camera);
+        const Mat3f& R = c.camera.camera_from_world.R;
+        up = up - Vec3d{R[1][0], R[1][1], R[1][2]};
+    }
+    if (!(norm(up) > 1e-6)) up = {0, -1, 0};
+    Focus focus{vec_cast<double>(camera_centre(all.front())), 1};
+    if (const auto found = find_focus(all)) {
+        focus = *found;
+    } else if (runs.front().splats.size() > 0) {  // one camera, or all look the same way
+        std::vector<Vec3f> means = to_host(runs.front().splats.means);
+        const auto depth = [&](Vec3f p) { return (all.front().camera_from_world * p).z; };
+        std::nth_element(means.begin(),
+                         means.begin() + static_cast<std::ptrdiff_t>(means.size() / 2), means.end(),
+                         [&](Vec3f a, Vec3f b) { return depth(a) < depth(b); });
+        const double z = static_cast<double>(depth(means[means.size() / 2]));
+        if (z > 0) focus = focus_at_depth(all, z);
+    }
+    const Vec3d p = focus.point, u = up / norm(up);
+    JsonValue scene = JsonValue::object();
+    scene.set("middle", list_of(p));
+    scene.set("radius", focus.radius);
+    scene.set("up", list_of(u));
+    return scene;
+}
+
+JsonValue camera_json(const ViewCamera& c, bool has_photo) {
+    const Mat3<double> R = mat_cast<double>(c.camera.camera_from_world.R);
+    const Vec3d centre = -transpose_times(R, vec_cast<double>(c.camera.camera_from_world.t));
+    JsonValue camera = JsonValue::object(), rows = JsonValue::list();
+    for (int r = 0; r < 3; ++r) rows.items.push_back(list_of({R[r][0], R[r][1], R[r][2]}));
+    camera.set("name", c.name);
+    camera.set("test", c.test ? 1.0 : 0.0);
+    camera.set("photo", has_photo ? 1.0 : 0.0);
+    camera.set("rows", std::move(rows));
+    camera.set("centre", list_of(centre));
+    for (const auto& [key, value] :
+         {std::pair("fx", c.camera.fx_px), std::pair("fy", c.camera.fy_px),
+          std::pair("cx", c.camera.cx_px), std::pair("cy", c.camera.cy_px)})
+        camera.set(key, static_cast<double>(value));
+    camera.set("width", c.camera.width_px);
+    camera.set("height", c.camera.height_px);
+    return camera;
+}
+
+/// What a browser without WebGL shows in the place of the view, and all of them before it is there.
+ImageU8 poster(Backbone<Cpu>& backbone, const Gaussians<Cpu>& splats, const Camera& camera) {
+    const double scale = std::min(
+        1.0, static_cast<double>(kPosterSide) / std::max(camera.width_px, camera.height_px));
+    const auto scaled = [&](int n) {
+        return std::max(1, static_cast<int>(std::lround(n * scale)));
+    };
+    const Camera small = scaled_camera(camera, scaled(camera.width_px), scaled(camera.height_px));
+    if (splats.size() == 0) return ImageU8(small.width_px, small.height_px, 3);
+    const auto& images = backbone.forward(splats, small, splats.sh_degree, Maps::color);
+    return color_image(images.width, images.height, to_host(images.color));
+}
+
+std::string hold(const char* id, std::size_t index, const std::string& base64_text) {
+    return str("<script type=\"application/octet-stream\" id=\"", id, index, "\">", base64_text,
+               "</script>\n");
+}
+
+/// A page on its way.
+class Builder {
+public:
+    Builder(std::vector<ViewRun> runs,
+            const std::vector<ViewCamera>& cameras,
+            const ViewPageOptions& options)
+        : runs_(std::move(runs)), cameras_(cameras), options_(options) {}
+
+    ViewPage build() {
+        add_cameras();
+        for (const ViewRun& run : runs_)
+            if (run.truth && full_ == 0) full_ = full_error(*run.truth);
+        for (std::size_t i = 0; i < runs_.size(); ++i) add_mesh(i);
+        // What is left for the splats, at least a tenth: a page of a mesh alone is none of ours.
+        const std::size_t others = data_.size() + parts_.size() + kPageBytes;
+        const std::size_t room = std::max(
+            options_.max_bytes / 10, options_.max_bytes > others ? options_.max_bytes - others : 0);
+        for (std::size_t i = 0; i < runs_.size(); ++i)
+            add_splats(
+                i, static_cast<std::size_t>(static_cast<double>(room / runs_.size()) / kBase64));
+        add_plots();
+        add_table();
+        return {html(), notes_};
+    }
+
+private:
+    std::size_t start() const { return cameras_.size() / 2; }
+
+    void note(const std::string& text) { notes_.push_back(text); }
+
+    void add_cameras() {
+        const std::vector<std::string> jpegs = photographs(cameras_, options_.max_photos);
+        std::string items;
+        std::size_t shown = 0, there = 0;
+        bool any_test = false;
+        JsonValue list = JsonValue::list();
+        for (std::size_t i = 0; i < cameras_.size(); ++i) {
+            const ViewCamera& c = cameras_[i];
+            const bool has = !jpegs[i].empty();
+            shown += has, there += !c.photo.empty(), any_test = any_test || c.test;
+            list.items.push_back(camera_json(c, has));
+            items += str("<li><button type=\"button\" data-camera=\"", i, "\">");
+            if (has)
+                items +=
+                    str("<img id=\"photo", i, "\" alt=\"\" src=\"", jpeg_source(jpegs[i]), "\">");
+            items +=
+                str("<span>", escaped(c.name), c.test ? " (test)" : "", "</span></button></li>\n");
+        }
+        has_photos_ = shown > 0;
+        if (shown < there)
+            note(str("Photographs: ", shown, " of ", there, ", evenly chosen."));
+        else if (shown == 0)
+            note("There are no photographs in this page.");
+        about_.set("cameras", std::move(list));
+        about_.set("start", static_cast<double>(start()));
+        about_.set("scene", scene_json(cameras_, runs_));
+        parts_ +=
+            str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\" "
+                "style=\"border-color:#0072b2\"></span>training views",
+                any_test ? ", <span class=\"legend\" style=\"border-color:#b35c00;"
+                           "border-top-style:dashed\"></span>test views"
+                         : "",
+                ". A button goes to its camera and lays the photograph over the view.</p>\n"
+                "<ul class=\"cameras\">\n",
+                items, "</ul>\n");
+    }
+
+    void add_mesh(std::size_t i) {
+        ViewRun& run = runs_[i];
+        JsonValue about = JsonValue::object();
+        if (!run.mesh.faces.empty()) {
+            std::vector<std::uint8_t> errors;
+            const std::vector<Vec3f>& v = run.mesh.vertices;
+            if (run.truth) errors = error_levels({v.data(), v.size()}, *run.truth, full_);
+            PackedMesh packed = pack_mesh(run.mesh, errors);
+            about.set("mesh", std::move(packed.about));
+            data_ += hold("mesh", i, base64(packed.data));
+            if (run.mesh.faces.size() < run.mesh_faces)
+                note(str(run.name, ": the mesh is simplified from ", grouped(run.mesh_faces),
+                         " to ", grouped(run.mesh.faces.size()), " triangles for this page."));
+        }
+        abouts_.push_back(std::move(about));
+    }
+
+    void add_splats(std::size_t i, std::size_t max_bytes) {
+        ViewRun& run = runs_[i];
+        JsonValue& about = abouts_[i];
+        const auto backbone = make_backbone<Cpu>(run.train.backbone, run.train.render);
+        const float least = std::max(run.train.render.cull_alpha, 1.0f / 255);
+        PackedSplats packed =
+            pack_splats(std::move(run.splats), max_bytes, options_.max_splats, least);
+        const auto count = static_cast<std::size_t>(packed.shown.size());
+        if (packed.shown.size() < packed.of)
+            note(str(run.name, ": the ", grouped(count), " largest of ",
+                     grouped(static_cast<std::size_t>(packed.of)),
+                     " splats, to keep this page within its size."));
+        if (count > 0 && packed.shown.sh_degree < packed.of_degree)
+            note(str(run.name, ": harmonics of degree ", packed.shown.sh_degree, " instead of ",
+                     packed.of_degree, ", to keep this page within its size."));
+        about.set("name", run.name);
+        about.set("splats", static_cast<double>(count));
+        about.set("discs", backbone->flat() ? 1.0 : 0.0);
+        about.set("near", static_cast<double>(run.train.render.near));
+        about.set("low_pass", static_cast<double>(backbone->low_pass_px2()));
+        about.set("least_alpha", static_cast<double>(least));
+        if (count > 0) {
+            data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
+            if (run.truth) {
+                const auto levels = error_levels(packed.shown.means.span(), *run.truth, full_);
+                data_ += hold("errors", i, base64(deflated({levels.begin(), levels.end()})));
+            }
+        }
+        const ImageU8 picture = poster(*backbone, packed.shown, cameras_[start()].camera);
+        panes_ += str("<img class=\"poster\" alt=\"", escaped(run.name), " as camera ",
+                      escaped(cameras_[start()].name), " sees it\" src=\"",
+                      jpeg_source(jpeg_bytes(picture, 80)), "\">\n");
+        overlays_ +=
+            str("<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" hidden><canvas></canvas>",
+                runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
+        rows_.push_back(
+            {run.name, grouped(count), std::to_string(packed.shown.sh_degree),
+             backbone->flat() ? "discs" : "ellipsoids",
+             run.mesh.faces.empty() ? "none" : grouped(run.mesh.faces.size()) + " triangles",
+             run.truth ? "known" : "not given"});
+    }
+
+    void add_plots() {
+        std::string plots;
+        std::size_t id = 0;
+        for (const ViewRun& run : runs_) {
+            std::string own;
+            for (const Plot& plot : plots_over_time(run.evaluations))
+                own += plot_figure(plot, str("plot", ++id), "report.json");
+            if (own.empty()) continue;
+            if (runs_.size() > 1) plots += str("<h3>", escaped(run.name), "</h3>\n");
+            plots += "<div class=\"plots\">\n" + own + "</div>\n";
+        }
+        if (!plots.empty()) parts_ += "<h2 id=\"time\">Error against time</h2>\n" + plots;
+    }
+
+    void add_table() {
+        parts_ += "<h2 id=\"about-page\">What is shown</h2>\n" +
+                  html_table("Runs in this page",
+                             {"run", "splats", "degree of harmonics", "drawn as", "mesh", "truth"},
+                             rows_);
+    }
+
+    std::string toggles() const {
+        const bool mesh = std::any_of(runs_.begin(), runs_.end(),
+                                      [](const ViewRun& r) { return !r.mesh.faces.empty(); });
+        std::string text;
+        const auto add = [&](const char* name, const char* label, const char* key, bool on) {
+            text += str("<button type=\"button\" data-show=\"", name, "\" aria-pressed=\"",
+                        on ? "true" : "false", "\" aria-keyshortcuts=\"", key, "\">", label,
+                        "<kbd aria-hidden=\"true\">", key, "</kbd></button>");
+        };
+        add("splats", "Splats", "s", true);
+        add("centres", "Centres", "c", false);
+        if (mesh) add("mesh", "Mesh", "m", false);
+        if (full_ > 0) add("error", "Colours by error", "e", false);
+        add("cameras", "Cameras", "f", true);
+        if (has_photos_) add("photo", "Photograph", "p", true);
+        return text;
+    }
+
+    std::string html() {
+        JsonValue runs = JsonValue::list();
+        std::string title, summary;
+        for (std::size_t i = 0; i < runs_.size(); ++i) {
+            runs.items.push_back(abouts_[i]);
+            title += (i ? " beside " : "") + runs_[i].name;
+            summary += str(i ? "; " : "", rows_[i][1], " splats", runs_.size() > 1 ? " of " : "",
+                           runs_.size() > 1 ? runs_[i].name : "");
+        }
+        std::string palette;
+        for (int i = 0; i < 256; ++i) {
+            const Rgb c = error_shade(static_cast<double>(i) / kErrorLevels);
+            for (const std::uint8_t channel : {c.r, c.g, c.b})
+                palette += static_cast<char>(channel);
+        }
+        about_.set("runs", std::move(runs));
+        about_.set("palette", base64(palette));
+        if (options_.follow) about_.set("origin", list_of(*options_.follow));
+        std::string notes;
+        for (const std::string& text : notes_)
+            notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
+        return filled(
+            kViewPage,
+            {{"policy", str(kPolicy, options_.follow ? "; connect-src 'self'" : "")},
+             {"title", escaped(title) + ": view"},
+             {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
+             {"heading", escaped(title)},
+             {"summary", escaped(str(summary, "; ", cameras_.size(), " cameras."))},
+             {"notes", notes},
+             {"view", escaped(str("View in 3D of ", summary, "."))},
+             {"panes", panes_ + overlays_},
+             {"toggles", toggles()},
+             {"scale", full_ > 0
+                           ? str("<div id=\"scale\" hidden><p>Distance to the true surface, in "
+                                 "units of the scene. Grey: not measured.</p>\n",
+                                 error_scale(full_), "</div>\n")
+                           : ""},
+             {"parts", parts_},
+             {"version", escaped(kVersion)},
+             {"about", json_for_page(about_)},
+             {"data", data_},
+             {"script", kViewScript}});
+    }
+
+    std::vector<ViewRun> runs_;
+    const std::vector<ViewCamera>& cameras_;
+    const ViewPageOptions& options_;
+    JsonValue about_ = JsonValue::object();
+    std::vector<JsonValue> abouts_;  // of the runs
+    std::vector<std::vector<std::string>> rows_;
+    std::string panes_, overlays_, parts_, data_;
+    std::vector<std::string> notes_;
+    double full_ = 0;  // where the colours by error end; 0: no truth
+    bool has_photos_ = false;
+};
+
+}  // namespace
+
+ViewPage view_page(std::vector<ViewRun> runs,
+                   const std::vector<ViewCamera>& cameras,
+                   const ViewPageOptions& options) {
+    return Builder(std::move(runs), cameras, options).build();
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,193 @@
+#include "report/view_run.h"
+
+#include <algorithm>
+#include <filesystem>
+
+#include "core/local_origin.h"
+#include "core/log.h"
+#include "io/mesh_files.h"
+#include "io/read_file.h"
+#include "mesh/simplify.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+#include "report/data.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr const char* kPage = "page";  // what does without
+
+namespace fs = std::filesystem;
+
+bool exists(const std::string& path) {
+    std::error_code code;
+    return fs::is_regular_file(path, code);
+}
+
+RunOptions options_of(const std::string& run) {
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(run_config_path(run));
+    options.scene.need_points = false;
+    options.scene.min_train_views = 1;
+    return options;
+}
+
+/// An entry of cameras.json, in double.
+struct FileCamera {
+    std::string name;
+    Camera camera;  // without its place
+    Vec3d centre;
+};
+
+FileCamera file_camera(const JsonValue& json, const std::string& path) {
+    const auto number = [&](const JsonValue& value) {
+        if (!value.is(JsonValue::Kind::number))
+            throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
+        return value.number;
+    };
+    const auto vector = [&](const JsonValue& list) {
+        if (list.items.size() != 3)
+            throw input_error(path, ": a camera lacks numbers; expected the file of tvsgs-train");
+        return Vec3d{number(list.items[0]), number(list.items[1]), number(list.items[2])};
+    };
+    FileCamera out{json["img_name"].text, {}, vector(json["position"])};
+    Camera& c = out.camera;
+    c.width_px = static_cast<int>(number(json["width"]));
+    c.height_px = static_cast<int>(number(json["height"]));
+    c.fx_px = static_cast<float>(number(json["fx"])),
+    c.fy_px = static_cast<float>(number(json["fy"]));
+    const auto middle = [&](const char* key, int size) {
+        return static_cast<float>(json[key].number_or(0.5 * size));
+    };
+    c.cx_px = middle("cx", c.width_px), c.cy_px = middle("cy", c.height_px);
+    if (c.width_px < 1 || c.height_px < 1 || !(c.fx_px > 0) || !(c.fy_px > 0))
+        throw input_error(path, ": a camera has no size or no focal length");
+    const auto& rows = json["rotation"].items;  // world_from_camera
+    if (rows.size() != 3)
+        throw input_error(path, ": a camera lacks its rotation; expected the file of tvsgs-train");
+    for (std::size_t r = 0; r < 3; ++r) {
+        const Vec3d row = vector(rows[r]);
+        for (int k = 0; k < 3; ++k) c.camera_from_world.R[k][r] = static_cast<float>(row[k]);
+    }
+    return out;
+}
+
+std::vector<FileCamera> file_cameras(const std::string& run) {
+    const std::string path = run + "/cameras.json";
+    std::vector<FileCamera> cameras;
+    for (const JsonValue& entry : parse_json_value(read_bytes(path), path).items)
+        cameras.push_back(file_camera(entry, path));
+    if (cameras.empty()) throw input_error(path, ": holds no camera; expected at least one");
+    return cameras;
+}
+
+ViewCamera placed(FileCamera&& file, Vec3d origin) {
+    ViewCamera view{std::move(file.name), false, file.camera, {}};
+    Rigid3f& pose = view.camera.camera_from_world;
+    pose.t = -(pose.R * vec_cast<float>(file.centre - origin));
+    return view;
+}
+
+void add_photographs(std::vector<ViewCamera>& cameras,
+                     const SceneOptions& options,
+                     const std::string& run) {
+    Scene scene = read_scene_of_run(options, run);
+    for (std::vector<View>* views : {&scene.train, &scene.test})
+        for (View& view : *views)
+            for (ViewCamera& camera : cameras)
+                if (camera.name == view.name) {
+                    camera.photo = std::move(view.photo);
+                    camera.test = views == &scene.test;
+                }
+}
+
+/// What the run was measured against: by its training, or by tvsgs-eval run.
+EvaluationOptions measured_against(const EvaluationOptions& of_run, const std::string& run) {
+    if (!of_run.gt.empty()) return of_run;
+    EvaluationOptions options = of_run;
+    for (const char* name : {"geometry", "geometry_centres"}) {
+        const std::string path = str(run, "/eval/", name, ".json");
+        if (!exists(path) || !options.gt.empty()) continue;
+        const JsonValue inputs = parse_json_value(read_bytes(path), path)["inputs"];
+        options.gt = inputs["gt"].text, options.crop = inputs["crop"].text;
+    }
+    return options;
+}
+
+std::string name_of(const std::string& run) {
+    std::error_code code;
+    fs::path clean = fs::absolute(run, code).lexically_normal();
+    if (clean.filename().empty()) clean = clean.parent_path();
+    return clean.filename().string();
+}
+
+ViewRun read_run(const std::string& path,
+                 const ViewInput& input,
+                 Vec3d origin,
+                 const std::vector<ViewCamera>& cameras) {
+    const RunOptions options = options_of(path);
+    ViewRun run;
+    run.name = name_of(path);
+    run.train = options.train;
+    std::error_code code;
+    if (input.may_train && !fs::exists(path + "/point_cloud", code))
+        resize(run.splats, 0, 0);
+    else
+        run.splats = read_splats(find_splats(path), origin, options.train);
+    const auto read_mesh_of_run = [&] {
+        const std::string file = find_mesh(path);
+        if (file.empty()) return;
+        PlyContents read = read_mesh(file, origin);
+        TriangleMesh mesh{std::move(read.points.positions), std::move(read.points.colors),
+                          std::move(read.faces)};
+        check_mesh(file, mesh);
+        run.mesh_faces = mesh.faces.size();
+        std::vector<Camera> all;
+        for (const ViewCamera& c : cameras) all.push_back(c.camera);
+        if (run.mesh_faces > kViewFaces)
+            simplify_and_say(mesh, all, {0, static_cast<int>(kViewFaces)}, spdlog::level::info);
+        run.mesh = std::move(mesh);
+    };
+    if_possible("a mesh", read_mesh_of_run, kPage);
+    if (input.gt.empty()) {
+        if_possible(
+            "colours by error",
+            [&] { run.truth = read_truth(measured_against(options.eval, path), origin); }, kPage);
+    } else {
+        EvaluationOptions measure;
+        measure.gt = input.gt, measure.crop = input.crop;
+        run.truth = read_truth(measure, origin);
+    }
+    if_possible(
+        "plots",
+        [&] {
+            const std::string report = path + "/report.json";
+            if (exists(report))
+                run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
+        },
+        kPage);
+    return run;
+}
+
+}  // namespace
+
+ViewSubject read_view_subject(const ViewInput& input) {
+    ViewSubject subject;
+    RunOptions first = options_of(input.runs.front());
+    std::vector<FileCamera> files = file_cameras(input.runs.front());
+    std::vector<Vec3d> centres;
+    for (const FileCamera& c : files) centres.push_back(c.centre);
+    const Vec3d origin = subject.origin = local_origin(centres);
+    for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
+    if (!input.scene.empty()) first.scene.path = input.scene;
+    if_possible(
+        "photographs", [&] { add_photographs(subject.cameras, first.scene, input.runs.front()); },
+        kPage);
+    for (const std::string& run : input.runs)
+        subject.runs.push_back(read_run(run, input, origin, subject.cameras));
+    return subject;
+}
+
+}  // namespace tvsgs

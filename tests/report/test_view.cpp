@@ -1,0 +1,459 @@
+// Pages of tvsgs-view: what is in them, and what a browser draws beside our own renders.
+#include <gtest/gtest.h>
+#include <zlib.h>
+
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "io/atomic_file.h"
+#include "io/spz.h"
+#include "render/backbone.h"
+#include "report/pictures.h"
+#include "report/view_pack.h"
+#include "report/view_page.h"
+#include "support/browser.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kWidth = 320, kHeight = 240;
+
+fs::path folder(const std::string& name) {
+    const fs::path path =
+        fs::path(testing::TempDir()) / ("tvsgs_view_" + name + std::to_string(::getpid()));
+    fs::remove_all(path);
+    fs::create_directories(path);
+    return path;
+}
+
+ViewRun run_of(const std::string& name, const std::string& backbone, Gaussians<Cpu> splats) {
+    ViewRun run;
+    run.name = name;
+    run.train.backbone = backbone;
+    run.splats = std::move(splats);
+    return run;
+}
+
+std::vector<ViewCamera> two_cameras() {
+    std::vector<ViewCamera> cameras(2);
+    for (int i = 0; i < 2; ++i) {
+        ViewCamera& c = cameras[static_cast<std::size_t>(i)];
+        c.name = i ? "right.jpg" : "left.jpg", c.test = i == 1;
+        c.camera = test::test_camera(kWidth, kHeight, i ? 0.3f : -0.4f);
+        c.photo = ImageU8(64, 48, 3, 90);
+    }
+    return cameras;
+}
+
+/// The splats that the page holds for a run.
+Gaussians<Cpu> splats_in(const std::string& html, int run) {
+    const std::string bytes = decoded_base64(text_of(html, "splats" + std::to_string(run)));
+    return parse_spz({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "page",
+                     SplatFrame::rdf)
+        .splats;
+}
+
+std::string pixels_of(const JsonValue& result, std::size_t run) {
+    return decoded_base64(result["pixels"].items.at(run).text);
+}
+
+std::uint8_t byte_at(const std::string& rgba, int x, int y, int channel) {
+    return static_cast<std::uint8_t>(
+        rgba[4 * (static_cast<std::size_t>(y) * kWidth + static_cast<std::size_t>(x)) +
+             static_cast<std::size_t>(channel)]);
+}
+
+/// Of RGBA bytes against colours in [0, 1], which are cut there.
+double psnr(const std::string& rgba, const std::vector<Vec3f>& colors) {
+    EXPECT_EQ(rgba.size(), 4 * colors.size());
+    double sum = 0;
+    for (std::size_t i = 0; i < colors.size(); ++i)
+        for (std::size_t c = 0; c < 3; ++c) {
+            const double shown = static_cast<std::uint8_t>(rgba[4 * i + c]) / 255.0;
+            const double d = shown - std::clamp(double(colors[i][int(c)]), 0.0, 1.0);
+            sum += d * d;
+        }
+    return -10 * std::log10(sum / (3.0 * double(colors.size())));
+}
+
+std::vector<Vec3f> render(const std::string& backbone,
+                          const Gaussians<Cpu>& splats,
+                          const Camera& camera) {
+    const auto rasteriser = make_backbone<Cpu>(backbone, {});
+    return to_host(rasteriser->forward(splats, camera, splats.sh_degree, Maps::color).color);
+}
+
+/// Of a surface as runs have it: discs on a sphere, some far larger than they are thick.
+Gaussians<Cpu> sphere(int count) {
+    Gaussians<Cpu> g = test::random_gaussians(count, 5, 0.03, 1);
+    for (std::size_t i = 0; i < g.means.size(); ++i) {
+        const Vec3f n = normalize(g.means[i]);
+        g.means[i] = n;
+        g.log_scales[i].z = -9;
+        // Turns z to n.
+        const float half = std::sqrt(std::max(0.5f * (1 + n.z), 1e-6f));
+        g.quats[i] = {half, -n.y / (2 * half), n.x / (2 * half), 0};
+        g.opacity_logits[i] += 2;
+    }
+    return g;
+}
+
+Gaussians<Cpu> single() {
+    Gaussians<Cpu> g;
+    resize(g, 1, 0);
+    g.means[0] = {0.0625f, -0.125f, 0.25f};
+    g.log_scales[0] = {-2, -2, -2};
+    g.quats[0] = {1, 0, 0, 0};
+    g.opacity_logits[0] = std::log(0.8f / 0.2f);
+    g.sh[0] = {1, 0, -1};
+    return g;
+}
+
+TEST(ViewPage, HoldsWhatItShowsAndNothingFromElsewhere) {
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("</script><b>run", "ewa", test::random_gaussians(50, 1)));
+    runs.push_back(run_of("other", "surfel", sphere(60)));
+    std::vector<ViewCamera> cameras = two_cameras();
+    cameras[0].name = "<img src=x>.jpg";
+    const ViewPage page = view_page(std::move(runs), cameras);
+    EXPECT_EQ(page.html.find("{{"), std::string::npos) << "a place that nobody filled";
+    EXPECT_EQ(page.html.find("<b>run"), std::string::npos);
+    EXPECT_EQ(page.html.find("<img src=x"), std::string::npos);
+    EXPECT_EQ(page.html.find("http:"), std::string::npos);
+    EXPECT_EQ(page.html.find("https:"), std::string::npos);
+    EXPECT_NE(page.html.find("default-src 'none'"), std::string::npos);
+    EXPECT_TRUE(page.notes.empty());
+    EXPECT_EQ(splats_in(page.html, 0).size(), 50);
+    EXPECT_EQ(splats_in(page.html, 1).size(), 60);
+    const JsonValue about = parse_json_value(text_of(page.html, "about"), "about");
+    EXPECT_EQ(about["runs"].items[0]["discs"].number, 0);
+    EXPECT_EQ(about["runs"].items[1]["discs"].number, 1);
+    EXPECT_EQ(about["cameras"].items[1]["test"].number, 1);
+    EXPECT_FALSE(about["runs"].items[0]["mesh"]);
+}
+
+TEST(ViewPage, KeepsToItsSizeAndSaysWhatGaveWay) {
+    const auto page_of = [](std::size_t bytes) {
+        std::vector<ViewRun> runs;
+        runs.push_back(run_of("run", "ewa", test::random_gaussians(20000, 2)));
+        ViewPageOptions options;
+        options.max_bytes = bytes;
+        return view_page(std::move(runs), two_cameras(), options);
+    };
+    EXPECT_TRUE(page_of(40'000'000).notes.empty());
+    const ViewPage lower = page_of(1'000'000), fewer = page_of(500'000);
+    EXPECT_LT(lower.html.size(), 1'000'000u);
+    ASSERT_EQ(lower.notes.size(), 1u);
+    EXPECT_NE(lower.notes[0].find("harmonics of degree"), std::string::npos);
+    EXPECT_NE(lower.html.find(lower.notes[0]), std::string::npos);
+    EXPECT_EQ(splats_in(lower.html, 0).size(), 20000);
+    EXPECT_LT(fewer.html.size(), 500'000u);
+    ASSERT_EQ(fewer.notes.size(), 2u);
+    EXPECT_NE(fewer.notes[0].find("largest of 20,000"), std::string::npos) << fewer.notes[0];
+    EXPECT_EQ(splats_in(fewer.html, 0).sh_degree, 0);
+}
+
+TEST(ViewPack, TheLargestStay) {
+    Gaussians<Cpu> g = test::random_gaussians(300, 3);
+    for (std::size_t i = 0; i < 300; ++i) {
+        g.means[i] = {static_cast<float>(i), 0, 0};
+        g.log_scales[i] = {-3, i < 40 ? -2.0f : -3.0f, -7};  // the first are twice as large
+        g.opacity_logits[i] = i >= 290 ? -9.0f : 1.0f;       // the last draw nothing
+    }
+    const PackedSplats packed = pack_splats(std::move(g), 1 << 20, 40, 1.0f / 255);
+    EXPECT_EQ(packed.of, 290);
+    ASSERT_EQ(packed.shown.size(), 40);
+    for (const Vec3f p : packed.shown.means.span()) EXPECT_LT(p.x, 39.5f);
+}
+
+TEST(ViewPack, MeshesComeBack) {
+    TriangleMesh mesh;
+    mesh.vertices = {{0, -1, 2}, {1, 1, 2}, {3, 0, 2}};  // no thickness in z
+    mesh.colors = {{0, 0.5f, 2}, {1, 1, 1}, {0, 0, 0}};
+    mesh.faces = {{2, 1, 0}};
+    const PackedMesh packed = pack_mesh(mesh, {0, 7, kNoError});
+    std::string bytes(1000, '\0');
+    uLongf size = 1000;
+    ASSERT_EQ(uncompress(reinterpret_cast<Bytef*>(bytes.data()), &size,
+                         reinterpret_cast<const Bytef*>(packed.data.data()), packed.data.size()),
+              Z_OK);
+    ASSERT_EQ(size, 3 * 6 + 3 * 3 + 3 + 12u);
+    const auto at = [&](std::size_t i) { return static_cast<std::uint8_t>(bytes[i]); };
+    EXPECT_EQ(at(6) | at(7) << 8, 21845) << "a third of the way in x";
+    EXPECT_EQ(at(10) | at(11) << 8, 0);
+    EXPECT_EQ(at(18 + 1), 128);
+    EXPECT_EQ(at(18 + 2), 255) << "cut at white";
+    EXPECT_EQ(at(27 + 1), 7);
+    EXPECT_EQ(at(30), 2);
+    EXPECT_EQ(packed.about["high"].items[0].number, 3);
+}
+
+TEST(ViewPack, ErrorsAreLevelsOfTheScale) {
+    Truth truth;
+    truth.surface = measured_points({{0, 0, 0}}, {}, {});
+    truth.crop.kind = Crop::Kind::box;
+    truth.crop.min = {-9, -9, -9}, truth.crop.max = {9, 9, 9};
+    const std::vector<Vec3f> points{{0, 0, 0}, {1, 0, 0}, {0, 8, 0}, {10, 0, 0}};
+    const auto levels = error_levels({points.data(), points.size()}, truth, 2);
+    EXPECT_EQ(levels, (std::vector<std::uint8_t>{0, 127, 254, kNoError}));
+}
+
+class ViewInBrowser : public testing::Test {
+protected:
+    void SetUp() override {
+        if (chromium().empty())
+            GTEST_SKIP() << "no chromium that starts here: what the page draws is not compared";
+    }
+};
+
+/// Large splats all around the camera: beside the image their projection is clamped.
+Gaussians<Cpu> around(int count) {
+    Gaussians<Cpu> g = test::random_gaussians(count, 17, 0.3, 0);
+    for (Vec3f& p : g.means.span()) p = 3.5f * p;
+    for (float& logit : g.opacity_logits.span()) logit -= 2;
+    return g;
+}
+
+// Below 59 dB, what rounding to 8 bits leaves, and 50 where the target rounds each blend: the rest
+// is the device's exponential. A dot of discs left out costs 13 dB, half a pixel 16.
+TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
+    struct Case {
+        std::string backbone;
+        Gaussians<Cpu> splats;
+    };
+    std::vector<Case> cases;
+    cases.push_back({"ewa", test::random_gaussians(4000, 11, 0.05, 3)});
+    cases.push_back({"ewa", test::random_gaussians(2000, 12, 0.05, 0)});
+    cases.push_back({"surfel", sphere(4000)});
+    cases.push_back({"surfel", test::random_gaussians(1500, 13, 0.1, 2)});
+    cases.push_back({"rade", sphere(3000)});
+    cases.push_back({"ewa", around(600)});
+    std::vector<ViewRun> runs;
+    for (Case& c : cases) runs.push_back(run_of(c.backbone, c.backbone, std::move(c.splats)));
+    const std::vector<ViewCamera> cameras = two_cameras();
+    const ViewPage page = view_page(std::move(runs), cameras);
+    const fs::path file = folder("draws") / "page.html";
+    write_text_file(file, page.html);
+    for (const int bits : {16, 8}) {
+        const JsonValue result =
+            test_of_page(file, bits == 8 ? "?test=0&bits=8" : "?test=1&bits=16");
+        ASSERT_EQ(result["pixels"].items.size(), cases.size()) << result["failed"].text;
+        EXPECT_EQ(result["bits"].number, bits);
+        EXPECT_EQ(result["error"].number, 0) << "of OpenGL";
+        EXPECT_EQ(result["width"].number, kWidth);
+        for (std::size_t i = 0; i < cases.size(); ++i) {
+            const auto expected =
+                render(cases[i].backbone, splats_in(page.html, int(i)), cameras[bits == 16].camera);
+            const double found = psnr(pixels_of(result, i), expected);
+            EXPECT_GT(found, bits == 16 ? 50 : 45) << i << ": " << cases[i].backbone;
+            std::printf("%d bits, %s: %.1f dB\n", bits, cases[i].backbone.c_str(), found);
+        }
+    }
+}
+
+TEST_F(ViewInBrowser, OneSplatIsItsFormulaAndNoneIsBlack) {
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("one", "ewa", single()));
+    Gaussians<Cpu> none;
+    resize(none, 0, 0);
+    runs.push_back(run_of("none", "ewa", std::move(none)));
+    const std::vector<ViewCamera> cameras = two_cameras();
+    const ViewPage page = view_page(std::move(runs), cameras);
+    const fs::path file = folder("single") / "page.html";
+    write_text_file(file, page.html);
+    const JsonValue result = test_of_page(file, "?test=0");
+    ASSERT_EQ(result["pixels"].items.size(), 2u) << result["failed"].text;
+
+    const Gaussians<Cpu> g = splats_in(page.html, 0);
+    const Camera& c = cameras[0].camera;
+    const Vec3d p = vec_cast<double>(c.camera_from_world * g.means[0]);
+    const double s = std::exp(double(g.log_scales[0].x)), fx = double(c.fx_px),
+                 fy = double(c.fy_px);
+    const double u = p.x / p.z, v = p.y / p.z;
+    // A ball: J J^T s^2 and the low-pass.
+    const double xx = 0.3 + std::pow(s * fx / p.z, 2) * (1 + u * u),
+                 yy = 0.3 + std::pow(s * fy / p.z, 2) * (1 + v * v),
+                 xy = s * s * fx * fy / (p.z * p.z) * u * v, det = xx * yy - xy * xy;
+    const double opacity = 1 / (1 + std::exp(-double(g.opacity_logits[0])));
+    std::vector<Vec3f> expected;
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            const double dx = x + 0.5 - (fx * u + double(c.cx_px)),
+                         dy = y + 0.5 - (fy * v + double(c.cy_px));
+            double alpha =
+                opacity * std::exp(-0.5 * (yy * dx * dx - 2 * xy * dx * dy + xx * dy * dy) / det);
+            if (alpha < 1.0 / 255) alpha = 0;
+            Vec3f color;
+            for (int k = 0; k < 3; ++k)
+                color[k] =
+                    float(alpha * std::max(0.0, 0.5 + 0.28209479177387814 * double(g.sh[0][k])));
+            expected.push_back(color);
+        }
+    EXPECT_GT(psnr(pixels_of(result, 0), expected), 50);
+    EXPECT_GT(byte_at(pixels_of(result, 0), int(fx * u + double(c.cx_px)),
+                      int(fy * v + double(c.cy_px)), 0),
+              100)
+        << "it is there";
+    const std::string black = pixels_of(result, 1);
+    for (std::size_t i = 0; i < black.size(); ++i)
+        ASSERT_EQ(static_cast<std::uint8_t>(black[i]), i % 4 == 3 ? 255 : 0);
+}
+
+TEST_F(ViewInBrowser, MeshesCoverTheirPixelsAndErrorsHaveTheirColours) {
+    ViewRun run = run_of("run", "ewa", single());
+    // A square that faces the second camera, between x = -1 and 0.5, y = -0.5 and 0.75 there.
+    const std::vector<ViewCamera> cameras = two_cameras();
+    const Camera& c = cameras[1].camera;
+    const Rigid3f world = inverse(c.camera_from_world);
+    for (const float x : {-1.0f, 0.5f})
+        for (const float y : {-0.5f, 0.75f}) run.mesh.vertices.push_back(world * Vec3f{x, y, 5});
+    run.mesh.colors.assign(4, {1, 0.5f, 0});
+    run.mesh.faces = {{0, 1, 2}, {2, 1, 3}};
+    run.mesh_faces = 2;
+    run.truth.emplace();
+    run.truth->surface = measured_points({{0, 0, -1000}}, {}, {});  // far: all at the end
+    run.truth->taus = {0.5};
+    std::vector<ViewRun> runs;
+    runs.push_back(std::move(run));
+    const fs::path file = folder("mesh") / "page.html";
+    write_text_file(file, view_page(std::move(runs), cameras).html);
+    const JsonValue own = test_of_page(file, "?test=1&show=mesh"),
+                    error = test_of_page(file, "?test=1&show=mesh%20error"),
+                    centres = test_of_page(file, "?test=1&show=centres%20error");
+    for (const JsonValue* result : {&own, &error, &centres})
+        ASSERT_EQ((*result)["pixels"].items.size(), 1u) << (*result)["failed"].text;
+    const auto inside = [&](int x, int y, double margin) {
+        const double px = (x + 0.5 - double(c.cx_px)) / double(c.fx_px) * 5,
+                     py = (y + 0.5 - double(c.cy_px)) / double(c.fy_px) * 5;
+        return px > -1 - margin && px < 0.5 + margin && py > -0.5 - margin && py < 0.75 + margin;
+    };
+    const std::string pixels = pixels_of(own, 0);
+    for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+            if (inside(x, y, -0.005)) {
+                ASSERT_GT(byte_at(pixels, x, y, 0), 220) << x << " " << y;
+                ASSERT_NEAR(byte_at(pixels, x, y, 1), 0.5 * byte_at(pixels, x, y, 0), 2);
+                ASSERT_EQ(byte_at(pixels, x, y, 2), 0);
+            } else if (!inside(x, y, 0.005)) {
+                ASSERT_EQ(byte_at(pixels, x, y, 0), 0) << x << " " << y;
+            }
+        }
+    const Rgb end = error_shade(1);
+    const int x = int(c.cx_px), y = int(c.cy_px);
+    EXPECT_NEAR(byte_at(pixels_of(error, 0), x, y, 0), end.r, 12) << "shaded a little";
+    EXPECT_NEAR(byte_at(pixels_of(error, 0), x, y, 2), end.b, 12);
+    const Vec3f p = c.camera_from_world * single().means[0];
+    const int u = int(c.fx_px * p.x / p.z + c.cx_px), v = int(c.fy_px * p.y / p.z + c.cy_px);
+    EXPECT_NEAR(byte_at(pixels_of(centres, 0), u, v, 0), end.r, 1);
+    EXPECT_NEAR(byte_at(pixels_of(centres, 0), u, v, 1), end.g, 1);
+    EXPECT_EQ(byte_at(pixels_of(centres, 0), u + 6, v, 0), 0) << "a dot, no splat";
+}
+
+TEST_F(ViewInBrowser, WithoutWebGlThereArePicturesAndANotice) {
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("run", "ewa", test::random_gaussians(100, 4)));
+    const fs::path file = folder("refused") / "page.html";
+    write_text_file(file, view_page(std::move(runs), two_cameras()).html);
+    const std::string html = page_in_browser(file, "", "--disable-3d-apis");
+    EXPECT_NE(text_of(html, "status").find("There is no view in 3D here"), std::string::npos)
+        << text_of(html, "status");
+    EXPECT_NE(html.find("<img class=\"poster\" alt"), std::string::npos);
+    EXPECT_NE(html.find("<canvas id=\"canvas\" hidden"), std::string::npos);
+}
+
+TEST_F(ViewInBrowser, ThePageComesToRestReady) {
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("a", "ewa", test::random_gaussians(100, 4)));
+    runs.push_back(run_of("b", "surfel", sphere(100)));
+    const fs::path file = folder("ready") / "page.html";
+    write_text_file(file, view_page(std::move(runs), two_cameras()).html);
+    const std::string html = page_in_browser(file, "?wait");
+    EXPECT_NE(text_of(html, "status").find("Ready"), std::string::npos) << text_of(html, "status");
+    EXPECT_EQ(html.find("<canvas id=\"canvas\" hidden"), std::string::npos);
+    EXPECT_NE(html.find("<div id=\"controls\">"), std::string::npos);
+    EXPECT_EQ(html.find("class=\"pane\" hidden"), std::string::npos);
+}
+
+// Does one thing after the other as a user does, and notes where one then looks from.
+TEST_F(ViewInBrowser, KeysPointersAndButtonsMoveTheView) {
+    const std::string script = R"JS(<script>
+window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 5);
+const begin = Viewer.prototype.begin, seen = {};
+Viewer.prototype.begin = function() { begin.call(this); drive(this); };
+async function drive(viewer) {
+  const canvas = element('canvas');
+  const note = name => { seen[name] = [...viewer.view.centre, ...viewer.view.rows.flat()].map(x => x.toFixed(6)).join(); };
+  const rest = async () => { do await new Promise(done => setTimeout(done, 50)); while (viewer.flight); };
+  const key = (k, shift) => canvas.dispatchEvent(new KeyboardEvent('keydown', {key: k, shiftKey: shift, cancelable: true}));
+  const point = (type, id, x, y) => canvas.dispatchEvent(new PointerEvent(type, {pointerId: id, clientX: x, clientY: y}));
+  canvas.setPointerCapture = () => {};  // there is no such pointer
+  await rest(); note('start');
+  key('ArrowLeft'); note('left'); key('ArrowRight'); note('back');
+  key('ArrowUp', true); note('shifted'); key('ArrowDown', true); note('unshifted');
+  key('+'); note('near'); key('0'); await rest(); note('reset');
+  point('pointerdown', 1, 100, 100); point('pointermove', 1, 140, 100); note('dragged');
+  point('pointerdown', 2, 200, 100); point('pointermove', 2, 240, 100); note('pinched');
+  point('pointerup', 1, 140, 100); point('pointerup', 2, 240, 100); point('pointermove', 1, 10, 10); note('released');
+  key('Home'); await rest(); canvas.blur(); note('home');
+  const wheel = () => canvas.dispatchEvent(new WheelEvent('wheel', {deltaY: 100, cancelable: true}));
+  wheel(); note('unfocused'); canvas.focus(); wheel(); note('wheel');
+  document.querySelector('button[data-camera="0"]').click(); await rest(); await rest(); note('camera');
+  const cloud = viewer.renderer.runs[0].cloud;
+  await patiently((async () => {  // until it has come to rest, the order is that of the view
+    while (cloud.sorting || cloud.sortedFor.fx !== viewer.view.rows[2][0] || cloud.drawn === 0)
+      await new Promise(done => setTimeout(done, 20));
+  })());
+  seen.status = element('status').textContent;
+  const pane = document.querySelector('.pane').getBoundingClientRect(), photo = document.querySelector('.pane img');
+  const lens = lensIn(viewer.view, pane.width, pane.height), c = about.cameras[0], p = photo.getBoundingClientRect();
+  const s = lens.fx / c.fx, left = pane.left + lens.cx - s * c.cx, top = pane.top + lens.cy - s * c.cy;
+  seen.photo = photo.hidden ? 1e9 : Math.max(Math.abs(p.left - left), Math.abs(p.top - top),
+      Math.abs(p.right - left - s * c.width), Math.abs(p.bottom - top - s * c.height));
+  seen.current = document.querySelector('button[aria-current]').dataset.camera;
+  key(']'); await rest(); seen.next = viewer.camera;
+  key('ArrowLeft'); await rest(); seen.after = viewer.camera; seen.hidden = photo.hidden;
+  key('s'); seen.splats = document.querySelector('button[data-show=splats]').getAttribute('aria-pressed');
+  key('c'); seen.centres = viewer.show.centres;
+  key('m'); seen.mesh = viewer.show.mesh;  // there is none
+  const out = document.createElement('pre');
+  out.id = 'seen';
+  out.textContent = JSON.stringify(seen);
+  document.body.append(out);
+}
+</script>)JS";
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("run", "ewa", test::random_gaussians(50, 4)));
+    std::string page = view_page(std::move(runs), two_cameras()).html;
+    const fs::path file = folder("driven") / "page.html";
+    write_text_file(file, page.insert(page.rfind("</body>"), script));
+    const std::string html = page_in_browser(file, "?wait"), text = text_of(html, "seen");
+    EXPECT_EQ(contents(file.parent_path() / "err.txt").find("CONSOLE"), std::string::npos)
+        << contents(file.parent_path() / "err.txt");
+    ASSERT_FALSE(text.empty()) << text_of(html, "status");
+    const JsonValue seen = parse_json_value(text, "seen");
+    const auto at = [&](const char* name) { return seen[name].text; };
+    for (const char* moved : {"left", "shifted", "near", "dragged", "wheel", "camera"})
+        EXPECT_NE(at(moved), at("start")) << moved;
+    EXPECT_EQ(at("back"), at("start"));
+    EXPECT_EQ(at("unshifted"), at("start"));
+    EXPECT_EQ(at("reset"), at("start"));
+    EXPECT_NE(at("pinched"), at("dragged"));
+    EXPECT_EQ(at("released"), at("pinched"));
+    EXPECT_EQ(at("unfocused"), at("home")) << "the wheel is the page's until the view is chosen";
+    EXPECT_NE(at("status").find("Camera 1 of 2: left.jpg"), std::string::npos) << at("status");
+    EXPECT_LT(seen["photo"].number_or(1e9), 1) << "px: the photograph lies where its camera saw it";
+    EXPECT_EQ(at("current"), "0");
+    EXPECT_EQ(seen["next"].number_or(9), 1);
+    EXPECT_EQ(seen["after"].number_or(9), -1) << "moving on takes the photograph away";
+    EXPECT_EQ(seen["hidden"].number, 1);
+    EXPECT_EQ(at("splats"), "false");
+    EXPECT_EQ(seen["centres"].number, 1);
+    EXPECT_TRUE(seen["mesh"].is(JsonValue::Kind::boolean) && seen["mesh"].number == 0);
+}
+
+}  // namespace
+}  // namespace tvsgs
