@@ -182,6 +182,22 @@ TEST(Rims, BecomeSmoothWithinTheBound) {
     EXPECT_EQ(smooth_rims(still, {look_at_origin({0, 0.01, -5}, 200)}, 0.001f) > 0, true);
 }
 
+TEST(Rims, MoveWithinTheSurface) {
+    TriangleMesh mesh = saw();
+    for (std::size_t v = 0; v < mesh.vertices.size(); v += 3) mesh.vertices[v].z += 0.004f;
+    const TriangleMesh before = mesh;
+    const Rims rims = find_rims(before);
+    EXPECT_GT(smooth_rims(mesh, kCameras, 1), 40u);
+    double most = 0;
+    for (std::size_t i = 0; i < rims.vertices.size(); ++i) {
+        const auto v = static_cast<std::size_t>(rims.vertices[i]);
+        const Vec3d off = vec_cast<double>(mesh.vertices[v] - before.vertices[v]);
+        EXPECT_NEAR(dot(off, rims.normals[i]), 0, 1e-6);
+        most = std::max(most, norm(off));
+    }
+    EXPECT_GT(most, 0.003);
+}
+
 TEST(Rims, OfMissingSquaresBecomeStraight) {
     TriangleMesh mesh = battlement();
     ASSERT_NEAR(roughness(mesh), 0.01, 1e-3);
