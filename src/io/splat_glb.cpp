@@ -75,8 +75,6 @@ public:
         });
         if (count == 0 || count > std::size_t{1} << 30)
             fail(str("holds ", count, " splats; expected 1 to 2^30"));
-        if (count * sh.size() > kMostNumbers)
-            fail("asks for more numbers than there may be in a file");
 
         Gaussians<Cpu> g;
         resize(g, static_cast<int>(count), degree);
@@ -102,9 +100,6 @@ public:
     }
 
 private:
-    // Accessors may all be the same few bytes; this is what 4 GiB hold.
-    static constexpr std::size_t kMostNumbers = std::size_t{1} << 28;
-
     const json& splats() const {
         const bool ours = is_ours("splats");
         for (const json& node : list(doc_, "nodes"))

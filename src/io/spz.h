@@ -12,8 +12,8 @@
 namespace tvsgs {
 
 struct SpzOptions {
-    int version =
-        3;  // 2 or 3: rotations of three bytes, off by up to 12 degrees, or of four, by 0.27
+    /// 2 or 3: rotations of three bytes, off by up to 12 degrees, or of four, by up to 0.27.
+    int version = 3;
     SplatFrame frame = SplatFrame::rub;  // of the file; RUB by its specification
     /// 1 to 8: of coefficients of degree 1, of 2 and 3. These are small; 8 are good.
     int sh_bits_1 = 5, sh_bits_rest = 4;
