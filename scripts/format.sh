@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Formats the C++ and CUDA sources with clang-format 14 (.clang-format).
+# Formats the C++, CUDA and JavaScript sources with clang-format 14 (.clang-format).
 # Usage: scripts/format.sh [--check]      --check changes nothing, names the files that differ and exits with 1
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -18,7 +18,7 @@ esac
 formatter=clang-format-14
 command -v "$formatter" >/dev/null || scripts/install_packages.sh "$formatter"
 
-mapfile -d '' files < <(find src apps tests -type f \( -name '*.h' -o -name '*.cpp' -o -name '*.cu' \) -print0)
+mapfile -d '' files < <(find src apps tests -type f \( -name '*.h' -o -name '*.cpp' -o -name '*.cu' -o -name '*.js' \) -print0)
 mapfile -t differing < <("$formatter" --dry-run "${files[@]}" 2>&1 |
     sed -n 's/^\([^:]*\):[0-9]*:[0-9]*: .*\[-Wclang-format-violations\].*/\1/p' | sort --unique)
 

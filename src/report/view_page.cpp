@@ -109,6 +109,7 @@ JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<V
         const double z = static_cast<double>(depth(means[means.size() / 2]));
         if (z > 0) focus = focus_at_depth(all, z);
     }
+    if (!(focus.radius > 1e-6 * norm(focus.point)) || !(focus.radius > 0)) focus.radius = 1;
     const Vec3d p = focus.point, u = up / norm(up);
     JsonValue scene = JsonValue::object();
     scene.set("middle", list_of(p));

@@ -54,16 +54,22 @@ FileCamera file_camera(const JsonValue& json, const std::string& path) {
     };
     FileCamera out{json["img_name"].text, {}, vector(json["position"])};
     Camera& c = out.camera;
-    c.width_px = static_cast<int>(number(json["width"]));
-    c.height_px = static_cast<int>(number(json["height"]));
-    c.fx_px = static_cast<float>(number(json["fx"])),
+    const auto size = [&](const char* key) {
+        const double pixels = number(json[key]);
+        if (!(pixels >= 1 && pixels <= 65535))
+            throw input_error(path, ": a camera's ", key, " is ", pixels,
+                              " px; expected 1 to 65535");
+        return static_cast<int>(pixels);
+    };
+    c.width_px = size("width"), c.height_px = size("height");
+    c.fx_px = static_cast<float>(number(json["fx"]));
     c.fy_px = static_cast<float>(number(json["fy"]));
-    const auto middle = [&](const char* key, int size) {
-        return static_cast<float>(json[key].number_or(0.5 * size));
+    const auto middle = [&](const char* key, int pixels) {
+        return static_cast<float>(json[key].number_or(0.5 * pixels));
     };
     c.cx_px = middle("cx", c.width_px), c.cy_px = middle("cy", c.height_px);
-    if (c.width_px < 1 || c.height_px < 1 || !(c.fx_px > 0) || !(c.fy_px > 0))
-        throw input_error(path, ": a camera has no size or no focal length");
+    if (!(c.fx_px > 0) || !(c.fy_px > 0))
+        throw input_error(path, ": a camera's focal length is not above 0 px");
     const auto& rows = json["rotation"].items;  // world_from_camera
     if (rows.size() != 3)
         throw input_error(path, ": a camera lacks its rotation; expected the file of tvsgs-train");

@@ -117,6 +117,9 @@ TEST_F(ViewCommand, WhatIsWrongIsSaid) {
     std::ofstream(folder_ / "broken/cameras.json")
         << "[{\"img_name\": \"a\", \"position\": [0, 0]}]";
     expect_refused("broken --out page2.html", 3, "cameras.json: a camera lacks numbers");
+    std::ofstream(folder_ / "broken/cameras.json")
+        << "[{\"img_name\": \"a\", \"position\": [0, 0, 0], \"width\": 1e300}]";
+    expect_refused("broken --out page2.html", 3, "expected 1 to 65535");
     std::ofstream(folder_ / "broken/cameras.json") << "[]";
     expect_refused("broken --out page2.html", 3, "holds no camera");
 }

@@ -430,7 +430,8 @@ async function drive(viewer) {
     std::string page = view_page(std::move(runs), two_cameras()).html;
     const fs::path file = folder("driven") / "page.html";
     write_text_file(file, page.insert(page.rfind("</body>"), script));
-    const std::string html = page_in_browser(file, "?wait"), text = text_of(html, "seen");
+    const std::string html = page_in_browser(file, "?wait", "--window-size=500,600"),
+                      text = text_of(html, "seen");
     EXPECT_EQ(contents(file.parent_path() / "err.txt").find("CONSOLE"), std::string::npos)
         << contents(file.parent_path() / "err.txt");
     ASSERT_FALSE(text.empty()) << text_of(html, "status");

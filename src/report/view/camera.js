@@ -6,20 +6,25 @@
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const plus = (a, b, scale = 1) => [0, 1, 2].map(i => a[i] + scale * b[i]);
 const minus = (a, b) => plus(a, b, -1);
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-                         a[0] * b[1] - a[1] * b[0]];
+const cross =
+    (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const norm = a => Math.sqrt(dot(a, a));
 const unit = a => a.map(x => x / (norm(a) || 1));
 function rotated(v, axis, angle) {
-  const c = Math.cos(angle), s = Math.sin(angle), w = cross(axis, v), along = dot(axis, v) * (1 - c);
+  const c = Math.cos(angle), s = Math.sin(angle), w = cross(axis, v),
+        along = dot(axis, v) * (1 - c);
   return [0, 1, 2].map(i => c * v[i] + s * w[i] + along * axis[i]);
 }
 
 /** The picture as large as it fits, in the middle. */
 function lensIn(view, width, height) {
   const l = view.lens, s = Math.min(width / l.width, height / l.height);
-  return {fx: s * l.fx, fy: s * l.fy, cx: width / 2 + s * (l.cx - l.width / 2),
-          cy: height / 2 + s * (l.cy - l.height / 2)};
+  return {
+    fx: s * l.fx,
+    fy: s * l.fy,
+    cx: width / 2 + s * (l.cx - l.width / 2),
+    cy: height / 2 + s * (l.cy - l.height / 2)
+  };
 }
 
 function withPivot(view, pivot) {
@@ -34,8 +39,11 @@ function viewOf(camera, scene) {
 }
 
 function turned(view, up, yaw, pitch) {
-  const about = (v, axis, angle) => ({...v, rows: v.rows.map(r => rotated(r, axis, angle)),
-    centre: plus(v.pivot, rotated(minus(v.centre, v.pivot), axis, angle))});
+  const about = (v, axis, angle) => ({
+    ...v,
+    rows: v.rows.map(r => rotated(r, axis, angle)),
+    centre: plus(v.pivot, rotated(minus(v.centre, v.pivot), axis, angle))
+  });
   const round = about(view, up, yaw);
   const over = about(round, round.rows[0], pitch);
   const rise = v => Math.abs(dot(v.rows[2], up));
@@ -43,27 +51,30 @@ function turned(view, up, yaw, pitch) {
 }
 
 function shifted(view, right, down) {
-  const by = plus(plus([0, 0, 0], view.rows[0], right * view.distance), view.rows[1],
-                  down * view.distance);
+  const by = plus(
+      plus([0, 0, 0], view.rows[0], right * view.distance), view.rows[1], down * view.distance);
   return {...view, centre: plus(view.centre, by), pivot: plus(view.pivot, by)};
 }
 
 function zoomed(view, factor, scene) {
   const far = Math.min(Math.max(view.distance * factor, 1e-3 * scene.radius), 100 * scene.radius);
-  return withPivot({...view, centre: plus(view.pivot, minus(view.centre, view.pivot),
-                                          far / view.distance)}, view.pivot);
+  return withPivot(
+      {...view, centre: plus(view.pivot, minus(view.centre, view.pivot), far / view.distance)},
+      view.pivot);
 }
 
 /** Between two views, at a share of the way. */
 function between(a, b, share) {
   const mix = (x, y) => x + (y - x) * share, lens = {};
   const mixed = (x, y) => x.map((_, i) => mix(x[i], y[i]));
-  for (const key of ['width', 'height', 'fx', 'fy', 'cx', 'cy']) lens[key] = mix(a.lens[key], b.lens[key]);
+  for (const key of ['width', 'height', 'fx', 'fy', 'cx', 'cy'])
+    lens[key] = mix(a.lens[key], b.lens[key]);
   const forward = unit(mixed(a.rows[2], b.rows[2]));
   let right = mixed(a.rows[0], b.rows[0]);
   right = unit(plus(right, forward, -dot(right, forward)));
-  return withPivot({rows: [right, cross(forward, right), forward], lens,
-                    centre: mixed(a.centre, b.centre)}, mixed(a.pivot, b.pivot));
+  return withPivot(
+      {rows: [right, cross(forward, right), forward], lens, centre: mixed(a.centre, b.centre)},
+      mixed(a.pivot, b.pivot));
 }
 
 /** Homogeneous pixels of a place. */
@@ -75,5 +86,6 @@ function projected(view, lens, place) {
 /** Of a camera's picture: the place that a pixel of it has `depth` before the camera. */
 function placeAt(camera, x, y, depth) {
   const ray = [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1];
-  return [0, 1, 2].map(a => camera.centre[a] + depth * ray.reduce((sum, r, k) => sum + r * camera.rows[k][a], 0));
+  return [0, 1, 2].map(
+      a => camera.centre[a] + depth * ray.reduce((sum, r, k) => sum + r * camera.rows[k][a], 0));
 }

@@ -52,18 +52,25 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
       positions[3 * i + a] = floats[4 * i + a] = fixed * unit + shift[a];
     }
     const c = colors + 3 * i, s = scales + 3 * i;
-    places[4 * i + 3] =
-        bytes[c] | bytes[c + 1] << 8 | bytes[c + 2] << 16 | bytes[alphas + i] << 24;
-    shapes[2 * i] = bytes[s] | bytes[s + 1] << 8 | bytes[s + 2] << 16 |
-                    (errors ? errors[i] : 255) << 24;
+    places[4 * i + 3] = bytes[c] | bytes[c + 1] << 8 | bytes[c + 2] << 16 | bytes[alphas + i] << 24;
+    shapes[2 * i] =
+        bytes[s] | bytes[s + 1] << 8 | bytes[s + 2] << 16 | (errors ? errors[i] : 255) << 24;
     shapes[2 * i + 1] = head.getUint32(rotations + 4 * i, true);
   }
   const layers = Math.ceil(shBytes / 16), harmonics = new Uint8Array(16 * layers * cells);
   for (let i = 0; i < count; ++i)
     for (let b = 0; b < shBytes; ++b)
       harmonics[16 * ((b >> 4) * cells + i) + (b & 15)] = bytes[sh + shBytes * i + b];
-  return {count, degree, rows, layers, positions, places, shapes,
-          sh: new Uint32Array(harmonics.buffer)};
+  return {
+    count,
+    degree,
+    rows,
+    layers,
+    positions,
+    places,
+    shapes,
+    sh: new Uint32Array(harmonics.buffer)
+  };
 }
 
 /** Arrays of a mesh: positions u16, colours u8 (x3), errors u8, indices u32, one after another. */
@@ -87,8 +94,8 @@ function unpackMesh(bytes, about) {
 }
 
 /**
- * Runs in a worker: the order of splats from back to front, by 24 bits of the range of depths; as in
- * the trainer, splats at one depth keep the order of their numbers.
+ * Runs in a worker: the order of splats from back to front, by 24 bits of the range of depths; as
+ * in the trainer, splats at one depth keep the order of their numbers.
  */
 function sorter() {
   const bins = 4096, counts = new Uint32Array(bins), float = new Float32Array(1);

@@ -4,19 +4,22 @@
 class Renderer {
   /** Throws where there is no WebGL 2. `accumulate`: 16 or 8 bits of the blended sums. */
   constructor(canvas, accumulate) {
-    const gl = this.gl = canvas.getContext('webgl2', {antialias: false, alpha: false, depth: false,
-                                                      powerPreference: 'high-performance'});
+    const gl = this.gl = canvas.getContext(
+        'webgl2',
+        {antialias: false, alpha: false, depth: false, powerPreference: 'high-performance'});
     if (!gl) throw Error('this browser has no WebGL 2, or has switched it off');
-    const floats = gl.getExtension('EXT_color_buffer_float') ||
-                   gl.getExtension('EXT_color_buffer_half_float');
+    const floats =
+        gl.getExtension('EXT_color_buffer_float') || gl.getExtension('EXT_color_buffer_half_float');
     this.bits = floats && accumulate !== 8 ? 16 : 8;
     this.format = this.bits === 16 ? gl.RGBA16F : gl.RGBA8;
     const program = (v, f) => this.makeProgram(v, f);
-    this.programs = {colors: program(kScreenVertex, kColorFragment),
-                     ellipses: program(kEllipseVertex, kEllipseFragment),
-                     discs: program(kDiscVertex, kDiscFragment),
-                     mesh: program(kMeshVertex, kMeshFragment),
-                     finish: program(kScreenVertex, kFinishFragment)};
+    this.programs = {
+      colors: program(kScreenVertex, kColorFragment),
+      ellipses: program(kEllipseVertex, kEllipseFragment),
+      discs: program(kDiscVertex, kDiscFragment),
+      mesh: program(kMeshVertex, kMeshFragment),
+      finish: program(kScreenVertex, kFinishFragment)
+    };
     this.runs = [];
     this.target = null;
     this.nothing = gl.createVertexArray();
@@ -57,10 +60,10 @@ class Renderer {
 
   flat(format, width, height, layout, type, data) {
     const gl = this.gl;
-    return this.texture(gl.TEXTURE_2D,
-                        () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height),
-                        data && (() => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height,
-                                                        layout, type, data)));
+    return this.texture(
+        gl.TEXTURE_2D, () => gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height),
+        data &&
+            (() => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, layout, type, data)));
   }
 
   /** `about`: what the page says of the run; `palette`: 256 x RGBA of errors. */
@@ -78,18 +81,22 @@ class Renderer {
     const gl = this.gl, {rows, layers} = splats;
     const cloud = {count: splats.count, drawn: 0, degree: splats.degree, rows, colorKey: ''};
     if (rows > gl.getParameter(gl.MAX_TEXTURE_SIZE))
-      throw Error(`this device's textures hold ${1024 * gl.getParameter(gl.MAX_TEXTURE_SIZE)} ` +
-                  'splats at most; make the page with --max-splats');
-    cloud.places = this.flat(gl.RGBA32UI, kPerRow, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
-                             splats.places);
-    cloud.shapes = this.flat(gl.RG32UI, kPerRow, rows, gl.RG_INTEGER, gl.UNSIGNED_INT,
-                             splats.shapes);
+      throw Error(
+          `this device's textures hold ${1024 * gl.getParameter(gl.MAX_TEXTURE_SIZE)} ` +
+          'splats at most; make the page with --max-splats');
+    cloud.places =
+        this.flat(gl.RGBA32UI, kPerRow, rows, gl.RGBA_INTEGER, gl.UNSIGNED_INT, splats.places);
+    cloud.shapes =
+        this.flat(gl.RG32UI, kPerRow, rows, gl.RG_INTEGER, gl.UNSIGNED_INT, splats.shapes);
     const array = gl.TEXTURE_2D_ARRAY, depth = Math.max(layers, 1);
-    cloud.sh = this.texture(array, () => gl.texStorage3D(array, 1, gl.RGBA32UI, layers ? kPerRow : 1,
-                                                         layers ? rows : 1, depth),
-                            layers && (() => gl.texSubImage3D(array, 0, 0, 0, 0, kPerRow, rows,
-                                                              depth, gl.RGBA_INTEGER,
-                                                              gl.UNSIGNED_INT, splats.sh)));
+    cloud.sh = this.texture(
+        array,
+        () =>
+            gl.texStorage3D(array, 1, gl.RGBA32UI, layers ? kPerRow : 1, layers ? rows : 1, depth),
+        layers &&
+            (() => gl.texSubImage3D(
+                 array, 0, 0, 0, 0, kPerRow, rows, depth, gl.RGBA_INTEGER, gl.UNSIGNED_INT,
+                 splats.sh)));
     cloud.colors = this.flat(this.format, kPerRow, rows);
     cloud.colorTarget = gl.createFramebuffer();
     gl.bindFramebuffer(gl.FRAMEBUFFER, cloud.colorTarget);
@@ -149,10 +156,12 @@ class Renderer {
     const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
     const last = cloud.sortedFor;
     if (cloud.sorting || cloud.count === 0) return;
-    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset) return;
+    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset)
+      return;
     const turned = last ? fx * last.fx + fy * last.fy + fz * last.fz : -1;
     if (last && !exactly && turned > Math.cos(0.5 * Math.PI / 180) &&
-        Math.abs(offset - last.offset) < 0.002 * view.distance) return;
+        Math.abs(offset - last.offset) < 0.002 * view.distance)
+      return;
     cloud.sortedFor = {fx, fy, fz, offset}, cloud.sorting = true;
     const message = {forward: [fx, fy, fz], offset, near: near};
     if (cloud.spare) message.buffer = cloud.spare;
@@ -168,8 +177,9 @@ class Renderer {
       gl.deleteRenderbuffer(this.target.depth);
       gl.deleteFramebuffer(this.target.frame);
     }
-    const sums = this.texture(gl.TEXTURE_2D, () => gl.texStorage2D(gl.TEXTURE_2D, 1, this.format,
-                                                                  width, height), null, gl.LINEAR);
+    const sums = this.texture(
+        gl.TEXTURE_2D, () => gl.texStorage2D(gl.TEXTURE_2D, 1, this.format, width, height), null,
+        gl.LINEAR);
     const depth = gl.createRenderbuffer(), frame = gl.createFramebuffer();
     gl.bindRenderbuffer(gl.RENDERBUFFER, depth);
     gl.renderbufferStorage(gl.RENDERBUFFER, gl.DEPTH_COMPONENT24, width, height);
@@ -197,7 +207,10 @@ class Renderer {
 
   /** Where only the camera's place and the kind of colours count. */
   colorSplats(run, view, show) {
-    const cloud = run.cloud, key = show.error ? 'error' : cloud.degree === 0 ? 'own' : view.centre.join();
+    const cloud = run.cloud,
+          key = show.error ? 'error' :
+        cloud.degree === 0 ? 'own' :
+                             view.centre.join();
     if (key === cloud.colorKey) return;
     cloud.colorKey = key;
     const gl = this.gl, {handle, at} = this.programs.colors;
@@ -253,11 +266,14 @@ class Renderer {
       gl.uniform4f(at.uClamp, u[0] - du, u[1] + du, v[0] - dv, v[1] + dv);
       gl.uniform1f(at.uLowPass, run.about.low_pass);
       gl.uniform1f(at.uLeast, run.about.least_alpha);
-        gl.uniform1i(at.uDots, show.centres);
+      gl.uniform1i(at.uDots, show.centres);
       gl.enable(gl.BLEND);
       gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
       gl.depthMask(false);
-      if (meshed) gl.enable(gl.DEPTH_TEST); else gl.disable(gl.DEPTH_TEST);
+      if (meshed)
+        gl.enable(gl.DEPTH_TEST);
+      else
+        gl.disable(gl.DEPTH_TEST);
       gl.bindVertexArray(run.cloud.quads);
       gl.drawArraysInstanced(gl.TRIANGLE_STRIP, 0, 4, run.cloud.drawn);
     }
