@@ -102,12 +102,9 @@ View load_view(const ViewSource& source, const SceneOptions& options, Vec3d orig
     }
     if (distorted) {
         valid = resize_nearest(valid, size.width_px, size.height_px);
-        if (view.mask.empty()) {
-            view.mask = std::move(valid);
-        } else {
-            for (std::size_t i = 0; i < valid.pixels.size(); ++i)
-                view.mask.pixels[i] &= valid.pixels[i];
-        }
+        if (view.mask.empty()) view.mask = ImageU8(valid.width, valid.height, 1, 255);
+        for (std::size_t i = 0; i < valid.pixels.size(); ++i)
+            if (valid.pixels[i] == 0) view.mask.pixels[i] = kNoPhoto;
     }
 
     intrinsics = scaled(intrinsics, size.width_px, size.height_px);

@@ -37,6 +37,8 @@ class EwaBackbone final : public TiledBackbone<Device> {
 public:
     explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
 
+    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::coverage; }
+
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
                                           int sh_degree,
@@ -72,7 +74,8 @@ public:
             }
             with_channels(channels_, [&]<Channels kChannels>() {
                 blend_tiles_vjp<EwaModel<blended(kChannels)>>(
-                    splats_, lists_, grid_, {dL_dimages.color.span(), normal, distance},
+                    splats_, lists_, grid_,
+                    {dL_dimages.color.span(), normal, distance, dL_dimages.transmittance.span()},
                     images_.transmittance, stops_, fragments_);
             });
         });
