@@ -142,7 +142,8 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
         if (!sources[i].mask_file) continue;
         const auto& pixels = views[i].mask.pixels;
         ++masked;
-        if (std::any_of(pixels.begin(), pixels.end(), [](auto value) { return value > 0; }))
+        if (std::any_of(pixels.begin(), pixels.end(),
+                        [](auto value) { return value >= kObjectMask; }))
             continue;
         ++empty;
         if (!first) first = &sources[i];

@@ -1,6 +1,7 @@
 // The render against its photograph.
 #pragma once
 
+#include "core/error.h"
 #include "optim/exposure.h"
 #include "optim/loss.h"
 #include "render/photometric.h"
