@@ -52,6 +52,28 @@ inline void add_sky(MeshRender& render, const Camera& camera, std::uint64_t seed
     });
 }
 
+/// Fills what shows no surface with white far beyond what a photograph holds.
+inline void add_white(MeshRender& render) {
+    for (std::size_t i = 0; i < render.face.pixels.size(); ++i)
+        for (std::size_t c = 0; c < 3 && render.face.pixels[i] < 0; ++c)
+            render.color.pixels[3 * i + c] = 1.5f;
+}
+
+/// Fills it with patches of `side` pixels of any grey, others in each view, so that nothing
+/// matches.
+inline void add_clutter(MeshRender& render, int side, std::uint64_t seed, int view) {
+    const int width = render.color.width;
+    parallel_for(Cpu{}, width * render.color.height, [&](int i) {
+        if (render.face.pixels[i] >= 0) return;
+        const auto patch = static_cast<std::uint64_t>(i / width / side) << 16 |
+                           static_cast<std::uint64_t>(i % width / side);
+        const Random4 r =
+            random4(seed, RandomStream::test, patch, static_cast<std::uint32_t>(view));
+        for (int c = 0; c < 3; ++c)
+            render.color.pixels[3 * static_cast<std::size_t>(i) + c] = uniform(r.v[0]);
+    });
+}
+
 /// Relative exposure of a view, within 1 +- drift. Steps of the golden ratio: any few views in a
 /// row differ.
 inline double exposure_gain(double drift, int view) {

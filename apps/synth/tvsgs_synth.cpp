@@ -135,6 +135,8 @@ void write_view(const std::string& out,
         write_png(str(out, "/masks/", views[i].name), mask);
     }
     if (options.background == "sky") add_sky(render, fine, options.seed);
+    if (options.background == "white") add_white(render);
+    if (options.background == "noise") add_clutter(render, 2 * kSupersampling, options.seed, i);
     ImageF photo = box_filter(lens.bent(render.color), kSupersampling);
     const auto gain = static_cast<float>(exposure_gain(options.exposure_drift, i));
     for (float& value : photo.pixels) value *= gain;
@@ -247,7 +249,10 @@ Units: the object is about 2 units high; the ground is the plane z = 0, z up, th
             ? str("The contrast of the surface's own colours is ", options.texture, ".\n")
             : "",
         "\n- `images/`", options.masks ? ", `masks/`" : "", " (object and ground disc against ",
-        options.background == "sky" ? "a sky infinitely far away" : "the empty background",
+        options.background == "sky"     ? "a sky infinitely far away"
+        : options.background == "white" ? "overexposed white"
+        : options.background == "noise" ? "greys that no two views share"
+                                        : "the empty background",
         R"()
 - `sparse/0/`: COLMAP text model; exact poses, pixel centres at .5; points3D.txt are surface samples with a
   little noise (standard deviation 0.003), their tracks the views that see them
@@ -414,8 +419,9 @@ int command(int argc, char** argv) {
         ->check(CLI::Range(0.0, 4.0))
         ->capture_default_str();
     app.add_option("--background", options.background,
-                   "empty (black), or sky: textured, infinitely far away, without points")
-        ->check(CLI::IsMember({"empty", "sky"}))
+                   "empty (black); sky: textured, infinitely far away, without points; white: "
+                   "overexposed; noise: greys that no two views share")
+        ->check(CLI::IsMember({"empty", "sky", "white", "noise"}))
         ->capture_default_str();
     app.add_flag("--masks,!--no-masks", options.masks,
                  "masks of object and ground disc; written unless --no-masks");

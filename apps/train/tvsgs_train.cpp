@@ -39,6 +39,10 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     std::vector<std::string> configs, settings;
     KeyFlags flags(app);
     flags.add_scene();
+    flags.add("--mask-use", "loss.photometric.masks",
+              "object: nothing is outside of the masks; ignore: what is outside is not looked at; "
+              "none [the plan decides; none without it]",
+              "Scene");
     flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
               "Scene");
     flags.add("--priors", "priors.dir",

@@ -33,6 +33,22 @@ TVSGS_HD inline bool is_in_view(const Camera& camera, Vec3f point) {
            v < static_cast<float>(camera.height_px);
 }
 
+/// Width of a pixel at a point: of the camera whose pixels are the finest there, of those that have
+/// the point in their image if any has. World units.
+template <class Cameras>
+TVSGS_HD float finest_pixel(const Cameras& cameras, Vec3f point) {
+    constexpr float kAny = 3e38f;
+    float seen = kAny, pixel = kAny;
+    for (int v = 0; v < static_cast<int>(cameras.size()); ++v) {
+        const Camera& c = cameras[v];
+        const float distance = norm(c.camera_from_world * point),
+                    width = distance / (c.fx_px > c.fy_px ? c.fx_px : c.fy_px);
+        pixel = width < pixel ? width : pixel;
+        if (width < seen && is_in_view(c, point)) seen = width;
+    }
+    return seen < kAny ? seen : pixel;
+}
+
 /// The camera of the same view at another image size; the field of view is kept.
 inline Camera scaled_camera(Camera camera, int width_px, int height_px) {
     const float sx = static_cast<float>(width_px) / static_cast<float>(camera.width_px);

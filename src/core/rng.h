@@ -22,7 +22,8 @@ enum class RandomStream : std::uint32_t {
     ransac = 10,
     lines = 11,
     depth_pairs = 20,
-    depth_ranks = 21
+    depth_ranks = 21,
+    background = 22
 };
 
 struct Random4 {

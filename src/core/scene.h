@@ -1,6 +1,7 @@
 // What the readers deliver and the trainer consumes.
 #pragma once
 
+#include <cstdint>
 #include <string>
 #include <vector>
 
@@ -17,12 +18,16 @@ struct ViewMap {
     std::vector<float> values{};  // [height width channels]
 };
 
+/// Of View::mask: the object from here on; below it, of views whose lens was undone, where there is
+/// no photograph.
+inline constexpr std::uint8_t kObjectMask = 128, kNoPhoto = 1;
+
 /// One photograph with its camera; photo and mask have its size.
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
     ImageU8 photo;  // [H, W, 3]
-    ImageU8 mask;   // [H, W, 1], 255 = object; empty: none
+    ImageU8 mask;   // [H, W, 1], from kObjectMask on the object, 0 not; empty: none
     ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
     std::vector<ViewMap> maps{};  // of different names
     double reduction = 1;         // width of the photograph's file over that of the photo

@@ -136,12 +136,9 @@ View load_view(const ViewSource& source,
     }
     if (distorted) {
         valid = resize_nearest(valid, size.width_px, size.height_px);
-        if (view.mask.empty()) {
-            view.mask = std::move(valid);
-        } else {
-            for (std::size_t i = 0; i < valid.pixels.size(); ++i)
-                view.mask.pixels[i] &= valid.pixels[i];
-        }
+        if (view.mask.empty()) view.mask = ImageU8(valid.width, valid.height, 1, 255);
+        for (std::size_t i = 0; i < valid.pixels.size(); ++i)
+            if (valid.pixels[i] == 0) view.mask.pixels[i] = kNoPhoto;
     }
 
     intrinsics = scaled(intrinsics, size.width_px, size.height_px);
@@ -218,7 +215,8 @@ void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vect
         if (!sources[i].mask_file) continue;
         const auto& pixels = views[i].mask.pixels;
         ++masked;
-        if (std::any_of(pixels.begin(), pixels.end(), [](auto value) { return value > 0; }))
+        if (std::any_of(pixels.begin(), pixels.end(),
+                        [](auto value) { return value >= kObjectMask; }))
             continue;
         ++empty;
         if (!first) first = &sources[i];

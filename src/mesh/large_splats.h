@@ -2,9 +2,7 @@
 #pragma once
 
 #include <algorithm>
-#include <cmath>
 #include <cstddef>
-#include <limits>
 #include <utility>
 #include <vector>
 
@@ -24,18 +22,8 @@ struct FadeLargeBody {
     Span<float> opacity_logits;
 
     TVSGS_HD void operator()(int i) const {
-        const float any = std::numeric_limits<float>::max();
-        float seen = any, pixel = any;
-        for (int v = 0; v < cameras.size(); ++v) {
-            const Camera& c = cameras[v];
-            const float distance = norm(c.camera_from_world * means[i]),
-                        width = distance / (c.fx_px > c.fy_px ? c.fx_px : c.fy_px);
-            pixel = width < pixel ? width : pixel;
-            if (width < seen && is_in_view(c, means[i])) seen = width;
-        }
-        if (seen < any) pixel = seen;
         const Vec3f s = exp(log_scales[i]);
-        const float most = max_px * pixel;
+        const float most = max_px * finest_pixel(cameras, means[i]);
         if (!(s.x <= most && s.y <= most && s.z <= most)) opacity_logits[i] = kFaded;
     }
 };

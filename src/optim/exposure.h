@@ -4,9 +4,18 @@
 
 #include "core/parallel.h"
 #include "optim/loss.h"
+#include "optim/photo_background.h"
 #include "render/photometric.h"
 
 namespace tvsgs {
+
+/// The two images that the photometric terms compare.
+struct ComparedPhoto {
+    Span<const Vec3f> color;         // [H W] the render
+    Span<const std::uint8_t> photo;  // [H W 3]
+    Span<Vec3f> dL_dcolor;           // [H W] added to
+    Span<const float> mask;          // [H W] of the view; empty: all is inside
+};
 
 /// e^A I + B takes the place of the render I in the L1 term.
 struct ExposureState {
@@ -25,28 +34,27 @@ struct ExposureGate {
 
 /// The L1 term of one pixel, and its part of the derivative by A and B.
 struct ExposureL1Body {
-    Span<const Vec3f> color;
-    const std::uint8_t* photo;
+    ComparedPhoto compared;
     const ExposureState* exposure;
     ExposureGate gate;
     float weight_per_value;
-    Span<Vec3f> dL_dcolor;     // added to
     Span<float> pixel_loss;    // added to
     Span<Vec2f> dL_dexposure;  // [H W] overwritten
 
     TVSGS_HD void operator()(int i) const {
-        const bool on = gate.open();
+        // What a mask has put in the place of a photograph was not exposed.
+        const bool on = gate.open() && (compared.mask.empty() || is_inside(compared.mask[i]));
         const float gain = on ? std::exp(exposure->value[0]) : 1,
                     offset = on ? exposure->value[1] : 0;
-        const Vec3f photo_i = detail::photo_pixel(photo, static_cast<std::size_t>(i));
+        const Vec3f photo_i = detail::photo_pixel(compared.photo.data, static_cast<std::size_t>(i));
         Vec2f sum{};
         float loss = 0;
         for (int c = 0; c < 3; ++c) {
-            const float bright = gain * color[i][c], d = bright + offset - photo_i[c];
+            const float bright = gain * compared.color[i][c], d = bright + offset - photo_i[c];
             const float g = d > 0 ? weight_per_value : d < 0 ? -weight_per_value : 0;
             loss += g * d;
-            dL_dcolor[i][c] += g * gain;
-            sum += Vec2f{g * bright, g};
+            compared.dL_dcolor[i][c] += g * gain;
+            if (on) sum += Vec2f{g * bright, g};
         }
         pixel_loss[i] += loss;
         dL_dexposure[i] = sum;
@@ -89,6 +97,7 @@ public:
     /// Adds the L1 term with the view's exposure and improves the exposures. `gate.ssim_loss` has
     /// to be known.
     void add_l1(const LossInputs<Device>& in,
+                const ComparedPhoto& compared,
                 int views,
                 float weight,
                 double* ssim_loss,
@@ -104,12 +113,10 @@ public:
         const std::size_t pixels = in.images.color.size();
         per_pixel_.resize(pixels);
         const ExposureGate gate{ssim_loss, limit};
-        parallel_for(
-            Device{}, static_cast<int>(pixels),
-            ExposureL1Body{in.images.color.span(), in.view.photo.data(),
-                           states_.data() + in.view.index, gate,
-                           weight / (3 * static_cast<float>(pixels)),
-                           objective.dL_dimages.color.span(), pixel_loss, per_pixel_.span()});
+        parallel_for(Device{}, static_cast<int>(pixels),
+                     ExposureL1Body{compared, states_.data() + in.view.index, gate,
+                                    weight / (3 * static_cast<float>(pixels)), pixel_loss,
+                                    per_pixel_.span()});
         const Buffer<Vec2f, Device>& per_pixel = per_pixel_;
         for (int k = 0; k < 2; ++k)
             add_sum(Device{}, static_cast<int>(pixels),

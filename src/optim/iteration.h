@@ -62,10 +62,12 @@ public:
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
+          bounds_(options.bounds),
           extent_(scene.extent) {
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
+        if (bounds_.on()) copy(cameras_, bound_cameras_);
         objective_.values.resize(loss_stages_.size());
         objective_.partial.resize(kSumBlocks);
         objective_.count.resize(1);
@@ -112,7 +114,7 @@ public:
             return backbone_->forward(gaussians, view.camera, sh_degree_, needs.maps);
         });
         clock("losses", [&] {
-            details("clear gradients", [&] { clear(gaussians, needs.splat_gradients, images); });
+            details("clear gradients", [&] { clear(gaussians, needs, images); });
             if (others) details("compare views", [&] { others->compare(images); });
             for (std::size_t i = 0; i < losses.size(); ++i)
                 if (losses[i]->active(step))
@@ -156,6 +158,11 @@ public:
                               halted);
             });
         });
+        if (bounds_.on())
+            parallel_for(Device{}, gaussians.size(),
+                         BoundBody{std::as_const(bound_cameras_).span(), bounds_,
+                                   std::as_const(gaussians.means).span(),
+                                   gaussians.log_scales.span(), halted});
     }
 
     /// In the place of descend(): the statistics that its second half of the way would write.
@@ -191,7 +198,7 @@ private:
 
     /// Sizes and clears what the terms add to.
     void clear(const Gaussians<Device>& gaussians,
-               bool splat_gradients,
+               const LossNeeds& needs,
                const RenderedImages<Device>& images) {
         ImageGradients<Device>& by_image = objective_.dL_dimages;
         const auto clear_like = [](const auto& image, auto& gradient) {
@@ -203,9 +210,11 @@ private:
         clear_like(images.depth, by_image.depth);
         clear_like(images.distortion, by_image.distortion);
         clear_like(images.expected_depth, by_image.expected_depth);
+        if (has(needs.maps, Maps::coverage))
+            clear_like(images.transmittance, by_image.transmittance);
         Gaussians<Device>& by_splat = objective_.dL_dgaussians;
         if (fuses())
-            resize_geometry(by_splat, splat_gradients ? gaussians.size() : 0);
+            resize_geometry(by_splat, needs.splat_gradients ? gaussians.size() : 0);
         else
             resize(by_splat, gaussians.size(), gaussians.sh_degree);
         fill_zero(by_splat);
@@ -218,6 +227,8 @@ private:
     DeviceViews<Device> views_;
     std::vector<Camera> cameras_;  // of the training views
     ModelOptions model_;
+    BoundOptions bounds_;
+    Buffer<Camera, Device> bound_cameras_;  // none where there are no bounds
     float extent_;
     Objective<Device> objective_;
     std::vector<std::string> loss_stages_;

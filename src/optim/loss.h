@@ -14,6 +14,7 @@
 #include "optim/depth_prior_options.h"
 #include "optim/device_view.h"
 #include "optim/other_views.h"
+#include "optim/photo_background.h"
 #include "render/backbone.h"
 #include "tv/voting.h"
 
@@ -108,6 +109,9 @@ struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
     bool exposure = false;
     int exposure_start = 1001;
+    MaskUse masks = MaskUse::automatic;
+    float coverage = 0.1f;
+    std::string background = "none";
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -116,6 +120,16 @@ struct PhotometricOptions {
         field("exposure", exposure,
               "fit a brightness and an offset per photograph in the L1 term, PGSR");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+        field.choice("masks", masks, {"auto", "object", "ignore", "none"},
+                     "object: nothing is outside of the masks; ignore: what is outside is not "
+                     "looked at; auto: the plan decides, without one as none");
+        field("coverage", coverage, {0, 1e6},
+              "of what splats cover outside of object masks, as the weight of L1 and SSIM");
+        field(
+            "background", background,
+            "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
+            "to 255, random (with object masks only); none: black, and outside of object masks "
+            "nothing is compared");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {

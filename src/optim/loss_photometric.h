@@ -1,6 +1,7 @@
 // The render against its photograph.
 #pragma once
 
+#include "core/error.h"
 #include "optim/exposure.h"
 #include "optim/loss.h"
 #include "render/photometric.h"
@@ -10,38 +11,63 @@ namespace tvsgs {
 template <class Device>
 class PhotometricLoss final : public Loss<Device> {
 public:
-    static constexpr LossNeeds kNeeds{};
-
-    PhotometricLoss(const PhotometricOptions& o, int views)
+    PhotometricLoss(const PhotometricOptions& o, int views, std::uint64_t seed)
         : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
           exposure_start_(o.exposure ? o.exposure_start : 0),
-          views_(views) {}
+          views_(views),
+          masks_(uses_masks(o.masks)),
+          coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
+          background_(parse_background(o.background)),
+          fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none),
+          seed_(seed) {
+        // What the plan will make of `automatic` is not known yet.
+        if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
+            o.masks != MaskUse::automatic)
+            throw Error(ExitCode::usage,
+                        "loss.photometric.background is random, but loss.photometric.masks is not "
+                        "object: photographs have a background of their own; use object masks "
+                        "(--mask-use object), or give its colour");
+    }
 
     const char* name() const override { return "photometric"; }
     bool active(int) const override { return true; }
-    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs() const override {
+        LossNeeds needs;
+        if (masks_) needs.view_maps.add("mask");
+        if (coverage_ > 0 || shines_through()) needs.maps = Maps::coverage;
+        return needs;
+    }
 
     void add_to(Objective<Device>& objective,
                 double* value,
                 const LossInputs<Device>& in) override {
         pixel_loss_.resize(in.images.color.size());
         const int pixels = static_cast<int>(pixel_loss_.size());
+        const bool masks = masks_ || shines_through();
+        ComparedPhoto compared{
+            in.images.color.span(), in.view.photo.span(), objective.dL_dimages.color.span(), {}};
+        if (masks) compared = mask(in);
         const bool expose = exposure_start_ > 0 && in.step >= exposure_start_;
         PhotometricWeights weights = weights_;
         if (expose) weights.l1 = 0;  // SSIM always looks at the render itself
-        photometric_loss(in.images.color.span(), in.view.photo.span(), in.images.width,
-                         in.images.height, weights, scratch_, objective.dL_dimages.color.span(),
-                         pixel_loss_.span(), Device{});
+        photometric_loss(compared.color, compared.photo, in.images.width, in.images.height, weights,
+                         scratch_, compared.dL_dcolor, pixel_loss_.span(), Device{});
         if (expose) {
             ssim_loss_.resize(1);
             ssim_loss_.fill_zero();
             add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                     ssim_loss_.data());
             // Officially from 1 - SSIM < 0.5 on; without an SSIM term always.
-            exposure_.add_l1(in, views_, weights_.l1, ssim_loss_.data(),
+            exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(),
                              weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim) : 1,
                              objective, pixel_loss_.span());
         }
+        if (masks)
+            parallel_for(Device{}, pixels,
+                         MaskPhotoVjpBody{
+                             by_, in.images.transmittance.span(), std::as_const(dL_dcolor_).span(),
+                             objective.dL_dimages.color.span(),
+                             objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
     }
@@ -51,13 +77,48 @@ public:
     const Exposure<Device>& exposure() const { return exposure_; }
 
 private:
+    /// Whether the render itself has another background than black.
+    bool shines_through() const {
+        return background_.kind == PhotoBackground::Kind::random || !background_.black();
+    }
+
+    /// What is compared in the place of the render and its photograph.
+    ComparedPhoto mask(const LossInputs<Device>& in) {
+        const std::size_t pixels = in.images.color.size();
+        const PhotoBackground behind = background_.at(seed_, in.step);
+        const DeviceMap<Device>* const map = masks_ ? in.view.map("mask") : nullptr;
+        by_ = {map != nullptr ? map->values.span() : Span<const float>{}, behind.linear(), fills_,
+               coverage_ / static_cast<float>(pixels)};
+        color_.resize(pixels), photo_.resize(3 * pixels), dL_dcolor_.resize(pixels);
+        dL_dcolor_.fill_zero();
+        parallel_for(Device{}, static_cast<int>(pixels),
+                     MaskPhotoBody{by_,
+                                   in.images.color.span(),
+                                   in.images.transmittance.span(),
+                                   in.view.photo.data(),
+                                   color_.span(),
+                                   photo_.data(),
+                                   {behind.color[0], behind.color[1], behind.color[2]}});
+        return {std::as_const(color_).span(), std::as_const(photo_).span(), dL_dcolor_.span(),
+                by_.mask};
+    }
+
     PhotometricWeights weights_;
     int exposure_start_;  // 0: never
     int views_;
+    bool masks_;
+    float coverage_;  // 0: none
+    PhotoBackground background_;
+    bool fills_;
+    std::uint64_t seed_;
     PhotometricScratch<Device> scratch_;
     Exposure<Device> exposure_;
     Buffer<float, Device> pixel_loss_;
     Buffer<double, Device> ssim_loss_;
+    // Of the last step, where masks or a background have a say:
+    MaskedPhoto by_{};
+    Buffer<Vec3f, Device> color_, dL_dcolor_;
+    Buffer<std::uint8_t, Device> photo_;
 };
 
 }  // namespace tvsgs

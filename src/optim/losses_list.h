@@ -29,7 +29,7 @@ namespace tvsgs {
 template <class Device, class Visit>
 void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit) {
     using std::type_identity;
-    visit(type_identity<PhotometricLoss<Device>>{}, "photometric", o.photometric, c.views);
+    visit(type_identity<PhotometricLoss<Device>>{}, "photometric", o.photometric, c.views, c.seed);
     visit(type_identity<FlattenLoss<Device>>{}, "flatten", o.flatten, c.length_unit);
     visit(type_identity<NormalLoss<Device>>{}, "normal", o.normal);
     visit(type_identity<NormalConsistencyLoss<Device>>{}, "normal_consistency",

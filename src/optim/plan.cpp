@@ -1,144 +1,28 @@
 #include "optim/plan.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <numeric>
-#include <optional>
 
 #include "core/error.h"
 #include "optim/schedule.h"
-#include "optim/view_pairs.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-double median(std::vector<double>& values) {
-    if (values.empty()) return kNone;
-    // Of an even number the lower one, so that half of them at least are as large.
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
-
-constexpr int kReach = 2, kSide = 2 * kReach + 1;
-using Patch = std::array<double, kSide * kSide>;
-
-/// Grey levels around the place where a point projects, 0 to 255; nothing where they leave the
-/// image.
-std::optional<Patch> patch_at(const View& view, Vec3f point) {
-    const Camera& c = view.camera;
-    if (!is_in_view(c, point)) return std::nullopt;
-    const Vec3f p = c.camera_from_world * point;
-    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
-              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
-    if (x < kReach || y < kReach || x + kReach >= view.photo.width ||
-        y + kReach >= view.photo.height)
-        return std::nullopt;
-    Patch patch;
-    for (int i = 0; i < kSide * kSide; ++i) {
-        const int at_x = x + i % kSide - kReach, at_y = y + i / kSide - kReach;
-        patch[static_cast<std::size_t>(i)] =
-            (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
-             view.photo.at(at_x, at_y, 2)) /
-            3.0;
-    }
-    return patch;
-}
-
-/// Logarithm of the ratio of two patches' brightness; nothing where they do not look alike, as
-/// where something else hides the point from a view, or where they are flat, dark or saturated.
-std::optional<double> log_gain(const Patch& a, const Patch& b) {
-    const auto mean = [](const Patch& p) {
-        return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
-    };
-    const double mean_a = mean(a), mean_b = mean(b);
-    double aa = 0, bb = 0, ab = 0;
-    for (std::size_t i = 0; i < a.size(); ++i) {
-        const double da = a[i] - mean_a, db = b[i] - mean_b;
-        aa += da * da, bb += db * db, ab += da * db;
-    }
-    constexpr double kFlat = 4 * kSide * kSide;  // two grey levels of deviation: noise
-    const bool alike = std::min(aa, bb) > kFlat && ab > 0.8 * std::sqrt(aa * bb);
-    if (!alike || std::min(mean_a, mean_b) < 10 || std::max(mean_a, mean_b) > 245)
-        return std::nullopt;
-    return std::log(mean_a / mean_b);
-}
-
-/// For every view the one whose optical axis is nearest to its own, within 30 degrees; -1: none.
-/// What such two see is hidden from few of either.
-std::vector<int> nearest_views(const Scene& scene) {
-    const int views = static_cast<int>(scene.train.size());
-    const auto axis = [&](int v) {
-        return optical_axis(scene.train[static_cast<std::size_t>(v)].camera);
-    };
-    std::vector<int> nearest(scene.train.size(), -1);
-    for (int v = 0; v < views; ++v) {
-        double best = 0.866;  // 30 degrees
-        for (int other = 0; other < views; ++other)
-            if (const double cosine = dot(axis(v), axis(other)); other != v && cosine > best)
-                best = cosine, nearest[static_cast<std::size_t>(v)] = other;
-    }
-    return nearest;
-}
-
-}  // namespace
-
-SceneLook look_at(const Scene& scene, const ViewPairOptions& limits) {
-    const std::vector<Vec3f>& points = scene.points.positions;
-    constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
-    const std::size_t stride = 1 + points.size() / kSample;
-    const std::vector<int> nearest = nearest_views(scene);
-    SceneLook look;
-    look.train_views = static_cast<int>(scene.train.size());
-    look.test_views = static_cast<int>(scene.test.size());
-    look.points = points.size();
-    look.exposure_drift = kNone;
-    std::vector<double> pixels, per_pixel, reductions;
-    for (std::size_t v = 0; v < scene.train.size(); ++v) {
-        const View& view = scene.train[v];
-        const View* const other =
-            nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
-        std::size_t inside = 0;
-        std::vector<double> gains;  // logarithms
-        for (std::size_t i = 0; i < points.size(); i += stride) {
-            if (!is_in_view(view.camera, points[i])) continue;
-            ++inside;
-            if (other == nullptr) continue;
-            const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
-            if (!here || !there) continue;
-            if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
-        }
-        pixels.push_back(static_cast<double>(view.camera.width_px) * view.camera.height_px);
-        per_pixel.push_back(static_cast<double>(inside * stride) / pixels.back());
-        reductions.push_back(view.reduction);
-        if (gains.size() < 30) continue;  // a median of fewer says little
-        const double drift = std::abs(std::expm1(median(gains)));
-        look.exposure_drift =
-            std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
-    }
-    look.pixels = median(pixels);
-    look.points_per_pixel = median(per_pixel);
-    look.reduction = median(reductions);
-    ViewPairOptions relative = limits;
-    relative.limits = PairLimits::relative;  // these hold in any unit
-    look.views_in_pairs = share_with_pair(scene, relative);
-    relative.max_angle_deg = std::max(relative.max_angle_deg, kWideAngleDeg);
-    look.views_in_wide_pairs = share_with_pair(scene, relative);
-    return look;
-}
-
-namespace {
-
 // Thresholds; docs/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 40;
 constexpr double kCoveringCloud = 0.25;  // points per pixel
 constexpr double kPaired = 0.5;          // share of the views
 constexpr double kDrift = 0.15;
+// A background of one colour: share of the images' borders, and at most of the initial points.
+constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
+// Masks: share of the initial points that they leave out; of the images' border that those of an
+// object leave out, by degrees up to that much more.
+constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
 // What a covering cloud needs.
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
               kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20;
@@ -184,7 +68,33 @@ Settings schedule_settings(const TrainOptions& options, int configured, int iter
 
 std::string summary(const SceneLook& look) {
     return str(look.train_views, " train, ", look.test_views, " test; ", look.points,
-               " initial points, ", number(look.points_per_pixel), " per pixel");
+               " initial points, ", number(look.points_per_pixel), " per pixel of the ",
+               number(100 * look.matchable), " % that could be matched");
+}
+
+std::vector<Decision> plan_masks(const MaskLook& look) {
+    if (look.masked == 0) return {};
+    const std::string found = str("masks: ", look.masked, " of ", look.views, " training views");
+    const auto decision = [&](const char* choice, const std::string& reason, Settings settings) {
+        settings.emplace_back("loss.photometric.masks", choice);
+        return std::vector<Decision>{{"masks", choice, str(found, "; ", reason), look.border,
+                                      kObjectBorder, std::move(settings)}};
+    };
+    if (!look.empty.empty())
+        return decision("none", str("that of ", look.empty, " has no pixel of the object"), {});
+    // What has been matched there has a place, too, and holds what is beside the object in its own.
+    if (look.matched >= kMatchedOutside)
+        return decision(
+            "none", str("of the initial points outside: ", compared(look.matched, kMatchedOutside)),
+            {});
+    const std::string border =
+        str("of the initial points outside: ", compared(look.matched, kMatchedOutside),
+            "; of the images' border outside: ", compared(look.border, kObjectBorder));
+    if (look.border < kObjectBorder) return decision("ignore", border, {});
+    const double full = std::min(1.0, (look.border - kObjectBorder) / kObjectSlope);
+    return decision(
+        "object", str(border, "; in full from ", number(kObjectBorder + kObjectSlope)),
+        {{"loss.photometric.coverage", number(std::round(100 * full) / 100 * kCoverage)}});
 }
 
 Decision plan_settings(int train_views) {
@@ -318,6 +228,22 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                         : near ? "on"
                                : "wide",
                         of + compared(share, kPaired), share, kPaired, settings});
+    }
+    // Without masks: what is seen there is splats of that colour at any depth, or none.
+    if (!uses_masks(in.options.loss.photometric.masks) && look.background_border > 0) {
+        const bool one = look.background_border >= kBackgroundBorder &&
+                         look.background_points < kBackgroundPoints;
+        const std::string color =
+            str(look.background[0], ",", look.background[1], ",", look.background[2]);
+        plan.push_back({"background",
+                        one ? color : "none",
+                        str("of the images' border in one colour: ",
+                            compared(look.background_border, kBackgroundBorder),
+                            "; of the initial points there: ",
+                            compared(look.background_points, kBackgroundPoints)),
+                        look.background_border,
+                        kBackgroundBorder,
+                        {{"loss.photometric.background", one ? color : "none"}}});
     }
     const bool drifts = look.exposure_drift >= kDrift;
     plan.push_back({"exposure",

@@ -16,17 +16,32 @@ inline constexpr float kWideAngleDeg = 37;
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
     int train_views = 0, test_views = 0;
-    std::size_t points = 0;          // of the initial cloud
-    double pixels = 0;               // of a view, median
-    double points_per_pixel = 0;     // initial points in a view over its pixels, median
-    double reduction = 1;            // of the photographs, median: files over views, in width
+    std::size_t points = 0;       // of the initial cloud
+    double pixels = 0;            // of a view that stereo could match, median
+    double matchable = 1;         // their share of the view, median
+    double points_per_pixel = 0;  // initial points there over them, median
+    double reduction = 1;         // of the photographs, median: files over views, in width
+    /// The colour that the images' borders have, its share of them, least over the views, and the
+    /// share of the initial points there, where they are seen; 0 to 255. Share 0: the views differ.
+    int background[3] = {0, 0, 0};
+    double background_border = 0, background_points = 0;
     double views_in_pairs = 0;       // share within loss.multi_view's relative limits
     double views_in_wide_pairs = 0;  // the same up to kWideAngleDeg
     double exposure_drift =
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown
 };
-SceneLook look_at(const Scene& scene, const ViewPairOptions& limits);
+/// `masks`: only what is inside of them counts.
+SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);
+
+/// What is known of the masks before anything is decided; docs/plan.md.
+struct MaskLook {
+    int views = 0, masked = 0;  // training views; those with a mask
+    std::string empty;          // the first view whose mask has no pixel of the object
+    double border = 0;          // share of an image's border that is outside, median of the masked
+    double matched = 0;         // share of the points, where views see them, that is outside
+};
+MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points);
 
 /// What was measured, for people.
 std::string summary(const SceneLook& look);
@@ -43,6 +58,9 @@ struct Decision {
     double measured = 0, threshold = 0;  // NaN: nothing was
     Settings settings;                   // what the choice means
 };
+
+/// Whether masks are used, and for what. Nothing where there are none.
+std::vector<Decision> plan_masks(const MaskLook& look);
 
 /// Which settings to start from: "sparse" or "dense".
 Decision plan_settings(int train_views);

@@ -12,6 +12,7 @@
 #include "core/stage_clock.h"
 #include "core/state.h"
 #include "optim/adam.h"
+#include "optim/bounds.h"
 #include "optim/densify.h"
 #include "optim/init.h"
 #include "optim/loss.h"
@@ -53,6 +54,7 @@ struct TrainOptions {
     OptimOptions optim;
     LossOptions loss;
     DensifyOptions densify;
+    BoundOptions bounds;
     TvOptions tv;
     InitOptions init;
 
@@ -70,6 +72,7 @@ struct TrainOptions {
         field.group("optim", optim, "the optimiser");
         field.group("loss", loss, "terms of the objective");
         field.group("densify", densify, "growing and pruning");
+        field.group("bounds", bounds, "how large and long splats may get");
         field.group("tv", tv, "tensor voting");
         field.group("init", init, "the first Gaussians");
     }

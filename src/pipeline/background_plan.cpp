@@ -30,8 +30,8 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
 Decision plan_background(double share_beyond) {
     constexpr double kMuch = 0.05;
     const bool meshed = share_beyond >= kMuch;
-    return {"background",
-            meshed ? "meshed" : "left out",
+    return {"meshed background",
+            meshed ? "on" : "off",
             std::isnan(share_beyond)
                 ? "not known how far the points lie"
                 : str("points beyond twice the distance of what the cameras look at: ",

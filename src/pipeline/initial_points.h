@@ -3,7 +3,7 @@
 
 #include "core/device_choice.h"
 #include "io/ply.h"
-#include "pipeline/run_options.h"
+#include "pipeline/mask_use.h"
 #include "pipeline/stereo_cloud.h"
 
 namespace tvsgs {
@@ -14,29 +14,38 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
            scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
 }
 
-/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
-/// stereo, if that finds more. Returns what stereo found, of which priors can be made.
+/// What lies outside of object masks is dropped where training has them. A cloud from outside is
+/// checked and thinned; a cloud that is too small gives way to one by stereo, if that finds more.
+/// Returns what stereo found, of which priors can be made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
     const InitOptions& init = options.train.init;
     StereoStart stereo{scene.points.positions, {}};
     const std::vector<Vec3f>& points = stereo.points;
+    const auto without_background = [&](PointCloud& cloud) {
+        if (options.train.loss.photometric.masks != MaskUse::object) return;
+        if (const std::size_t dropped = drop_background_points(scene.train, cloud))
+            spdlog::info("{} initial points lie outside of a mask and were dropped", dropped);
+    };
+    without_background(scene.points);
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
     } else if (needs_stereo(options, scene)) {
         spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
-                     points.size(), init.min_points);
+                     scene.points.positions.size(), init.min_points);
         try {
-            StereoResult found = stereo_cloud(device, scene.train, points, options.stereo,
+            StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
                                               stereo_cap(init.max_points));
             stereo.maps = std::move(found.maps);
-            if (found.cloud.positions.size() > points.size()) scene.points = std::move(found.cloud);
+            without_background(found.cloud);
+            if (found.cloud.positions.size() > scene.points.positions.size())
+                scene.points = std::move(found.cloud);
         } catch (const Error& error) {
-            if (error.code() != ExitCode::input || points.empty()) throw;
+            if (error.code() != ExitCode::input || scene.points.positions.empty()) throw;
             spdlog::warn("{}; training starts from the {} points of the model", error.what(),
-                         points.size());
+                         scene.points.positions.size());
         }
     }
     return stereo;

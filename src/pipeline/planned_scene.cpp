@@ -63,7 +63,8 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
         plan.pinned("loss.prior_normal.weight"))
         return false;
     for (const TermOnList& term : terms_on_list(options.train.loss))
-        if (term.weight > 0 && !term.needs.view_maps.empty()) return false;
+        for (const std::string_view map : term.needs.view_maps)
+            if (term.weight > 0 && map != "mask") return false;
     return true;
 }
 
@@ -153,8 +154,8 @@ void provide_maps(const DeviceChoice& device,
     const MapNames wanted = needs_of(options.train.loss).view_maps;
     read_priors(options.priors, wanted, options.scene, scene);
     if (takes_stereo(options.priors))
-        make_stereo_priors(device, options.stereo, options.priors.stereo, wanted, std::move(stereo),
-                           scene.train);
+        make_stereo_priors(device, stereo_options(options), options.priors.stereo, wanted,
+                           std::move(stereo), scene.train);
     complete_maps(options.train.loss, options.descriptors, scene.train);
 }
 
@@ -166,6 +167,7 @@ Scene read_and_plan(const DeviceChoice& device,
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
+        check_masks(options.train.loss.photometric.masks, scene.train);
         StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
@@ -178,8 +180,12 @@ Scene read_and_plan(const DeviceChoice& device,
     });
     Scene scene = load_and_hold_out(chosen, options, false, table);
 
+    for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
+        plan.apply(decision);
+    const bool masks = uses_masks(options.train.loss.photometric.masks);
+    check_masks(options.train.loss.photometric.masks, scene.train);
     const auto look = [&] {
-        const SceneLook seen = look_at(scene, options.train.loss.multi_view);
+        const SceneLook seen = look_at(scene, options.train.loss.multi_view, masks);
         plan.note(seen);
         return seen;
     };

@@ -98,7 +98,7 @@ struct MeshSource {
 /// An evaluation during training.
 struct Evaluation {
     std::string line;  // of log.jsonl
-    double psnr = 0;   // mean over the test views
+    double psnr = 0;   // mean over the test views; inside of object masks that are trained with
 };
 template <class Device>
 Evaluation evaluate(int step,
@@ -114,9 +114,14 @@ Evaluation evaluate(int step,
     line.add("gaussians", gaussians.size());
     if (!views.empty()) {
         const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
-        const ViewScores scores = score_views(gaussians, views, options, no_pictures);
+        const ViewScores scores =
+            score_views(gaussians, views, options, no_pictures, {.masked = have_masks(views)});
         line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
-        result.psnr = scores.mean_psnr;
+        if (have_masks(views)) line.add("psnr_masked", scores.mean_masked.psnr);
+        // What object masks leave out has not been trained.
+        result.psnr = have_masks(views) && options.loss.photometric.masks == MaskUse::object
+                          ? scores.mean_masked.psnr
+                          : scores.mean_psnr;
         spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
                      scores.mean_ssim);
     }

@@ -279,16 +279,23 @@ template <class Device>
 void TrainSession<Device>::score_test_views(const Gaussians<Device>& trained,
                                             JsonLine& summary) const {
     const std::size_t views = in_.scene.test.size();
-    const ViewScores scores = evaluate_views(trained, in_.scene.test, training_, run_.path());
+    const bool masked = have_masks(in_.scene.test);
+    const ViewScores scores =
+        evaluate_views(trained, in_.scene.test, training_, run_.path(), {.masked = masked});
     summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+    if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
     spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
                  scores.mean_psnr, scores.mean_ssim, views, run_.path());
-    if (scores.mean_psnr < scores_.best_psnr() - kClearlyWorse)
+    if (masked) spdlog::info("inside of their masks: PSNR {:.2f} dB", scores.mean_masked.psnr);
+    const double psnr = masked && training_.loss.photometric.masks == MaskUse::object
+                            ? scores.mean_masked.psnr
+                            : scores.mean_psnr;
+    if (psnr < scores_.best_psnr() - kClearlyWorse)
         spdlog::warn(
             "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
             "on for too long, or grew too much; try --iterations {}, --until converged or "
             "--set densify.enabled=false",
-            scores_.best_psnr(), scores_.best_step(), scores.mean_psnr, scores_.best_step());
+            scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 // Renders views, scores them against their photographs, and leaves pictures a person can look at.
 #pragma once
 
+#include <algorithm>
 #include <filesystem>
 #include <string>
 #include <vector>
@@ -16,6 +17,12 @@
 
 namespace tvsgs {
 
+/// Whether renders can be scored inside of the views' masks.
+inline bool have_masks(const std::vector<View>& views) {
+    const auto lacks = [](const View& view) { return view.mask.empty(); };
+    return !views.empty() && std::none_of(views.begin(), views.end(), lacks);
+}
+
 /// `on_render(view, render, images)` is called after each view.
 template <class Device, class OnRender>
 ViewScores score_views(const Gaussians<Device>& gaussians,
@@ -24,11 +31,16 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
                        OnRender&& on_render,
                        const ViewScoring& scoring = {}) {
     auto backbone = make_backbone<Device>(options.backbone, options.render);
+    const PhotoBackground behind = parse_background(options.loss.photometric.background);
     ViewScorer scorer(scoring);
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);
-        const std::vector<Vec3f> colors = to_host(images.color);
+        std::vector<Vec3f> colors = to_host(images.color);
+        if (behind.kind == PhotoBackground::Kind::constant && !behind.black()) {
+            const std::vector<float> T = to_host(images.transmittance);
+            for (std::size_t i = 0; i < colors.size(); ++i) colors[i] += T[i] * behind.linear();
+        }
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);
         on_render(view, render, images);

@@ -21,7 +21,8 @@ enum class Maps : unsigned {
     normal = 2,
     depth = 4,
     distortion = 8,
-    expected_depth = 16
+    expected_depth = 16,
+    coverage = 32  // always there; asked for: derivatives by the transmittance
 };
 
 constexpr Maps operator|(Maps a, Maps b) {
@@ -44,7 +45,8 @@ inline constexpr Maps kGeometryMaps = Maps::normal | Maps::depth;
 
 /// "normal, depth".
 inline std::string names_of(Maps maps) {
-    constexpr const char* kNames[] = {"color", "normal", "depth", "distortion", "expected_depth"};
+    constexpr const char* kNames[] = {"color",      "normal",         "depth",
+                                      "distortion", "expected_depth", "coverage"};
     std::string names;
     for (unsigned i = 0; i < std::size(kNames); ++i)
         if (has(maps, static_cast<Maps>(1u << i)))
@@ -82,7 +84,7 @@ struct RenderedImages {
 template <class Device>
 struct ImageGradients {
     Buffer<Vec3f, Device> color, normal;
-    Buffer<float, Device> depth, distortion, expected_depth;
+    Buffer<float, Device> depth, distortion, expected_depth, transmittance;
 };
 
 /// What densification wants to know of one render, per Gaussian. Zero where the Gaussian is not

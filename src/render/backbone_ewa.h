@@ -38,6 +38,7 @@ public:
     explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
 
     float low_pass_px2() const override { return options_.low_pass_px2; }
+    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::coverage; }
 
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
                                           const Camera& camera,
@@ -74,7 +75,8 @@ public:
             }
             with_channels(channels_, [&]<Channels kChannels>() {
                 blend_tiles_vjp<EwaModel<blended(kChannels)>>(
-                    splats_, lists_, grid_, {dL_dimages.color.span(), normal, distance},
+                    splats_, lists_, grid_,
+                    {dL_dimages.color.span(), normal, distance, dL_dimages.transmittance.span()},
                     images_.transmittance, stops_, fragments_);
             });
         });

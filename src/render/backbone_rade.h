@@ -44,7 +44,9 @@ public:
 
     bool fades_thin_splats() const override { return true; }
 
-    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::expected_depth; }
+    Maps maps() const override {
+        return Maps::color | kGeometryMaps | Maps::expected_depth | Maps::coverage;
+    }
 
     /// The filter is computed at first and where splats have come and gone, and now and then once
     /// growth has ended, at the published iterations whatever the length of the run.
@@ -150,7 +152,7 @@ private:
             {images.camera, dL.color.span(), dL.normal.span(), dL.depth.span(),
              dL.expected_depth.span(), images.normal.span(), images.transmittance.span(),
              images.depth.span(), images.expected_depth.span(),
-             std::as_const(normal_length_).span(), median()},
+             std::as_const(normal_length_).span(), median(), dL.transmittance.span()},
             images.transmittance, stops_, fragments_);
     }
 

@@ -24,7 +24,9 @@ class SurfelBackbone final : public TiledBackbone<Device> {
 public:
     explicit SurfelBackbone(const BackboneOptions& options) : options_(options) {}
 
-    Maps maps() const override { return Maps::color | kGeometryMaps | Maps::distortion; }
+    Maps maps() const override {
+        return Maps::color | kGeometryMaps | Maps::distortion | Maps::coverage;
+    }
 
     bool flat() const override { return true; }
 
@@ -110,7 +112,8 @@ private:
             splats_, lists_, view_.grid,
             {dL.color.span(), dL.normal.span(), dL.depth.span(), dL.distortion.span(),
              images.transmittance.span(), images.depth.span(), std::as_const(z_).span(),
-             std::as_const(first_).span(), std::as_const(second_).span(), median()},
+             std::as_const(first_).span(), std::as_const(second_).span(), median(),
+             dL.transmittance.span()},
             images.transmittance, stops_, fragments_of<kMaps>());
     }
 

@@ -29,7 +29,9 @@ inline constexpr float kOutOfReach = 1e25f;
 ///              same at all pixels are left out; who takes the gradients multiplies by them
 ///   kFilled, filled(v)  how many of these the model fills, and which is the v-th
 ///   Writer     writes a finished pixel: write(x, y, pixel)
-///   Reader     read(at) is the PixelGradient of pixel `at`; PixelGradient{} is zero
+///   Reader     read(at) is the PixelGradient of pixel `at`; PixelGradient{} is zero. One that
+///   knows
+///              derivatives by the transmittance behind all splats has them as read.behind(at)
 ///
 /// A model that also names ForwardPacks and BackwardPacks is blended several pixels at a time by
 /// the CPU twin. One without blend() and what it needs is for the way back alone.
@@ -62,6 +64,17 @@ concept BlendModel = BlendBackModel<Model> && requires(const typename Model::Fea
     { Model::blend(forward, hit, features) } -> std::same_as<bool>;
     write(0, 0, forward);
 };
+
+/// A pixel at the beginning of the way back. Whatever is behind all splats is seen by the
+/// transmittance there, so a derivative by that is what blending finds behind the last splat.
+template <class Model>
+TVSGS_HD typename Model::PixelBackward pixel_backward(const typename Model::Reader& read,
+                                                      int at,
+                                                      float transmittance) {
+    typename Model::PixelBackward pixel{transmittance, read(at)};
+    if constexpr (requires { pixel.behind = read.behind(at); }) pixel.behind = read.behind(at);
+    return pixel;
+}
 
 template <class Model, class Device>
 using SplatsOf = ViewSplats<Device, typename Model::Shape, typename Model::Features>;

@@ -145,7 +145,8 @@ void blend_tile_vjp(const TilesBackward<Model>& in, int tile) {
     std::uint32_t last = 0;
     TileBlocks<State> blocks(tile_bounds(in.grid, tile), [&](State& state, int x, int y) {
         const std::size_t at = pixel_index(in.grid, x, y);
-        state = {in.stop_in[at], {in.transmittance[at], in.read(static_cast<int>(at))}};
+        state = {in.stop_in[at],
+                 pixel_backward<Model>(in.read, static_cast<int>(at), in.transmittance[at])};
         last = std::max(last, state.stop);
     });
     const std::uint32_t begin = in.spans[static_cast<std::size_t>(tile)].begin;

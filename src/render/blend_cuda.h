@@ -277,8 +277,9 @@ __global__ void __launch_bounds__(kThreads)
     std::uint32_t stop[kPixels];
     for (int k = 0; k < kPixels; ++k) {
         const int at = p.y[k] * grid.width + p.x;
-        pixels[k] = {p.inside[k] ? transmittance[at] : 1.0f,
-                     p.inside[k] ? read(at) : typename Model::PixelGradient{}};
+        pixels[k] = p.inside[k]
+                        ? pixel_backward<Model>(read, at, transmittance[at])
+                        : typename Model::PixelBackward{1.0f, typename Model::PixelGradient{}};
         stop[k] = p.inside[k] ? stops[at] : 0;
     }
     // The warp starts from its last contributor, the block from the last of all.

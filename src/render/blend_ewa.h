@@ -51,7 +51,7 @@ struct PixelWriter {
 template <Channels kChannels>
 struct PixelGradientReader {
     Span<const Vec3f> color, normal;
-    Span<const float> distance;
+    Span<const float> distance, transmittance{};
 
     TVSGS_HD SplatFeatures<float> operator()(int at) const {
         SplatFeatures<float> g{};
@@ -64,6 +64,7 @@ struct PixelGradientReader {
         }
         return g;
     }
+    TVSGS_HD float behind(int at) const { return transmittance.empty() ? 0 : transmittance[at]; }
 };
 
 // Defined in blend_ewa_packs.h. Declared here, so that a .cpp file that compiles blending of

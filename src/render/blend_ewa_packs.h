@@ -375,6 +375,7 @@ struct EwaBackwardPacks : TilesBackward<EwaModel<kChannels>> {
         for_pixels<Lane>(t, [&](int x, int y, int k, int entry) {
             const std::size_t p = pixel_index(grid, x, y);
             set_entry(pixels[k], entry, transmittance[p], read(static_cast<int>(p)));
+            pixels[k].behind.v[entry] = read.behind(static_cast<int>(p));
             stop[k].v[entry] = std::bit_cast<float>(stop_in[p]);
             last_of[k] = std::max(last_of[k], stop_in[p]), last = std::max(last, stop_in[p]);
         });

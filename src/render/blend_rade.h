@@ -136,6 +136,7 @@ struct RadeModel {
         Span<const Vec3f> normal;
         Span<const float> transmittance, depth, expected_depth, normal_length;
         bool median;
+        Span<const float> dL_dtransmittance{};
 
         TVSGS_HD PixelGradient operator()(int at) const {
             PixelGradient g;
@@ -156,6 +157,9 @@ struct RadeModel {
                 if (median) g.median = by_depth / ray;
             }
             return g;
+        }
+        TVSGS_HD float behind(int at) const {
+            return dL_dtransmittance.empty() ? 0 : dL_dtransmittance[at];
         }
     };
     static constexpr float kLeastNormal = 1e-12f;  // as normalize() has it

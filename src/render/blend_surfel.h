@@ -60,6 +60,7 @@ struct SurfelModel {
         Span<const float> dL_ddepth, dL_ddistortion;
         Span<const float> transmittance, depth, z, first, second;
         bool median;
+        Span<const float> dL_dtransmittance{};
 
         TVSGS_HD PixelGradient operator()(int at) const {
             PixelGradient g;
@@ -78,6 +79,9 @@ struct SurfelModel {
                 g.all = 1 - transmittance[at], g.first = first[at], g.second = second[at];
             }
             return g;
+        }
+        TVSGS_HD float behind(int at) const {
+            return dL_dtransmittance.empty() ? 0 : dL_dtransmittance[at];
         }
     };
 

@@ -186,7 +186,7 @@ ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
     options.ssim = c.ssim;
     options.exposure = true;
     options.exposure_start = 1;
-    PhotometricLoss<Device> loss(options, c.views);
+    PhotometricLoss<Device> loss(options, c.views, 0);
     Gaussians<Device> gaussians;
     RenderedImages<Device> images;
     images.width = c.width, images.height = c.height;

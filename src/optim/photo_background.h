@@ -1,0 +1,105 @@
+// What a render is compared with where masks say that the object is not, and what lies behind its
+// splats. [docs/method/masks.md]
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "core/parallel.h"
+#include "core/rng.h"
+#include "core/scene.h"
+
+namespace tvsgs {
+
+/// What masks are for. object: nothing is outside of them. ignore: what is outside is not looked
+/// at. automatic: the plan decides; without one as none.
+enum class MaskUse { automatic, object, ignore, none };
+
+inline bool uses_masks(MaskUse use) {
+    return use == MaskUse::object || use == MaskUse::ignore;
+}
+
+/// What lies behind the splats.
+struct PhotoBackground {
+    enum class Kind { none, constant, random } kind = Kind::none;
+    std::uint8_t color[3] = {0, 0, 0};
+
+    /// Of a step: `color`, or a random one; black where there is none.
+    PhotoBackground at(std::uint64_t seed, int step) const {
+        PhotoBackground here = *this;
+        if (kind != Kind::random) return here;
+        const Random4 r = random4(seed, RandomStream::background, static_cast<std::uint64_t>(step));
+        for (int c = 0; c < 3; ++c) here.color[c] = static_cast<std::uint8_t>(r.v[c] >> 24);
+        return here;
+    }
+    /// 0 to 1, as photographs have it.
+    Vec3f linear() const {
+        return {static_cast<float>(color[0]) / 255, static_cast<float>(color[1]) / 255,
+                static_cast<float>(color[2]) / 255};
+    }
+    bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
+};
+
+/// "none", "black", "white", "random", or "R,G,B" from 0 to 255. Throws Error(ExitCode::usage).
+PhotoBackground parse_background(const std::string& text);
+
+/// What of a mask's pixel counts; see View::mask.
+TVSGS_HD inline bool is_inside(float mask) {
+    return mask >= kObjectMask / 255.0f;
+}
+TVSGS_HD inline bool is_background(float mask) {
+    return mask == 0;
+}
+
+/// The pixels of a view that are compared.
+struct MaskedPhoto {
+    Span<const float> mask;  // [H W] of the view, 0 to 1; empty: all is inside
+    Vec3f background;        // 0 to 1
+    bool fills;              // the photograph has that where the mask says background
+    float coverage_weight;   // of a covered pixel there
+
+    TVSGS_HD bool inside(int i) const { return mask.empty() || is_inside(mask[i]); }
+    TVSGS_HD bool filled(int i) const { return fills && is_background(mask[i]); }
+};
+
+/// The two images that are compared: alike (black) where nothing is.
+struct MaskPhotoBody {
+    MaskedPhoto by;
+    Span<const Vec3f> color;
+    Span<const float> transmittance;
+    const std::uint8_t* photo;
+    Span<Vec3f> compared_color;    // [H W] overwritten, as the next
+    std::uint8_t* compared_photo;  // [H W 3]
+    std::uint8_t background[3];    // as `by` has it
+
+    TVSGS_HD void operator()(int i) const {
+        const bool inside = by.inside(i), shown = inside || by.filled(i);
+        compared_color[i] = shown ? color[i] + transmittance[i] * by.background : Vec3f{};
+        for (int c = 0; c < 3; ++c)
+            compared_photo[3 * i + c] = inside ? photo[3 * i + c] : shown ? background[c] : 0;
+    }
+};
+
+/// From dL/d of the compared render to the render's; adds what coverage outside of the object
+/// costs.
+struct MaskPhotoVjpBody {
+    MaskedPhoto by;
+    Span<const float> transmittance;
+    Span<const Vec3f> dL_dcompared;
+    Span<Vec3f> dL_dcolor;          // added to
+    Span<float> dL_dtransmittance;  // the same; empty where nothing goes by it
+    Span<float> pixel_loss;         // the same
+
+    TVSGS_HD void operator()(int i) const {
+        if (by.inside(i) || by.filled(i)) {
+            dL_dcolor[i] += dL_dcompared[i];
+            if (!dL_dtransmittance.empty())
+                dL_dtransmittance[i] += dot(dL_dcompared[i], by.background);
+        }
+        if (!(by.coverage_weight > 0) || by.mask.empty() || !is_background(by.mask[i])) return;
+        pixel_loss[i] += by.coverage_weight * (1 - transmittance[i]);
+        dL_dtransmittance[i] -= by.coverage_weight;
+    }
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,310 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+
+#include "optim/plan.h"
+#include "optim/view_pairs.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+
+double median(std::vector<double>& values) {
+    if (values.empty()) return kNone;
+    // Of an even number the lower one, so that half of them at least are as large.
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+constexpr int kReach = 2, kSide = 2 * kReach + 1;
+using Patch = std::array<double, kSide * kSide>;
+
+/// Grey levels around the place where a point projects, 0 to 255; nothing where they leave the
+/// image.
+std::optional<Patch> patch_at(const View& view, Vec3f point) {
+    const Camera& c = view.camera;
+    if (!is_in_view(c, point)) return std::nullopt;
+    const Vec3f p = c.camera_from_world * point;
+    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
+              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
+    if (x < kReach || y < kReach || x + kReach >= view.photo.width ||
+        y + kReach >= view.photo.height)
+        return std::nullopt;
+    Patch patch;
+    for (int i = 0; i < kSide * kSide; ++i) {
+        const int at_x = x + i % kSide - kReach, at_y = y + i / kSide - kReach;
+        patch[static_cast<std::size_t>(i)] =
+            (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
+             view.photo.at(at_x, at_y, 2)) /
+            3.0;
+    }
+    return patch;
+}
+
+/// Logarithm of the ratio of two patches' brightness; nothing where they do not look alike, as
+/// where something else hides the point from a view, or where they are flat, dark or saturated.
+std::optional<double> log_gain(const Patch& a, const Patch& b) {
+    const auto mean = [](const Patch& p) {
+        return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
+    };
+    const double mean_a = mean(a), mean_b = mean(b);
+    double aa = 0, bb = 0, ab = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) {
+        const double da = a[i] - mean_a, db = b[i] - mean_b;
+        aa += da * da, bb += db * db, ab += da * db;
+    }
+    constexpr double kFlat = 4 * kSide * kSide;  // two grey levels of deviation: noise
+    const bool alike = std::min(aa, bb) > kFlat && ab > 0.8 * std::sqrt(aa * bb);
+    if (!alike || std::min(mean_a, mean_b) < 10 || std::max(mean_a, mean_b) > 245)
+        return std::nullopt;
+    return std::log(mean_a / mean_b);
+}
+
+/// For every view the one whose optical axis is nearest to its own, within 30 degrees; -1: none.
+/// What such two see is hidden from few of either.
+std::vector<int> nearest_views(const Scene& scene) {
+    const int views = static_cast<int>(scene.train.size());
+    const auto axis = [&](int v) {
+        return optical_axis(scene.train[static_cast<std::size_t>(v)].camera);
+    };
+    std::vector<int> nearest(scene.train.size(), -1);
+    for (int v = 0; v < views; ++v) {
+        double best = 0.866;  // 30 degrees
+        for (int other = 0; other < views; ++other)
+            if (const double cosine = dot(axis(v), axis(other)); other != v && cosine > best)
+                best = cosine, nearest[static_cast<std::size_t>(v)] = other;
+    }
+    return nearest;
+}
+
+}  // namespace
+
+namespace {
+
+/// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
+/// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
+class Matchable {
+public:
+    /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
+    /// count.
+    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
+        : view_(view), views_(views), masks_(masks && !view.mask.empty()), depth_(depth) {}
+
+    bool at(int x, int y) const {
+        if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
+        return is_textured(x, y) && is_elsewhere(x, y);
+    }
+
+    /// Share of the pixels; of a sample.
+    double share() const {
+        const int step = std::max(1, static_cast<int>(std::sqrt(pixels() / kSample)));
+        int all = 0, good = 0;
+        for (int y = step / 2; y < view_.photo.height; y += step)
+            for (int x = step / 2; x < view_.photo.width; x += step) ++all, good += at(x, y);
+        return all > 0 ? static_cast<double>(good) / all : 0;
+    }
+
+    double pixels() const {
+        return static_cast<double>(view_.camera.width_px) * view_.camera.height_px;
+    }
+
+private:
+    static constexpr double kSample = 20000, kFlat = 2;  // pixels; grey levels
+    static constexpr int kBlocks = 5;
+
+    /// Four times a grey level: the sum of a block of 2 x 2.
+    int block(int x, int y) const {
+        int sum = 0;
+        for (int i = 0; i < 4; ++i)
+            for (int c = 0; c < 3; ++c) sum += view_.photo.at(x + i % 2, y + i / 2, c);
+        return sum;
+    }
+    bool is_textured(int x, int y) const {
+        const int left = std::clamp(x - kBlocks, 0, view_.photo.width - 2 * kBlocks),
+                  top = std::clamp(y - kBlocks, 0, view_.photo.height - 2 * kBlocks);
+        if (left < 0 || top < 0) return true;  // too small an image to say
+        double sum = 0, squares = 0;
+        for (int by = 0; by < kBlocks; ++by)
+            for (int bx = 0; bx < kBlocks; ++bx) {
+                const double level = block(left + 2 * bx, top + 2 * by) / 12.0;
+                sum += level, squares += level * level;
+            }
+        constexpr double n = kBlocks * kBlocks;
+        return squares / n - (sum / n) * (sum / n) > kFlat * kFlat;
+    }
+    bool is_elsewhere(int x, int y) const {
+        if (!(depth_ > 0)) return true;
+        const Rigid3f world = inverse(view_.camera.camera_from_world);
+        const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
+        return std::any_of(views_.begin(), views_.end(), [&](const View& other) {
+            return &other != &view_ && is_in_view(other.camera, point);
+        });
+    }
+
+    const View& view_;
+    const std::vector<View>& views_;
+    bool masks_;
+    double depth_;
+};
+
+/// Where a point is seen.
+struct Sighting {
+    int x, y;
+    double depth;
+};
+std::vector<Sighting> sightings(const Camera& camera,
+                                const std::vector<Vec3f>& points,
+                                std::size_t stride) {
+    std::vector<Sighting> seen;
+    for (std::size_t i = 0; i < points.size(); i += stride) {
+        if (!is_in_view(camera, points[i])) continue;
+        const Vec3f p = camera.camera_from_world * points[i];
+        seen.push_back({static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
+                        static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px),
+                        static_cast<double>(p.z)});
+    }
+    return seen;
+}
+
+/// The colour of the images' borders, see SceneLook.
+struct BorderColor {
+    int color[3] = {0, 0, 0};
+    double share = 1;
+    static constexpr int kNear = 8, kAlike = 12;  // grey levels: in a view, between views
+
+    bool near(const View& view, int x, int y) const {
+        for (int c = 0; c < 3; ++c)
+            if (std::abs(view.photo.at(x, y, c) - color[c]) > kNear) return false;
+        return true;
+    }
+};
+
+template <class Visit>
+void for_border(const ImageU8& image, const Visit& visit) {
+    for (int x = 0; x < image.width; ++x) visit(x, 0), visit(x, image.height - 1);
+    for (int y = 0; y < image.height; ++y) visit(0, y), visit(image.width - 1, y);
+}
+
+BorderColor border_color(const View& view) {
+    BorderColor found;
+    for (int c = 0; c < 3; ++c) {
+        std::vector<double> levels;
+        for_border(view.photo, [&](int x, int y) { levels.push_back(view.photo.at(x, y, c)); });
+        found.color[c] = levels.empty() ? 0 : static_cast<int>(median(levels));
+    }
+    int all = 0, alike = 0;
+    for_border(view.photo, [&](int x, int y) { ++all, alike += found.near(view, x, y); });
+    found.share = all > 0 ? static_cast<double>(alike) / all : 0;
+    return found;
+}
+
+BorderColor border_color(const std::vector<View>& views) {
+    std::vector<BorderColor> each;
+    for (const View& view : views) each.push_back(border_color(view));
+    BorderColor found;
+    for (int c = 0; c < 3; ++c) {
+        std::vector<double> levels;
+        for (const BorderColor& of : each) levels.push_back(of.color[c]);
+        found.color[c] = levels.empty() ? 0 : static_cast<int>(median(levels));
+    }
+    for (const BorderColor& of : each) {
+        found.share = std::min(found.share, of.share);
+        for (int c = 0; c < 3; ++c)
+            if (std::abs(of.color[c] - found.color[c]) > BorderColor::kAlike) found.share = 0;
+    }
+    return found;
+}
+
+}  // namespace
+
+SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks) {
+    const std::vector<Vec3f>& points = scene.points.positions;
+    constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
+    constexpr double kLeastShare = 0.01;
+    const std::size_t stride = 1 + points.size() / kSample;
+    const std::vector<int> nearest = nearest_views(scene);
+    SceneLook look;
+    look.train_views = static_cast<int>(scene.train.size());
+    look.test_views = static_cast<int>(scene.test.size());
+    look.points = points.size();
+    look.exposure_drift = kNone;
+    const BorderColor border = border_color(scene.train);
+    std::size_t sightings_in_all = 0, on_border_color = 0;
+    std::vector<double> pixels, matchable, per_pixel, reductions;
+    for (std::size_t v = 0; v < scene.train.size(); ++v) {
+        const View& view = scene.train[v];
+        const View* const other =
+            nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
+        std::vector<double> gains, depths;  // gains: logarithms
+        for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {
+            const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
+            if (!here || !there) continue;
+            if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
+        }
+        const std::vector<Sighting> seen = sightings(view.camera, points, stride);
+        for (const Sighting& s : seen) depths.push_back(s.depth);
+        const Matchable could_match(view, scene.train, masks, median(depths));
+        const double share = could_match.share();
+        for (const Sighting& s : seen)
+            ++sightings_in_all, on_border_color += border.near(view, s.x, s.y);
+        // Of an image without anything to match all pixels count.
+        const bool some = share >= kLeastShare;
+        const auto inside = std::count_if(seen.begin(), seen.end(), [&](const Sighting& s) {
+            return !some || could_match.at(s.x, s.y);
+        });
+        matchable.push_back(some ? share : 1);
+        pixels.push_back(matchable.back() * could_match.pixels());
+        per_pixel.push_back(static_cast<double>(inside) * static_cast<double>(stride) /
+                            pixels.back());
+        reductions.push_back(view.reduction);
+        if (gains.size() < 30) continue;  // a median of fewer says little
+        const double drift = std::abs(std::expm1(median(gains)));
+        look.exposure_drift =
+            std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
+    }
+    std::copy(border.color, border.color + 3, look.background);
+    look.background_border = border.share;
+    look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /
+                                                        static_cast<double>(sightings_in_all)
+                                                  : 0;
+    look.pixels = median(pixels);
+    look.matchable = median(matchable);
+    look.points_per_pixel = median(per_pixel);
+    look.reduction = median(reductions);
+    ViewPairOptions relative = limits;
+    relative.limits = PairLimits::relative;  // these hold in any unit
+    look.views_in_pairs = share_with_pair(scene, relative);
+    relative.max_angle_deg = std::max(relative.max_angle_deg, kWideAngleDeg);
+    look.views_in_wide_pairs = share_with_pair(scene, relative);
+    return look;
+}
+
+MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>& points) {
+    MaskLook look;
+    std::size_t seen = 0, seen_outside = 0;
+    std::vector<double> borders;
+    for (const View& view : train) {
+        ++look.views;
+        const ImageU8& mask = view.mask;
+        if (mask.empty()) continue;
+        ++look.masked;
+        const auto object = [](std::uint8_t value) { return value >= kObjectMask; };
+        if (look.empty.empty() && std::none_of(mask.pixels.begin(), mask.pixels.end(), object))
+            look.empty = view.name;
+        int outside = 0;
+        for_border(mask, [&](int x, int y) { outside += mask.at(x, y) == 0; });
+        borders.push_back(outside / (2.0 * (mask.width + mask.height)));
+        for (const Sighting& s : sightings(view.camera, points, 1))
+            ++seen, seen_outside += mask.at(s.x, s.y) == 0;
+    }
+    if (!borders.empty()) look.border = median(borders);
+    if (seen > 0) look.matched = static_cast<double>(seen_outside) / static_cast<double>(seen);
+    return look;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,60 @@
+#include "pipeline/mask_use.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "optim/init_cloud.h"
+
+namespace tvsgs {
+namespace {
+
+/// A margin for the mask's edge: all pixels around are background as well.
+bool is_background_at(const View& view, Vec3f point) {
+    const Camera& c = view.camera;
+    if (view.mask.empty() || !is_in_view(c, point)) return false;
+    const Vec3f p = c.camera_from_world * point;
+    const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
+              y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
+    for (int j = std::max(0, y - 1); j <= std::min(view.mask.height - 1, y + 1); ++j)
+        for (int i = std::max(0, x - 1); i <= std::min(view.mask.width - 1, x + 1); ++i)
+            if (view.mask.at(i, j) != 0) return false;
+    return true;
+}
+
+}  // namespace
+
+void check_masks(MaskUse use, const std::vector<View>& train) {
+    if (!uses_masks(use)) return;
+    const MaskLook look = look_at_masks(train, {});
+    const char* const asked = use == MaskUse::object ? "loss.photometric.masks is object"
+                                                     : "loss.photometric.masks is ignore";
+    if (look.masked == 0)
+        throw Error(ExitCode::input,
+                    str("E_MASKS: ", asked,
+                        ", but no training view has a mask; expected mask/ or "
+                        "masks/ beside the photographs, an alpha channel, or --masks DIR"));
+    if (!look.empty.empty())
+        throw Error(
+            ExitCode::input,
+            str("E_MASKS: ", asked, ", but the mask of ", look.empty,
+                " has no pixel of the object (128 and more); write masks as 0 and 255, leave "
+                "the view out, or use --mask-use none"));
+    if (look.masked < look.views)
+        spdlog::warn("{} of {} training views have no mask: all that they show is compared",
+                     look.views - look.masked, look.views);
+}
+
+std::size_t drop_background_points(const std::vector<View>& views, PointCloud& cloud) {
+    std::vector<std::size_t> kept;
+    for (std::size_t i = 0; i < cloud.positions.size(); ++i)
+        if (std::none_of(views.begin(), views.end(), [&](const View& view) {
+                return is_background_at(view, cloud.positions[i]);
+            }))
+            kept.push_back(i);
+    const std::size_t dropped = cloud.positions.size() - kept.size();
+    if (dropped > 0) cloud = select_points(cloud, kept);
+    return dropped;
+}
+
+}  // namespace tvsgs

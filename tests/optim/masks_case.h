@@ -1,0 +1,71 @@
+// A photometric term with masks and a background, and bounds of splats, on either device.
+#pragma once
+
+#include "optim/bounds.h"
+#include "optim/loss_photometric.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs::test {
+
+struct MaskCase {
+    int width = 12, height = 10, step = 3;
+    std::vector<Vec3f> color;
+    std::vector<float> transmittance, mask;  // mask empty: the view has none
+    std::vector<std::uint8_t> photo;
+    PhotometricOptions options;
+};
+struct MaskResult {
+    double value = 0;
+    std::vector<Vec3f> dL_dcolor;
+    std::vector<float> dL_dtransmittance;
+    std::vector<float> exposure;  // moments of its first step; empty: none is fitted
+};
+
+template <class Device>
+MaskResult evaluate_masks(const MaskCase& c) {
+    PhotometricLoss<Device> loss(c.options, 1, 7);
+    const Gaussians<Device> gaussians;
+    RenderedImages<Device> images;
+    images.width = c.width, images.height = c.height;
+    copy(c.color, images.color), copy(c.transmittance, images.transmittance);
+    DeviceView<Device> view;
+    copy(c.photo, view.photo);
+    view.maps.push_back({"mask", c.width, c.height, 1, to_device<Device>(c.mask)});
+    const TensorField<Device> field;
+    Objective<Device> objective;
+    auto& dL = objective.dL_dimages;
+    dL.color.resize(c.color.size()), dL.color.fill_zero();
+    if (has(loss.needs().maps, Maps::coverage))
+        dL.transmittance.resize(c.color.size()), dL.transmittance.fill_zero();
+    objective.partial.resize(kSumBlocks);
+    copy(std::vector<double>{0}, objective.values);
+    loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, c.step});
+    MaskResult result{
+        to_host(objective.values)[0], to_host(dL.color), to_host(dL.transmittance), {}};
+    for (const ExposureState& state : to_host(loss.exposure().states()))
+        result.exposure = {state.m[0], state.m[1]};
+    return result;
+}
+MaskResult evaluate_masks_cuda(const MaskCase& c);
+
+template <class Device>
+std::vector<Vec3f> bound_splats(const Gaussians<Cpu>& host,
+                                const std::vector<Camera>& cameras,
+                                const BoundOptions& bounds,
+                                int halted) {
+    Gaussians<Device> g;
+    copy(host, g);
+    Buffer<Camera, Device> at;
+    copy(cameras, at);
+    const Buffer<int, Device> halt = to_device<Device>(std::vector<int>{halted});
+    parallel_for(Device{}, g.size(),
+                 BoundBody{std::as_const(at).span(), bounds, std::as_const(g.means).span(),
+                           g.log_scales.span(), halt.data()});
+    return to_host(g.log_scales);
+}
+std::vector<Vec3f> bound_splats_cuda(const Gaussians<Cpu>& host,
+                                     const std::vector<Camera>& cameras,
+                                     const BoundOptions& bounds,
+                                     int halted);
+
+}  // namespace tvsgs::test
