@@ -50,6 +50,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     const char* group = "Volume";
     flags.add("--method", "mesh.method", "tsdf or tetrahedra: what makes the surface [tsdf]",
               group);
+    flags.add_switch("--watertight", "mesh.watertight",
+                     "a closed surface, behind what no view sees, too", group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",

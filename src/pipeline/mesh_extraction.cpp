@@ -49,6 +49,11 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
 void check_mesh_options(const MeshOptions& options) {
     make_mesher<Cpu>(options.method, options.meshers);
     depth_rules(options);
+    if (options.watertight && (options.unbounded || options.method != MeshOptions{}.method))
+        throw Error(ExitCode::usage,
+                    str("--watertight makes a surface of its own, of what is near: leave ",
+                        options.unbounded ? "--unbounded" : "--method " + options.method,
+                        " out, or --watertight"));
     if (!options.memory.empty()) parse_bytes("--memory", options.memory);
 }
 
