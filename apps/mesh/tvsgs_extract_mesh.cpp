@@ -50,6 +50,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     const char* group = "Volume";
     flags.add("--method", "mesh.method", "tsdf or tetrahedra: what makes the surface [tsdf]",
               group);
+    flags.add_switch("--watertight", "mesh.watertight",
+                     "a closed surface, behind what no view sees, too", group);
     flags.add("--voxel-size", "mesh.voxel_size", "world units [depth-max / mesh-resolution]",
               group);
     flags.add("--mesh-resolution", "mesh.resolution",
@@ -177,10 +179,11 @@ int command(int argc, char** argv) {
                      picture);
     } else if (!arguments.no_preview) {
         const TriangleMesh none;  // with its background a scene is best seen from within
-        write_png(picture, preview_mesh(mesh,
-                                        preview_camera(options.mesh.unbounded ? none : mesh,
-                                                       detail::cameras_of(scene.train), 960, 720),
-                                        texture));
+        write_png(picture,
+                  preview_mesh(mesh,
+                               preview_camera(options.mesh.meshes_background() ? none : mesh,
+                                              detail::cameras_of(scene.train), 960, 720),
+                               texture));
         spdlog::info("{}: picture of the mesh", picture);
     }
     refresh_report(arguments.out);

@@ -12,6 +12,7 @@ struct DepthView {
     Span<const float> depth;        // [H W] z-depth; 0: nothing there
     Span<const Vec3f> color;        // [H W]
     Span<const float> weight = {};  // [H W] of the depths; empty: 1
+    Span<const Vec3f> normal = {};  // [H W] camera frame, facing the camera, of any length
 };
 
 /// World point of pixel (x, y) at z-depth `depth`.

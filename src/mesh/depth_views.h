@@ -9,6 +9,7 @@
 #include "core/scene.h"
 #include "mesh/depth_clean.h"
 #include "mesh/depth_view.h"
+#include "mesh/mesh_evidence.h"
 
 namespace tvsgs {
 
@@ -68,7 +69,7 @@ public:
         count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
         if (count.kept == 0) median_ = median_depth(to_host(rendered.depth));
         return {camera, std::as_const(clean_.depth).span(), rendered.color.span(),
-                std::as_const(clean_.weight).span()};
+                std::as_const(clean_.weight).span(), rendered.normal.span()};
     }
 
     /// The depth that view() gave last.
@@ -108,5 +109,16 @@ private:
     CleanDepth<Device> clean_;
     Buffer<std::uint8_t, Device> mask_;
 };
+
+/// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and its
+/// weights are those of trust from now on.
+template <class Device>
+EvidenceSource evidence_of(DepthViews<Device>& depth) {
+    depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
+    return {depth.size(), [&depth](int i) -> EvidenceView {
+                const Camera camera = depth.view(i).camera;
+                return {camera, depth.depth_on_host(), depth.weight_on_host(), depth.mask(i)};
+            }};
+}
 
 }  // namespace tvsgs

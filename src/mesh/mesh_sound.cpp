@@ -122,8 +122,8 @@ SoundReport make_sound(TriangleMesh& mesh) {
                            mesh.vertices[std::size_t(face.z)]);
     }
     filter_faces(mesh, keep);
-    // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded edge.
-    // So where sheets have vertices of their own no edge has more than two faces.
+    // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
+    // edge. So where sheets have vertices of their own no edge has more than two faces.
     const std::vector<char> crowded = find_edges(mesh).fixed;
     if (std::find(crowded.begin(), crowded.end(), 1) != crowded.end())
         report.split_vertices = split_sheets(mesh, crowded);

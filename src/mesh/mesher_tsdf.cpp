@@ -27,6 +27,12 @@ void check_tsdf_options(const TsdfMesherOptions& options) {
                         "--min-weight 1"));
 }
 
+float voxel_size(const TsdfMesherOptions& options, const std::vector<View>& views, float extent) {
+    if (options.voxel_size > 0) return options.voxel_size;
+    return extent / static_cast<float>(options.resolution > 0 ? options.resolution
+                                                              : automatic_resolution(views));
+}
+
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                         const std::vector<View>& views,
                         const MeshRegion& region,
@@ -41,11 +47,8 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.trust = volume.trust;
     if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
-    const float extent = region.unbounded ? 2 * region.radius : rules.depth_max;
-    const int resolution =
-        options.resolution > 0 ? options.resolution : automatic_resolution(views);
     volume.voxel_size =
-        options.voxel_size > 0 ? options.voxel_size : extent / static_cast<float>(resolution);
+        voxel_size(options, views, region.unbounded ? 2 * region.radius : rules.depth_max);
     volume.truncation =
         options.truncation > 0 ? options.truncation : options.truncation_voxels * volume.voxel_size;
     volume.max_bytes = max_bytes;

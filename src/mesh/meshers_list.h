@@ -13,6 +13,7 @@
 #include "core/nearest_name.h"
 #include "mesh/mesher_tetrahedra.h"
 #include "mesh/mesher_tsdf.h"
+#include "mesh/mesher_watertight.h"
 
 namespace tvsgs {
 
@@ -35,6 +36,12 @@ void visit_meshers(const MesherOptions& o, const Visit& visit) {
     using std::type_identity;
     visit(type_identity<TsdfMesher<Device>>{}, "tsdf", o.tsdf);
     visit(type_identity<TetrahedraMesher<Device>>{}, "tetrahedra", o.tetrahedra);
+}
+
+/// The one for meshes that have to be closed, which has no name: it is not a choice among equals.
+template <class Device>
+std::unique_ptr<Mesher<Device>> make_watertight_mesher(const MesherOptions& options) {
+    return std::make_unique<WatertightMesher<Device>>(options.tsdf);
 }
 
 template <class Device>

@@ -37,6 +37,9 @@ DepthRules depth_rules(const MeshOptions& options, Vec3d origin) {
 void check_mesh_options(const MeshOptions& options) {
     make_mesher<Cpu>(options.method, options.meshers);
     depth_rules(options);
+    if (options.watertight && options.method != MeshOptions{}.method)
+        throw Error(ExitCode::usage, str("--watertight makes a surface of its own: leave --method ",
+                                         options.method, " out, or --watertight"));
     if (!options.memory.empty()) parse_bytes("--memory", options.memory);
 }
 
@@ -49,17 +52,18 @@ std::vector<Camera> cameras_of(const std::vector<View>& views) {
 }
 
 MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules) {
+    const bool unbounded = options.meshes_background();
     const float radius =
-        options.unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
-    if ((options.unbounded || rules.depth_max == 0) && !(radius > 0))
+        unbounded && options.radius > 0 ? options.radius : static_cast<float>(focus.radius);
+    if ((unbounded || rules.depth_max == 0) && !(radius > 0))
         throw Error(ExitCode::input,
                     str("the size of the scene cannot be found: a camera lies in the point that "
                         "all look at; give ",
-                        options.unbounded ? "--set mesh.radius=R" : "--depth-max"));
+                        unbounded ? "--set mesh.radius=R" : "--depth-max"));
     if (rules.depth_max == 0)
-        rules.depth_max = options.unbounded ? std::numeric_limits<float>::max()
-                                            : static_cast<float>(kDepthLimit) * radius;
-    return {options.unbounded, vec_cast<float>(focus.point), radius};
+        rules.depth_max = unbounded ? std::numeric_limits<float>::max()
+                                    : static_cast<float>(kDepthLimit) * radius;
+    return {unbounded, vec_cast<float>(focus.point), radius};
 }
 
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes) {
@@ -100,7 +104,8 @@ void mend_mesh(TriangleMesh& mesh,
                const MeshOptions& options,
                const EvidenceSource& evidence,
                spdlog::level::level_enum level) {
-    if (mesh.faces.empty() || !(options.holes > 0 || options.rims > 0)) return;
+    if (mesh.faces.empty() || options.watertight || !(options.holes > 0 || options.rims > 0))
+        return;
     const SoundReport sound = make_sound(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",

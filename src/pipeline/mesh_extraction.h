@@ -25,12 +25,18 @@ struct MeshOptions {
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
           max_scale_px = 0, holes = 20, rims = 0;
     int clusters = 0;
-    bool masks = true, unbounded = false, evidence = true;
+    bool masks = true, unbounded = false, evidence = true, watertight = false;
     std::string box, memory;
+
+    /// What is closed is what is near.
+    bool meshes_background() const { return unbounded && !watertight; }
 
     template <class Visitor>
     void fields(Visitor& field) {
         field("method", method, "what makes the surface of the splats: tsdf, tetrahedra");
+        field("watertight", watertight,
+              "a closed surface instead, behind what no view sees, too; its nodes are as far apart "
+              "as voxels");
         meshers.fields(field);
         simplify.fields(field);
         field("depth_max", depth_max, {0, 1e9},
@@ -94,17 +100,6 @@ void mend_mesh(TriangleMesh& mesh,
                const EvidenceSource& evidence,
                spdlog::level::level_enum level);
 
-/// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and is not to
-/// be fused afterwards.
-template <class Device>
-EvidenceSource evidence_of(DepthViews<Device>& depth) {
-    depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
-    return {depth.size(), [&depth](int i) -> EvidenceView {
-                const Camera camera = depth.view(i).camera;
-                return {camera, depth.depth_on_host(), depth.weight_on_host(), depth.mask(i)};
-            }};
-}
-
 /// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
 Focus focus_of_scene(const std::vector<View>& views,
@@ -143,7 +138,8 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
                           Vec3d origin = {},
                           std::string* why_empty = nullptr) {
     const auto backbone = make_backbone<Device>(train.backbone, train.render);
-    const auto mesher = make_mesher<Device>(options.method, options.meshers);
+    const auto mesher = options.watertight ? make_watertight_mesher<Device>(options.meshers)
+                                           : make_mesher<Device>(options.method, options.meshers);
     Gaussians<Device> small;
     std::string too_large;
     if (options.max_scale_px > 0) {
@@ -158,20 +154,20 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const Gaussians<Device>& gaussians = options.max_scale_px > 0 ? small : all;
     DepthRules rules = depth_rules(options, origin);
     Focus focus{};
-    if (options.depth_max == 0 || options.unbounded)
+    if (options.depth_max == 0 || options.meshes_background())
         focus = detail::focus_of_scene(views, all, *backbone, level);
     const MeshRegion region = detail::mesh_region(options, focus, rules);
     DepthViews<Device> depth(views, gaussians, *backbone, rules, options.masks);
     ExtractedMesh found = mesher->extract(
         {views, gaussians, *backbone, depth, region, train.render.near,
          detail::memory_of_mesher(options, free_bytes(Device{})), spill_folder, level});
-    const EvidenceSource evidence = detail::evidence_of(depth);
+    const EvidenceSource evidence = evidence_of(depth);
     std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
     const std::vector<Camera> cameras = detail::cameras_of(views);
     detail::mend_mesh(found.mesh, cameras, options, evidence, level);
     const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
-    if (options.evidence) count_views(found.mesh, evidence);
+    if (options.evidence || options.watertight) count_views(found.mesh, evidence);
     const std::string& why = !too_large.empty()        ? too_large
                              : found.why_empty.empty() ? emptied
                                                        : found.why_empty;

@@ -5,9 +5,12 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <map>
+#include <utility>
 
 #include "core/error.h"
 #include "io/config.h"
+#include "io/mesh_files.h"
 #include "io/ply.h"
 #include "pipeline/mesh_extraction.h"
 #include "support/command.h"
@@ -212,6 +215,48 @@ TEST_F(ExtractMesh, Tetrahedra) {
     EXPECT_NEAR(radii().front(), kBall, 0.06);
 }
 
+/// Edges that are not between two faces, once in each direction.
+std::size_t loose_edges(const PlyGeometry& mesh) {
+    std::map<std::pair<int, int>, int> balance, count;
+    for (const Vec3i f : mesh.faces)
+        for (int k = 0; k < 3; ++k) {
+            const int a = f[k], b = f[(k + 1) % 3];
+            const auto edge = std::minmax(a, b);
+            balance[edge] += a < b ? 1 : -1, ++count[edge];
+        }
+    std::size_t loose = 0;
+    for (const auto& [edge, faces] : count) loose += faces != 2 || balance[edge] != 0;
+    return loose;
+}
+
+TEST_F(ExtractMesh, WatertightWhateverFollows) {
+    const std::string flags = "--watertight --bbox=-1,-1,-0.3,1,1,1 --no-preview ";
+    std::size_t all = 0;
+    for (const std::string more : {"", "--error 0.5", "--faces 300 --memory 60M"})
+        for (const std::string out : {"closed.ply", "closed.glb", "closed.obj"}) {
+            if (out != "closed.ply" && more != "--error 0.5") continue;
+            const Result r = extract(flags + more, out);
+            ASSERT_EQ(r.code, 0) << more << r;
+            const PlyGeometry mesh = read_mesh_geometry((folder_ / out).string());
+            EXPECT_EQ(loose_edges(mesh), 0u) << more << out;
+            EXPECT_EQ(r.says("info: texture of "), out != "closed.ply") << r;
+            if (more.empty()) all = mesh.faces.size();
+            EXPECT_TRUE(more != "--error 0.5" || mesh.faces.size() < all / 2);
+            EXPECT_TRUE(!more.starts_with("--faces") || mesh.faces.size() <= 300);
+            double volume = 0;
+            for (const Vec3i f : mesh.faces)
+                volume +=
+                    dot(mesh.positions[f.x], cross(mesh.positions[f.y], mesh.positions[f.z])) / 6;
+            // Of the ball above z = -0.3, closed below, in voxels of a tenth of its radius.
+            const double cap = M_PI * 0.4 * 0.4 * (kBall - 0.4 / 3);
+            EXPECT_NEAR(volume / (4 * M_PI / 3 * std::pow(kBall, 3) - cap), 1, 0.2) << more << out;
+        }
+    // What no view sees is told apart.
+    ASSERT_EQ(extract(flags + "--set mesh.evidence=false").code, 0);
+    const std::string bytes = contents(folder_ / "mesh.ply");
+    EXPECT_NE(bytes.find("property uchar views"), std::string::npos);
+}
+
 TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     const auto expect_refused = [&](const std::string& flags, int code, const char* says) {
         const Result r = extract(flags, "refused.ply");
@@ -237,6 +282,11 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
     expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
+    expect_refused("--watertight --unbounded", 2, "leave --unbounded out, or --watertight");
+    expect_refused("--watertight --method tetrahedra", 2, "leave --method tetrahedra out");
+    expect_refused("--watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
+    expect_refused("--watertight --memory 100K", 4, "raise --memory");
+    expect_refused("--watertight --voxel-size 1e-9", 3, "too far out for voxels of 1e-09");
     expect_refused("--unbounded --truncation 5", 2, "ball of radius 4.5");
     expect_refused("--unbounded --set mesh.radius=-1", 2, "mesh.radius");
     MeshOptions late;
