@@ -101,10 +101,6 @@ std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
     return mesh.vertices.size() - before;
 }
 
-bool any(const std::vector<char>& flags) {
-    return std::find(flags.begin(), flags.end(), 1) != flags.end();
-}
-
 }  // namespace
 
 bool has_area(Vec3f a, Vec3f b, Vec3f c) {
@@ -126,15 +122,11 @@ SoundReport make_sound(TriangleMesh& mesh) {
                            mesh.vertices[std::size_t(face.z)]);
     }
     filter_faces(mesh, keep);
-    if (std::vector<char> crowded = find_edges(mesh).fixed; any(crowded)) {
+    // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
+    // edge. So where sheets have vertices of their own no edge has more than two faces.
+    const std::vector<char> crowded = find_edges(mesh).fixed;
+    if (std::find(crowded.begin(), crowded.end(), 1) != crowded.end())
         report.split_vertices = split_sheets(mesh, crowded);
-        crowded = find_edges(mesh).fixed;
-        const std::vector<FaceEdge> edges = edges_at(mesh, crowded);
-        keep.assign(mesh.faces.size(), true);
-        for (std::size_t i = 2; i < edges.size(); ++i)
-            if (edges[i].key == edges[i - 2].key) keep[std::size_t(edges[i].face)] = false;
-        filter_faces(mesh, keep);
-    }
     report.dropped_faces = before - mesh.faces.size();
     return report;
 }

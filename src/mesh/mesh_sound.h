@@ -13,15 +13,14 @@ bool has_area(Vec3f a, Vec3f b, Vec3f c);
 
 /// What was wrong with a mesh.
 struct SoundReport {
-    std::size_t dropped_faces = 0;   // no triangles, there before, or a third one at an edge
+    std::size_t dropped_faces = 0;   // no triangles, or there before
     std::size_t split_vertices = 0;  // new ones, where sheets met
 };
 
 /// Vertices in one place that share an edge become one. Faces without three different finite
 /// corners, without area, or that are there before, are dropped, and then vertices without faces.
-/// Where more than two faces share an edge, the sheets get vertices of their own; what sheets
-/// cannot be told apart by is dropped. A mesh without such things stays as it is. Throws
-/// Error(ExitCode::input) for an index out of range.
+/// Where more than two faces share an edge, the sheets get vertices of their own. A mesh without
+/// such things stays as it is. Throws Error(ExitCode::input) for an index out of range.
 SoundReport make_sound(TriangleMesh& mesh);
 
 }  // namespace tvsgs

@@ -118,7 +118,7 @@ void mend_mesh(TriangleMesh& mesh,
     if (mesh.faces.empty() || !(options.holes > 0 || options.rims > 0)) return;
     const SoundReport sound = make_sound(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
-        spdlog::log(level, "{} faces were none or one too many, {} vertices split where sheets met",
+        spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
                     sound.dropped_faces, sound.split_vertices);
     const HoleReport holes = close_holes(mesh, cameras, evidence, options.holes);
     if (options.holes > 0)
