@@ -124,6 +124,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     table.set_all(settings);
     options.scene.need_points = false;
     options.scene.min_train_views = 1;
+    if (fs::equivalent(find_splats(a.input), a.output, failure))
+        throw Error(ExitCode::usage, str(a.output, ": is the file of the splats; name another"));
     require_output(a.output, {".ply", ".spz", ".sog", ".glb"},
                    "the name says which format the splats get", options.scene);
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
@@ -158,9 +160,6 @@ struct Input {
 Input read_input(const Arguments& a, const RunOptions& options, const Scene* scene) {
     Input in;
     in.path = find_splats(a.input);
-    std::error_code failure;
-    if (fs::equivalent(in.path, a.output, failure))
-        throw Error(ExitCode::usage, str(a.output, ": is the file of the splats; name another"));
     const std::optional<SplatFrame> frame = frame_of(a.input_frame);
     if (is_run(a.input) && scene) {
         in.origin = scene->origin;
