@@ -4,7 +4,6 @@
 
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 
 #include "io/atomic_file.h"
 #include "io/spz.h"
@@ -12,42 +11,10 @@
 #include "report/pictures.h"
 #include "report/view_pack.h"
 #include "report/view_page.h"
-#include "support/browser.h"
-#include "support/random_gaussians.h"
+#include "view_cases.h"
 
 namespace tvsgs {
 namespace {
-
-namespace fs = std::filesystem;
-
-constexpr int kWidth = 320, kHeight = 240;
-
-fs::path folder(const std::string& name) {
-    const fs::path path =
-        fs::path(testing::TempDir()) / ("tvsgs_view_" + name + std::to_string(::getpid()));
-    fs::remove_all(path);
-    fs::create_directories(path);
-    return path;
-}
-
-ViewRun run_of(const std::string& name, const std::string& backbone, Gaussians<Cpu> splats) {
-    ViewRun run;
-    run.name = name;
-    run.train.backbone = backbone;
-    run.splats = std::move(splats);
-    return run;
-}
-
-std::vector<ViewCamera> two_cameras() {
-    std::vector<ViewCamera> cameras(2);
-    for (int i = 0; i < 2; ++i) {
-        ViewCamera& c = cameras[static_cast<std::size_t>(i)];
-        c.name = i ? "right.jpg" : "left.jpg", c.test = i == 1;
-        c.camera = test::test_camera(kWidth, kHeight, i ? 0.3f : -0.4f);
-        c.photo = ImageU8(64, 48, 3, 90);
-    }
-    return cameras;
-}
 
 /// The splats that the page holds for a run.
 Gaussians<Cpu> splats_in(const std::string& html, int run) {
@@ -201,14 +168,6 @@ TEST(ViewPack, ErrorsAreLevelsOfTheScale) {
     const auto levels = error_levels({points.data(), points.size()}, truth, 2);
     EXPECT_EQ(levels, (std::vector<std::uint8_t>{0, 127, 254, kNoError}));
 }
-
-class ViewInBrowser : public testing::Test {
-protected:
-    void SetUp() override {
-        if (chromium().empty())
-            GTEST_SKIP() << "no chromium that starts here: what the page draws is not compared";
-    }
-};
 
 /// Large splats all around the camera: beside the image their projection is clamped.
 Gaussians<Cpu> around(int count) {
@@ -376,84 +335,6 @@ TEST_F(ViewInBrowser, ThePageComesToRestReady) {
     EXPECT_EQ(html.find("<canvas id=\"canvas\" hidden"), std::string::npos);
     EXPECT_NE(html.find("<div id=\"controls\">"), std::string::npos);
     EXPECT_EQ(html.find("class=\"pane\" hidden"), std::string::npos);
-}
-
-// Does one thing after the other as a user does, and notes where one then looks from.
-TEST_F(ViewInBrowser, KeysPointersAndButtonsMoveTheView) {
-    const std::string script = R"JS(<script>
-window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 5);
-const begin = Viewer.prototype.begin, seen = {};
-Viewer.prototype.begin = function() { begin.call(this); drive(this); };
-async function drive(viewer) {
-  const canvas = element('canvas');
-  const note = name => { seen[name] = [...viewer.view.centre, ...viewer.view.rows.flat()].map(x => x.toFixed(6)).join(); };
-  const rest = async () => { do await new Promise(done => setTimeout(done, 50)); while (viewer.flight); };
-  const key = (k, shift) => canvas.dispatchEvent(new KeyboardEvent('keydown', {key: k, shiftKey: shift, cancelable: true}));
-  const point = (type, id, x, y) => canvas.dispatchEvent(new PointerEvent(type, {pointerId: id, clientX: x, clientY: y}));
-  canvas.setPointerCapture = () => {};  // there is no such pointer
-  await rest(); note('start');
-  key('ArrowLeft'); note('left'); key('ArrowRight'); note('back');
-  key('ArrowUp', true); note('shifted'); key('ArrowDown', true); note('unshifted');
-  key('+'); note('near'); key('0'); await rest(); note('reset');
-  point('pointerdown', 1, 100, 100); point('pointermove', 1, 140, 100); note('dragged');
-  point('pointerdown', 2, 200, 100); point('pointermove', 2, 240, 100); note('pinched');
-  point('pointerup', 1, 140, 100); point('pointerup', 2, 240, 100); point('pointermove', 1, 10, 10); note('released');
-  key('Home'); await rest(); canvas.blur(); note('home');
-  const wheel = () => canvas.dispatchEvent(new WheelEvent('wheel', {deltaY: 100, cancelable: true}));
-  wheel(); note('unfocused'); canvas.focus(); wheel(); note('wheel');
-  document.querySelector('button[data-camera="0"]').click(); await rest(); await rest(); note('camera');
-  const cloud = viewer.renderer.runs[0].cloud;
-  await patiently((async () => {  // until it has come to rest, the order is that of the view
-    while (cloud.sorting || cloud.sortedFor.fx !== viewer.view.rows[2][0] || cloud.drawn === 0)
-      await new Promise(done => setTimeout(done, 20));
-  })());
-  seen.status = element('status').textContent;
-  const pane = document.querySelector('.pane').getBoundingClientRect(), photo = document.querySelector('.pane img');
-  const lens = lensIn(viewer.view, pane.width, pane.height), c = about.cameras[0], p = photo.getBoundingClientRect();
-  const s = lens.fx / c.fx, left = pane.left + lens.cx - s * c.cx, top = pane.top + lens.cy - s * c.cy;
-  seen.photo = photo.hidden ? 1e9 : Math.max(Math.abs(p.left - left), Math.abs(p.top - top),
-      Math.abs(p.right - left - s * c.width), Math.abs(p.bottom - top - s * c.height));
-  seen.current = document.querySelector('button[aria-current]').dataset.camera;
-  key(']'); await rest(); seen.next = viewer.camera;
-  key('ArrowLeft'); await rest(); seen.after = viewer.camera; seen.hidden = photo.hidden;
-  key('s'); seen.splats = document.querySelector('button[data-show=splats]').getAttribute('aria-pressed');
-  key('c'); seen.centres = viewer.show.centres;
-  key('m'); seen.mesh = viewer.show.mesh;  // there is none
-  const out = document.createElement('pre');
-  out.id = 'seen';
-  out.textContent = JSON.stringify(seen);
-  document.body.append(out);
-}
-</script>)JS";
-    std::vector<ViewRun> runs;
-    runs.push_back(run_of("run", "ewa", test::random_gaussians(50, 4)));
-    std::string page = view_page(std::move(runs), two_cameras()).html;
-    const fs::path file = folder("driven") / "page.html";
-    write_text_file(file, page.insert(page.rfind("</body>"), script));
-    const std::string html = page_in_browser(file, "?wait", "--window-size=500,600"),
-                      text = text_of(html, "seen");
-    EXPECT_EQ(contents(file.parent_path() / "err.txt").find("CONSOLE"), std::string::npos)
-        << contents(file.parent_path() / "err.txt");
-    ASSERT_FALSE(text.empty()) << text_of(html, "status");
-    const JsonValue seen = parse_json_value(text, "seen");
-    const auto at = [&](const char* name) { return seen[name].text; };
-    for (const char* moved : {"left", "shifted", "near", "dragged", "wheel", "camera"})
-        EXPECT_NE(at(moved), at("start")) << moved;
-    EXPECT_EQ(at("back"), at("start"));
-    EXPECT_EQ(at("unshifted"), at("start"));
-    EXPECT_EQ(at("reset"), at("start"));
-    EXPECT_NE(at("pinched"), at("dragged"));
-    EXPECT_EQ(at("released"), at("pinched"));
-    EXPECT_EQ(at("unfocused"), at("home")) << "the wheel is the page's until the view is chosen";
-    EXPECT_NE(at("status").find("Camera 1 of 2: left.jpg"), std::string::npos) << at("status");
-    EXPECT_LT(seen["photo"].number_or(1e9), 1) << "px: the photograph lies where its camera saw it";
-    EXPECT_EQ(at("current"), "0");
-    EXPECT_EQ(seen["next"].number_or(9), 1);
-    EXPECT_EQ(seen["after"].number_or(9), -1) << "moving on takes the photograph away";
-    EXPECT_EQ(seen["hidden"].number, 1);
-    EXPECT_EQ(at("splats"), "false");
-    EXPECT_EQ(seen["centres"].number, 1);
-    EXPECT_TRUE(seen["mesh"].is(JsonValue::Kind::boolean) && seen["mesh"].number == 0);
 }
 
 }  // namespace
