@@ -17,8 +17,9 @@ void read_size(const std::string& file, int& width, int& height);
 /// Error(ExitCode::input) and Error(ExitCode::io).
 void convert_to_png(const std::string& file, const std::string& png);
 
-/// Sharp frames of a video, each moved against the one before by about a tenth of the picture, at
-/// most `most`, as JPEG in `folder`. Returns how many. Throws Error(ExitCode::input).
+/// Sharp frames of a video, each taken when a fifth of what the one before shows has moved by about
+/// 4 % of the width; at most `most`, as JPEG in `folder`. Returns how many. Throws
+/// Error(ExitCode::input).
 int extract_frames(const std::string& video, const std::string& folder, int most);
 
 /// A lens as COLMAP has it, from a file of OpenCV's calibration (YAML, XML or JSON).

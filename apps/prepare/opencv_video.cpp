@@ -19,9 +19,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kLookWidth = 320;    // motion and sharpness are judged at this width
-constexpr double kStep = 0.1;      // of the width: overlap of about 90 %, as structure needs
-constexpr double kLookFrom = 0.7;  // of a step: from here on a frame may be taken
-constexpr double kStepEnd = 1.3;   // here one has to be
+constexpr double kStep = 0.04;     // of the width, by what moves most: about 10 degrees of an orbit
+constexpr double kLookFrom = 0.6;  // of a step: from here on a frame may be taken
+constexpr double kStepEnd = 1.4;   // here one has to be
 
 cv::Mat small_grey(const cv::Mat& frame) {
     cv::Mat grey, small;
@@ -40,8 +40,8 @@ double sharpness(const cv::Mat& grey) {
     return deviation[0] * deviation[0];
 }
 
-/// How far corners have moved since a frame, in widths of the picture (median); they are followed
-/// from frame to frame.
+/// How far corners have moved since a frame, in widths of the picture; they are followed from frame
+/// to frame. A fifth of them moves more: around an object, its middle stays in the middle.
 class Motion {
 public:
     void start(const cv::Mat& grey) {
@@ -64,10 +64,9 @@ public:
         }
         began_ = began, now_ = now, last_ = grey;
         if (2 * moved.size() < count_) return kStep * kStepEnd;  // most are lost: far enough
-        std::nth_element(moved.begin(),
-                         moved.begin() + static_cast<std::ptrdiff_t>(moved.size() / 2),
-                         moved.end());
-        return moved[moved.size() / 2];
+        const auto far = moved.begin() + static_cast<std::ptrdiff_t>(moved.size() * 4 / 5);
+        std::nth_element(moved.begin(), far, moved.end());
+        return *far;
     }
 
 private:
@@ -121,7 +120,7 @@ int extract_frames(const std::string& video, const std::string& folder, int most
     if (sharpest >= 0) keep(best);
     if (files.size() < 2)
         throw input_error(video, ": ", files.size(),
-                          " frames that differ by a tenth of the picture; expected 2 or more: was "
+                          " frames that moved against each other; expected 2 or more: was "
                           "the camera moved?");
     thin_out(files, static_cast<std::size_t>(most));
     return static_cast<int>(files.size());

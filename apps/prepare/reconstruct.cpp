@@ -69,6 +69,21 @@ private:
     int threads_;
 };
 
+/// Of the cameras that come out.
+std::string lens_of(const CameraGroup& group, const ReconstructOptions& options) {
+    // Two coefficients of each kind need some photographs to be found from.
+    return options.lens != "auto"     ? options.lens
+           : group.names.size() >= 10 ? "OPENCV"
+                                      : "SIMPLE_RADIAL";
+}
+
+/// With one coefficient: what the search for poses begins with, since more of them go astray while
+/// two or three photographs are all there is.
+std::string first_lens(const std::string& lens) {
+    if (lens == "RADIAL" || lens == "OPENCV" || lens == "FULL_OPENCV") return "SIMPLE_RADIAL";
+    return lens.ends_with("_FISHEYE") ? "SIMPLE_RADIAL_FISHEYE" : lens;
+}
+
 void extract_features(const Colmap& colmap,
                       const fs::path& work,
                       const fs::path& images,
@@ -79,11 +94,9 @@ void extract_features(const Colmap& colmap,
     for (const CameraGroup& group : groups) all += group.names.size();
     Step step(str("features of ", all, " photographs"));
     for (const CameraGroup& group : groups) {
-        // A lens with two coefficients of each kind needs some photographs to be found from.
-        const std::string lens = options.calibration        ? options.calibration->model
-                                 : options.lens != "auto"   ? options.lens
-                                 : group.names.size() >= 10 ? "OPENCV"
-                                                            : "SIMPLE_RADIAL";
+        const std::string wanted = options.calibration ? options.calibration->model
+                                                       : lens_of(group, options),
+                          lens = options.calibration ? wanted : first_lens(wanted);
         std::string list;
         for (const std::string& name : group.names) list += name + "\n";
         const std::string list_file = (work / "list.txt").string();
@@ -119,7 +132,7 @@ void extract_features(const Colmap& colmap,
             if (text.starts_with("Processed file")) step.reached(++done, all);
         });
         if (code != 0) throw colmap.failed("feature_extractor", code);
-        spdlog::info("camera {} for {} photographs of {}", lens, group.names.size(),
+        spdlog::info("camera {} for {} photographs of {}", wanted, group.names.size(),
                      group.description);
     }
     step.done();
@@ -151,9 +164,9 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
     const fs::path out = work / "models";
     fs::create_directories(out);
     std::vector<std::string> words = {
-        "mapper",       "--database_path", (work / "database.db").string(),
-        "--image_path", images.string(),   "--output_path",
-        out.string()};
+        "mapper",       "--database_path",         (work / "database.db").string(),
+        "--image_path", images.string(),           "--output_path",
+        out.string(),   "--Mapper.min_model_size", "3"};
     if (lens_is_known)
         words.insert(words.end(), {"--Mapper.ba_refine_focal_length", "0",
                                    "--Mapper.ba_refine_extra_params", "0"});
@@ -176,21 +189,34 @@ std::vector<SparseModel> map_all(const Colmap& colmap,
     return models;
 }
 
-/// The same with the principal point found as well: where each camera took so many photographs that
-/// it is told apart from the poses.
-SparseModel with_principal_points(const Colmap& colmap, const fs::path& work, SparseModel model) {
+/// The same with the lenses that are wanted, and the principal point of cameras that took so many
+/// photographs that it is told apart from the poses.
+SparseModel with_lenses(const Colmap& colmap,
+                        const fs::path& work,
+                        SparseModel model,
+                        const std::vector<CameraGroup>& groups,
+                        const ReconstructOptions& options) {
     constexpr std::size_t kPhotographs = 20;
+    std::map<std::string, std::string> lenses;  // by photograph
+    for (const CameraGroup& group : groups)
+        for (const std::string& name : group.names) lenses[name] = lens_of(group, options);
     std::map<std::uint32_t, std::size_t> counts;
-    for (const SparseImage& image : model.images) ++counts[image.camera_id];
-    if (!std::ranges::all_of(counts, [](auto& count) { return count.second >= kPhotographs; }))
-        return model;
-    Step step("principal point");
+    std::map<std::uint32_t, std::string> lens;
+    for (const SparseImage& image : model.images)
+        ++counts[image.camera_id], lens[image.camera_id] = lenses[image.name];
+    const bool centres =
+        std::ranges::all_of(counts, [](auto& count) { return count.second >= kPhotographs; });
+    bool changed = centres;
+    for (SparseCamera& camera : model.cameras) changed |= take_lens(camera, lens[camera.id]);
+    if (!changed) return model;
+    Step step(centres ? "lens and principal point" : "lens");
     const fs::path found = work / "found", out = work / "refined";
     fs::create_directories(out);
     write_sparse_model(found.string(), model);
-    const int code = colmap.run({"bundle_adjuster", "--input_path", found.string(), "--output_path",
-                                 out.string(), "--BundleAdjustment.refine_principal_point", "1"},
-                                "", [](std::string_view) {});
+    const int code =
+        colmap.run({"bundle_adjuster", "--input_path", found.string(), "--output_path",
+                    out.string(), "--BundleAdjustment.refine_principal_point", centres ? "1" : "0"},
+                   "", [](std::string_view) {});
     if (code != 0) throw colmap.failed("bundle_adjuster", code);
     step.done();
     return read_sparse_model(out.string());
@@ -259,13 +285,14 @@ Reconstruction reconstruct(const std::string& program,
     else
         found.models = map_all(colmap, work, images, photographs, options.calibration.has_value());
     if (options.poses.empty() && !options.calibration && !found.models.empty())
-        found.models[0] = with_principal_points(colmap, work, std::move(found.models[0]));
+        found.models[0] = with_lenses(colmap, work, std::move(found.models[0]), groups, options);
     if (found.models.empty())
         throw input_error(
-            "COLMAP found no two of the ", photographs,
-            " photographs that see the same from different places; take them sharp, of "
-            "something with texture, each sharing two thirds with the next, and step "
-            "sideways in between");
+            "COLMAP found nothing to begin with among the ", photographs,
+            " photographs: no three see enough of the same from different places; take them sharp, "
+            "of "
+            "something with texture, each sharing two thirds with the next, and step sideways in "
+            "between");
     return found;
 }
 

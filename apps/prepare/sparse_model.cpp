@@ -173,6 +173,21 @@ void move(SparseModel& model, const Similarity& to_new) {
     for (SparsePoint& point : model.points) point.position = to_new * point.position;
 }
 
+bool take_lens(SparseCamera& camera, const std::string& lens) {
+    constexpr const char *kPlain[] = {"RADIAL", "OPENCV", "FULL_OPENCV"},
+                         *kFisheye[] = {"RADIAL_FISHEYE", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE"};
+    const std::string now = find_camera_model(camera.model)->name;
+    const bool plain = now == "SIMPLE_RADIAL" && std::ranges::count(kPlain, lens) > 0,
+               fisheye = now == "SIMPLE_RADIAL_FISHEYE" && std::ranges::count(kFisheye, lens) > 0;
+    if (!plain && !fisheye) return false;
+    const CameraModel& wanted = *find_camera_model(lens);
+    // f, cx, cy, k; models of more than one focal length have fx, fy.
+    if (!lens.starts_with("RADIAL")) camera.params.insert(camera.params.begin(), camera.params[0]);
+    camera.params.resize(static_cast<std::size_t>(wanted.params));
+    camera.model = wanted.id;
+    return true;
+}
+
 Intrinsics intrinsics_of(const SparseCamera& camera) {
     return make_intrinsics("COLMAP's result", camera.id, *find_camera_model(camera.model),
                            camera.width, camera.height, camera.params);

@@ -76,6 +76,10 @@ void write_sparse_model(const std::string& folder, const SparseModel& model);
 /// The same cameras and points in another world frame.
 void move(SparseModel& model, const Similarity& to_new);
 
+/// From SIMPLE_RADIAL or SIMPLE_RADIAL_FISHEYE to a model of the same family with more
+/// coefficients, which are 0 at first: the same picture. False where it is no such step.
+bool take_lens(SparseCamera& camera, const std::string& lens);
+
 /// With its parameters checked, as the readers of scenes take it.
 Intrinsics intrinsics_of(const SparseCamera& camera);
 

@@ -26,6 +26,25 @@ TEST(SparseModels, MovedTheyShowTheSame) {
         }
 }
 
+TEST(SparseModels, RicherLensesShowTheSameAtFirst) {
+    const Vec2<double> ray{-0.4, 0.3};
+    for (const bool fisheye : {false, true}) {
+        const SparseCamera simple{1, fisheye ? 8 : 2, 64, 48, {70, 32, 24, -0.1}};
+        const Vec2<double> before = distort(intrinsics_of(simple).distortion, ray);
+        for (const std::string lens : {"RADIAL", "OPENCV", "FULL_OPENCV", "RADIAL_FISHEYE",
+                                       "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE"}) {
+            SparseCamera camera = simple;
+            EXPECT_EQ(take_lens(camera, lens), lens.ends_with("FISHEYE") == fisheye) << lens;
+            const Vec2<double> after = distort(intrinsics_of(camera).distortion, ray);
+            EXPECT_EQ(after.x, before.x) << lens;
+            EXPECT_EQ(after.y, before.y) << lens;
+        }
+        SparseCamera other = simple;
+        for (const char* lens : {"FOV", "PINHOLE", "SIMPLE_RADIAL", ""})
+            EXPECT_FALSE(take_lens(other, lens)) << lens;
+    }
+}
+
 class Files : public IoTest {};
 
 TEST_F(Files, SparseModelsAreWrittenAndRead) {

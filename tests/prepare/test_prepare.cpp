@@ -95,10 +95,16 @@ TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
     std::vector<std::string> names;
     for (int i = 0; i < 24; ++i) names.push_back(str("f", 10 + i, ".png"));
     photos(names);
-    store(0, made_model(names));
+    SparseModel model = made_model(names);
+    model.cameras[0].model = 2, model.cameras[0].params = {70, 32, 24, -0.1};
+    store(0, model);
     ASSERT_EQ(run("photos scene --threads 3 --max-size 1000 --matcher sequential").code, 0);
     std::string calls = text("calls.txt");
-    EXPECT_NE(calls.find("--ImageReader.camera_model OPENCV "), std::string::npos) << calls;
+    // The search begins with one coefficient; the others come afterwards.
+    EXPECT_NE(calls.find("--ImageReader.camera_model SIMPLE_RADIAL "), std::string::npos) << calls;
+    const SparseCamera camera = read_sparse_model((folder / "scene/sparse/0").string()).cameras[0];
+    EXPECT_EQ(camera.model, 4);
+    EXPECT_EQ(camera.params, (std::vector<double>{70, 70, 32, 24, -0.1, 0, 0, 0}));
     EXPECT_NE(calls.find("--SiftExtraction.num_threads 3"), std::string::npos) << calls;
     EXPECT_NE(calls.find("--Mapper.num_threads 3"), std::string::npos) << calls;
     EXPECT_NE(calls.find("--SiftExtraction.max_image_size 1000"), std::string::npos) << calls;
@@ -113,7 +119,7 @@ TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
     for (std::size_t at = 0; (at = calls.find("feature_extractor", at)) != std::string::npos; ++at)
         ++extractions;
     EXPECT_EQ(extractions, 24u);
-    EXPECT_NE(calls.find("camera_model OPENCV_FISHEYE"), std::string::npos);
+    EXPECT_NE(calls.find("camera_model SIMPLE_RADIAL_FISHEYE"), std::string::npos);
 
     write("photos/wide.png", png_bytes(ImageU8(80, 48, 3)));
     const Result r = run("photos one --cameras one");
@@ -153,7 +159,7 @@ TEST_F(Prepare, TooFewPosesAreAnError) {
     fs::remove_all(folder / "scene");
     r = run("photos scene");
     EXPECT_EQ(r.code, 3) << r;
-    EXPECT_TRUE(r.says("no two of the 5 photographs")) << r;
+    EXPECT_TRUE(r.says("nothing to begin with among the 5 photographs")) << r;
     expect_nothing_left();
 }
 
