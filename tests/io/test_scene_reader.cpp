@@ -299,7 +299,7 @@ TEST_F(SceneReader, DistortedCameras) {
     const Scene scene = read();
     const View& view = scene.train[1];
     EXPECT_EQ(view.camera.fy_px, 10);
-    EXPECT_EQ(view.mask.at(0, 0), 0);  // the pinhole sees farther than the lens did
+    EXPECT_EQ(view.mask.at(0, 0), kNoPhoto);  // the pinhole sees farther than the lens did
     EXPECT_EQ(view.mask.at(4, 3), 255);
     EXPECT_EQ(view.photo.at(4, 3), 10);
     for (const char* line : {"1 OPENCV_FISHEYE 8 6 10 10 4 3 0 0 0 0", "1 FOV 8 6 10 10 4 3 0.9",
