@@ -3,21 +3,9 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "mesh/voxel_size.h"
 
 namespace tvsgs::detail {
-namespace {
-
-constexpr int kMeshResolution = 2048;  // twice that of 2DGS and FatesGS
-
-/// Voxels along the depth limit, but none smaller than a pixel at half that depth, where the object
-/// is: such voxels average nothing and hold only noise.
-int automatic_resolution(const std::vector<View>& views) {
-    float focal_px = kMeshResolution / 2.0f;
-    for (const View& view : views) focal_px = std::min(focal_px, view.camera.fx_px);
-    return std::max(8, static_cast<int>(2 * focal_px));
-}
-
-}  // namespace
 
 void check_tsdf_options(const TsdfMesherOptions& options) {
     if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
@@ -25,12 +13,6 @@ void check_tsdf_options(const TsdfMesherOptions& options) {
                     str("mesh.min_weight=", options.min_weight,
                         " counts views, which --weight does not: give --weight unit, or "
                         "--min-weight 1"));
-}
-
-float voxel_size(const TsdfMesherOptions& options, const std::vector<View>& views, float extent) {
-    if (options.voxel_size > 0) return options.voxel_size;
-    return extent / static_cast<float>(options.resolution > 0 ? options.resolution
-                                                              : automatic_resolution(views));
 }
 
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
@@ -47,8 +29,8 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.trust = volume.trust;
     if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
-    volume.voxel_size =
-        voxel_size(options, views, region.unbounded ? 2 * region.radius : rules.depth_max);
+    volume.voxel_size = voxel_size(options.voxel_size, options.resolution,
+                                   region.unbounded ? 2 * region.radius : rules.depth_max, views);
     volume.truncation =
         options.truncation > 0 ? options.truncation : options.truncation_voxels * volume.voxel_size;
     volume.max_bytes = max_bytes;

@@ -45,9 +45,6 @@ namespace detail {
 /// Throws Error(ExitCode::usage) for options that contradict each other.
 void check_tsdf_options(const TsdfMesherOptions& options);
 
-/// The side of a voxel for those views, world units; `extent`: what mesh.resolution divides.
-float voxel_size(const TsdfMesherOptions& options, const std::vector<View>& views, float extent);
-
 /// The volume for those views; `rules` get its weighting and its reach. What is chosen is said at
 /// `level`.
 TsdfOptions tsdf_volume(const TsdfMesherOptions& options,

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "mesh/mesher.h"
-#include "mesh/mesher_tsdf.h"
 #include "mesh/view_points.h"
+#include "mesh/voxel_size.h"
 
 namespace tvsgs {
 
@@ -29,13 +29,15 @@ ExtractedMesh close_surface(const ViewPoints& points,
 template <class Device>
 class WatertightMesher final : public Mesher<Device> {
 public:
-    /// Of the options, the size of voxels counts: it is that of the finest nodes.
-    explicit WatertightMesher(const TsdfMesherOptions& options) : options_(options) {}
+    /// Nodes are as far apart as voxels of voxel_size().
+    WatertightMesher(float given_size, int resolution)
+        : given_size_(given_size), resolution_(resolution) {}
 
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
         const EvidenceSource evidence = evidence_of(in.depth);
         const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);
-        ViewPoints points(detail::voxel_size(options_, in.views, in.depth.rules().depth_max));
+        ViewPoints points(
+            voxel_size(given_size_, resolution_, in.depth.rules().depth_max, in.views));
         for (int i = 0; i < in.depth.size(); ++i) {
             const DepthView<Device> view = in.depth.view(i);
             points.add({view.camera, to_host(view.depth), to_host(view.color), to_host(view.weight),
@@ -58,7 +60,8 @@ private:
         return host;
     }
 
-    TsdfMesherOptions options_;
+    float given_size_;
+    int resolution_;
 };
 
 }  // namespace tvsgs

@@ -41,7 +41,8 @@ void visit_meshers(const MesherOptions& o, const Visit& visit) {
 /// The one for meshes that have to be closed, which has no name: it is not a choice among equals.
 template <class Device>
 std::unique_ptr<Mesher<Device>> make_watertight_mesher(const MesherOptions& options) {
-    return std::make_unique<WatertightMesher<Device>>(options.tsdf);
+    return std::make_unique<WatertightMesher<Device>>(options.tsdf.voxel_size,
+                                                      options.tsdf.resolution);
 }
 
 template <class Device>

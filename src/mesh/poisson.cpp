@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kMargin = 0.1;     // of the box around the points, of its longest side
 constexpr int kReach = 3;           // nodes to each side of a point that a level has
-constexpr int kDenseNodes = 128;    // along the longest side, up to which a level has all
+constexpr int kDenseNodes = 64;     // along the longest side, up to which a level has all
 constexpr int kCoarsestNodes = 16;  // at most, likewise
 
 /// Around the points, with a margin.

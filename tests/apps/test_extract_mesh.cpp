@@ -282,7 +282,6 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--method tetrahedra --set mesh.tetrahedra.views=3", 2, "mesh.tetrahedra.views");
     expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
-    expect_refused("--watertight --unbounded", 2, "leave --unbounded out, or --watertight");
     expect_refused("--watertight --method tetrahedra", 2, "leave --method tetrahedra out");
     expect_refused("--watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
     expect_refused("--watertight --memory 100K", 4, "raise --memory");
