@@ -99,7 +99,8 @@ include(\"${PROJECT_SOURCE_DIR}/packaging/bundled_licences.cmake\")" COMPONENT b
 
 # 5. Packages: cpack -G DEB, cpack -G TGZ. With -D CPACK_TVSGS_TESTS=ON the tarball has the test programs and their
 # data.
-set(CPACK_PACKAGE_CONTACT "The tvsgs contributors" CACHE STRING "Name <address> of who makes the packages")
+set(CPACK_PACKAGE_CONTACT "The tvsgs contributors <contributors@tvsgs.invalid>" CACHE STRING
+    "Name <address> of who makes the packages")
 set(CPACK_PACKAGE_VENDOR "tvsgs")
 set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGE_DIRECTORY ${PROJECT_BINARY_DIR}/packages)

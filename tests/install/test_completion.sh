@@ -41,6 +41,10 @@ expect_only 'tv.k=' tvsgs-train --set tv.k
 expect geometry tvsgs-eval ge
 expect --pred tvsgs-eval geometry --
 expect --pred tvsgs eval geometry --pr
+if complete_words tvsgs-eval '' | grep -e '^-'; then
+    echo "test_completion: flags are offered before a '-' is typed" >&2
+    failures=$((failures + 1))
+fi
 cd "$(dirname "$2")"
 expect "${2##*/}" tvsgs-train --init-ply ''
 exit $((failures > 0))
