@@ -3,7 +3,10 @@
 add_library(tvsgs_flags INTERFACE)
 # "core/version.h" is made from project(VERSION) and lies in the build tree.
 configure_file(${PROJECT_SOURCE_DIR}/src/core/version.h.in ${PROJECT_BINARY_DIR}/generated/core/version.h @ONLY)
-target_include_directories(tvsgs_flags INTERFACE ${PROJECT_SOURCE_DIR}/src ${PROJECT_BINARY_DIR}/generated)
+target_include_directories(tvsgs_flags INTERFACE
+    $<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src> $<BUILD_INTERFACE:${PROJECT_BINARY_DIR}/generated>
+    $<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}/tvsgs>)
+target_compile_features(tvsgs_flags INTERFACE cxx_std_20)
 # -Wno-restrict: GCC 12 sees overlaps in std::string that are not there (GCC bug 105651).
 # No fast-math anywhere: the guards rely on NaN comparing false. The two flags below only drop errno
 # and trap bookkeeping, which is what lets loops with exp() and sqrt() vectorise.
@@ -17,15 +20,17 @@ endif()
 if(TVSGS_WERROR)
     set(TVSGS_CUDA_WERROR -Werror=all-warnings)
 endif()
+# Those who link the installed libraries have warnings of their own.
 target_compile_options(tvsgs_flags INTERFACE
-    $<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS} -fno-math-errno -fno-trapping-math>
-    $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr -Xcompiler=-Wall,-fopenmp
-        ${TVSGS_CUDA_WERROR} -diag-suppress=20012>)
+    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CXX>:${TVSGS_WARNINGS};-fno-math-errno;-fno-trapping-math>>"
+    $<$<COMPILE_LANGUAGE:CUDA>:--expt-relaxed-constexpr>
+    "$<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CUDA>:-Xcompiler=-Wall,-fopenmp;${TVSGS_CUDA_WERROR}>>"
+    $<BUILD_INTERFACE:$<$<COMPILE_LANGUAGE:CUDA>:-diag-suppress=20012>>)
 target_link_libraries(tvsgs_flags INTERFACE OpenMP::OpenMP_CXX)
 if(TVSGS_CUDA)
     target_compile_definitions(tvsgs_flags INTERFACE TVSGS_WITH_CUDA=1)
     # System headers for the C++ files: CUDA's own do not pass our warnings.
-    target_include_directories(tvsgs_flags SYSTEM INTERFACE ${CUDAToolkit_INCLUDE_DIRS})
+    target_include_directories(tvsgs_flags SYSTEM INTERFACE "$<BUILD_INTERFACE:${CUDAToolkit_INCLUDE_DIRS}>")
 endif()
 if(TVSGS_NATIVE)
     target_compile_options(tvsgs_flags INTERFACE $<$<COMPILE_LANGUAGE:CXX>:-march=native>)
@@ -74,6 +79,7 @@ function(tvsgs_test name)
         TVSGS_TEST_DATA="${PROJECT_SOURCE_DIR}/tests/data"
         TVSGS_BIN_DIR="${CMAKE_RUNTIME_OUTPUT_DIRECTORY}")
     add_test(NAME ${name} COMMAND ${name})
+    install(TARGETS ${name} RUNTIME DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tests EXCLUDE_FROM_ALL)
     set(seconds 300)
     if(TVSGS_SANITIZE)
         set(seconds 3600)  # tests that make scenes take most of it

@@ -145,7 +145,8 @@ void print(const TrainTimes& plain,
 
 TrainBench::TrainBench(CLI::App& app)
     : command_(app.add_subcommand("train", "real training by stage, and seconds to a PSNR")),
-      flags_(*command_) {
+      flags_(*command_, table_) {
+    options_.add_to(table_);
     CLI::App& c = *command_;
     flags_.add_scene();
     flags_.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
@@ -167,14 +168,12 @@ TrainBench::TrainBench(CLI::App& app)
     c.add_flag("--quiet", quiet_, "warnings and errors only");
 }
 
-int TrainBench::run() const {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    for (const std::string& file : configs_) table.read_file(file);
-    table.read_environment();
-    flags_.set_keys(table);
-    table.set_all(settings_);
+int TrainBench::run() {
+    RunOptions& options = options_;
+    for (const std::string& file : configs_) table_.read_file(file);
+    table_.read_environment();
+    flags_.set_keys(table_);
+    table_.set_all(settings_);
     if (options.scene.path.empty())
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     const int iterations = options.train.iterations;

@@ -6,6 +6,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
+#include "pipeline/run_options.h"
 
 namespace tvsgs {
 
@@ -16,11 +17,13 @@ public:
 
     bool parsed() const { return command_->parsed(); }
     /// Exit code; one line of JSON on standard output, a table on standard error.
-    int run() const;
+    int run();
     bool quiet() const { return quiet_; }
 
 private:
     CLI::App* command_;
+    RunOptions options_;
+    OptionTable table_;  // of options_
     KeyFlags flags_;
     std::vector<std::string> configs_, settings_;
     std::vector<double> psnr_;

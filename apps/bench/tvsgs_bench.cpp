@@ -11,10 +11,9 @@ namespace {
 int command(int argc, char** argv) {
     CLI::App app{"Measures the program itself.", "tvsgs-bench"};
     app.require_subcommand(1);
-    app.set_version_flag("--version", kVersion);
     const VoteBench vote(app);
     const StagesBench stages(app);
-    const TrainBench train(app);
+    TrainBench train(app);
     const StabilityBench stability(app);
     parse_command_line(app, argc, argv);
     init_log(vote.quiet() || stages.quiet() || train.quiet() ? Verbosity::quiet

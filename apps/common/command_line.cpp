@@ -8,10 +8,12 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
-#include <iostream>
 #include <new>
+#include <string_view>
 #include <vector>
 
+#include "apps/common/build_info.h"
+#include "apps/common/help_pages.h"
 #include "core/buffer.h"
 #include "core/nearest_name.h"
 #include "io/atomic_file.h"
@@ -43,14 +45,45 @@ void guard_standard_streams() {
             open("/dev/null", O_RDWR);  // takes the lowest free number
 }
 
-void let_last_win(CLI::App& app) {
-    const auto all = [](auto*) { return true; };
-    for (CLI::Option* option : app.get_options())
+constexpr const char* kPlainLetters =  // that a shell takes as they are
+    "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-_./+=:,@%";
+constexpr const char* kManFlag = "--help-man";      // cmake/install.cmake
+constexpr const char* kWordsFlag = "--help-words";  // packaging/tvsgs.bash
+
+std::vector<CLI::App*> subcommands_of(CLI::App& app) {
+    return app.get_subcommands(std::function<bool(CLI::App*)>([](CLI::App*) { return true; }));
+}
+
+/// What all flags have in common: the last one wins, and help says the default where the
+/// description does not.
+void settle_flags(CLI::App& app) {
+    app.set_help_flag("-h,--help", "print this page and stop");
+    app.set_help_all_flag("--help-all", "print every flag and stop");
+    for (CLI::Option* option : app.get_options()) {
         if (option->get_multi_option_policy() == CLI::MultiOptionPolicy::Throw &&
             option->get_expected_max() == 1)
             option->multi_option_policy(CLI::MultiOptionPolicy::TakeLast);
-    for (CLI::App* sub : app.get_subcommands(std::function<bool(CLI::App*)>(all)))
-        let_last_win(*sub);
+        const bool says_default = option->get_description().find('[') != std::string::npos;
+        if (option->get_expected_max() == 1 && !says_default && option->get_default_str().empty())
+            option->capture_default_str();
+        if (option->get_default_str() == "[]") option->default_str("");
+    }
+    for (CLI::App* sub : subcommands_of(app)) settle_flags(*sub);
+}
+
+/// The words that shells complete by; of a subcommand where one is named.
+std::string words_for_shell(CLI::App& app, int argc, char* const* argv) {
+    for (int i = 1; i < argc; ++i)
+        for (CLI::App* sub : subcommands_of(app))
+            if (sub->get_name() == argv[i]) return completion_words(*sub);
+    return completion_words(app);
+}
+
+/// Prints what was asked for and ends the command.
+[[noreturn]] void answer(const std::string& text) {
+    std::fputs(text.c_str(), stdout);
+    flush_standard_output();
+    throw AskedAndAnswered{};
 }
 
 }  // namespace
@@ -63,8 +96,12 @@ const CLI::Validator kPositive(
     },
     "> 0");
 
-void parse_command_line(CLI::App& app, int argc, char** argv) {
-    let_last_win(app);
+void parse_command_line(CLI::App& app, int argc, char* const* argv) {
+    app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries and stop");
+    settle_flags(app);
+    if (argc > 1 && argv[argc - 1] == std::string_view(kManFlag)) answer(man_page(app));
+    if (argc > 1 && argv[argc - 1] == std::string_view(kWordsFlag))
+        answer(words_for_shell(app, argc, argv));
     std::vector<std::string> words;
     for (int i = argc - 1; i > 0; --i) {  // CLI11 takes them last to first
         std::string word = argv[i];
@@ -85,17 +122,16 @@ void parse_command_line(CLI::App& app, int argc, char** argv) {
     collect(app);
     try {
         app.parse(std::vector<std::string>(words));  // it would eat the words
-    } catch (const CLI::Success& success) {          // --help, --version
-        app.exit(success);
-        std::cout.flush();
-        flush_standard_output();
-        throw AskedAndAnswered{};
+    } catch (const CLI::CallForHelp&) {
+        answer(help_page(app));
+    } catch (const CLI::CallForAllHelp&) {
+        answer(app.help("", app.get_subcommands().empty() && !subcommands_of(app).empty()
+                                ? CLI::AppFormatMode::All
+                                : CLI::AppFormatMode::Normal));
+    } catch (const CLI::Success& version) {
+        answer(str(version.what(), "\n"));
     } catch (const CLI::ParseError& error) {
         std::string hint;
-        const auto subs = app.get_subcommands([](const CLI::App*) { return true; });
-        for (const CLI::App* sub : subs)
-            if (app.get_subcommands().empty())
-                hint += (hint.empty() ? ": " : ", ") + sub->get_name();
         for (auto word = words.rbegin(); word != words.rend() && hint.empty(); ++word) {
             const std::string flag = word->substr(0, word->find('='));
             if (!flag.starts_with("--") ||
@@ -105,6 +141,9 @@ void parse_command_line(CLI::App& app, int argc, char** argv) {
             hint = near.empty() ? str("; unknown flag ", flag)
                                 : str("; unknown flag ", flag, ", did you mean ", near, "?");
         }
+        if (hint.empty() && app.get_subcommands().empty())
+            for (const CLI::App* sub : subcommands_of(app))
+                hint += (hint.empty() ? ": " : ", ") + sub->get_name();
         throw Error(ExitCode::usage, str("command line: ", error.what(), hint, "; see --help"));
     }
 }
@@ -116,6 +155,22 @@ CLI::Option* add_output_flag(CLI::App& app,
     return app.add_option(names, file, description)->each([](const std::string& name) {
         require_replaceable(name);
     });
+}
+
+void say_next(std::initializer_list<std::string> words, const std::string& what) {
+    std::string line;
+    for (const std::string& word : words) {
+        const bool plain = !word.empty() && word.find_first_not_of(kPlainLetters) == word.npos;
+        line += line.empty() ? "" : " ";
+        if (plain) {
+            line += word;
+            continue;
+        }
+        line += '\'';
+        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
+        line += '\'';
+    }
+    spdlog::info("next: {}   {}", line, what);
 }
 
 int run_command(const std::function<int()>& command) {

@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <initializer_list>
 #include <string>
 
 #include "core/error.h"
@@ -15,14 +16,19 @@ namespace tvsgs {
 extern const CLI::Validator kPositive;
 
 /// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
-/// become Error(ExitCode::usage); an unknown flag names the nearest one.
-void parse_command_line(CLI::App& app, int argc, char** argv);
+/// become Error(ExitCode::usage); an unknown flag names the nearest one. Adds --version, --help and
+/// --help-all, and answers them; so, too, what is meant for programs: --help-man (the manual) and
+/// --help-words (for completion), which have to stand last.
+void parse_command_line(CLI::App& app, int argc, char* const* argv);
 
 /// A flag for a file to write, which may replace none but ours: said before any work is done.
 CLI::Option* add_output_flag(CLI::App& app,
                              const std::string& names,
                              std::string& file,
                              const std::string& description);
+
+/// The last message of a command: the line to type next, quoted for a shell, and what it does.
+void say_next(std::initializer_list<std::string> words, const std::string& what);
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its
 /// kind.

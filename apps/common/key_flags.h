@@ -3,6 +3,7 @@
 
 #include <CLI/CLI.hpp>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -14,13 +15,18 @@ namespace tvsgs {
 /// environment. Must outlive the parsing.
 class KeyFlags {
 public:
-    explicit KeyFlags(CLI::App& app) : app_(app) {}
+    /// `table` has the types and defaults that help shows; a key that it does not have is an error.
+    KeyFlags(CLI::App& app, const OptionTable& table) : app_(app), table_(table) {}
     KeyFlags(const KeyFlags&) = delete;
     KeyFlags& operator=(const KeyFlags&) = delete;
 
     void add(const char* names, const char* key, const char* help, const char* group) {
+        const Option& option = table_.option(key);
+        const bool says_default = std::string_view(help).find('[') != std::string_view::npos;
         app_.add_option_function<std::string>(
                 names, [this, key](const std::string& v) { given_.emplace_back(key, v); }, help)
+            ->type_name(type_name(option))
+            ->default_str(says_default ? "" : option.get())
             ->group(group);
     }
     void add_switch(const char* names, const char* key, const char* help, const char* group) {
@@ -57,7 +63,23 @@ public:
     }
 
 private:
+    static std::string type_name(const Option& option) {
+        switch (option.kind) {
+            case Option::Kind::integer:
+                return "INT";
+            case Option::Kind::real:
+                return "FLOAT";
+            case Option::Kind::boolean:
+                return "{true,false}";
+            case Option::Kind::choice:
+                return "{" + CLI::detail::join(option.choices, ",") + "}";
+            default:
+                return "TEXT";
+        }
+    }
+
     CLI::App& app_;
+    const OptionTable& table_;
     std::vector<std::pair<std::string, std::string>> given_;
 };
 

@@ -10,7 +10,6 @@ int command(int argc, char** argv) {
     bool quiet = false;
     CLI::App app{"Measures results.", "tvsgs-eval"};
     app.require_subcommand(1);
-    app.set_version_flag("--version", kVersion);
     const EvalCommand commands[] = {add_eval_geometry(app), add_eval_dtu(app), add_eval_tnt(app),
                                     add_eval_nvs(app),      add_eval_run(app), add_eval_report(app),
                                     add_eval_table(app)};

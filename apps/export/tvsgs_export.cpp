@@ -51,7 +51,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     std::vector<std::string> configs, settings;
     CLI::App app{"Writes splats in the formats that viewers take.", "tvsgs-export"};
     app.get_formatter()->column_width(46);
-    KeyFlags flags(app);
+    KeyFlags flags(app, table);
     app.add_option("input", a.input, "run folder, or splats as .ply, .spz, .sog or .glb")
         ->required();
     app.add_option("output", a.output, "file to write, .ply, .spz, .sog or .glb")->required();
@@ -110,7 +110,6 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--json", a.json, "print the result as JSON")->group(group);
     add_output_flag(app, "--out-report", a.report, "file for the same JSON")->group(group);
     flags.add_scene("Scene (default: that of the run)");
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
 

@@ -26,17 +26,17 @@ struct Arguments {
     bool pictures = true, quiet = false, verbose = false, list_keys = false;
 };
 
-Arguments parse(int argc, char** argv, OptionTable& table) {
+Arguments parse(int argc, char** argv, OptionTable& table, StereoOptions& stereo) {
     Arguments arguments;
     CLI::App app{"Makes a dense cloud of calibrated photographs by multi-view stereo.",
                  "tvsgs-init"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> settings;
-    KeyFlags flags(app);
+    KeyFlags flags(app, table);
     flags.add_scene();
     const char* group = "Stereo";
     flags.add_switch("--use-masks", "stereo.use_masks", "no points outside the masks", group);
-    flags.add("--seed", "stereo.seed", "of all random numbers", group);
+    app.add_option("--seed", stereo.seed, "of all random numbers")->group(group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
     app.add_option("--set", settings, "KEY=VALUE for any key of --list-keys")
         ->group(group)
@@ -57,7 +57,6 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->group(group);
     app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
     app.add_flag("--verbose", arguments.verbose, "more detail")->group(group);
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
 
     table.read_environment();
@@ -106,7 +105,7 @@ int command(int argc, char** argv) {
     OptionTable table;
     table.add("scene", scene_options);
     table.add("stereo", stereo_options);
-    const Arguments arguments = parse(argc, argv, table);
+    const Arguments arguments = parse(argc, argv, table, stereo_options);
     if (arguments.list_keys) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
@@ -139,6 +138,12 @@ int command(int argc, char** argv) {
     if (!arguments.maps.empty())
         write_maps(arguments.maps, scene.train, result.maps, arguments.pictures);
     if (!arguments.out.empty()) write_cloud_ply(arguments.out, result.cloud, scene.origin);
+    for (const std::string& path : {arguments.out, arguments.maps})
+        if (!path.empty())
+            spdlog::info("{}: {}", path, path == arguments.out ? "cloud" : "depth and normal maps");
+    if (!arguments.out.empty())
+        say_next({"tvsgs-train", "--scene", scene_options.path, "--init-ply", arguments.out},
+                 "trains from it");
     return 0;
 }
 

@@ -31,7 +31,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     std::vector<std::string> configs, settings;
     CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
     app.get_formatter()->column_width(46);
-    KeyFlags flags(app);
+    KeyFlags flags(app, table);
     app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
         ->required();
     app.add_option(
@@ -102,7 +102,6 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add("--texture-format", "mesh.texture_format", "jpg, png or webp [jpg]", group);
     flags.add_switch("--keep-axes", "mesh.keep_axes",
                      "GLB: the scene's own axes [turned so that the mesh stands upright]", group);
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     flags.set_keys(table);  // what is wrong in them is better said before any file is looked for
     require_mesher<Cpu>(options.mesh.method);
@@ -187,6 +186,8 @@ int command(int argc, char** argv) {
         spdlog::info("{}: picture of the mesh", picture);
     }
     refresh_report(arguments.out);
+    say_next({"tvsgs-eval", "geometry", "--pred", arguments.out, "--gt", "SURFACE.ply"},
+             "measures it where the true surface is known");
     return 0;
 }
 

@@ -98,7 +98,6 @@ Arguments parse(int argc, char** argv) {
     app.add_flag("--anew", a.anew, "although there is a model of these photographs already")
         ->group(group);
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     return a;
 }

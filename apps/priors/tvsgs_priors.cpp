@@ -50,7 +50,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         "writes its maps for the readers of priors.",
         "tvsgs-priors"};
     app.get_formatter()->column_width(46);
-    KeyFlags flags(app);
+    KeyFlags flags(app, table);
     add_scene_flags(flags);
     const char* group = "Network";
     app.add_option("--model", arguments.model, "the network, an ONNX file")->group(group);
@@ -68,7 +68,6 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     app.add_flag("--list-presets", arguments.list_presets, "print the table of public models")
         ->group(group);
     app.add_flag("--quiet", arguments.quiet, "warnings and errors only")->group(group);
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     table.read_environment();
     flags.set_keys(table);

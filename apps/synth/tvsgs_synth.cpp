@@ -467,10 +467,11 @@ int command(int argc, char** argv) {
     app.add_option("--seed", options.seed, "texture, samples and noise")->capture_default_str();
     app.add_flag("--overwrite", options.overwrite, "replace an earlier scene");
     app.add_flag("--quiet", quiet, "warnings and errors only");
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     init_log(quiet ? Verbosity::quiet : Verbosity::normal);
-    return run(options);
+    const int code = run(options);
+    say_next({"tvsgs-train", "--scene", options.out}, "trains on it");
+    return code;
 }
 
 }  // namespace

@@ -37,7 +37,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         "tvsgs-train"};
     app.get_formatter()->column_width(46);
     std::vector<std::string> configs, settings;
-    KeyFlags flags(app);
+    KeyFlags flags(app, table);
     flags.add_scene();
     flags.add("--mask-use", "loss.photometric.masks",
               "object: nothing is outside of the masks; ignore: what is outside is not looked at; "
@@ -128,7 +128,6 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->default_str("5")
         ->check(CLI::Range(1.0, 1e6))
         ->group(group);
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     init_log(arguments.quiet     ? Verbosity::quiet
              : arguments.verbose ? Verbosity::verbose
@@ -226,6 +225,7 @@ void report_if_possible(const std::string& run,
                         const std::optional<Truth>& truth) {
     try {
         write_report(run, scene.test, truth, scene.origin);
+        spdlog::info("{}/report.html: report", run);
     } catch (const Error& error) {
         spdlog::warn("{}; there is no report (tvsgs-eval report --run {})", error.what(), run);
     }
@@ -289,6 +289,8 @@ int command(int argc, char** argv) {
                  .config = config,
                  .write_report = report},
                 run);
+    spdlog::info("{}: splats", find_splats(run.path()));
+    say_next({"tvsgs-extract-mesh", "--model", run.path()}, "makes the surface");
     return 0;
 }
 

@@ -49,7 +49,6 @@ Arguments parse(int argc, char** argv) {
     app.add_option("--photos", a.page.max_photos, "at most so many photographs [60]")
         ->check(CLI::Range(0, 10000));
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
-    app.set_version_flag("--version", kVersion);
     parse_command_line(app, argc, argv);
     if (a.input.runs.size() > kMaxRuns)
         throw Error(ExitCode::usage,

@@ -51,9 +51,16 @@ SceneLayout read_colmap_layout(const SceneOptions& options) {
         layout.images = (scene / options.images).string();
         return layout;
     }
+    std::string photographs;
+    for (const fs::path& folder : {scene, scene / options.images})
+        if (photographs.empty() && !image_names(folder.string()).empty())
+            photographs = folder.string();
     throw input_error(
         "E_SCENE_LAYOUT: ", options.path,
-        ": no COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
+        photographs.empty() ? ": no"
+                            : str(": holds photographs without cameras; `tvsgs-prepare ",
+                                  photographs, " SCENE` finds them.\n  There is no"),
+        " COLMAP model, cameras.{bin,txt} and images.{bin,txt}, in any of", tried,
         "\n  and neither transforms_train.json (Blender), transforms.json (nerfstudio), "
         "cameras_sphere.npz or cameras.npz (IDR, NeuS) nor cams/*_cam.txt (MVSNet).\n  Pass the "
         "folder that holds sparse/ and the images.");

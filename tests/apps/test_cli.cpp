@@ -8,6 +8,7 @@
 #include <functional>
 #include <nlohmann/json.hpp>
 
+#include "core/version.h"
 #include "io/image_file.h"
 #include "support/command.h"
 #include "support/numeric.h"
@@ -34,6 +35,7 @@ protected:
                  "--report-every 20 --progress json --out run --iterations " +
                      std::to_string(kIterations));
         ASSERT_EQ(train.code, 0) << train;
+        EXPECT_TRUE(train.says("next: tvsgs-extract-mesh --model run ")) << train;
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
@@ -161,8 +163,12 @@ TEST_F(Cli, UsageErrorsNameTheNearest) {
     expect_refused("--scene scene --config bad.json", 2, "tv.vote_every");
     expect_refused("--scene scene --set backbone=ewas", 2, "ewa");
     expect_refused("", 2, "--scene");
-    EXPECT_EQ(call("train", "--help").code, 0);
-    EXPECT_EQ(call("train", "--version").code, 0);
+    const Result help = call("train", "--help"), version = call("train", "-V");
+    EXPECT_EQ(help.code, 0);
+    EXPECT_NE(help.out.find("--iterations INT=30000 "), std::string::npos) << help.out;
+    EXPECT_NE(call("train", "--help-all").out.find("--test-list"), std::string::npos);
+    EXPECT_EQ(version.code, 0);
+    EXPECT_TRUE(version.out.starts_with(std::string(kVersion) + "\nbuild: ")) << version.out;
     const Result keys = call("train", "--list-keys");
     EXPECT_EQ(keys.code, 0);
     EXPECT_NE(keys.out.find("tv.vote_every"), std::string::npos);

@@ -87,6 +87,12 @@ TEST_F(InitCommand, SameFileAgain) {
     EXPECT_LE(read_ply((folder_ / "few.ply").string()).points.positions.size(), 100u);
 }
 
+TEST_F(InitCommand, AnotherSeedIsAnotherCloud) {
+    ASSERT_EQ(call("init", "--scene scene --split train_3 --device cpu --out seed.ply --seed 3"),
+              0);
+    EXPECT_NE(contents(folder_ / "seed.ply"), contents(folder_ / "cloud.ply"));
+}
+
 TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--out x.ply", 2, "--scene");
     expect_refused("init", "--scene scene", 2, "nothing to write");

@@ -294,6 +294,8 @@ TEST_F(SceneLayouts, AFormatThatWasAskedForIsNotGuessed) {
     options.format = SceneFormat::automatic;
     expect_input_error("E_SCENE_LAYOUT");
     expect_input_error("cams/*_cam.txt");
+    write("images/0001.png", "");  // photographs alone
+    expect_input_error("tvsgs-prepare " + (folder / "images").string() + " SCENE");
 }
 
 }  // namespace

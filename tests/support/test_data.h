@@ -6,7 +6,7 @@
 
 namespace tvsgs {
 
-/// The variable TVSGS_TEST_DATA names them where a bundle is tried on another machine.
+/// The variable TVSGS_TEST_DATA names them where a tarball is tried on another machine.
 inline std::string test_data(const std::string& file) {
     const char* const elsewhere = std::getenv("TVSGS_TEST_DATA");
     return std::string(elsewhere ? elsewhere : TVSGS_TEST_DATA) + "/" + file;

@@ -1,0 +1,65 @@
+#!/usr/bin/env bash
+# What `cmake --install` makes: commands that run from there, manuals, and a program of others that is built on it.
+# Usage: test_install.sh BUILD_DIR CXX
+set -euo pipefail
+build=$1 cxx=$2
+here=$(cd "$(dirname "$0")" && pwd)
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "test_install: $*" >&2; exit 1; }
+
+cmake --install "$build" --prefix "$work/usr" >"$work/log"
+cd "$work"
+prefix=$work/usr
+commands=0
+for program in "$prefix"/bin/*; do
+    name=${program##*/}
+    commands=$((commands + 1))
+    env -i "$program" --version >version || fail "$name --version: exit code $?"
+    grep -q '^tvsgs [0-9.]*$' version && grep -q '^device code: CPU' version && grep -q '^libraries: .*zlib [0-9]' version ||
+        fail "$name --version does not say what it was built of: $(cat version)"
+    cmp -s <("$program" -V) version || fail "$name: -V is not --version"
+    page=$prefix/share/man/man1/$name.1.gz
+    zcat "$page" | grep "^\.SH NAME" >/dev/null || fail "$page is no manual"
+    if command -v man >/dev/null; then
+        warnings=$(zcat "$page" | LC_ALL=C.UTF-8 MANROFFSEQ='' man --warnings -E UTF-8 -l -Tutf8 -Z - 2>&1 >/dev/null)
+        [[ -z $warnings ]] || fail "$page: $warnings"
+    fi
+    [[ -e $prefix/share/bash-completion/completions/$name ]] || fail "no completion for $name"
+done
+((commands >= 6)) || fail "only $commands commands are installed"
+
+# Each flag of --help-all is in the manual.
+"$prefix/bin/tvsgs-train" --help-all | grep -o -- '--[a-z][a-z-]*' | sort -u >flags
+zcat "$prefix/share/man/man1/tvsgs-train.1.gz" | sed 's/\\-/-/g' >manual
+(($(wc -l <flags) > 40)) || fail "--help-all lists $(wc -l <flags) flags"
+while read -r flag; do grep -q -e "$flag" manual || fail "$flag is not in the manual"; done <flags
+"$prefix/bin/tvsgs-train" --help | grep -- '--help-all' >/dev/null || fail "--help does not say that there is --help-all"
+"$prefix/bin/tvsgs-train" --help | grep -- '--profile' && fail "--help has what --help-all is for"
+
+# One name for all.
+"$prefix/bin/tvsgs" help | grep 'extract-mesh' >/dev/null || fail "tvsgs help does not list the commands"
+cmp -s <("$prefix/bin/tvsgs" help train) <("$prefix/bin/tvsgs-train" --help) || fail "tvsgs help train is another page"
+code=0
+"$prefix/bin/tvsgs" trian 2>message || code=$?
+[[ $code == 2 ]] && grep -q 'did you mean train?' message || fail "tvsgs trian: exit code $code, $(cat message)"
+code=0
+"$prefix/bin/tvsgs" train --iteratoins 3 2>message || code=$?
+[[ $code == 2 ]] && grep -q -- '--iterations' message || fail "tvsgs train does not pass words and exit code on"
+mv "$prefix/bin/tvsgs-eval" elsewhere
+code=0
+"$prefix/bin/tvsgs" eval 2>message || code=$?
+[[ $code == 2 ]] && grep -q 'package tvsgs-eval' message || fail "a command that is not there: $(cat message)"
+
+# MATLAB files, and with them LDAP, Kerberos and TLS, are the affair of tvsgs-eval.
+for program in "$prefix"/bin/tvsgs*; do
+    ! ldd "$program" | grep -E 'libmatio|libhdf5|libcurl|libldap|libkrb5' || fail "$program links them"
+done
+
+# A program of ten lines that links the libraries.
+cmake -S "$here/consumer" -B consumer -DCMAKE_BUILD_TYPE=Debug -DCMAKE_CXX_COMPILER="$cxx" \
+    -Dtvsgs_ROOT="$prefix" >"$work/log" || fail "find_package: $(cat log)"
+grep -q "tvsgs_DIR:PATH=$prefix" consumer/CMakeCache.txt || fail "another tvsgs was found"
+cmake --build consumer >"$work/log" || fail "the consumer does not build: $(cat log)"
+"$prefix/bin/tvsgs-synth" --out scene --views 2 --width 16 --height 16 --points 50 --quiet
+consumer/consumer scene/gt/points.ply || fail "the consumer does not run"

@@ -1,0 +1,41 @@
+#!/usr/bin/env bash
+# The packages: their size, what they depend on, and that the tarball runs by itself. Skips without Debian's tools.
+# Usage: test_packages.sh BUILD_DIR LARGEST_MB
+set -euo pipefail
+build=$1 largest=$2
+for tool in dpkg-deb dpkg-shlibdeps cpack; do
+    command -v "$tool" >/dev/null || { echo "test_packages: skipped, there is no $tool" >&2; exit 77; }
+done
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+fail() { echo "test_packages: $*" >&2; exit 1; }
+(cd "$build" && cpack -G "DEB;TGZ" -B "$work/packages") >"$work/log" 2>&1 || fail "$(tail -20 "$work/log")"
+cd "$work/packages"
+
+main=$(ls tvsgs_*.deb tvsgs-cuda_*.deb 2>/dev/null) || true
+[[ $(wc -w <<<"$main") == 1 ]] || fail "no package of the commands among: $(ls)"
+size=$(($(stat -c %s "$main") / 1000000))
+echo "$main: $size MB"
+((size < largest)) || fail "$main has $size MB, more than $largest"
+depends=$(dpkg-deb --field "$main" Depends)
+for library in libc6 libgomp1 libspdlog libzip4; do
+    grep -q "$library" <<<"$depends" || fail "$main does not depend on $library: $depends"
+done
+! grep -E 'matio|hdf5|curl|opencv' <<<"$depends" || fail "$main depends on what only tvsgs-eval or tvsgs-priors needs"
+dpkg-deb --contents "$main" >contents
+for file in bin/tvsgs-train bin/tvsgs share/man/man1/tvsgs-train.1.gz share/bash-completion/completions/tvsgs-train \
+    share/doc/tvsgs/copyright share/tvsgs/configs/auto.json; do
+    grep -q " ./usr/$file\( \|$\)" contents || fail "$main lacks $file"
+done
+dpkg-deb --field "$(ls tvsgs-eval*.deb)" Depends | grep libmatio >/dev/null || fail "tvsgs-eval does not depend on libmatio"
+
+# The tarball takes nothing but the C library from outside.
+tar -xzf tvsgs-*.tar.gz
+root=$(echo "$PWD"/tvsgs-*-linux-*/)
+for program in "$root"bin/*; do
+    outside=$(env -i /usr/bin/ldd "$program" | awk '$2 == "=>" {print $1, $3}' |
+        grep -vE '^(lib(c|m|mvec|dl|rt|pthread|resolv|util|anl)\.so|ld-linux)' | grep -vE "/lib[^ ]*/tvsgs/" || true)
+    [[ -z $outside ]] || fail "${program##*/} of the tarball takes from outside: $outside"
+    env -i "$program" --version >/dev/null || fail "${program##*/} of the tarball does not run"
+done
+[[ -e $root/share/doc/tvsgs/licences/zlib1g ]] || fail "the tarball has no licences of its libraries"
