@@ -140,8 +140,11 @@ set(CPACK_COMPONENT_TVSGS-PRIORS_DESCRIPTION "tvsgs-priors: runs a network of yo
 set(CPACK_COMPONENT_TVSGS-PREPARE_DESCRIPTION "tvsgs-prepare: photographs or a video to a scene, by COLMAP.")
 set(CPACK_COMPONENT_LIBTVSGS-DEV_DESCRIPTION "Static libraries, headers and find_package(tvsgs).")
 set(CPACK_DEBIAN_TVSGS-PREPARE_PACKAGE_DEPENDS "tvsgs${CPACK_TVSGS_SUFFIX}, colmap")
-list(TRANSFORM packages APPEND ${CPACK_TVSGS_SUFFIX} OUTPUT_VARIABLE suggested)
-list(REMOVE_ITEM suggested tvsgs${CPACK_TVSGS_SUFFIX})
+set(suggested ${packages})
+list(REMOVE_ITEM suggested tvsgs)
+if(suggested)
+    list(TRANSFORM suggested APPEND "${CPACK_TVSGS_SUFFIX}")
+endif()
 list(JOIN suggested ", " CPACK_DEBIAN_TVSGS_PACKAGE_SUGGESTS)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS
     "libeigen3-dev, libnanoflann-dev, libspdlog-dev, libwebp-dev, libzip-dev, nlohmann-json3-dev, pkg-config"
