@@ -188,6 +188,8 @@ int TrainBench::run() {
         throw Error(ExitCode::usage,
                     str("--psnr: ", options.scene.path,
                         " has no test views; expected --eval, or --split LIST of its splits.json"));
+    check_masks(options.train.loss.photometric, scene.train);
+    keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
     provide_maps(device, options, prepare_points(device, options, scene), scene);
     read_fixed_voters(options, scene);
 

@@ -21,7 +21,17 @@ namespace fs = std::filesystem;
 struct Arguments {
     std::string model, out, device = "auto";
     bool no_preview = false, quiet = false, verbose = false;
+    bool bounded = false;  // by a limit given here, though the run's configuration is not
 };
+
+/// Whether a limit of depth or a box is given here, and the background comes from the run's
+/// configuration, as its plan has set it: the limit has the last word then, as in the plan.
+bool is_bounded_here(const RunOptions& options, const OptionTable& table, const std::string& run) {
+    const auto of_run = [&](const char* key) { return table.option(key).source == run; };
+    const bool limited = (options.mesh.depth_max > 0 && !of_run("mesh.depth_max")) ||
+                         (!options.mesh.box.empty() && !of_run("mesh.box"));
+    return limited && options.mesh.unbounded && of_run("mesh.unbounded");
+}
 
 /// The run's configuration, if there is one, gives the scene; flags override it.
 Arguments parse(int argc, char** argv, RunOptions& options) {
@@ -111,12 +121,17 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         throw Error(
             ExitCode::input,
             str(arguments.model, ": does not exist; --model expects a run folder or a splat PLY"));
-    if (fs::is_directory(arguments.model, failure))
-        table.read_file(run_config_path(arguments.model));
+    std::string run;  // its configuration
+    if (fs::is_directory(arguments.model, failure)) {
+        run = run_config_path(arguments.model);
+        table.read_file(run);
+    }
     for (const std::string& file : configs) table.read_file(file);
     flags.set_keys(table);
     table.set_all(settings);
     if (no_masks) options.mesh.masks = false;
+    arguments.bounded = !run.empty() && is_bounded_here(options, table, run);
+    if (arguments.bounded) options.mesh.unbounded = false;
     if (options.scene.path.empty())
         throw Error(
             ExitCode::usage,
@@ -139,6 +154,10 @@ int command(int argc, char** argv) {
     init_log(arguments.quiet     ? Verbosity::quiet
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
+    if (arguments.bounded)
+        spdlog::info(
+            "the background, which the run's configuration meshes, is left out, as there is a "
+            "limit; --unbounded keeps it up to there");
     if (arguments.out.empty()) arguments.out = default_output(arguments.model);
     const std::string splat_path = find_splats(arguments.model);
     std::error_code failure;

@@ -7,8 +7,6 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::uint8_t kObject = 128;  // masks from there on, as clean_depth has it
-
 ImageF unit_image(const ImageU8& image) {
     ImageF out(image.width, image.height, image.channels);
     for (std::size_t i = 0; i < out.pixels.size(); ++i)
@@ -41,7 +39,7 @@ ImageScores score_object(const Image<T>& render,
     Image<T> masked_render = render, masked_photo = photo;
     std::size_t inside = 0;
     for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
-        if (mask.pixels[i] >= kObject) {
+        if (mask.pixels[i] >= kObjectMask) {
             ++inside;
             continue;
         }

@@ -61,7 +61,7 @@ void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8
 }
 
 void threshold(ImageU8& mask) {
-    for (auto& value : mask.pixels) value = value >= 128 ? 255 : 0;
+    for (auto& value : mask.pixels) value = value >= kObjectMask ? 255 : 0;
 }
 
 /// A side of the grey image: that many times the training size, no larger than the file's.
@@ -94,6 +94,11 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
 }
 
+/// Leaves nothing out.
+bool is_whole(const ImageU8& mask) {
+    return std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; });
+}
+
 View load_view(const ViewSource& source,
                const SceneOptions& options,
                Vec3d origin,
@@ -103,8 +108,7 @@ View load_view(const ViewSource& source,
     bool was_turned = false;
     ImageU8 photo = read_photo(source, mask, was_turned);
     turns += was_turned;
-    if (std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; }))
-        mask = {};
+    if (is_whole(mask)) mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
 
     // 2. Lens distortion, at the size of the file.
@@ -139,6 +143,7 @@ View load_view(const ViewSource& source,
         if (view.mask.empty()) view.mask = ImageU8(valid.width, valid.height, 1, 255);
         for (std::size_t i = 0; i < valid.pixels.size(); ++i)
             if (valid.pixels[i] == 0) view.mask.pixels[i] = kNoPhoto;
+        if (!source.mask_file && is_whole(view.mask)) view.mask = {};
     }
 
     intrinsics = scaled(intrinsics, size.width_px, size.height_px);

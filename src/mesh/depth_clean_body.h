@@ -2,6 +2,7 @@
 #pragma once
 
 #include "core/parallel.h"
+#include "core/scene.h"
 #include "mesh/depth_clean.h"
 #include "mesh/pixel_trust.h"
 
@@ -35,7 +36,7 @@ struct CleanDepthBody {
         if (!(d < rules.depth_max)) return DepthFate::too_far;
         if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min))
             return DepthFate::transparent;
-        if (!mask.empty() && mask[i] < 128) return DepthFate::masked;
+        if (!mask.empty() && mask[i] < kObjectMask) return DepthFate::masked;
         if (rules.min_cosine > 0) {
             const Vec3f ray = pixel_ray(camera, i % camera.width_px, i / camera.width_px);
             const Vec3f n = normals[i];

@@ -27,7 +27,7 @@ Judgement judge(const EvidenceView& view, const SurfaceSample& sample) {
                           static_cast<std::size_t>(u);
     const float depth = view.depth[i];
     if (!(depth > 0)) {
-        const bool off = !view.mask.empty() && view.mask[i] < 128;
+        const bool off = !view.mask.empty() && view.mask[i] == 0;
         return {off ? Verdict::off_object : Verdict::nothing, 0};
     }
     const Vec3f normal = camera.camera_from_world.R * sample.normal;

@@ -103,12 +103,17 @@ HoleRim rim_of(const Surface& s, const std::vector<int>& loop) {
     return rim;
 }
 
-bool is_proper(const Patch& patch) {
+/// Faces with an area, and no edge longer than a hole may be, which bounds the number of samples.
+bool is_proper(const Patch& patch, double longest) {
     for (const Vec3i& face : patch.faces) {
         const auto corner = [&](int k) {
             return vec_cast<float>(patch.points[std::size_t(face[k])]);
         };
         if (!has_area(corner(0), corner(1), corner(2))) return false;
+        for (int k = 0; k < 3; ++k)
+            if (!(norm(patch.points[std::size_t(face[k])] -
+                       patch.points[std::size_t(face[(k + 1) % 3])]) <= longest))
+                return false;
     }
     return !patch.faces.empty();
 }
@@ -191,7 +196,8 @@ HoleReport close_holes(TriangleMesh& mesh,
         if (is_hole(surface, loop)) filling.patch = make_patch(rim_of(surface, loop));
     });
     std::erase_if(fillings, [&](const Filling& filling) {
-        const bool unfit = !is_proper(filling.patch);
+        const bool unfit = !is_proper(
+            filling.patch, static_cast<double>(largest_px) * static_cast<double>(filling.pixel));
         report.unfit += unfit;
         return unfit;
     });

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/error.h"
+#include "core/scene.h"
 #include "mesh/opacity_field.h"
 
 namespace tvsgs::detail {
@@ -76,7 +77,7 @@ struct FieldView {
               v < static_cast<float>(camera.height_px)))
             return;
         const int x = static_cast<int>(u), y = static_cast<int>(v);
-        if (!mask.empty() && mask[y * camera.width_px + x] < 128) return;
+        if (!mask.empty() && mask[y * camera.width_px + x] < kObjectMask) return;
         const TileSpan span = spans[y / kTileSize * grid.columns + x / kTileSize];
         float T = 1;
         for (std::uint32_t at = span.begin; at < span.end && T >= kClear; ++at) {

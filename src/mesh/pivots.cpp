@@ -101,7 +101,7 @@ std::vector<float> pixel_footprints(const FieldSplats<Cpu>& splats,
             if (!(p.z > views.near && p.z < rules.depth_max) || !is_in_view(c, mean)) continue;
             const int x = static_cast<int>(c.fx_px * p.x / p.z + c.cx_px),
                       y = static_cast<int>(c.fy_px * p.y / p.z + c.cy_px);
-            if (views.masks && !view.mask.empty() && view.mask.at(x, y) < 128) continue;
+            if (views.masks && !view.mask.empty() && view.mask.at(x, y) < kObjectMask) continue;
             const float footprint = p.z / c.fx_px;
             if (footprints[i] == 0 || footprint < footprints[i]) footprints[i] = footprint;
         }

@@ -29,9 +29,9 @@ Vec3i along(int axis, int step) {
     return p;
 }
 
-/// Numbers of views, up to 15.
+/// Numbers of views, up to 255. There while no level has values yet, which take more.
 struct Looks {
-    std::uint8_t see : 4, through : 4;
+    std::uint8_t see, through;
 };
 
 /// What a view says of a node: as of a sample for evidence, a spacing farther away from surfaces.
@@ -46,9 +46,9 @@ void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks)
     const float limit = kFreeLimitPx * p.z / camera.fx_px + spacing;
     if (!(depth > 0) || !(p.z <= depth + limit)) return;
     if (!(p.z < depth - limit))
-        looks.see = static_cast<std::uint8_t>(std::min(looks.see + 1, 15) & 15);
+        looks.see = static_cast<std::uint8_t>(std::min(looks.see + 1, 255));
     else if (view.weight[pixel] >= kTrustedWeight)
-        looks.through = static_cast<std::uint8_t>(std::min(looks.through + 1, 15) & 15);
+        looks.through = static_cast<std::uint8_t>(std::min(looks.through + 1, 255));
 }
 
 /// action(node beside the block, node of the block's neighbour there) for one side of a block.

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "core/parallel.h"
+#include "core/scene.h"
 #include "mesh/mesh_render.h"
 
 namespace tvsgs::texture {
@@ -161,7 +162,7 @@ Sight sight_of(const PhotoView& view, const Projection& at, double pixel) {
         !(at.u >= 0 && at.v >= 0 && at.u < view.camera.width_px && at.v < view.camera.height_px))
         return Sight::none;
     const int x = static_cast<int>(at.u), y = static_cast<int>(at.v);
-    if (view.mask && view.mask->at(x, y) < 128) return Sight::none;
+    if (view.mask && view.mask->at(x, y) < kObjectMask) return Sight::none;
     const auto hidden = [&](float depth, double margin) {
         return depth > 0 && depth < at.z - margin * pixel;
     };

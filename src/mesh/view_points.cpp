@@ -15,6 +15,9 @@ namespace {
 constexpr int kCellBits = 20;                // of each coordinate
 constexpr std::int64_t kBytesOfPoint = 250;  // with all that is made of it on the way to a mesh
 
+// The cells around the origin stay apart however large they are, and so do octants.
+constexpr std::int64_t kLeastPoints = 8 * 8;
+
 }  // namespace
 
 std::uint64_t ViewPoints::key(Vec3f position, Vec3f normal) const {
@@ -72,8 +75,12 @@ void ViewPoints::add(const PointView& view) {
 }
 
 void ViewPoints::fit(std::int64_t max_bytes) {
-    while (points_.size() > 1 &&
-           2 * kBytesOfPoint * static_cast<std::int64_t>(points_.size()) > max_bytes) {
+    while (2 * kBytesOfPoint * static_cast<std::int64_t>(points_.size()) > max_bytes) {
+        if (std::int64_t(points_.size()) <= kLeastPoints)
+            throw Error(ExitCode::memory,
+                        str("a closed surface takes ", 2 * kBytesOfPoint * kLeastPoints,
+                            " bytes at least for its points, and ", max_bytes,
+                            " are there; raise --memory"));
         cell_ *= 2;
         std::vector<Point> points = std::exchange(points_, {});
         for (Point& p : points) p.key = key(p.position, p.normal);

@@ -31,6 +31,7 @@ public:
     void add(const PointView& view);
 
     /// Doubles the cells until the points, and what is made of them, take half of that at most.
+    /// Throws Error(ExitCode::memory) where that cannot be.
     void fit(std::int64_t max_bytes);
 
     /// Leaves out what views look through, unless more than twice as many see it.

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/parallel.h"
+#include "core/scene.h"
 
 namespace tvsgs {
 namespace {
@@ -167,7 +168,7 @@ std::vector<float> complete_depth(const SparseDepth& known, float smoothness) {
                 std::vector<char>(n)};
     double low = 1e300, high = 0, sum = 0, count = 0;
     for (std::size_t at = 0; at < n; ++at) {
-        level.inside[at] = known.mask.empty() || known.mask[at] >= 128;
+        level.inside[at] = known.mask.empty() || known.mask[at] >= kObjectMask;
         if (!level.inside[at] || !(known.depth[at] > 0) || !(known.weight[at] > 0)) continue;
         level.weight[at] = static_cast<double>(known.weight[at]);
         level.value[at] = 1 / static_cast<double>(known.depth[at]);

@@ -1,6 +1,7 @@
 // Which depths are believed, and the points they fuse to, pixel by pixel.
 #pragma once
 
+#include "core/scene.h"
 #include "mvs/patch_match_bodies.h"
 
 namespace tvsgs {
@@ -72,7 +73,7 @@ struct FilterBody {
         const std::size_t at = static_cast<std::size_t>(i);
         kept_depths[at] = confidences[at] = 0;
         uniqueness[at] = kNoDepth;
-        if (!mask.empty() && mask[at] < 128) return;
+        if (!mask.empty() && mask[at] < kObjectMask) return;
         const SurfacePlane plane = pass.planes[at];
         const int x = i % pass.camera.width_px, y = i / pass.camera.width_px;
         if (!(plane.depth > 0)) return;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "core/scene.h"
 #include "mvs/triangulation.h"
 
 namespace tvsgs {
@@ -26,7 +27,7 @@ std::vector<Vec2<int>> support_points(const Camera& camera,
                 for (int x = column * kCell; x < std::min((column + 1) * kCell, camera.width_px);
                      ++x) {
                     const std::size_t at = static_cast<std::size_t>(y) * camera.width_px + x;
-                    if (costs[at] < least && (mask.empty() || mask[at] >= 128))
+                    if (costs[at] < least && (mask.empty() || mask[at] >= kObjectMask))
                         least = costs[at], best = {x, y};
                 }
             if (best.x >= 0) out.push_back(best);

@@ -69,8 +69,8 @@ double mean_cosine(const std::vector<NormalSample>& samples, const NormalReading
 
 }  // namespace
 
-NormalAgreement agreement_of(const std::vector<NormalSample>& samples,
-                             const NormalReading& reading) {
+PriorAgreement agreement_of(const std::vector<NormalSample>& samples,
+                            const NormalReading& reading) {
     if (samples.size() < kFewest) return {};
     Vec3d mean{};
     for (const NormalSample& s : samples) mean += s.expected / static_cast<double>(samples.size());

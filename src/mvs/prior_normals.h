@@ -38,16 +38,15 @@ struct NormalChoice {
 };
 
 /// How well normals agree with the points of a view, and how well the best single normal would.
-struct NormalAgreement {
+struct PriorAgreement {
     double cosine = 1, cosine_of_constant = 0;  // means over the samples
 };
 /// 1 and 0 where fewer than 50 samples tell nothing.
-NormalAgreement agreement_of(const std::vector<NormalSample>& samples,
-                             const NormalReading& reading);
+PriorAgreement agreement_of(const std::vector<NormalSample>& samples, const NormalReading& reading);
 
 /// Does a map leave more than half open of what the best single normal does? (1 - cosine); up to
 /// 0.15 (32 degrees) the fault may be the points': the right maps had up to 24 degrees.
-inline bool tells_nothing(const NormalAgreement& a) {
+inline bool tells_nothing(const PriorAgreement& a) {
     return 1 - a.cosine > 0.15 && 1 - a.cosine > 0.5 * (1 - a.cosine_of_constant);
 }
 

@@ -23,10 +23,7 @@ public:
         // What the plan will make of `automatic` is not known yet.
         if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
             o.masks != MaskUse::automatic)
-            throw Error(ExitCode::usage,
-                        "loss.photometric.background is random, but loss.photometric.masks is not "
-                        "object: photographs have a background of their own; use object masks "
-                        "(--mask-use object), or give its colour");
+            throw Error(ExitCode::usage, kRandomNeedsObject);
     }
 
     const char* name() const override { return "photometric"; }

@@ -43,6 +43,10 @@ struct PhotoBackground {
 /// "none", "black", "white", "random", or "R,G,B" from 0 to 255. Throws Error(ExitCode::usage).
 PhotoBackground parse_background(const std::string& text);
 
+inline constexpr const char* kRandomNeedsObject =
+    "loss.photometric.background is random, but loss.photometric.masks is not object: photographs "
+    "have a background of their own; use object masks (--mask-use object), or give its colour";
+
 /// What of a mask's pixel counts; see View::mask.
 TVSGS_HD inline bool is_inside(float mask) {
     return mask >= kObjectMask / 255.0f;

@@ -80,6 +80,8 @@ std::vector<Decision> plan_masks(const MaskLook& look) {
         return std::vector<Decision>{{"masks", choice, str(found, "; ", reason), look.border,
                                       kObjectBorder, std::move(settings)}};
     };
+    if (look.outside == 0)
+        return decision("ignore", "they leave out only what the lenses did not see", {});
     if (!look.empty.empty())
         return decision("none", str("that of ", look.empty, " has no pixel of the object"), {});
     // What has been matched there has a place, too, and holds what is beside the object in its own.
@@ -229,8 +231,11 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                                : "wide",
                         of + compared(share, kPaired), share, kPaired, settings});
     }
-    // Without masks: what is seen there is splats of that colour at any depth, or none.
-    if (!uses_masks(in.options.loss.photometric.masks) && look.background_border > 0) {
+    // Where masks leave out nothing that is shown: what is seen there is splats of that colour at
+    // any depth, or none.
+    const MaskUse use = in.options.loss.photometric.masks;
+    const bool masked = use == MaskUse::object || (uses_masks(use) && look.outside);
+    if (!masked && look.background_border > 0) {
         const bool one = look.background_border >= kBackgroundBorder &&
                          look.background_points < kBackgroundPoints;
         const std::string color =

@@ -25,6 +25,7 @@ struct SceneLook {
     /// share of the initial points there, where they are seen; 0 to 255. Share 0: the views differ.
     int background[3] = {0, 0, 0};
     double background_border = 0, background_points = 0;
+    bool outside = false;            // a mask leaves out what its photograph shows
     double views_in_pairs = 0;       // share within loss.multi_view's relative limits
     double views_in_wide_pairs = 0;  // the same up to kWideAngleDeg
     double exposure_drift =
@@ -37,6 +38,7 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks 
 /// What is known of the masks before anything is decided; docs/plan.md.
 struct MaskLook {
     int views = 0, masked = 0;  // training views; those with a mask
+    int outside = 0;            // those whose mask leaves out more than what the lens did not see
     std::string empty;          // the first view whose mask has no pixel of the object
     double border = 0;          // share of an image's border that is outside, median of the masked
     double matched = 0;         // share of the points, where views see them, that is outside

@@ -184,21 +184,35 @@ struct BorderColor {
     }
 };
 
+/// From each pixel of the image's edge inwards the first that the lens saw; none of a row or column
+/// without any.
 template <class Visit>
-void for_border(const ImageU8& image, const Visit& visit) {
-    for (int x = 0; x < image.width; ++x) visit(x, 0), visit(x, image.height - 1);
-    for (int y = 0; y < image.height; ++y) visit(0, y), visit(image.width - 1, y);
+void for_border(const View& view, const Visit& visit) {
+    const int width = view.camera.width_px, height = view.camera.height_px;
+    const auto inwards = [&](int x, int y, int dx, int dy) {
+        const auto is_inside = [&] { return x >= 0 && y >= 0 && x < width && y < height; };
+        while (is_inside() && !view.mask.empty() && view.mask.at(x, y) == kNoPhoto)
+            x += dx, y += dy;
+        if (is_inside()) visit(x, y);
+    };
+    for (int x = 0; x < width; ++x) inwards(x, 0, 0, 1), inwards(x, height - 1, 0, -1);
+    for (int y = 0; y < height; ++y) inwards(0, y, 1, 0), inwards(width - 1, y, -1, 0);
+}
+
+/// Whether a mask leaves out what the photograph shows.
+bool has_outside(const ImageU8& mask) {
+    return std::find(mask.pixels.begin(), mask.pixels.end(), 0) != mask.pixels.end();
 }
 
 BorderColor border_color(const View& view) {
     BorderColor found;
     for (int c = 0; c < 3; ++c) {
         std::vector<double> levels;
-        for_border(view.photo, [&](int x, int y) { levels.push_back(view.photo.at(x, y, c)); });
+        for_border(view, [&](int x, int y) { levels.push_back(view.photo.at(x, y, c)); });
         found.color[c] = levels.empty() ? 0 : static_cast<int>(median(levels));
     }
     int all = 0, alike = 0;
-    for_border(view.photo, [&](int x, int y) { ++all, alike += found.near(view, x, y); });
+    for_border(view, [&](int x, int y) { ++all, alike += found.near(view, x, y); });
     found.share = all > 0 ? static_cast<double>(alike) / all : 0;
     return found;
 }
@@ -233,6 +247,8 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
     look.exposure_drift = kNone;
+    look.outside = std::any_of(scene.train.begin(), scene.train.end(),
+                               [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
     std::vector<double> pixels, matchable, per_pixel, reductions;
@@ -296,9 +312,10 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
         const auto object = [](std::uint8_t value) { return value >= kObjectMask; };
         if (look.empty.empty() && std::none_of(mask.pixels.begin(), mask.pixels.end(), object))
             look.empty = view.name;
-        int outside = 0;
-        for_border(mask, [&](int x, int y) { outside += mask.at(x, y) == 0; });
-        borders.push_back(outside / (2.0 * (mask.width + mask.height)));
+        look.outside += has_outside(mask);
+        int all = 0, outside = 0;
+        for_border(view, [&](int x, int y) { ++all, outside += mask.at(x, y) == 0; });
+        borders.push_back(all > 0 ? static_cast<double>(outside) / all : 0);
         for (const Sighting& s : sightings(view.camera, points, 1))
             ++seen, seen_outside += mask.at(s.x, s.y) == 0;
     }

@@ -27,14 +27,15 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
     return seen > 0 ? static_cast<double>(beyond) / seen : NAN;
 }
 
-Decision plan_background(double share_beyond) {
+Decision plan_background(double share_beyond, bool masked) {
     constexpr double kMuch = 0.05;
     const bool meshed = share_beyond >= kMuch;
     return {"meshed background",
             meshed ? "on" : "off",
             std::isnan(share_beyond)
                 ? "not known how far the points lie"
-                : str("points beyond twice the distance of what the cameras look at: ",
+                : str(masked ? "points inside of the masks, by which the mesh goes, " : "points ",
+                      "beyond twice the distance of what the cameras look at: ",
                       std::round(1e3 * share_beyond) / 10, meshed ? " % >= " : " % < ", 100 * kMuch,
                       " %"),
             share_beyond,

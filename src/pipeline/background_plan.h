@@ -13,6 +13,7 @@ namespace tvsgs {
 /// NaN where there are no such points, or the cameras look at no point.
 double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>& points);
 
-Decision plan_background(double share_beyond);
+/// `masked`: the share is of the points inside of masks, as what is outside is not meshed.
+Decision plan_background(double share_beyond, bool masked = false);
 
 }  // namespace tvsgs

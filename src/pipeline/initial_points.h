@@ -14,21 +14,15 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
            scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
 }
 
-/// What lies outside of object masks is dropped where training has them. A cloud from outside is
-/// checked and thinned; a cloud that is too small gives way to one by stereo, if that finds more.
-/// Returns what stereo found, of which priors can be made.
+/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
+/// stereo, if that finds more. `scene` has no points outside of object masks (keep_to_object()),
+/// nor does the cloud by stereo. Returns what stereo found, of which priors can be made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
     const InitOptions& init = options.train.init;
     StereoStart stereo{scene.points.positions, {}};
     const std::vector<Vec3f>& points = stereo.points;
-    const auto without_background = [&](PointCloud& cloud) {
-        if (options.train.loss.photometric.masks != MaskUse::object) return;
-        if (const std::size_t dropped = drop_background_points(scene.train, cloud))
-            spdlog::info("{} initial points lie outside of a mask and were dropped", dropped);
-    };
-    without_background(scene.points);
     if (!options.scene.init_ply.empty()) {
         scene.points =
             prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
@@ -39,7 +33,7 @@ inline StereoStart prepare_points(const DeviceChoice& device,
             StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
                                               stereo_cap(init.max_points));
             stereo.maps = std::move(found.maps);
-            without_background(found.cloud);
+            keep_to_object(options.train.loss.photometric.masks, scene.train, found.cloud);
             if (found.cloud.positions.size() > scene.points.positions.size())
                 scene.points = std::move(found.cloud);
         } catch (const Error& error) {

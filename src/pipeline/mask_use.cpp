@@ -24,7 +24,11 @@ bool is_background_at(const View& view, Vec3f point) {
 
 }  // namespace
 
-void check_masks(MaskUse use, const std::vector<View>& train) {
+void check_masks(const PhotometricOptions& options, const std::vector<View>& train) {
+    const MaskUse use = options.masks;
+    if (use != MaskUse::object &&
+        parse_background(options.background).kind == PhotoBackground::Kind::random)
+        throw Error(ExitCode::usage, kRandomNeedsObject);
     if (!uses_masks(use)) return;
     const MaskLook look = look_at_masks(train, {});
     const char* const asked = use == MaskUse::object ? "loss.photometric.masks is object"
@@ -34,12 +38,16 @@ void check_masks(MaskUse use, const std::vector<View>& train) {
                     str("E_MASKS: ", asked,
                         ", but no training view has a mask; expected mask/ or "
                         "masks/ beside the photographs, an alpha channel, or --masks DIR"));
+    if (use == MaskUse::object && look.outside == 0)
+        throw Error(ExitCode::input,
+                    str("E_MASKS: ", asked,
+                        ", but the masks leave out nothing that the photographs show; expected "
+                        "masks in which 0 is not the object, or --mask-use ignore"));
     if (!look.empty.empty())
-        throw Error(
-            ExitCode::input,
-            str("E_MASKS: ", asked, ", but the mask of ", look.empty,
-                " has no pixel of the object (128 and more); write masks as 0 and 255, leave "
-                "the view out, or use --mask-use none"));
+        throw Error(ExitCode::input, str("E_MASKS: ", asked, ", but the mask of ", look.empty,
+                                         " has no pixel of the object (", int{kObjectMask},
+                                         " and more); write masks as 0 and 255, leave "
+                                         "the view out, or use --mask-use none"));
     if (look.masked < look.views)
         spdlog::warn("{} of {} training views have no mask: all that they show is compared",
                      look.views - look.masked, look.views);
@@ -55,6 +63,12 @@ std::size_t drop_background_points(const std::vector<View>& views, PointCloud& c
     const std::size_t dropped = cloud.positions.size() - kept.size();
     if (dropped > 0) cloud = select_points(cloud, kept);
     return dropped;
+}
+
+void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud) {
+    if (use != MaskUse::object) return;
+    if (const std::size_t dropped = drop_background_points(views, cloud))
+        spdlog::info("{} initial points lie outside of a mask and were dropped", dropped);
 }
 
 }  // namespace tvsgs

@@ -7,8 +7,10 @@
 namespace tvsgs {
 
 /// Throws Error(ExitCode::input) where masks are to be used and there are none, or one has no pixel
-/// of the object. Warns of views without one.
-void check_masks(MaskUse use, const std::vector<View>& train);
+/// of the object, or they are of an object and leave nothing out. Throws Error(ExitCode::usage) for
+/// a random background without object masks: here the plan has decided, if there is one. Warns of
+/// views without a mask.
+void check_masks(const PhotometricOptions& options, const std::vector<View>& train);
 
 /// Stereo with the masks where training has them.
 inline StereoOptions stereo_options(const RunOptions& options) {
@@ -20,5 +22,8 @@ inline StereoOptions stereo_options(const RunOptions& options) {
 /// Takes the points away that a view shows where its mask says background, up to a pixel beside the
 /// object. Returns how many.
 std::size_t drop_background_points(const std::vector<View>& views, PointCloud& cloud);
+
+/// The same of a cloud to begin with, where training has object masks; says so.
+void keep_to_object(MaskUse use, const std::vector<View>& views, PointCloud& cloud);
 
 }  // namespace tvsgs

@@ -25,17 +25,32 @@ constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
-/// With all that comes with it.
+/// What DeviceViews makes of a mask that terms look at.
+std::int64_t mask_bytes(const View& view, const LossNeeds& needs) {
+    const bool needed =
+        std::find(needs.view_maps.begin(), needs.view_maps.end(), "mask") != needs.view_maps.end();
+    return needed ? static_cast<std::int64_t>(view.mask.pixels.size() * sizeof(float)) : 0;
+}
+
+/// Beside the mask.
 std::int64_t photo_bytes(const View& view) {
-    std::size_t bytes =
-        view.photo.pixels.size() + view.mask.pixels.size() + view.grey.pixels.size();
+    std::size_t bytes = view.photo.pixels.size() + view.grey.pixels.size();
     for (const ViewMap& map : view.maps) bytes += map.values.size() * sizeof(float);
     return static_cast<std::int64_t>(bytes);
 }
 
-std::int64_t photo_bytes(const std::vector<View>& views) {
+/// As DeviceViews has them.
+std::int64_t device_bytes(const std::vector<View>& views, const LossNeeds& needs) {
     std::int64_t bytes = 0;
-    for (const View& v : views) bytes += photo_bytes(v);
+    for (const View& v : views) bytes += photo_bytes(v) + mask_bytes(v, needs);
+    return bytes;
+}
+
+/// As a scene has them.
+std::int64_t host_bytes(const std::vector<View>& views) {
+    std::int64_t bytes = 0;
+    for (const View& v : views)
+        bytes += photo_bytes(v) + static_cast<std::int64_t>(v.mask.pixels.size());
     return bytes;
 }
 
@@ -100,12 +115,14 @@ MemoryPlan estimate_memory(const Scene& scene,
     if (grows) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
-    const std::int64_t photos = photo_bytes(scene.train);
+    const std::int64_t photos = device_bytes(scene.train, needs);
     const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
-    std::int64_t kept = 0, most = 0;  // by terms; photographs and maps of one view
+    // By terms; photographs and maps of one view; masks that are to be copied.
+    std::int64_t kept = 0, most = 0, masks = 0;
     for (const View& v : scene.train) {
         kept += std::int64_t{4} * needs.kept_per_pixel * v.camera.width_px * v.camera.height_px;
-        most = std::max(most, photo_bytes(v));
+        most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
+        masks += mask_bytes(v, needs);
     }
     // Else those of a few, grey ones beside the colours.
     buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
@@ -114,7 +131,8 @@ MemoryPlan estimate_memory(const Scene& scene,
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
     plan.host.per_splat = 2 * state + parameters;
-    plan.host.fixed = kProgram + photo_bytes(scene.train) + photo_bytes(scene.test) + 2 * kept +
+    plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + masks +
+                      2 * kept +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
     if (!cuda) {
         buffers.per_splat += 2 * state;
@@ -136,7 +154,8 @@ MemoryPlan plan_memory(const Scene& scene,
     if constexpr (kHasCuda) {
         if (cuda) plan.device_limit = limit_of(Cuda{}, "memory.gpu", memory.gpu);
     }
-    if (cuda && options.photo_bytes == 0 && photo_bytes(scene.train) > plan.device_limit / 2) {
+    if (cuda && options.photo_bytes == 0 &&
+        device_bytes(scene.train, needs_of(options.loss)) > plan.device_limit / 2) {
         options.photo_bytes = plan.device_limit / 4;
         plan.buffers = estimate_memory(scene, options, splats, cuda).buffers;
     }

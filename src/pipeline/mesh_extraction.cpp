@@ -38,8 +38,11 @@ void check_mesh_options(const MeshOptions& options) {
     make_mesher<Cpu>(options.method, options.meshers);
     depth_rules(options);
     if (options.watertight && options.method != MeshOptions{}.method)
-        throw Error(ExitCode::usage, str("--watertight makes a surface of its own: leave --method ",
-                                         options.method, " out, or --watertight"));
+        throw Error(ExitCode::usage,
+                    str("--watertight makes a surface of its own: leave --method ", options.method,
+                        " out, or --watertight; where the run's configuration sets mesh.method, "
+                        "pass --method ",
+                        MeshOptions{}.method));
     if (!options.memory.empty()) parse_bytes("--memory", options.memory);
 }
 
@@ -99,13 +102,13 @@ std::string clean_mesh(TriangleMesh& mesh,
                " components have fewer than 50 faces; lower --voxel-size, or pass --clusters 0");
 }
 
-void mend_mesh(TriangleMesh& mesh,
-               const std::vector<Camera>& cameras,
-               const MeshOptions& options,
-               const EvidenceSource& evidence,
-               spdlog::level::level_enum level) {
+std::string mend_mesh(TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      const MeshOptions& options,
+                      const EvidenceSource& evidence,
+                      spdlog::level::level_enum level) {
     if (mesh.faces.empty() || options.watertight || !(options.holes > 0 || options.rims > 0))
-        return;
+        return {};
     const SoundReport sound = make_sound(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
@@ -117,10 +120,13 @@ void mend_mesh(TriangleMesh& mesh,
                     "{} that a view contradicts, {} that nothing fits",
                     holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted,
                     holes.unfit);
-    if (!(options.rims > 0)) return;
+    if (!(options.rims > 0)) return {};
     const std::size_t teeth = drop_teeth(mesh, kTeethRounds);
     const std::size_t moved = smooth_rims(mesh, cameras, options.rims);
     spdlog::log(level, "{} teeth of rims are off, {} vertices at rims moved", teeth, moved);
+    if (!mesh.faces.empty()) return {};
+    return str("all of its ", teeth,
+               " faces were teeth of rims; lower --voxel-size, or pass --set mesh.rims=0");
 }
 
 }  // namespace detail

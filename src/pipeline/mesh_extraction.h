@@ -93,12 +93,12 @@ std::string clean_mesh(TriangleMesh& mesh,
                        const EvidenceSource& evidence,
                        spdlog::level::level_enum level);
 
-/// Closes the small holes of a mesh and cuts its rims clean.
-void mend_mesh(TriangleMesh& mesh,
-               const std::vector<Camera>& cameras,
-               const MeshOptions& options,
-               const EvidenceSource& evidence,
-               spdlog::level::level_enum level);
+/// Closes the small holes of a mesh and cuts its rims clean. Returns as clean_mesh() does.
+std::string mend_mesh(TriangleMesh& mesh,
+                      const std::vector<Camera>& cameras,
+                      const MeshOptions& options,
+                      const EvidenceSource& evidence,
+                      spdlog::level::level_enum level);
 
 /// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
@@ -164,7 +164,8 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const EvidenceSource evidence = evidence_of(depth);
     std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
     const std::vector<Camera> cameras = detail::cameras_of(views);
-    detail::mend_mesh(found.mesh, cameras, options, evidence, level);
+    const std::string mended = detail::mend_mesh(found.mesh, cameras, options, evidence, level);
+    if (emptied.empty()) emptied = mended;
     const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence || options.watertight) count_views(found.mesh, evidence);

@@ -88,6 +88,12 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
 }  // namespace
 
 void check_consistency(const TrainOptions& options) {
+    if (const float ratio = options.bounds.max_ratio; ratio > 0 && ratio < 1)
+        throw Error(
+            ExitCode::usage,
+            str("bounds.max_ratio is ", ratio,
+                ", but no longest axis is shorter than the second; expected 1 or more, or 0 "
+                "for any"));
     const bool needs_votes =
         options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
     if (needs_votes && !options.tv.enabled)
@@ -144,7 +150,10 @@ Scene load_and_hold_out(ChosenViews chosen,
 }  // namespace
 
 Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
-    return load_and_hold_out(choose_views(options.scene), options, resumed, table);
+    Scene scene = load_and_hold_out(choose_views(options.scene), options, resumed, table);
+    check_masks(options.train.loss.photometric, scene.train);
+    keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
+    return scene;
 }
 
 void provide_maps(const DeviceChoice& device,
@@ -167,7 +176,6 @@ Scene read_and_plan(const DeviceChoice& device,
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
-        check_masks(options.train.loss.photometric.masks, scene.train);
         StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
@@ -182,8 +190,11 @@ Scene read_and_plan(const DeviceChoice& device,
 
     for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
         plan.apply(decision);
-    const bool masks = uses_masks(options.train.loss.photometric.masks);
-    check_masks(options.train.loss.photometric.masks, scene.train);
+    const MaskUse use = options.train.loss.photometric.masks;
+    const bool masks = uses_masks(use);
+    check_masks(options.train.loss.photometric, scene.train);
+    check_consistency(options.train);  // before stereo: masks of an object need coverage
+    keep_to_object(use, scene.train, scene.points);
     const auto look = [&] {
         const SceneLook seen = look_at(scene, options.train.loss.multi_view, masks);
         plan.note(seen);
@@ -215,10 +226,15 @@ Scene read_and_plan(const DeviceChoice& device,
     for (const Decision& decision : plan_training(
              seen, {dense, discs, options.train, configured, wanted, normals, multi_view.loss}))
         plan.apply(decision);
-    if (!plan.pinned("mesh.depth_max") && !plan.pinned("mesh.box"))
-        plan.apply(
-            plan_background(share_beyond(detail::cameras_of(scene.train), scene.points.positions)));
+    if (!plan.pinned("mesh.depth_max") && !plan.pinned("mesh.box")) {
+        PointCloud meshed = scene.points;
+        const bool masked = options.mesh.masks && seen.outside;
+        if (masked) drop_background_points(scene.train, meshed);
+        plan.apply(plan_background(share_beyond(detail::cameras_of(scene.train), meshed.positions),
+                                   masked));
+    }
     plan_thickness(options.train, plan);
+    check_consistency(options.train);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     if (!plan_only) provide_maps(device, options, std::move(found), scene);
     plan.finish();

@@ -13,7 +13,8 @@ void check_consistency(const TrainOptions& options);
 
 /// The scene. --until converged needs views that do not train: the test views, or, without any, one
 /// that is held out here and noted in `table`. Throws Error(ExitCode::usage) where a `resumed` run
-/// would have to hold one out, as it has trained on all of its views.
+/// would have to hold one out, as it has trained on all of its views. Checks the masks, and drops
+/// the points outside of those of an object.
 Scene read_views(const RunOptions& options, bool resumed, OptionTable& table);
 
 /// Fills the maps that the losses ask for: from files, from `stereo`, descriptors, as

@@ -141,7 +141,7 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
     std::vector<std::string> bad;
     std::vector<bool> left_out(files.size());
     for (std::size_t i = 0; i < files.size(); ++i) {
-        const NormalAgreement agreement = agreement_of(found[i], choice.reading);
+        const PriorAgreement agreement = agreement_of(found[i], choice.reading);
         left_out[i] = tells_nothing(agreement);
         if (left_out[i])
             bad.push_back(str(files[i].view->view->name, " (", degrees_of(agreement.cosine),

@@ -11,6 +11,7 @@
 #include "core/scene.h"
 #include "eval/image_metrics.h"
 #include "optim/train.h"
+#include "pipeline/render_background.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
@@ -85,7 +86,8 @@ RenderScores mean_scores(const std::vector<RenderScores>& views);
 
 }  // namespace detail
 
-/// Renders both as the backbone of `options` does; those of views that have a photograph.
+/// Renders both as the backbone of `options` does, before the background of its run; those of views
+/// that have a photograph.
 template <class Device>
 RenderScores compare_renders(const Gaussians<Cpu>& before,
                              const Gaussians<Cpu>& after,
@@ -94,11 +96,12 @@ RenderScores compare_renders(const Gaussians<Cpu>& before,
     Gaussians<Device> first, second;
     copy(before, first), copy(after, second);
     const auto backbone = make_backbone<Device>(options.backbone, options.render);
+    const PhotoBackground behind = parse_background(options.loss.photometric.background);
     std::vector<RenderScores> scores;
     for (const View& view : views) {
         const auto render = [&](const Gaussians<Device>& g) {
             const auto& images = backbone->forward(g, view.camera, g.sh_degree, Maps::color);
-            return detail::render_of(images.width, images.height, to_host(images.color));
+            return detail::render_of(images.width, images.height, colors_before(behind, images));
         };
         const detail::Render a = render(first), b = render(second);
         scores.push_back(

@@ -7,6 +7,7 @@
 #include "core/device_choice.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/scene.h"
 #include "mvs/patch_match.h"
 #include "optim/init_cloud.h"
 
@@ -52,8 +53,8 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
     for (std::size_t v = 0; v < views.size(); ++v) {
         const auto& mask = views[v].mask.pixels;
         pixels += options.use_masks && !mask.empty()
-                      ? static_cast<std::size_t>(
-                            std::count_if(mask.begin(), mask.end(), [](int m) { return m >= 128; }))
+                      ? static_cast<std::size_t>(std::count_if(
+                            mask.begin(), mask.end(), [](int m) { return m >= kObjectMask; }))
                       : result.maps[v].depth.size();
     }
     result.cloud = thin_to_count(result.cloud, std::min(max_points, pixels / 2));

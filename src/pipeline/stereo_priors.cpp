@@ -106,7 +106,8 @@ StereoMaps completed(const StereoMaps& maps, const StereoPriorOptions& o, const 
         const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
                                         {costs.data(), costs.size()}, mask);
         for (std::size_t i = 0; i < prior.size(); ++i) {
-            if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= 128))
+            if (maps.depth[i] > 0 || !(prior[i].depth > 0) ||
+                !(mask.empty() || mask[i] >= kObjectMask))
                 continue;
             const int at = static_cast<int>(i), w = maps.camera.width_px;
             if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >

@@ -1,6 +1,7 @@
 // Evaluation while training: when, against what, and what it says in log.jsonl.
 #pragma once
 
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -95,10 +96,19 @@ struct MeshSource {
     Vec3d origin{};  // see depth_rules
 };
 
+/// Mean over the views, inside of object masks that are trained with, as what they leave out is
+/// not. Of the whole images where no view's mask has a pixel of the object.
+inline double psnr_trained(const ViewScores& scores, const TrainOptions& options) {
+    const double inside = scores.mean_masked.psnr;
+    return options.loss.photometric.masks == MaskUse::object && std::isfinite(inside)
+               ? inside
+               : scores.mean_psnr;
+}
+
 /// An evaluation during training.
 struct Evaluation {
     std::string line;  // of log.jsonl
-    double psnr = 0;   // mean over the test views; inside of object masks that are trained with
+    double psnr = 0;   // psnr_trained() of the test views
 };
 template <class Device>
 Evaluation evaluate(int step,
@@ -118,10 +128,7 @@ Evaluation evaluate(int step,
             score_views(gaussians, views, options, no_pictures, {.masked = have_masks(views)});
         line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
         if (have_masks(views)) line.add("psnr_masked", scores.mean_masked.psnr);
-        // What object masks leave out has not been trained.
-        result.psnr = have_masks(views) && options.loss.photometric.masks == MaskUse::object
-                          ? scores.mean_masked.psnr
-                          : scores.mean_psnr;
+        result.psnr = psnr_trained(scores, options);
         spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
                      scores.mean_ssim);
     }

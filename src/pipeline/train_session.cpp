@@ -38,6 +38,7 @@ private:
     void warn_of_few(int splats) const;
     void say_how_it_ended(double seconds);
     void write_results(const Gaussians<Device>& trained, double seconds);
+    void say_what_is_scored() const;
     void score_test_views(const Gaussians<Device>& trained, JsonLine& summary) const;
 
     /// Of this call: what the run took before it was resumed is past.
@@ -76,6 +77,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
 
 template <class Device>
 void TrainSession<Device>::run() {
+    say_what_is_scored();
     const Gaussians<Device> trained = train_or_explain();
     synchronize(Device{});
     progress_.finish();
@@ -101,6 +103,17 @@ void TrainSession<Device>::run() {
         throw Error(ExitCode::io,
                     str(run_.path(), ": the run is finished and whole, but cannot be extended: ",
                         "its last checkpoint was not saved: ", checkpoints_.failure()));
+}
+
+template <class Device>
+void TrainSession<Device>::say_what_is_scored() const {
+    const std::vector<View>& views = in_.scene.test;
+    if (training_.loss.photometric.masks == MaskUse::object && have_masks(views) &&
+        !has_object(views))
+        spdlog::warn(
+            "no mask of the {} test views has a pixel of the object: the training goes by the PSNR "
+            "of their whole images",
+            views.size());
 }
 
 template <class Device>
@@ -287,9 +300,7 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& trained,
     spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
                  scores.mean_psnr, scores.mean_ssim, views, run_.path());
     if (masked) spdlog::info("inside of their masks: PSNR {:.2f} dB", scores.mean_masked.psnr);
-    const double psnr = masked && training_.loss.photometric.masks == MaskUse::object
-                            ? scores.mean_masked.psnr
-                            : scores.mean_psnr;
+    const double psnr = psnr_trained(scores, training_);
     if (psnr < scores_.best_psnr() - kClearlyWorse)
         spdlog::warn(
             "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "

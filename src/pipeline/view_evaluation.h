@@ -11,6 +11,7 @@
 #include "io/config.h"
 #include "io/image_file.h"
 #include "optim/train.h"
+#include "pipeline/render_background.h"
 #include "pipeline/signals.h"
 #include "render/backbone.h"
 #include "render/map_images.h"
@@ -21,6 +22,14 @@ namespace tvsgs {
 inline bool have_masks(const std::vector<View>& views) {
     const auto lacks = [](const View& view) { return view.mask.empty(); };
     return !views.empty() && std::none_of(views.begin(), views.end(), lacks);
+}
+
+/// Whether a mask has a pixel of the object.
+inline bool has_object(const std::vector<View>& views) {
+    return std::any_of(views.begin(), views.end(), [](const View& view) {
+        return std::any_of(view.mask.pixels.begin(), view.mask.pixels.end(),
+                           [](std::uint8_t value) { return value >= kObjectMask; });
+    });
 }
 
 /// `on_render(view, render, images)` is called after each view.
@@ -36,11 +45,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);
-        std::vector<Vec3f> colors = to_host(images.color);
-        if (behind.kind == PhotoBackground::Kind::constant && !behind.black()) {
-            const std::vector<float> T = to_host(images.transmittance);
-            for (std::size_t i = 0; i < colors.size(); ++i) colors[i] += T[i] * behind.linear();
-        }
+        const std::vector<Vec3f> colors = colors_before(behind, images);
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);
         on_render(view, render, images);

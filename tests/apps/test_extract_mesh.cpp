@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <fstream>
 #include <map>
 #include <utility>
 
@@ -111,6 +112,29 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     ASSERT_EQ(coarse.code, 0) << coarse;
     EXPECT_TRUE(coarse.says("pixels dropped: at or beyond 45 from the middle")) << coarse;
     EXPECT_LT(radii().back(), 1);
+}
+
+TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
+    const fs::path run = folder_ / "planned", splats = run / "point_cloud/iteration_1";
+    fs::create_directories(splats);
+    fs::copy_file(folder_ / "splats.ply", splats / "point_cloud.ply");
+    std::ofstream(run / "config.json") << R"({"mesh": {"unbounded": true}})";
+    const auto says_unbounded = [&](const std::string& flags) {
+        const Result r = run_tool(folder_, "extract-mesh",
+                                  "--model planned --scene scene --device cpu --no-masks --error 0 "
+                                  "--no-preview --mesh-resolution 100 --truncation 0.3 --out "
+                                  "planned.ply " +
+                                      flags);
+        EXPECT_EQ(r.code, 0) << flags << ": " << r;
+        EXPECT_EQ(r.says("is left out, as there is a limit"), !r.says("unbounded: voxels grow"))
+            << r;
+        return r.says("unbounded: voxels grow");
+    };
+    EXPECT_TRUE(says_unbounded(""));
+    for (const std::string limit : {"--depth-max 50", "--bbox=-2,-2,-2,2,2,2"}) {
+        EXPECT_FALSE(says_unbounded(limit));
+        EXPECT_TRUE(says_unbounded(limit + " --unbounded"));
+    }
 }
 
 /// All formats of one mesh have the same scores, the turn of a GLB and its copies at seams or not.
@@ -283,6 +307,8 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--method tetrahedra --bbox=5,5,5,6,6,6", 7, "lies in the image of a view");
     expect_refused("--method tetrahedra --memory 1M", 4, "raise --memory");
     expect_refused("--watertight --method tetrahedra", 2, "leave --method tetrahedra out");
+    expect_refused("--watertight --method tetrahedra", 2, "pass --method tsdf");
+    expect_refused("--watertight --memory 2K", 4, "raise --memory");
     expect_refused("--watertight --bbox=5,5,5,6,6,6", 7, "none of the depth pixels passed");
     expect_refused("--watertight --memory 100K", 4, "raise --memory");
     expect_refused("--watertight --voxel-size 1e-9", 3, "too far out for voxels of 1e-09");
@@ -311,6 +337,8 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         MeshOptions mesh;
         OptionTable table;
         table.add("mesh", mesh);
+        // As the configuration of a run may have it, by its plan or by its user.
+        mesh.unbounded = mesh.watertight = true, mesh.rims = 3;
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
         EXPECT_EQ(mesh.meshers.tsdf.voxel_size, row.voxel_size);
         EXPECT_EQ(mesh.meshers.tsdf.truncation, row.truncation);
@@ -327,6 +355,8 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_EQ(mesh.simplify.faces, 0);
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.evidence);
+        EXPECT_FALSE(mesh.unbounded || mesh.watertight);
+        EXPECT_EQ(mesh.rims, 0);
         EXPECT_EQ(mesh.holes, 0);
         EXPECT_EQ(mesh.rims, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);

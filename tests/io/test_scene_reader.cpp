@@ -302,6 +302,8 @@ TEST_F(SceneReader, DistortedCameras) {
     EXPECT_EQ(view.mask.at(0, 0), kNoPhoto);  // the pinhole sees farther than the lens did
     EXPECT_EQ(view.mask.at(4, 3), 255);
     EXPECT_EQ(view.photo.at(4, 3), 10);
+    camera("1 SIMPLE_RADIAL 8 6 10 4 3 -0.1");
+    EXPECT_TRUE(read().train[1].mask.empty()) << "the lens saw it all: nothing is left out";
     for (const char* line : {"1 OPENCV_FISHEYE 8 6 10 10 4 3 0 0 0 0", "1 FOV 8 6 10 10 4 3 0.9",
                              "1 THIN_PRISM_FISHEYE 8 6 10 10 4 3 0.1 0 0.01 0 0 0 0.02 0"}) {
         camera(line);

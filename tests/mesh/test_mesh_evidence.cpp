@@ -6,6 +6,7 @@
 #include <cstring>
 #include <limits>
 
+#include "core/scene.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mesh_clean.h"
 #include "pipeline/mesh_extraction.h"
@@ -76,6 +77,8 @@ TEST(Verdict, MasksCountWhereThereIsNoDepth) {
     EXPECT_EQ(judge(view, facing(-2)).verdict, Verdict::nothing) << "behind the camera";
     view.mask.assign(view.depth.size(), 128);
     EXPECT_EQ(judge(view, facing(2)).verdict, Verdict::nothing);
+    view.mask.assign(view.depth.size(), kNoPhoto);
+    EXPECT_EQ(judge(view, facing(2)).verdict, Verdict::nothing) << "no lens saw it";
     EvidenceView seen = level(2);
     seen.mask.assign(seen.depth.size(), 0);
     EXPECT_EQ(judge(seen, facing(2)).verdict, Verdict::sees_surely);

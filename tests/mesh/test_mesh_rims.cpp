@@ -270,7 +270,15 @@ TEST(Mending, IsTheOptionsChoice) {
     EXPECT_LT(roughness(both), 0.5 * roughness(scene));
     EXPECT_EQ(roughness(mended(10, 0)), roughness(scene));
     TriangleMesh empty;
-    detail::mend_mesh(empty, kCameras, {}, {}, spdlog::level::debug);
+    EXPECT_EQ(detail::mend_mesh(empty, kCameras, {}, {}, spdlog::level::debug), "");
+    TriangleMesh tooth;
+    tooth.vertices = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}}, tooth.faces = {{0, 1, 2}};
+    MeshOptions rims;
+    rims.rims = 1, rims.holes = 0;
+    const std::string why =
+        detail::mend_mesh(tooth, kCameras, rims, source_of(views), spdlog::level::debug);
+    EXPECT_TRUE(tooth.faces.empty());
+    EXPECT_NE(why.find("mesh.rims=0"), std::string::npos) << why;
 }
 
 TEST(Rims, SameBytesForAnyNumberOfThreads) {

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -14,6 +15,7 @@
 #include "mesh/mesh_clean.h"
 #include "mesh/pixel_trust.h"
 #include "mesh/poisson.h"
+#include "mesh/poisson_solve.h"
 #include "mesh/simplify.h"
 #include "mesh/sphere_views.h"
 #include "mesh/view_points.h"
@@ -400,6 +402,34 @@ TEST(ViewPoints, OnePointPerCell) {
     points.fit(250 * 1000);
     EXPECT_GE(points.cell(), 0.1f);
     EXPECT_LE(points.oriented().size(), 500u);
+    // Eight cells meet in the origin, and none of these becomes one with another.
+    try {
+        points.fit(2000);
+        ADD_FAILURE() << points.oriented().size();
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::memory);
+    }
+}
+
+// 40 views along z: `through` of them see something at 9, the others at 1, as the nodes are.
+TEST(FreeNodes, GoByAllViews) {
+    const std::vector<PoissonLevel> levels(1, PoissonLevel(0.01f, {block_key({0, 0, 12})}));
+    const auto free = [&](int through) {
+        const EvidenceSource source{
+            40, [=](int i) {
+                EvidenceView view;
+                view.camera = {100, 100, 50, 50, 50, 50, {}};
+                view.camera.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
+                view.depth.assign(10000, i < through ? 9.0f : 1.0f);
+                view.weight.assign(10000, kTrustedWeight);
+                return view;
+            }};
+        const FreeNodes found = find_free_nodes(levels, source);
+        return std::count(found[0].begin(), found[0].end(), std::uint8_t{1});
+    };
+    EXPECT_EQ(free(0), 0);
+    EXPECT_EQ(free(12), 0) << "28 see what is there";
+    EXPECT_GT(free(20), 0);
 }
 
 TEST(ViewPoints, OnlyWhatIsSureAndNotLookedThrough) {

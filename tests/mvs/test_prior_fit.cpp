@@ -345,10 +345,10 @@ TEST(ChooseNormals, FindsTheFrame) {
         }
 }
 
-TEST(NormalAgreement, AgainstOneNormalForAll) {
+TEST(PriorAgreement, AgainstOneNormalForAll) {
     const NormalReading usual{};
     std::vector<NormalSample> samples = normals_of(usual, 4000);
-    const NormalAgreement right = agreement_of(samples, usual);
+    const PriorAgreement right = agreement_of(samples, usual);
     EXPECT_NEAR(right.cosine, 1, 1e-9);
     EXPECT_NEAR(right.cosine_of_constant, 0.5, 0.02);  // the mean of a half sphere
     EXPECT_FALSE(tells_nothing(right));
@@ -358,7 +358,7 @@ TEST(NormalAgreement, AgainstOneNormalForAll) {
     EXPECT_NEAR(agreement_of(mixed, usual).cosine, 0.25, 0.03);  // independent: its square
     EXPECT_TRUE(tells_nothing(agreement_of(mixed, usual)));
     // A wall: one normal says all, and a map of it is none the worse.
-    EXPECT_FALSE(tells_nothing(NormalAgreement{0.9, 0.95}));
+    EXPECT_FALSE(tells_nothing(PriorAgreement{0.9, 0.95}));
     EXPECT_FALSE(tells_nothing(agreement_of({samples.begin(), samples.begin() + 49}, usual)));
 }
 

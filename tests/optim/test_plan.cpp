@@ -483,7 +483,7 @@ TEST(PlanLook, CountsWhatStereoCouldMatch) {
 
 MaskLook masks_with(double border, double matched) {
     MaskLook look;
-    look.views = look.masked = 3, look.border = border, look.matched = matched;
+    look.views = look.masked = look.outside = 3, look.border = border, look.matched = matched;
     return look;
 }
 
@@ -539,6 +539,30 @@ TEST(Plan, ABackgroundOfOneColour) {
     EXPECT_LT(look.background_points, 0.05);
     auto plan = plan_of(look);
     EXPECT_TRUE(sets(settings(plan, "background"), "loss.photometric.background", "240,245,250"));
+    // What a lens did not see is black, and neither a border nor outside of a mask.
+    Scene lens = scene;
+    for (View& view : lens.train) {
+        view.mask = ImageU8(100, 80, 1, 255);
+        for (int y = 0; y < 80; ++y)
+            for (int x = 0; x < 5; ++x) {
+                view.mask.at(x, y) = kNoPhoto;
+                for (int c = 0; c < 3; ++c) view.photo.at(x, y, c) = 0;
+            }
+    }
+    const auto with = [&](MaskUse use) {
+        PlanInputs in;
+        in.configured = 15000, in.options.loss.photometric.masks = use;
+        return choice(plan_training(look_of(lens), in), "background");
+    };
+    EXPECT_EQ(choice(plan_masks(look_at_masks(lens.train, {})), "masks"), "ignore");
+    EXPECT_EQ(with(MaskUse::ignore), "240,245,250");
+    EXPECT_EQ(with(MaskUse::object), "no such decision");
+    lens.train[1].mask.at(50, 40) = 0;
+    EXPECT_EQ(with(MaskUse::none), "240,245,250");
+    EXPECT_EQ(with(MaskUse::ignore), "no such decision");
+    for (View& view : lens.train)
+        std::fill(view.mask.pixels.begin(), view.mask.pixels.end(), kNoPhoto);
+    EXPECT_EQ(look_of(lens).background_border, 0) << "no lens saw anything";
     look.background_border = 0.74;
     EXPECT_EQ(choice(plan_of(look), "background"), "none");
     look.background_border = 0.76, look.background_points = 0.06;

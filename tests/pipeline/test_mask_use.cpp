@@ -1,8 +1,13 @@
 // Masks that cannot be used are refused, and the initial cloud keeps to the object.
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "core/error.h"
 #include "pipeline/mask_use.h"
+#include "pipeline/planned_scene.h"
+#include "pipeline/splat_selection.h"
+#include "pipeline/train_evaluation.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -23,7 +28,9 @@ View masked_view(const std::string& name) {
 
 std::string refusal(MaskUse use, const std::vector<View>& views) {
     try {
-        check_masks(use, views);
+        PhotometricOptions options;
+        options.masks = use;
+        check_masks(options, views);
     } catch (const Error& error) {
         EXPECT_EQ(error.code(), ExitCode::input);
         return error.what();
@@ -45,6 +52,35 @@ TEST(CheckMasks, RefusesWhatCannotBeMeant) {
     }
     for (const MaskUse use : {MaskUse::none, MaskUse::automatic})
         EXPECT_EQ(refusal(use, {none, black}), "");
+    View lens = good;
+    for (std::uint8_t& value : lens.mask.pixels) value = value > 0 ? 255 : kNoPhoto;
+    EXPECT_NE(refusal(MaskUse::object, {lens, lens}).find("leave out nothing"), std::string::npos);
+    EXPECT_EQ(refusal(MaskUse::object, {lens, good}), "");
+    EXPECT_EQ(refusal(MaskUse::ignore, {lens, lens}), "");
+}
+
+TEST(CheckMasks, ARandomBackgroundIsForObjects) {
+    const std::vector<View> views{masked_view("a.png")};
+    for (const MaskUse use :
+         {MaskUse::automatic, MaskUse::none, MaskUse::ignore, MaskUse::object}) {
+        PhotometricOptions options;
+        options.masks = use, options.background = "random";
+        if (use == MaskUse::object)
+            EXPECT_NO_THROW(check_masks(options, views));
+        else
+            EXPECT_THROW(check_masks(options, views), Error) << static_cast<int>(use);
+    }
+}
+
+TEST(KeepToObject, OnlyWhereMasksAreOfOne) {
+    const std::vector<View> views{masked_view("a.png")};
+    for (const MaskUse use :
+         {MaskUse::automatic, MaskUse::none, MaskUse::ignore, MaskUse::object}) {
+        PointCloud cloud;
+        cloud.positions = {{0, 0, 0}, {0, -2.5f, 0}}, cloud.colors.resize(2);
+        keep_to_object(use, views, cloud);
+        EXPECT_EQ(cloud.positions.size(), use == MaskUse::object ? 1u : 2u);
+    }
 }
 
 /// A pixel is 0.1 wide at the depth of the points.
@@ -73,6 +109,45 @@ TEST(StereoOptions, HaveMasksWhereTrainingHas) {
     options.train.loss.photometric.masks = MaskUse::none;
     options.stereo.use_masks = true;
     EXPECT_TRUE(stereo_options(options).use_masks);
+}
+
+TEST(PsnrTrained, IsOfTheWholeImageWhereNoMaskHasAnObject) {
+    ViewScores scores;
+    scores.mean_psnr = 20, scores.mean_masked.psnr = 30;
+    TrainOptions options;
+    EXPECT_EQ(psnr_trained(scores, options), 20);
+    options.loss.photometric.masks = MaskUse::object;
+    EXPECT_EQ(psnr_trained(scores, options), 30);
+    scores.mean_masked.psnr = std::nan("");
+    EXPECT_EQ(psnr_trained(scores, options), 20);
+    View empty = masked_view("a");
+    EXPECT_TRUE(has_object({empty}));
+    for (std::uint8_t& value : empty.mask.pixels) value = value > 0 ? kNoPhoto : 0;
+    EXPECT_FALSE(has_object({empty}));
+}
+
+TEST(CompareRenders, BeforeTheBackgroundOfTheRun) {
+    View view = masked_view("a");
+    view.photo = ImageU8(60, 60, 3, 250);
+    Gaussians<Cpu> behind;  // the camera: nothing but the background is seen
+    resize(behind, 1, 0);
+    behind.means.data()[0] = {0, 0, -20}, behind.quats.data()[0] = {1, 0, 0, 0};
+    TrainOptions options;
+    options.loss.photometric.background = "white";
+    EXPECT_NEAR(compare_renders<Cpu>(behind, behind, {view}, options).before,
+                20 * std::log10(255 / 5.0), 1e-3);
+    options.loss.photometric.background = "none";
+    EXPECT_LT(compare_renders<Cpu>(behind, behind, {view}, options).before, 1);
+}
+
+TEST(Consistency, ALongestAxisIsNotShorterThanTheSecond) {
+    TrainOptions options;
+    for (const float ratio : {0.0f, 1.0f, 5.0f}) {
+        options.bounds.max_ratio = ratio;
+        EXPECT_NO_THROW(check_consistency(options)) << ratio;
+    }
+    options.bounds.max_ratio = 0.5f;
+    EXPECT_THROW(check_consistency(options), Error);
 }
 
 }  // namespace

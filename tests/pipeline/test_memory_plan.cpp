@@ -43,5 +43,20 @@ TEST(MemoryPlan, CountsMapsOfViewsThatComeAsTheyAreNeeded) {
     EXPECT_EQ(with - without, 2 * 200 * 100 * 4);  // two views at a time
 }
 
+TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
+    Scene scene = scene_of(9);
+    TrainOptions o;
+    const auto fixed = [&] { return estimate_memory(scene, o, 100, true); };
+    const MemoryPlan without = fixed();
+    for (View& view : scene.train) view.mask = ImageU8(200, 100, 1, 255);
+    const MemoryPlan unused = fixed();
+    EXPECT_EQ(unused.buffers.fixed, without.buffers.fixed);
+    EXPECT_EQ(unused.host.fixed - without.host.fixed, 9 * 200 * 100);
+    o.loss.photometric.masks = MaskUse::object;
+    const MemoryPlan used = fixed();
+    EXPECT_EQ(used.buffers.fixed - unused.buffers.fixed, 9 * 200 * 100 * 4);
+    EXPECT_EQ(used.host.fixed - unused.host.fixed, 9 * 200 * 100 * 4);
+}
+
 }  // namespace
 }  // namespace tvsgs
