@@ -43,6 +43,22 @@ bool is_run(const std::string& path) {
     return fs::is_directory(path, failure);
 }
 
+/// The report takes no name that the splats have, or what says where they lie.
+void check_report(const Arguments& a) {
+    if (a.report.empty()) return;
+    const std::string input = find_splats(a.input);
+    const auto place = [](const std::string& path) {
+        std::error_code failure;
+        return fs::weakly_canonical(fs::absolute(path), failure);
+    };
+    for (const std::string& taken : {a.output, origin_file(a.output), input, origin_file(input)}) {
+        std::error_code failure;
+        if (place(a.report) == place(taken) || fs::equivalent(a.report, taken, failure))
+            throw Error(ExitCode::usage, str("--out-report ", a.report, ": is the name of ", taken,
+                                             ", which belongs to the splats; name another"));
+    }
+}
+
 /// The run's configuration, if there is one, gives the scene; flags override it.
 Arguments parse(int argc, char** argv, RunOptions& options) {
     Arguments a;
@@ -66,7 +82,10 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--verbose", a.verbose, "more detail")->excludes(quiet);
 
     const char* group = "Which splats";
-    app.add_option("--bbox", a.box, "x0,y0,z0,x1,y1,z1: splats with their centre outside stay out")
+    app.add_option(
+           "--bbox", a.box,
+           "x0,y0,z0,x1,y1,z1 in the scene's axes (rdf), whatever those of the files: splats "
+           "with their centre outside stay out")
         ->group(group);
     app.add_option("--max-splats", a.max_splats,
                    "keep so many: those that give the views of a run the most light, else the "
@@ -117,6 +136,10 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     if (!fs::exists(a.input, failure))
         throw Error(ExitCode::input,
                     str(a.input, ": does not exist; expected a run folder or a file of splats"));
+    if (is_run(a.input) && !a.input_frame.empty())
+        throw Error(ExitCode::usage, str("--input-frame ", a.input_frame, ": ", a.input,
+                                         " is a run folder, whose axes are known; it is for a file "
+                                         "of splats"));
     if (is_run(a.input)) table.read_file(run_config_path(a.input));
     for (const std::string& file : configs) table.read_file(file);
     flags.set_keys(table);
@@ -129,6 +152,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                    "the name says which format the splats get", options.scene);
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
         throw Error(ExitCode::usage, str(a.output, ": expected the name of a file"));
+    check_report(a);
     return a;
 }
 

@@ -48,10 +48,17 @@ std::string camera_of(const std::string& file) {
 std::vector<Photograph> find_photographs(const std::string& folder) {
     std::vector<Photograph> photographs;
     std::vector<std::string> unreadable;
-    for (const auto& entry : fs::recursive_directory_iterator(
-             folder, fs::directory_options::follow_directory_symlink)) {
+    for (fs::recursive_directory_iterator
+             it(folder, fs::directory_options::follow_directory_symlink),
+         end;
+         it != end; ++it) {
+        const fs::directory_entry& entry = *it;
+        if (entry.path().filename().string().starts_with(".")) {  // thumbnails, what was deleted
+            it.disable_recursion_pending();
+            continue;
+        }
         const std::string extension = lower_extension(entry.path());
-        if (!entry.is_regular_file() || entry.path().filename().string().starts_with(".")) continue;
+        if (!entry.is_regular_file()) continue;
         if (is_one_of(extension,
                       {".heic", ".heif", ".avif", ".cr2", ".cr3", ".nef", ".arw", ".dng"}))
             unreadable.push_back(entry.path().string());

@@ -222,35 +222,46 @@ SparseModel with_lenses(const Colmap& colmap,
     return read_sparse_model(out.string());
 }
 
-/// Points for poses that are known: of the photographs that the model in `poses` names.
-SparseModel triangulate(const Colmap& colmap,
-                        const fs::path& work,
-                        const fs::path& images,
-                        const std::string& poses) {
-    Step step("points for the given poses");
-    const fs::path given = work / "given", out = work / "models/0";
+/// Into the folder `given`: those of the photographs that the model in `options.poses` names.
+void take_poses(const Colmap& colmap,
+                const fs::path& given,
+                const fs::path& images,
+                const ReconstructOptions& options) {
     fs::create_directories(given);
-    fs::create_directories(out);
-    const auto quiet = [](std::string_view) {};
-    int code = colmap.run({"model_converter", "--input_path", poses, "--output_path",
-                           given.string(), "--output_type", "BIN"},
-                          "", quiet);
+    const int code = colmap.run({"model_converter", "--input_path", options.poses, "--output_path",
+                                 given.string(), "--output_type", "BIN"},
+                                "", [](std::string_view) {});
     if (code != 0) throw colmap.failed("model_converter", code);
     SparseModel model = read_sparse_model(given.string());
+    for (SparseImage& image : model.images)
+        if (const auto to = options.renamed.find(image.name); to != options.renamed.end())
+            image.name = to->second;
+    std::ranges::sort(model.images, {}, &SparseImage::name);
     std::erase_if(model.images,
                   [&](const SparseImage& image) { return !fs::exists(images / image.name); });
     if (model.images.size() < 2)
-        throw input_error(poses, ": names ", model.images.size(),
+        throw input_error(options.poses, ": names ", model.images.size(),
                           " of the photographs; expected 2 or more, by their paths");
     // Points of the model stand for other features than those found now.
     model.points.clear();
     for (SparseImage& image : model.images) image.observations.clear();
     for (const char* name : {"cameras.bin", "images.bin", "points3D.bin"}) fs::remove(given / name);
     write_sparse_model(given.string(), model);
-    code = colmap.run({"point_triangulator", "--database_path", (work / "database.db").string(),
-                       "--image_path", images.string(), "--input_path", given.string(),
-                       "--output_path", out.string(), "--clear_points", "1"},
-                      "Mapper", quiet);
+}
+
+/// Points for the poses in `given`.
+SparseModel triangulate(const Colmap& colmap,
+                        const fs::path& work,
+                        const fs::path& images,
+                        const fs::path& given) {
+    Step step("points for the given poses");
+    const fs::path out = work / "models/0";
+    fs::create_directories(out);
+    const int code =
+        colmap.run({"point_triangulator", "--database_path", (work / "database.db").string(),
+                    "--image_path", images.string(), "--input_path", given.string(),
+                    "--output_path", out.string(), "--clear_points", "1"},
+                   "Mapper", [](std::string_view) {});
     if (code != 0) throw colmap.failed("point_triangulator", code);
     step.done();
     return read_sparse_model(out.string());
@@ -278,10 +289,13 @@ Reconstruction reconstruct(const std::string& program,
     Reconstruction found;
     std::size_t photographs = 0;
     for (const CameraGroup& group : groups) photographs += group.names.size();
+    const fs::path given = work / "given";
+    // What is wrong with them is better said before the hours that features and matches take.
+    if (!options.poses.empty()) take_poses(colmap, given, images, options);
     extract_features(colmap, work, images, groups, options, found.features);
     match(colmap, work, options.matcher);
     if (!options.poses.empty())
-        found.models.push_back(triangulate(colmap, work, images, options.poses));
+        found.models.push_back(triangulate(colmap, work, images, given));
     else
         found.models = map_all(colmap, work, images, photographs, options.calibration.has_value());
     if (options.poses.empty() && !options.calibration && !found.models.empty())

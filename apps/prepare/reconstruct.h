@@ -17,6 +17,7 @@ struct ReconstructOptions {
     std::string lens = "auto";  // a camera model of COLMAP
     std::string matcher;        // exhaustive or sequential
     std::string poses;          // folder of a model whose poses are kept; may be empty
+    std::map<std::string, std::string> renamed;  // photographs that `poses` may know by other names
     std::optional<Calibration> calibration;
     int max_size = 3200, threads = 0;
 };

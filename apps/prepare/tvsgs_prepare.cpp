@@ -99,25 +99,70 @@ Arguments parse(int argc, char** argv) {
         ->group(group);
     app.add_flag("--quiet", a.quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);
+
+    // What would do nothing is refused.
+    const auto refuse = [&](bool wrong, const char* why) {
+        if (wrong) throw Error(ExitCode::usage, why);
+    };
+    std::error_code error;
+    const bool folder = fs::is_directory(a.photos, error), video = !folder && is_video(a.photos);
+    refuse(!a.calibration.empty() && a.cameras == "each",
+           "--calibration with --cameras each: the calibrated lens is that of all photographs; "
+           "leave one out");
+    refuse(!a.calibration.empty() && a.reconstruct.lens != "auto",
+           "--calibration with --lens: the file says the lens; leave one out");
+    refuse(video && app.count("--cameras") > 0,
+           "--cameras with a video: its frames are from one camera; leave it out");
+    refuse(folder && app.count("--frames") > 0,
+           "--frames with a folder: all of its photographs are taken; it is for a video");
+    refuse(app.count("--marker-size") == 0 &&
+               app.count("--markers-on") + app.count("--marker-dictionary") > 0,
+           "--markers-on and --marker-dictionary: belong to --marker-size, which is missing");
     return a;
 }
 
-/// A folder beside the scene, removed at the end whatever happens.
+/// Where the scene is made, removed at the end whatever happens unless it is kept. Inside of a
+/// scene folder that is there, which may be on a disk of its own; else beside the scene to be.
 class WorkFolder {
 public:
     explicit WorkFolder(const fs::path& scene)
-        : path_(scene.parent_path() / str(".", scene.filename().string(), ".partial-", getpid())) {
+        : scene_(scene),
+          inside_(fs::exists(scene)),
+          path_(inside_ ? scene / str(".partial-", getpid())
+                        : scene.parent_path() /
+                              str(".", scene.filename().string(), ".partial-", getpid())) {
         fs::create_directories(path_);
     }
     WorkFolder(const WorkFolder&) = delete;
     WorkFolder& operator=(const WorkFolder&) = delete;
     ~WorkFolder() {
         std::error_code no_matter;
-        fs::remove_all(path_, no_matter);
+        if (!kept_) fs::remove_all(path_, no_matter);
     }
     const fs::path& path() const { return path_; }
 
+    /// Gives what was made in `made` its place. Throws Error(ExitCode::io) where something is in
+    /// the way; the hours that it took are not lost then: the folder stays.
+    void put(const fs::path& made) {
+        try {
+            if (!inside_) return fs::rename(made, scene_);
+            std::vector<fs::path> parts;
+            for (const auto& entry : fs::directory_iterator(made)) parts.push_back(entry.path());
+            for (const fs::path& part : parts)
+                if (const fs::path to = scene_ / part.filename(); fs::exists(to))
+                    throw input_error(to.string(), " is there now");
+            for (const fs::path& part : parts) fs::rename(part, scene_ / part.filename());
+        } catch (const std::exception& error) {
+            kept_ = true;
+            throw Error(ExitCode::io, str(scene_.string(), ": cannot be put there (", error.what(),
+                                          "); what is not there yet is kept in ", made.string(),
+                                          ": make room and move it"));
+        }
+    }
+
 private:
+    fs::path scene_;
+    bool inside_, kept_ = false;
     fs::path path_;
 };
 
@@ -153,7 +198,7 @@ void check_places(const Arguments& a, const fs::path& scene) {
             if (fs::exists(scene / ours))
                 throw Error(ExitCode::usage,
                             str((scene / ours).string(), " is there already; name another scene"));
-    } else if (fs::exists(scene) &&
+    } else if (fs::exists(fs::symlink_status(scene)) &&  // a link that leads nowhere as well
                !(fs::is_directory(scene, error) && fs::is_empty(scene, error))) {
         throw Error(ExitCode::usage,
                     a.scene + ": exists and is not an empty folder; name a new one");
@@ -225,13 +270,13 @@ int command(int argc, char** argv) {
     // 1. What there is.
     Arguments a = parse(argc, argv);
     init_log(a.quiet ? Verbosity::quiet : Verbosity::normal);
-    fs::path scene = fs::absolute(a.scene).lexically_normal();
+    fs::path scene = fs::weakly_canonical(fs::absolute(a.scene));  // where a link leads
     if (!scene.has_filename()) scene = scene.parent_path();
     check_places(a, scene);
     const std::string colmap = find_colmap();
     const SignalGuard signals;
     fs::create_directories(scene.parent_path());
-    const WorkFolder work(scene);
+    WorkFolder work(scene);
     const bool in_place = is_in_place(a, scene);
     const fs::path made = work.path() / "scene", images = (in_place ? scene : made) / "images";
     std::string photos = a.photos;
@@ -254,6 +299,12 @@ int command(int argc, char** argv) {
     a.reconstruct.matcher = a.matcher != "auto"                         ? a.matcher
                             : video || photographs.size() > kExhaustive ? "sequential"
                                                                         : "exhaustive";
+
+    for (const Photograph& photo : photographs)
+        if (photo.convert)
+            a.reconstruct
+                .renamed[fs::path(photo.file).lexically_relative(photos).generic_string()] =
+                photo.name;
 
     // 2. Where they were taken from.
     if (!in_place)
@@ -287,13 +338,7 @@ int command(int argc, char** argv) {
     write_sparse_model((made / "sparse/0").string(), model);
     write_text_file((made / "prepare.json").string(), json_text(report) + "\n");
     fs::copy_file(log, made / "prepare.log");
-    if (in_place) {
-        for (const char* file : {"prepare.json", "prepare.log", "sparse"})
-            fs::rename(made / file, scene / file);
-    } else {
-        fs::remove(scene);  // an empty folder
-        fs::rename(made, scene);
-    }
+    work.put(made);
     fs::remove(log);
     spdlog::info("{}: {} photographs; next: tvsgs-train --scene {}", a.scene, check.registered,
                  a.scene);

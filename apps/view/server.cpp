@@ -81,6 +81,12 @@ public:
                 response.set_content(read_bytes(live("splats.spz")), "application/octet-stream");
             });
         });
+        // Not SO_REUSEPORT, which httplib sets: two servers would share a port, and each get some
+        // of the requests.
+        server_.set_socket_options([](socket_t socket) {
+            const int yes = 1;
+            setsockopt(socket, SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes);
+        });
         const char* const host = "127.0.0.1";  // of this machine alone
         port_ = port > 0 ? (server_.bind_to_port(host, port) ? port : -1)
                          : server_.bind_to_any_port(host);
@@ -137,10 +143,16 @@ private:
     std::string version_of_run() const {
         std::string text;
         std::error_code code;
-        for (const std::string& file :
-             {run_ + "/report.json", run_ + "/config.json", find_mesh(run_)})
+        std::vector<std::string> files = {run_ + "/report.json", run_ + "/config.json",
+                                          find_mesh(run_)};
+        try {
+            files.push_back(find_splats(run_));
+        } catch (const Error&) {
+            // None yet.
+        }
+        for (const std::string& file : files)
             if (const auto time = fs::last_write_time(file, code); !code)
-                text += std::to_string(time.time_since_epoch().count()) + " ";
+                text += file + " " + std::to_string(time.time_since_epoch().count()) + " ";
         return text;
     }
 
@@ -160,7 +172,9 @@ private:
     std::string state() const {
         std::error_code code;
         const auto time = fs::last_write_time(live("splats.spz"), code);
-        if (code || !fs::is_regular_file(live("state.json"), code)) return "{\"live\": false}\n";
+        if (code || !fs::is_regular_file(live("state.json"), code))
+            return str("{\"live\": false, \"finished\": ",
+                       fs::exists(run_ + "/report.json", code) ? "true" : "false", "}\n");
         const std::chrono::duration<double> age = fs::file_time_type::clock::now() - time;
         JsonValue json = parse_json_value(read_text(live("state.json"), 4096), live("state.json"));
         json.set("live", 1.0);

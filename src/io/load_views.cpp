@@ -139,10 +139,14 @@ View load_view(const ViewSource& source,
         threshold(view.mask);
     }
     if (distorted) {
-        valid = resize_nearest(valid, size.width_px, size.height_px);
+        // Where the filter of the colours takes in a pixel without any. It falls below 0 as well,
+        // so 128 stands for a photograph: what is missing shows as more or as less.
+        constexpr std::uint8_t kPhoto = 128;
+        for (auto& value : valid.pixels) value = value ? kPhoto : 0;
+        valid = resize_bicubic(valid, size.width_px, size.height_px);
         if (view.mask.empty()) view.mask = ImageU8(valid.width, valid.height, 1, 255);
         for (std::size_t i = 0; i < valid.pixels.size(); ++i)
-            if (valid.pixels[i] == 0) view.mask.pixels[i] = kNoPhoto;
+            if (valid.pixels[i] != kPhoto) view.mask.pixels[i] = kNoPhoto;
         if (!source.mask_file && is_whole(view.mask)) view.mask = {};
     }
 

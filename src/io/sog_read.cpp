@@ -1,3 +1,4 @@
+#include <filesystem>
 #include <map>
 
 #include "core/parallel.h"
@@ -15,17 +16,21 @@ namespace {
 using nlohmann::json;
 
 constexpr std::int64_t kMaxSplats = 50000000;
-// A picture of one colour takes next to nothing: what a file may claim goes by its bytes.
-constexpr std::int64_t kSplatsPerByte = 100;
+// A picture of one colour takes next to nothing, and so do its bytes once they are deflated: what a
+// file may claim goes by its size on the disk.
+constexpr std::int64_t kSplatsPerByte = 16;
+constexpr std::uint64_t kInflated = 16, kAtLeast = 1 << 20;  // bytes of the entries, times the size
 
 class SogReader {
 public:
     explicit SogReader(const std::string& path) : path_(path) {
-        std::int64_t bytes = 0;
-        read_zip(path, "SOG", {.entries = 64}, [&](const std::string& name, std::string content) {
-            bytes += static_cast<std::int64_t>(content.size());
-            files_[name] = std::move(content);
-        });
+        std::error_code no_file;  // which read_zip says
+        const std::uintmax_t size = std::filesystem::file_size(path, no_file);
+        const std::uint64_t bytes = no_file ? 0 : size;
+        read_zip(path, "SOG", {.entries = 64, .total_bytes = kInflated * bytes + kAtLeast},
+                 [&](const std::string& name, std::string content) {
+                     files_[name] = std::move(content);
+                 });
         const auto found = files_.find(sog::kMetaName);
         if (found == files_.end()) fail("holds no ", sog::kMetaName, "; is it a SOG file?");
         const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
@@ -37,7 +42,8 @@ public:
         if (const std::int64_t version = whole(meta_, "version", 1); version != sog::kVersion)
             fail("SOG version ", version, "; expected ", sog::kVersion);
         count_ = whole(meta_, "count", 0);
-        const std::int64_t most = std::min(kMaxSplats, kSplatsPerByte * bytes);
+        const std::int64_t most =
+            std::min(kMaxSplats, kSplatsPerByte * static_cast<std::int64_t>(bytes));
         if (count_ < 1 || count_ > most)
             fail("claims ", count_, " splats; expected 1 to ", most, " in a file of its size");
     }
@@ -48,6 +54,11 @@ public:
         const std::int64_t bands = meta_.contains("shN") ? whole(rest, "bands", 0) : 0;
         if (bands < 0 || bands > 3 || (bands == 0 && !rest.is_null()))
             fail("shN: ", bands, " bands; expected 1 to 3");
+        // Memory for splats that there are pixels of only.
+        encoded(member(meta_, "means"), 1, count_);
+        for (const char* part : {"means", "scales", "sh0", "quats"})
+            encoded(member(meta_, part), 0, count_);
+        if (bands > 0) encoded(rest, 1, count_);
         resize(g, static_cast<int>(count_), static_cast<int>(bands));
         read_means(g, turn);
         read_others(g, turn);
@@ -89,20 +100,29 @@ private:
         std::copy(values.begin(), values.end(), codes.begin());
         return codes;
     }
-    /// The picture number `at` of a part of the file, of at least `least` pixels.
-    ImageU8 picture(const json& part, std::size_t at, std::int64_t least) const {
+    /// The file of picture number `at` of a part: of at least `least` pixels, by its first bytes.
+    const std::pair<const std::string, std::string>& encoded(const json& part,
+                                                             std::size_t at,
+                                                             std::int64_t least) const {
         const json& names = member(part, "files");
         if (!names.is_array() || at >= names.size() || !names[at].is_string())
             fail("a list of files is missing, or too short");
         const auto found = files_.find(names[at].get<std::string>());
         if (found == files_.end())
             fail("holds no ", shown(names[at].get<std::string>()), ", which it refers to");
-        const std::string where = str(path_, ": ", shown(found->first));
-        ImageU8 image = decode_webp(found->second, where, 2 * least + (1 << 16));
-        if (std::int64_t{image.width} * image.height < least)
-            throw input_error(where, ": ", image.width, "x", image.height,
-                              " pixels; expected at least ", least);
-        return image;
+        const std::string where = where_of(found->first);
+        int width = 0, height = 0, channels = 0;
+        if (!read_webp_size(where, found->second, width, height, channels))
+            throw input_error(where, ": is no WebP picture");
+        if (std::int64_t{width} * height < least)
+            throw input_error(where, ": ", width, "x", height, " pixels; expected at least ",
+                              least);
+        return *found;
+    }
+    std::string where_of(const std::string& name) const { return str(path_, ": ", shown(name)); }
+    ImageU8 picture(const json& part, std::size_t at, std::int64_t least) const {
+        const auto& [name, bytes] = encoded(part, at, least);
+        return decode_webp(bytes, where_of(name), 2 * least + (1 << 16));
     }
 
     void read_means(Gaussians<Cpu>& g, const HalfTurn& turn) const {

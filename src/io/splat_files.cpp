@@ -46,6 +46,25 @@ std::string origin_json(Vec3d origin, SplatFrame frame) {
     return line.text() + "\n";
 }
 
+/// What FILE.json says where it is ours; else nothing.
+std::optional<JsonValue> read_origin_file(const std::string& path) {
+    const std::string file = origin_file(path);
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return {};
+    JsonValue json = parse_json_value(read_text(file), file);
+    if (!json["generator"].text_or("").starts_with("tvsgs ")) return {};
+    return json;
+}
+
+/// Before the splats are written: an older origin would move them.
+void put_origin_file(const std::string& path, Vec3d origin, SplatFrame frame) {
+    require_replaceable(path);
+    if (norm(origin) > 0)
+        write_text_file(origin_file(path), origin_json(origin, frame));
+    else if (read_origin_file(path))
+        fs::remove(origin_file(path));
+}
+
 }  // namespace
 
 std::optional<SplatFormat> splat_format(const std::string& path) {
@@ -86,8 +105,6 @@ std::uintmax_t write_splat_file(const std::string& path,
                         /*signature=*/true);
         return fs::file_size(path);
     }
-    const bool beside = format != SplatFormat::glb && norm(options.origin) > 0;
-    if (beside) require_replaceable(origin_file(path));
     std::uintmax_t size = 0;
     if (format == SplatFormat::spz) {
         SpzOptions how;
@@ -95,10 +112,12 @@ std::uintmax_t write_splat_file(const std::string& path,
         how.antialiased = options.antialiased;
         how.sh_bits_1 = options.spz_sh_bits_1, how.sh_bits_rest = options.spz_sh_bits_rest;
         const std::vector<std::uint8_t> bytes = spz_bytes(g, how, path);
+        put_origin_file(path, options.origin, frame);
         write(path, bytes.data(), size = bytes.size());
     } else if (format == SplatFormat::sog) {
         const std::string bytes =
             sog_bytes(path, g, {frame, options.sog_palette, options.antialiased});
+        put_origin_file(path, options.origin, frame);
         write(path, bytes.data(), size = bytes.size());
     } else {
         SplatGlbOptions how;
@@ -108,18 +127,16 @@ std::uintmax_t write_splat_file(const std::string& path,
         const std::string bytes = splat_glb_bytes(path, g, how);
         write(path, bytes.data(), size = bytes.size());
     }
-    if (beside) write_text_file(origin_file(path), origin_json(options.origin, frame));
     return size;
 }
 
 Vec3d read_splat_origin(const std::string& path) {
     const SplatFormat format = format_of(path);
     if (format == SplatFormat::glb) return splat_glb_origin(read_bytes(path), path);
-    std::error_code code;
-    if (format == SplatFormat::ply || !fs::is_regular_file(origin_file(path), code)) return {};
-    const JsonValue json = parse_json_value(read_text(origin_file(path)), origin_file(path));
-    if (!json["generator"].text_or("").starts_with("tvsgs ")) return {};  // somebody else's
-    const std::vector<JsonValue>& numbers = json["origin"].items;
+    if (format == SplatFormat::ply) return {};
+    const std::optional<JsonValue> json = read_origin_file(path);
+    if (!json) return {};
+    const std::vector<JsonValue>& numbers = (*json)["origin"].items;
     Vec3d origin;
     for (int c = 0; c < 3; ++c)
         origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;

@@ -39,6 +39,7 @@ void read_zip(const std::string& path,
     if (entries > limits.entries)
         throw input_error(path, ": ", entries, " entries; at most ", limits.entries, " are read");
     std::set<std::string> names;
+    std::uint64_t total = 0;
     for (std::uint64_t i = 0; i < entries; ++i) {
         zip_stat_t stat;
         if (zip_stat_index(zip.get(), i, 0, &stat) != 0 || stat.name == nullptr)
@@ -53,6 +54,10 @@ void read_zip(const std::string& path,
             fail("compressed by another method than deflate");
         if (stat.size > limits.entry_bytes || stat.size / limits.ratio > stat.comp_size)
             fail(stat.size, " bytes from ", stat.comp_size, " is more than is read");
+        total += stat.size;
+        if (total > limits.total_bytes)
+            fail("with it the entries have ", total, " bytes; at most ", limits.total_bytes,
+                 " are read");
         if (!names.insert(name).second) fail("the name appears twice");
         const std::unique_ptr<zip_file_t, decltype(&zip_fclose)> file(
             zip_fopen_index(zip.get(), i, 0), zip_fclose);

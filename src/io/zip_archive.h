@@ -12,6 +12,7 @@ namespace tvsgs {
 /// What a reader takes; more is refused before there is memory for it.
 struct ZipLimits {
     std::uint64_t entries = 65536, entry_bytes = std::uint64_t{1} << 30;
+    std::uint64_t total_bytes = std::uint64_t{1} << 33;  // of all entries
     std::uint64_t ratio = 1100;  // of an entry to what is stored of it; deflate's is 1032 at most
 };
 

@@ -75,13 +75,16 @@ void LiveSnapshots::finish() {
             spdlog::warn("{}: the last snapshot for tvsgs-view is missing", error.what());
         }
     }
-    if (!written_) return;
+    if (written_) remove_files();
+    written_ = false;
+}
+
+void LiveSnapshots::remove_files() const {
     const std::filesystem::path folder = run_ + "/live";
     std::error_code code;
     for (const char* name : {"state.json", "splats.spz"})
         std::filesystem::remove(folder / name, code);
     if (std::filesystem::is_directory(folder, code)) std::filesystem::remove(folder, code);
-    written_ = false;
 }
 
 }  // namespace tvsgs

@@ -16,8 +16,11 @@ namespace tvsgs {
 class LiveSnapshots {
 public:
     /// `every`: seconds between two, at least; 0: none. `origin`: the scene's.
+    /// Removes what a training that was killed has left: the run is this one's.
     LiveSnapshots(std::string run, Vec3d origin, double every)
-        : run_(std::move(run)), origin_(origin), every_(every) {}
+        : run_(std::move(run)), origin_(origin), every_(every) {
+        remove_files();
+    }
     LiveSnapshots(const LiveSnapshots&) = delete;
     LiveSnapshots& operator=(const LiveSnapshots&) = delete;
     ~LiveSnapshots() { finish(); }
@@ -30,6 +33,8 @@ public:
     void finish();
 
 private:
+    void remove_files() const;
+
     using Clock = std::chrono::steady_clock;
 
     std::string run_;

@@ -250,7 +250,9 @@ private:
         if (packed.shown.size() < packed.of)
             note(str(run.name, ": the ", grouped(count), " largest of ",
                      grouped(static_cast<std::size_t>(packed.of)),
-                     " splats, to keep this page within its size."));
+                     packed.shown.size() == options_.max_splats
+                         ? " splats, as asked for (--max-splats)."
+                         : " splats, to keep this page within its size."));
         if (count > 0 && packed.shown.sh_degree < packed.of_degree)
             note(str(run.name, ": harmonics of degree ", packed.shown.sh_degree, " instead of ",
                      packed.of_degree, ", to keep this page within its size."));

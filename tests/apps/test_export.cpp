@@ -199,6 +199,17 @@ TEST_F(ExportCommand, TakesLargeCoordinatesOff) {
         for (const Vec3d p : again.positions) least = std::min(least, norm(p - first.positions[5]));
         EXPECT_LT(least, 1e-5) << from;
     }
+    // Splats that lie near take no origin from what was there before.
+    for (const std::string name : {"stale.spz", "stale.sog"}) {
+        if (name == "stale.sog" && !has_webp()) continue;
+        exported("far.ply " + name);
+        ASSERT_TRUE(fs::exists(at(name + ".json"))) << name;
+        exported("some.ply " + name);
+        EXPECT_FALSE(fs::exists(at(name + ".json"))) << name;
+    }
+    std::ofstream(folder_ / "others.spz.json") << R"({"generator": "another"})";
+    exported("some.ply others.spz");
+    EXPECT_TRUE(fs::exists(at("others.spz.json"))) << "somebody else's stays";
     std::ofstream(folder_ / "far.spz.json") << R"({"generator": "tvsgs 0.1.0", "origin": [1, 2]})";
     expect_refused("far.spz x.ply", 3, "expected three finite numbers");
 }
@@ -216,7 +227,20 @@ TEST_F(ExportCommand, WritesOverItsOwnFilesOnly) {
     EXPECT_EQ(contents(folder_ / "r.json"), contents(folder_ / "out.txt"));
 }
 
+TEST_F(ExportCommand, ItsReportTakesNoNameOfTheSplats) {
+    exported("some.ply in.spz");
+    const std::string before = contents(folder_ / "in.spz");
+    fs::create_symlink("in.spz", folder_ / "link.json");
+    for (const std::string report : {"in.spz", "./in.spz", "in.spz.json", "out.spz",
+                                     "run/../out.spz", "out.spz.json", "link.json"})
+        expect_refused("in.spz out.spz --out-report " + report, 2, "--out-report " + report);
+    EXPECT_EQ(contents(folder_ / "in.spz"), before);
+    EXPECT_FALSE(fs::exists(folder_ / "out.spz"));
+    expect_refused("run x.spz --out-report " + splats_of_run(), 2, "belongs to the splats");
+}
+
 TEST_F(ExportCommand, RefusesWithOneLine) {
+    expect_refused("run x.spz --input-frame rub", 2, "run is a run folder");
     expect_refused("nothing x.spz", 3, "nothing: does not exist");
     expect_refused("some.ply x.splat", 2, "expected a name that ends in .ply, .spz, .sog or .glb");
     expect_refused("some.ply some.ply", 2, "is the file of the splats");

@@ -13,6 +13,7 @@
 #include "io/ply.h"
 #include "io/spz.h"
 #include "support/browser.h"
+#include "support/command.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
@@ -148,17 +149,33 @@ TEST_F(ViewServer, TellsOfATrainingAndOfItsEnd) {
     std::this_thread::sleep_for(20ms);
     write_snapshot(1300);
     EXPECT_NE(state()["tag"].text, now["tag"].text);
-    // The results come, and the page has them.
+    // The results come, and the page has them; first those of a training that was stopped.
     const auto before = c.Get("/", let_in());
     fs::remove_all(folder_ / "run/live");
     EXPECT_EQ(state()["live"].number, 0);
     write_splat_ply(folder_ / "run/point_cloud/iteration_9/point_cloud.ply",
                     test::random_gaussians(77, 3, 0.05, 0));
+    const auto stopped = c.Get("/", let_in());
+    ASSERT_TRUE(stopped);
+    EXPECT_NE(stopped->body.find("77 splats"), std::string::npos);
+    EXPECT_EQ(state()["finished"].number, 0);
+    write_splat_ply(folder_ / "run/point_cloud/iteration_12/point_cloud.ply",
+                    test::random_gaussians(78, 3, 0.05, 0));
     std::ofstream(folder_ / "run/report.json") << "{}";
+    EXPECT_EQ(state()["finished"].number, 1);
     const auto after = c.Get("/", let_in());
     ASSERT_TRUE(before && after);
     EXPECT_NE(before->body.find("0 splats"), std::string::npos);
-    EXPECT_NE(after->body.find("77 splats"), std::string::npos);
+    EXPECT_NE(after->body.find("78 splats"), std::string::npos);
+}
+
+TEST_F(ViewServer, APortHasOneServer) {
+    const Result second =
+        run_script(folder_, "timeout 20 " TVSGS_BIN_DIR "/tvsgs-view run --port " +
+                                std::to_string(port_) + " >out.txt 2>err.txt");
+    EXPECT_EQ(second.code, 2) << second;
+    EXPECT_TRUE(second.says("is taken")) << second;
+    EXPECT_EQ(second.out, "");
 }
 
 TEST_F(ViewServer, ABrowserFollowsIt) {

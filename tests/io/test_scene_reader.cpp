@@ -314,6 +314,25 @@ TEST_F(SceneReader, DistortedCameras) {
     expect_input_error("colmap image_undistorter");
 }
 
+/// What has no photograph is black: no pixel that the filter gave a part of it counts.
+TEST_F(SceneReader, TheRimOfUndistortionIsMasked) {
+    for (int i = 0; i < 4; ++i) photo(str("images/", i, ".png"), 160, 120, 200);
+    camera("1 OPENCV 160 120 100 100 80 60 0.3 0.1 0 0");
+    for (const int resolution : {1, 2, 4}) {
+        options.resolution = resolution;
+        const View view = read().train[1];
+        int masked = 0, off = 0;
+        for (std::size_t i = 0; i < view.mask.pixels.size(); ++i) {
+            masked += view.mask.pixels[i] == kNoPhoto;
+            for (std::size_t c = 0; view.mask.pixels[i] != kNoPhoto && c < 3; ++c)
+                off += view.photo.pixels[3 * i + c] != 200;
+        }
+        EXPECT_EQ(off, 0) << resolution;
+        EXPECT_GT(masked, 0);
+        EXPECT_LT(masked, 0.5 * double(view.mask.pixels.size()));
+    }
+}
+
 TEST_F(SceneReader, SaysWhatUndistortionCosts) {
     const auto said = [&](const std::string& line) {
         camera(line);

@@ -1,6 +1,7 @@
 // Splats as GLB and as SOG, and what the latter is made of: codebooks, palettes, archives.
 #include <gtest/gtest.h>
 #include <omp.h>
+#include <zip.h>
 
 #include <cstring>
 #include <nlohmann/json.hpp>
@@ -266,6 +267,8 @@ TEST_F(Zip, IsReadAsWrittenAndTheSameAgain) {
                  [&] { read_zip(path, "test", {.entries = 2}, none); });
     expect_error(ExitCode::input, "more than is read",
                  [&] { read_zip(path, "test", {.entry_bytes = 999}, none); });
+    expect_error(ExitCode::input, "at most 1002",
+                 [&] { read_zip(path, "test", {.total_bytes = 1002}, none); });
     std::string damaged = bytes;
     damaged[damaged.find("xxx") + 5] = 'y';
     expect_error(ExitCode::input, "checksum is wrong",
@@ -409,6 +412,25 @@ TEST_F(Sog, RefusesDamagedFiles) {
     refuses("the centre of splat", [](json& m, Files&) { m["means"]["maxs"][0] = 1e30; });
     refuses("no WebP picture", [](json&, Files& f) { f[3].second = "RIFF"; });
     refuses("a damaged WebP", [](json&, Files& f) { f[3].second.resize(f[3].second.size() / 2); });
+    // Bytes that deflate to next to nothing buy neither memory nor splats.
+    const auto padded = [&](std::size_t bytes, std::int64_t count) {
+        const std::string path = write("e.sog", "");
+        json meta = json::parse(files[0].second);
+        meta["count"] = count;
+        auto entries = files;
+        entries[0].second = meta.dump();
+        entries.emplace_back("more", std::string(bytes, 'x'));
+        zip_t* const zip = zip_open(path.c_str(), ZIP_CREATE | ZIP_TRUNCATE, nullptr);
+        for (const auto& [name, content] : entries)
+            zip_file_add(zip, name.c_str(),
+                         zip_source_buffer(zip, content.data(), content.size(), 0), 0);
+        EXPECT_EQ(zip_close(zip), 0);
+        return path;
+    };
+    EXPECT_EQ(read_sog(padded(1000, 200)).size(), 200);
+    expect_error(ExitCode::input, "are read", [&] { read_sog(padded(1 << 25, 200)); });
+    expect_error(ExitCode::input, "claims 4000000 splats; expected 1 to",
+                 [&] { read_sog(padded(900000, 4000000)); });
     expect_error(ExitCode::input, "(ZIP)", [&] { read_sog(write("c.sog", "no archive")); });
     expect_error(ExitCode::input, "(ZIP)",
                  [&] { read_sog(write("d.sog", good.substr(0, good.size() / 2))); });

@@ -74,6 +74,16 @@ TEST_F(LiveFolder, HoldsTheSplatsAsFilesHaveThemAndGoesInTheEnd) {
     EXPECT_FALSE(fs::exists(run_ + "/live")) << "the results are what counts then";
 }
 
+TEST_F(LiveFolder, WhatAKilledTrainingLeftGoes) {
+    for (const double every : {0.0, 1000.0}) {
+        fs::create_directories(run_ + "/live");
+        for (const char* name : {"/live/splats.spz", "/live/state.json"})
+            std::ofstream(run_ + name) << "old";
+        LiveSnapshots live(run_, {}, every);
+        EXPECT_TRUE(fs::is_empty(run_)) << every;
+    }
+}
+
 TEST_F(LiveFolder, IsNotThereUnlessAskedFor) {
     LiveSnapshots live(run_, {}, 0);
     std::this_thread::sleep_for(20ms);

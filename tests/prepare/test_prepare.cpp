@@ -1,8 +1,12 @@
 // tvsgs-prepare as a user runs it, with a stand-in for COLMAP.
+#include <fcntl.h>
 #include <signal.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include "io/json_value.h"
 #include "io/scene_reader.h"
+#include "io/webp.h"
 #include "prepare/prepare_test.h"
 #include "support/command.h"
 
@@ -89,6 +93,61 @@ TEST_F(Prepare, PhotographsOfASceneStayWhereTheyLie) {
     EXPECT_EQ(std::distance(fs::directory_iterator(folder / "scene"), {}), 1);
     write("scene/images/t.webp", "no picture");
     EXPECT_NE(run("scene/images scene").code, 0);
+}
+
+/// Hours of COLMAP are behind the last step.
+TEST_F(Prepare, TheSceneIsMadeInTheFolderThatIsThere) {
+    photos(kNames);
+    photo(".thumbnails/IMG_1.JPG");
+    photo("b/.trash/old.png");
+    store(0, made_model(kNames));
+    // A link to an empty folder stays a link; the folder itself stays, as a mount point has to.
+    fs::create_directories(folder / "disk/empty");
+    fs::create_directory_symlink("disk/empty", folder / "scene");
+    const int watched = open((folder / "disk/empty").c_str(), O_RDONLY | O_DIRECTORY);
+    struct stat before {
+    }, after{};
+    fstat(watched, &before);
+    Result r = run("photos scene");
+    ASSERT_EQ(r.code, 0) << r;
+    stat((folder / "disk/empty").c_str(), &after);
+    close(watched);
+    EXPECT_EQ(before.st_ino, after.st_ino);
+    EXPECT_TRUE(fs::is_symlink(folder / "scene"));
+    EXPECT_EQ(std::distance(fs::directory_iterator(folder / "disk/empty"), {}), 4);
+    EXPECT_EQ(report()["photographs"].number, 5) << "folders with a dot are not looked into";
+    // Something comes meanwhile: into a folder that was there, to a name that was free.
+    for (const bool there : {true, false}) {
+        const std::string scene = there ? "there" : "free";
+        if (there) fs::create_directories(folder / scene);
+        write("also_mapper", "mkdir -p " + scene + "/images; echo mine >" + scene + "/images/x");
+        r = run("photos " + scene);
+        EXPECT_EQ(r.code, 6) << r;
+        EXPECT_TRUE(r.says("cannot be put there")) << r;
+        const std::string before_it = "is kept in ";
+        const std::size_t at = r.err.find(before_it) + before_it.size(), end = r.err.find(": make");
+        ASSERT_LT(at, end) << r;
+        EXPECT_EQ(read_sparse_model(r.err.substr(at, end - at) + "/sparse/0").images.size(), 5u);
+        EXPECT_EQ(text(scene + "/images/x"), "mine\n");
+        EXPECT_EQ(std::distance(fs::directory_iterator(folder / scene / "images"), {}), 1);
+    }
+    fs::remove(folder / "also_mapper");
+    fs::create_symlink("nowhere", folder / "dangling");
+    EXPECT_EQ(run("photos dangling").code, 2);
+}
+
+TEST_F(Prepare, OptionsThatWouldDoNothingAreRefused) {
+    photos(kNames);
+    write("v.mp4", "no video");
+    for (const std::string wrong :
+         {"photos scene --calibration c.yml --cameras each", "photos scene --frames 9",
+          "photos scene --calibration c.yml --lens OPENCV", "v.mp4 scene --cameras one",
+          "photos scene --markers-on wall", "photos scene --marker-dictionary DICT_4X4_50"}) {
+        const Result r = run(wrong);
+        EXPECT_EQ(r.code, 2) << r;
+        EXPECT_TRUE(r.says("leave") || r.says("it is for a video") || r.says("which is missing"))
+            << r;
+    }
 }
 
 TEST_F(Prepare, CamerasAndLensesFollowThePhotographs) {
@@ -259,6 +318,28 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     ASSERT_EQ(given.images.size(), kNames.size());
     EXPECT_TRUE(given.points.empty());
     EXPECT_EQ(given.images[2].translation.x, made_model(more).images[2].translation.x);
+
+    // Poses of other photographs are refused before the features.
+    write_sparse_model((folder / "others").string(), made_model({"x.png", "y.png", "z.png"}));
+    write("calls.txt", "");
+    const Result other = run("photos s2 --poses others");
+    EXPECT_EQ(other.code, 3) << other;
+    EXPECT_TRUE(other.says("names 0 of the photographs")) << other;
+    EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
+    // A photograph that became a PNG is known by its own name.
+    if (!has_webp()) return;
+    ImageU8 picture(64, 48, 3, 90);
+    write("photos/IMG_1.webp", webp_bytes(picture, 90));
+    fs::remove(folder / "photos/IMG_1.JPG");
+    std::vector<std::string> own = kNames, converted = kNames;
+    own[0] = "IMG_1.webp", converted[0] = "IMG_1.png";
+    write_sparse_model((folder / "own").string(), made_model(own));
+    fs::remove_all(folder / "models/0"), fs::remove_all(folder / "given");
+    store(0, made_model(converted));
+    ASSERT_EQ(run("photos s3 --poses own").code, 0);
+    const SparseModel renamed = read_sparse_model((folder / "given").string());
+    ASSERT_EQ(renamed.images.size(), kNames.size());
+    EXPECT_EQ(renamed.images[0].name, "IMG_1.png");
 }
 
 }  // namespace

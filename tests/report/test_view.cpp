@@ -104,11 +104,11 @@ TEST(ViewPage, HoldsWhatItShowsAndNothingFromElsewhere) {
 }
 
 TEST(ViewPage, KeepsToItsSizeAndSaysWhatGaveWay) {
-    const auto page_of = [](std::size_t bytes) {
+    const auto page_of = [](std::size_t bytes, int most = 50'000'000) {
         std::vector<ViewRun> runs;
         runs.push_back(run_of("run", "ewa", test::random_gaussians(20000, 2)));
         ViewPageOptions options;
-        options.max_bytes = bytes;
+        options.max_bytes = bytes, options.max_splats = most;
         return view_page(std::move(runs), two_cameras(), options);
     };
     EXPECT_TRUE(page_of(40'000'000).notes.empty());
@@ -121,7 +121,13 @@ TEST(ViewPage, KeepsToItsSizeAndSaysWhatGaveWay) {
     EXPECT_LT(fewer.html.size(), 500'000u);
     ASSERT_EQ(fewer.notes.size(), 2u);
     EXPECT_NE(fewer.notes[0].find("largest of 20,000"), std::string::npos) << fewer.notes[0];
+    EXPECT_NE(fewer.notes[0].find("within its size"), std::string::npos) << fewer.notes[0];
     EXPECT_EQ(splats_in(fewer.html, 0).sh_degree, 0);
+    const ViewPage asked = page_of(40'000'000, 1000);
+    ASSERT_EQ(asked.notes.size(), 1u);
+    EXPECT_NE(asked.notes[0].find("1,000 largest of 20,000 splats, as asked for"),
+              std::string::npos)
+        << asked.notes[0];
 }
 
 TEST(ViewPack, TheLargestStay) {

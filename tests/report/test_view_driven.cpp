@@ -101,7 +101,7 @@ let asked = 0;
 const later = window.setTimeout;
 window.setTimeout = (act, ms) => later(act, Math.min(ms, 20));
 window.fetch = async path => path === 'api/splats' ? {arrayBuffer: async () => snapshot.buffer} :
-    {json: async () => ({live: asked++ < 2, tag: 'one', iteration: 1234, iterations: 5000,
+    {json: async () => ({live: ++asked > 1 && asked < 4, tag: 'one', iteration: 1234, iterations: 5000,
                          gaussians: 200, seconds: 7, age: 0, origin: [7, 0, 0]})};
 Viewer.prototype.begin = function() {
   begin.call(this);

@@ -28,13 +28,17 @@ async function follow(viewer) {
     element('training').textContent = text;
   };
   for (let last = null;;) {
+    let pause = document.hidden ? 5000 : 1000;
     try {
       const state = await (await fetch('api/state')).json();
-      if (!state.live) {
-        note(last ? 'The training has ended. Reload this page for its results.' : '');
+      if (!state.live && last) {
+        note('The training has ended. Reload this page for its results.');
         return;
       }
-      if (state.tag !== last) {
+      if (!state.live) {
+        note(state.finished ? '' : 'No training with --live here yet: this page waits for one.');
+        pause = 5000;
+      } else if (state.tag !== last) {
         const bytes = new Uint8Array(await (await fetch('api/splats')).arrayBuffer());
         const splats =
             unpackSplats(await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin));
@@ -43,12 +47,13 @@ async function follow(viewer) {
         last = state.tag;
       }
       const count = n => Math.round(n).toLocaleString('en');
-      note(
-          `In training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
-          `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
-          (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
+      if (state.live)
+        note(
+            `In training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
+            `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
+            (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
     } catch (error) { note(`The server of this page does not answer (${error.message}).`); }
-    await new Promise(resolve => setTimeout(resolve, document.hidden ? 5000 : 1000));
+    await new Promise(resolve => setTimeout(resolve, pause));
   }
 }
 
@@ -115,7 +120,7 @@ async function main() {
       viewer.begin();
       say('Ready. Click into the view, or go there with Tab, to use keys and wheel.');
       if (about.origin) follow(viewer);
-      if (query.has('camera')) viewer.goTo(Number(query.get('camera')) || 0);
+      if (query.has('camera')) viewer.goTo((Number(query.get('camera')) || 1) - 1);
     }
   } catch (error) {
     fail(`There is no view in 3D here: ${error.message}. The pictures below are in this page.`);
