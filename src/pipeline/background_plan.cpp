@@ -30,8 +30,8 @@ double share_beyond(const std::vector<Camera>& cameras, const std::vector<Vec3f>
 Decision plan_background(double share_beyond, bool masked) {
     constexpr double kMuch = 0.05;
     const bool meshed = share_beyond >= kMuch;
-    return {"meshed background",
-            meshed ? "on" : "off",
+    return {"mesh bounds",
+            meshed ? "none" : "depth limit",
             std::isnan(share_beyond)
                 ? "not known how far the points lie"
                 : str(masked ? "points inside of the masks, by which the mesh goes, " : "points ",
