@@ -46,6 +46,8 @@ std::string roff(const std::string& text) {
             out += "\\-";
         else if ((c == '.' || c == '\'') && (out.empty() || out.back() == '\n'))
             out += std::string("\\&") + c;
+        else if (c == ',')
+            out += ",\\:";  // long lists of choices may be broken here
         else
             out += c;
     }
@@ -108,6 +110,7 @@ std::string man_page(const CLI::App& app) {
     for (char& c : title) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
     const auto subcommands = subcommands_of(app);
     std::string out = str(".TH ", roff(title), " 1 \"\" \"", kVersion, "\" \"User Commands\"\n");
+    out += ".ad l\n";  // a line of choices has no spaces to be stretched
     out += str(".SH NAME\n", roff(app.get_name()), " \\- ", roff(app.get_description()), "\n");
     out += str(".SH SYNOPSIS\n.B ", roff(app.get_name()),
                subcommands.empty() ? "\n[flags]\n" : "\ncommand [flags]\n");

@@ -51,8 +51,10 @@ code=0
 "$prefix/bin/tvsgs" eval 2>message || code=$?
 [[ $code == 2 ]] && grep -q 'package tvsgs-eval' message || fail "a command that is not there: $(cat message)"
 
-# MATLAB files, and with them LDAP, Kerberos and TLS, are the affair of tvsgs-eval.
+# MATLAB files, and with them LDAP, Kerberos and TLS, are the affair of tvsgs-eval; OpenCV brings them to
+# tvsgs-prepare where it reads videos.
 for program in "$prefix"/bin/tvsgs*; do
+    [[ $program != */tvsgs-prepare ]] || continue
     ! ldd "$program" | grep -E 'libmatio|libhdf5|libcurl|libldap|libkrb5' || fail "$program links them"
 done
 
