@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "core/gaussians.h"
+#include "core/sigmoid.h"
 
 namespace tvsgs {
 
@@ -15,9 +16,6 @@ inline constexpr float kMaxLogit = 30;
 inline float logit(float alpha) {
     if (!(alpha > 0)) return -kMaxLogit;
     return alpha < 1 ? std::log(alpha / (1 - alpha)) : kMaxLogit;
-}
-inline float sigmoid(float x) {
-    return 1 / (1 + std::exp(-x));
 }
 
 /// `fail(what, i)` for the first number that is not finite, or a rotation that is zero.

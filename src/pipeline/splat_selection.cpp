@@ -12,18 +12,6 @@
 namespace tvsgs {
 namespace {
 
-void keep(const std::vector<int>& places, Gaussians<Cpu>& g) {
-    Buffer<int, Cpu> from;
-    copy(places, from);
-    for_each_array(
-        [&]<class T>(const SplatArray& array, Buffer<T, Cpu>& values) {
-            Buffer<T, Cpu> scratch;
-            if (!values.empty())
-                gather(std::as_const(from).span(), {}, values, scratch, array.planes);
-        },
-        g);
-}
-
 /// Drops the places of which `is_out` is true; returns how many.
 template <class IsOut>
 std::int64_t drop(std::vector<int>& places, const IsOut& is_out) {
@@ -32,6 +20,16 @@ std::int64_t drop(std::vector<int>& places, const IsOut& is_out) {
 }
 
 }  // namespace
+
+void keep_splats(const std::vector<int>& places, Gaussians<Cpu>& g) {
+    for_each_array(
+        [&]<class T>(const SplatArray& array, Buffer<T, Cpu>& values) {
+            Buffer<T, Cpu> scratch;
+            if (!values.empty())
+                gather({places.data(), places.size()}, {}, values, scratch, array.planes);
+        },
+        g);
+}
 
 std::vector<double> size_of_splats(const Gaussians<Cpu>& g) {
     std::vector<double> sizes(g.means.size());
@@ -76,7 +74,7 @@ SelectionReport select_splats(const SplatSelection& selection,
         std::sort(best.begin(), best.end());
         places = std::move(best);
     }
-    if (places.size() < g.means.size()) keep(places, g);
+    if (places.size() < g.means.size()) keep_splats(places, g);
     if (selection.sort) sort_by_place(g);
     if (selection.sh_degree && *selection.sh_degree < g.sh_degree) {
         g.sh_degree = *selection.sh_degree;

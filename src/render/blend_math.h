@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "core/fast_math.h"
+#include "core/sigmoid.h"
 #include "render/channels.h"
 #include "render/projection_math.h"
 
@@ -15,18 +16,6 @@ inline constexpr float kMaxAlpha =
     0.99f;  // keeps 1 - alpha, by which the backward divides, away from 0
 inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
 inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
-
-template <class Real>
-TVSGS_HD Real sigmoid(Real logit) {
-    return 1 / (1 + std::exp(-logit));
-}
-/// The derivative o (1 - o) of the sigmoid o, without the difference 1 - o: that rounds to 0 where
-/// o is next to 1, and an opaque splat without a gradient would stay opaque for ever.
-template <class Real>
-TVSGS_HD Real sigmoid_slope(Real logit) {
-    const Real e = std::exp(-std::abs(logit));
-    return e / ((1 + e) * (1 + e));
-}
 
 /// The ellipse of a splat in the image; in whole 16-byte words.
 template <class Real>

@@ -7,46 +7,30 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/sigmoid.h"
 #include "io/spz.h"
 #include "optim/splat_order.h"
-#include "render/blend_math.h"
+#include "pipeline/splat_selection.h"
 
 namespace tvsgs {
 namespace {
 
 const SpzOptions kFormat{.frame = SplatFrame::rdf};  // the page draws in the frame of the cameras
 
-void keep(Gaussians<Cpu>& g, const std::vector<int>& kept) {
-    for_each_array(
-        [&]<class T>(const SplatArray& array, Buffer<T, Cpu>& values) {
-            Buffer<T, Cpu> scratch;
-            if (!values.empty())
-                gather({kept.data(), kept.size()}, {}, values, scratch, array.planes);
-        },
-        g);
-}
-
-/// How much of pictures a splat makes, about.
-float weight(const Gaussians<Cpu>& g, std::size_t i) {
-    const Vec3f s = g.log_scales[i];
-    return std::log(sigmoid(g.opacity_logits[i])) + s.x + s.y + s.z - std::min({s.x, s.y, s.z});
-}
-
 void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     std::vector<int> order(g.means.size());
     std::iota(order.begin(), order.end(), 0);
     if (count >= order.size()) return;
-    std::vector<float> weights(order.size());
-    for (std::size_t i = 0; i < order.size(); ++i) weights[i] = weight(g, i);
+    const std::vector<double> sizes = size_of_splats(g);
     std::nth_element(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(count), order.end(),
                      [&](int a, int b) {
-                         const float wa = weights[static_cast<std::size_t>(a)],
-                                     wb = weights[static_cast<std::size_t>(b)];
-                         return wa != wb ? wa > wb : a < b;
+                         const double of_a = sizes[static_cast<std::size_t>(a)],
+                                      of_b = sizes[static_cast<std::size_t>(b)];
+                         return of_a != of_b ? of_a > of_b : a < b;
                      });
     order.resize(count);
     std::sort(order.begin(), order.end());
-    keep(g, order);
+    keep_splats(order, g);
 }
 
 }  // namespace
@@ -59,7 +43,7 @@ PackedSplats pack_splats(Gaussians<Cpu> g,
     for (int i = 0; i < g.size(); ++i)
         if (sigmoid(g.opacity_logits[static_cast<std::size_t>(i)]) > least_alpha)
             drawn.push_back(i);
-    keep(g, drawn);
+    keep_splats(drawn, g);
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;
     keep_largest(g, static_cast<std::size_t>(max_splats));
