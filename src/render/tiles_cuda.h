@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "core/parallel.h"
+#include "core/warp_reduce_cuda.h"
 #include "render/tiles.h"
 
 namespace tvsgs {
@@ -116,7 +117,7 @@ __global__ void __launch_bounds__(kThreads)
         [](std::uint32_t, std::uint32_t, std::uint32_t) {});
     if (has_splat) fragment_counts[i] = hits.count;
     if (hits.count > 0) hit_masks[i] = hits.mask;
-    const unsigned of_warp = __reduce_add_sync(kAll, hits.count);
+    const unsigned of_warp = warp_sum(hits.count);
     if (threadIdx.x % 32 == 0 && of_warp > 0) atomicAdd(&block_total, of_warp);
     __syncthreads();
     if (threadIdx.x == 0 && block_total > 0) atomicAdd(total, block_total);

@@ -10,6 +10,7 @@
 
 #include "core/cuda_runtime.h"
 #include "core/parallel.h"
+#include "core/warp_reduce_cuda.h"
 #include "tv/internal/warp.h"
 
 namespace tvsgs {
@@ -58,7 +59,7 @@ struct CudaWarp {
     }
     template <class Value>
     __host__ __device__ std::uint32_t smallest32(const Value& value) const {
-        return reduce_min(value(lane()));
+        return warp_min(value(lane()));
     }
     __host__ __device__ void sort(std::uint32_t* keys, int count) const {
         bitonic_sort(*this, keys, count);
@@ -121,7 +122,7 @@ private:
             above = in ? above : min(above, words[r]);
             held += __popc(__ballot_sync(kAll, in));
         }
-        below = ~reduce_min(~below), above = reduce_min(above);
+        below = ~warp_min(~below), above = warp_min(above);
         if (count % 2 == 1) return __uint_as_float(below);
         // More than half at or below the bound: both middle ones equal it.
         if (held > lower) above = below;
@@ -155,13 +156,13 @@ private:
 #pragma unroll
         for (int r = 0; r < kPerLane; ++r)  // all ones is padding
             high = max(high, words[r] == 0xffffffffu ? 0u : words[r]);
-        low = reduce_min(low), high = ~reduce_min(~high);
+        low = warp_min(low), high = ~warp_min(~high);
         while (low < high) {
             const std::uint32_t middle = low + (high - low) / 2;
-            int count = 0;
+            std::uint32_t of_lane = 0;
 #pragma unroll
-            for (int r = 0; r < kPerLane; ++r) count += words[r] <= middle;
-            count = __reduce_add_sync(kAll, count);
+            for (int r = 0; r < kPerLane; ++r) of_lane += words[r] <= middle;
+            const int count = static_cast<int>(warp_sum(of_lane));
             if (count >= wanted) {
                 high = middle;
                 if (count == wanted) break;
@@ -208,18 +209,10 @@ private:
             if (accepted && real && key > largest) largest = key;
         }
         sync();
-        const std::uint32_t top = ~reduce_min(~static_cast<std::uint32_t>(largest >> 32));
+        const std::uint32_t top = ~warp_min(~static_cast<std::uint32_t>(largest >> 32));
         const bool mine = static_cast<std::uint32_t>(largest >> 32) == top;
         return static_cast<std::uint64_t>(top) << 32 |
-               ~reduce_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
-    }
-    __device__ static std::uint32_t reduce_min(std::uint32_t x) {
-#if __CUDA_ARCH__ >= 800
-        return __reduce_min_sync(kAll, x);
-#else
-        for (int offset = 16; offset > 0; offset /= 2) x = min(x, __shfl_xor_sync(kAll, x, offset));
-        return x;
-#endif
+               ~warp_min(mine ? ~static_cast<std::uint32_t>(largest) : 0xffffffffu);
     }
 
 public:
