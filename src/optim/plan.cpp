@@ -138,6 +138,15 @@ Decision plan_cloud(const SceneLook& look, bool dense) {
             {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
 }
 
+Decision given_coverage(double measured, double given) {
+    return {"coverage",
+            number(given),
+            str("points per pixel, as asked (plan.coverage); ", number(measured), " were measured"),
+            measured,
+            kNone,
+            {}};
+}
+
 std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in) {
     std::vector<Decision> plan;
     const bool covered = !in.dense && look.points_per_pixel >= kCoveringCloud;

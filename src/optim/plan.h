@@ -70,6 +70,9 @@ Decision plan_settings(int train_views);
 /// On the cloud that comes with the scene: whether stereo makes another one.
 Decision plan_cloud(const SceneLook& look, bool dense);
 
+/// Says that the training is planned for `given` points per pixel in place of those measured.
+Decision given_coverage(double measured, double given);
+
 /// What the plan of the training goes by, beside the look.
 struct PlanInputs {
     bool dense = false;      // the settings that were chosen

@@ -56,6 +56,22 @@ TEST_F(PlanCommand, WhatTheUserSetsStays) {
     EXPECT_EQ(call("train", "--scene scene --resume nothing --plan").code, 2);
 }
 
+TEST_F(PlanCommand, GoesByTheCoverageThatIsGiven) {
+    const auto given = [&](const std::string& coverage) {
+        const Result plan = call("train",
+                                 "--scene scene --device cpu --plan --quiet --set "
+                                 "init.min_points=0 --set plan.coverage=" +
+                                     coverage);
+        EXPECT_EQ(plan.code, 0) << plan;
+        return plan.out;
+    };
+    const std::string none = given("0"), measured = given("-1");
+    EXPECT_NE(none.find("as asked (plan.coverage); "), std::string::npos) << none;
+    EXPECT_NE(none.find("densify        on "), std::string::npos) << none;
+    EXPECT_NE(measured.find("densify        off "), std::string::npos) << measured;
+    EXPECT_EQ(measured.find("plan.coverage"), std::string::npos) << measured;
+}
+
 TEST_F(PlanCommand, VotingThatIsTurnedOffTakesItsLossesAlong) {
     const Result off = call(
         "train", "--scene scene --device cpu --iterations 6 --set tv.enabled=false --out no_votes");
