@@ -25,7 +25,7 @@ struct DensifyOptions {
         prune_large_after = 3000;
     float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
           reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f,
-          abs_radius_px = 20;
+          abs_radius_px = 20, spare_covered = 0;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -65,10 +65,22 @@ struct DensifyOptions {
               "splats in front in fewer training views are trimmed; 0: no trim");
         field("jitter_clones", jitter_clones,
               "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
+        field("spare_covered", spare_covered, {0, 1},
+              "how far splats that lie where the initial cloud covers the photographs neither "
+              "grow, nor are pruned or reset; 0: as all others, 1: not at all");
         // 45 floats of colour each are counted in int.
         field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
         field("max_per_pixel", max_per_pixel, {0, 1e6},
               "growth stops at so many splats per pixel of the training views; 0: not");
+    }
+};
+
+/// How much growth counts for each splat, 0 to 1. [docs/plan.md#growth-in-gaps]
+struct GrowthWeights {
+    Span<const float> open;  // [N] open_shares(), inherited; or empty: 1
+    float spare_covered;
+    TVSGS_HD float operator()(int i) const {
+        return open.empty() ? 1 : 1 - spare_covered * (1 - open[i]);
     }
 };
 
@@ -77,13 +89,15 @@ struct AccumulateBody {
     Span<const Vec2f> gradient, abs_gradient;
     Span<const int> front_pixels;
     GrowthRule rule;
+    GrowthWeights weights;
     Span<GrowthStatistics> statistics;
 
     TVSGS_HD void operator()(int i) const {
         if (!(radii_px[i] > 0)) return;
         GrowthStatistics& s = statistics[i];
-        s.gradient += std::sqrt(dot(gradient[i], gradient[i]));
-        s.abs_gradient += abs_gradient_of_view(rule, abs_gradient[i]);
+        const float weight = weights(i);
+        s.gradient += weight * std::sqrt(dot(gradient[i], gradient[i]));
+        s.abs_gradient += weight * abs_gradient_of_view(rule, abs_gradient[i]);
         s.views += 1;
         if (front_pixels[i] > 0 && radii_px[i] > s.max_radius_px) s.max_radius_px = radii_px[i];
     }
@@ -95,12 +109,16 @@ struct CountBody {
     Span<const Vec3f> log_scales;
     Span<const float> opacity_logits;
     float min_opacity_logit, max_scale;  // max_scale: infinite while large splats are not pruned
+    GrowthWeights weights;
     Span<int> counts;
 
     TVSGS_HD void operator()(int i) const {
         const bool split = growth[i] >= Growth::split;
         const float largest = largest_scale(log_scales[i]) / (split ? 1.6f : 1.0f);
-        const bool pruned = opacity_logits[i] < min_opacity_logit || largest > max_scale;
+        const float weight = weights(i);
+        // Small opacities are about the exponentials of their logits.
+        const bool pruned = opacity_logits[i] < min_opacity_logit + std::log(weight) ||
+                            weight * largest > max_scale;
         counts[i] = pruned ? 0 : growth[i] == Growth::none ? 1 : 2;
     }
 };
@@ -147,12 +165,15 @@ struct ScatterChildrenBody {
 /// Opacities as they are drawn come down to `most`: where a filter dims a splat, its own stays
 /// higher by as much.
 struct ResetOpacityBody {
-    float most, most_logit;
+    float reset, reset_logit;
     Span<const Vec3f> log_scales;
     Span<const float> filter;  // or empty
+    GrowthWeights weights;
     Span<float> logits, m, v;
     TVSGS_HD void operator()(int i) const {
-        float limit = most_logit;
+        const float weight = weights(i), most = reset + (1 - weight) * (1 - reset);
+        if (!(most < 1)) return;
+        float limit = weight < 1 ? std::log(most / (1 - most)) : reset_logit;
         if (!filter.empty()) {
             const float own = most / smoothed(log_scales[i], filter[i]).dimming;
             limit = own < 1 ? std::log(own / (1 - own)) : logits[i];
@@ -177,10 +198,11 @@ struct CountFrontViewsBody {
 struct KeepSeenBody {
     Span<const int> views;
     int min_views;
+    GrowthWeights weights;
     Span<int> counts;
     Span<Growth> growth;
     TVSGS_HD void operator()(int i) const {
-        counts[i] = views[i] >= min_views;
+        counts[i] = static_cast<float>(views[i]) >= weights(i) * static_cast<float>(min_views);
         growth[i] = Growth::none;
     }
 };
@@ -194,6 +216,13 @@ public:
               std::uint64_t seed,
               Communicator* peers = nullptr)
         : options_(options), extent_(extent), seed_(seed), peers_(peers) {}
+
+    /// What the cloud leaves open around each splat, [N], where covered ones are spared. Where
+    /// nothing would ever grow or go, nothing is done from here on.
+    void set_open(const std::vector<float>& open) {
+        copy(open, open_);
+        look_for_gaps();
+    }
 
     /// What happened at a step.
     struct Event {
@@ -211,12 +240,12 @@ public:
                Adam<Device>& adam,
                const Observe& observe) {
         Event event;
-        if (!options_.enabled || step >= options_.until) return event;
+        if (!acts(step)) return event;
         if (statistics_.size() != g.means.size()) reset_statistics(g.size());
         parallel_for(Device{}, g.size(),
                      AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
                                     screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
-                                    options_.rule, statistics_.span()});
+                                    options_.rule, weights(), statistics_.span()});
         if (step > options_.from && step % options_.every == 0) {
             grow_and_prune(step, g);
             event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
@@ -230,12 +259,13 @@ public:
             event.structure_changed |= trimmed;
         }
         if (resets_opacity(step)) {
-            parallel_for(Device{}, g.size(),
-                         ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
-                                          std::as_const(g.log_scales).span(),
-                                          std::as_const(g.filter).span(), g.opacity_logits.span(),
-                                          adam.first_moments().opacity_logits.span(),
-                                          adam.second_moments().opacity_logits.span()});
+            parallel_for(
+                Device{}, g.size(),
+                ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
+                                 std::as_const(g.log_scales).span(), std::as_const(g.filter).span(),
+                                 weights(), g.opacity_logits.span(),
+                                 adam.first_moments().opacity_logits.span(),
+                                 adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
         }
         return event;
@@ -243,22 +273,34 @@ public:
 
     /// Whether step() may add, remove or re-order splats then.
     bool may_change_structure(int step) const {
-        return options_.enabled && step < options_.until &&
-               ((step > options_.from && step % options_.every == 0) ||
-                (options_.trim_min_views > 0 && step % options_.trim_every == 0));
+        return acts(step) && ((step > options_.from && step % options_.every == 0) ||
+                              (options_.trim_min_views > 0 && step % options_.trim_every == 0));
     }
 
     bool resets_opacity(int step) const {
-        return options_.enabled && step < options_.until &&
-               step % options_.opacity_reset_every == 0;
+        return acts(step) && step % options_.opacity_reset_every == 0;
     }
 
-    void state(StateVisitor<Device>& visit) { visit("densify.statistics", statistics_); }
+    void state(StateVisitor<Device>& visit) {
+        visit("densify.statistics", statistics_);
+        if (visit.loading() || !open_.empty()) visit.optional("densify.open", open_);
+        if (visit.loading()) look_for_gaps();
+    }
 
     /// Old index of each splat after a step that changed the structure.
     Span<const int> parents() const { return parents_.span(); }
 
 private:
+    bool acts(int step) const { return options_.enabled && gaps_ && step < options_.until; }
+
+    GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
+
+    void look_for_gaps() {
+        const std::vector<float> open = to_host(open_);
+        gaps_ = options_.spare_covered < 1 || open.empty() ||
+                std::any_of(open.begin(), open.end(), [](float share) { return share > 0; });
+    }
+
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
     void reset_statistics(int count) {
@@ -298,7 +340,7 @@ private:
             CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
                       logit(options_.min_opacity),
                       step > options_.prune_large_after ? options_.prune_large * extent_ : infinite,
-                      counts_.span()});
+                      weights(), counts_.span()});
         reset_statistics(0);  // the next accumulation starts from zero at the new size
     }
 
@@ -344,8 +386,8 @@ private:
                          CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
         });
         parallel_for(Device{}, g.size(),
-                     KeepSeenBody{front_views_.span(), options_.trim_min_views, counts_.span(),
-                                  growth_.span()});
+                     KeepSeenBody{front_views_.span(), options_.trim_min_views, weights(),
+                                  counts_.span(), growth_.span()});
     }
 
     /// Carries out growth_ and counts_ and puts the splats into Morton order; false when nothing
@@ -371,6 +413,7 @@ private:
         gather(first_.span(), {}, parents_, counts_);
         gather(first_.span(), {}, is_new_, child_of_split_);
         gather_rest({}, g);
+        if (!open_.empty()) gather(parents_.span(), {}, open_, scratch1_);
         for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
             gather_shapes(parents_.span(), is_new_.span(), *moments),
                 gather_rest(is_new_.span(), *moments);
@@ -418,6 +461,8 @@ private:
     std::uint64_t seed_;
     Communicator* peers_;
     Buffer<GrowthStatistics, Device> statistics_;
+    Buffer<float, Device> open_;  // [N], or empty
+    bool gaps_ = true;            // somewhere
     Buffer<Growth, Device> growth_;
     Buffer<float, Device> score_;
     Buffer<int, Device> counts_, first_, parents_, front_views_;

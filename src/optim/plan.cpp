@@ -15,27 +15,43 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 // Thresholds; docs/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 40;
-constexpr double kCoveringCloud = 0.25;  // points per pixel
-constexpr double kPaired = 0.5;          // share of the views
+constexpr double kCloudForDiscs = 0.25;  // points per pixel
 constexpr double kDrift = 0.15;
 // A background of one colour: share of the images' borders, and at most of the initial points.
 constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 // Masks: share of the initial points that they leave out; of the images' border that those of an
 // object leave out, by degrees up to that much more.
 constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
-// What a covering cloud needs.
+// What a cloud needs that covers in full.
+constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
-              kPositionWeight = 10, kOpaqueAfter = 250, kOpaqueShare = 20;
+              kOpaqueAfter = 250, kOpaqueShare = 20;
 // Normals of stereo: in full up to kFewViews, not at all from kManyViews on.
 constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
+constexpr double kLargestScalePx = 1e5;  // none is larger
+
+/// What an option is on the way from what no covering cloud needs to what a full one does.
+double between(double bare, double covered, double share) {
+    return bare + share * (covered - bare);
+}
+int between(int bare, int covered, double share) {
+    return static_cast<int>(std::lround(between(1.0 * bare, 1.0 * covered, share)));
+}
 
 /// Three digits, but whole numbers whole.
 std::string number(double value) {
     char text[32];
     const bool whole = value == std::floor(value) && std::abs(value) < 1e10;
     std::snprintf(text, sizeof text, "%.*g", whole ? 10 : 3, value);
+    return text;
+}
+
+/// As an option is set.
+std::string rounded(double value) {
+    char text[32];
+    std::snprintf(text, sizeof text, "%.5g", value);
     return text;
 }
 
@@ -47,11 +63,8 @@ std::string compared(double measured, double threshold, const char* unit = "") {
                      measured < threshold ? " < " : " >= ", number(threshold), unit);
 }
 
-/// The options' schedule, made for `configured` iterations, fitted to others: what changes by it.
-Settings schedule_settings(const TrainOptions& options, int configured, int iterations) {
-    TrainOptions fitted = options;
-    fitted.iterations = configured;
-    fit_schedule(fitted, iterations);
+/// What of the options' schedule is another once it is fitted to other iterations.
+Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitted) {
     std::vector<int> before;
     visit_schedule(options,
                    [&](const std::string&, int number, Counts) { before.push_back(number); });
@@ -138,20 +151,34 @@ Decision plan_cloud(const SceneLook& look, bool dense) {
             {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
 }
 
+Decision given_coverage(double measured, double given) {
+    return {"coverage",
+            number(given),
+            str("points per pixel, as asked (plan.coverage); ", number(measured), " were measured"),
+            measured,
+            kNone,
+            {}};
+}
+
 std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in) {
     std::vector<Decision> plan;
-    const bool covered = !in.dense && look.points_per_pixel >= kCoveringCloud;
-    const std::string cloud =
-        str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud));
+    const double points = look.points_per_pixel, share = in.dense ? 0 : covered_share(points);
     const auto by_cloud = [&](const char* name, const std::string& choice, Settings settings) {
-        plan.push_back(
-            {name, choice, cloud, look.points_per_pixel, kCoveringCloud, std::move(settings)});
+        const std::string against =
+            share > 0 && share < 1
+                ? str(number(points), ", by degrees from ", kSparseCloud, " to ", kCoveringCloud)
+                : compared(points, share > 0 ? kCoveringCloud : kSparseCloud);
+        plan.push_back({name, choice, str("points per pixel: ", against), points, kSparseCloud,
+                        std::move(settings)});
     };
     const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
-              iterations = in.wanted > 0 ? in.wanted
-                           : covered     ? std::min(enough, in.configured)
-                                         : in.configured;
-    const Settings schedule = schedule_settings(in.options, in.configured, iterations);
+              iterations = in.wanted > 0
+                               ? in.wanted
+                               : between(in.configured, std::min(enough, in.configured), share);
+    TrainOptions fitted = in.options;
+    fitted.iterations = in.configured;
+    fit_schedule(fitted, iterations);
+    const Settings schedule = schedule_settings(in.options, fitted);
     const std::string number_of = std::to_string(iterations);
     if (in.wanted > 0)
         plan.push_back(
@@ -160,54 +187,57 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         plan.push_back({"iterations", number_of, "of the dense settings", kNone, kNone, schedule});
     else {
         by_cloud("iterations", number_of, schedule);
-        if (covered)
+        if (share > 0)
             plan.back().reason +=
-                str("; ", kIterationsPerView, " per view, ", kIterations, " at least");
+                str("; in full ", kIterationsPerView, " per view, ", kIterations, " at least");
     }
     if (!in.dense)
-        by_cloud("densify", covered ? "off" : "on",
-                 {{"densify.enabled", covered ? "false" : "true"}});
+        by_cloud("densify", share > 0 ? str("in gaps, ", number(100 * share), " %") : "on",
+                 {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(share)}});
     // Files keep three scales, for the viewers of 3DGS.
-    if (covered && in.discs)
-        by_cloud("rasteriser", "discs", {{"backbone", kDiscs}, {"output.ply_scales", "three"}});
-    if (covered) by_cloud("normal loss", "from the start", {{"loss.normal.start", "1"}});
-    if (covered && in.normals && look.train_views < kManyViews) {
-        const double share = static_cast<double>(kManyViews - look.train_views) /
-                             static_cast<double>(kManyViews - kFewViews);
-        const std::string weight = number(std::min(std::round(100 * share) / 100, 1.0));
-        plan.push_back({"prior normals",
-                        str("weight ", weight),
-                        str("training views: ", compared(look.train_views, kManyViews), "; ",
-                            kFewViews, " or fewer: 1"),
-                        static_cast<double>(look.train_views),
-                        kManyViews,
-                        // What merely lies beside a scene has not been measured.
-                        {{"loss.prior_normal.weight", weight}, {"priors.source", "stereo"}}});
+    if (!in.dense && in.discs && points >= kCloudForDiscs)
+        plan.push_back({"rasteriser",
+                        "discs",
+                        str("points per pixel: ", compared(points, kCloudForDiscs)),
+                        points,
+                        kCloudForDiscs,
+                        {{"backbone", kDiscs}, {"output.ply_scales", "three"}}});
+    if (share > 0) {
+        const std::string start = std::to_string(between(fitted.loss.normal.start, 1, share));
+        by_cloud("normal loss", str("from ", start), {{"loss.normal.start", start}});
+    }
+    if (share > 0 && in.normals && look.train_views < kManyViews) {
+        const double by_views = static_cast<double>(kManyViews - look.train_views) /
+                                static_cast<double>(kManyViews - kFewViews);
+        const std::string weight = rounded(share * std::min(by_views, 1.0));
+        by_cloud("prior normals", str("weight ", weight),
+                 // What merely lies beside a scene has not been measured.
+                 {{"loss.prior_normal.weight", weight}, {"priors.source", "stereo"}});
+        plan.back().reason += str("; training views: ", compared(look.train_views, kManyViews),
+                                  ", ", kFewViews, " or fewer: in full");
     }
     // A larger one lies in a gap of the cloud, at a depth that nothing has measured.
-    if (covered && look.train_views < kFewViews) {
-        const std::string px =
-            std::to_string(kMeshedScalePx << std::max(0, look.train_views - kLeastViews));
-        plan.push_back({"meshed splats",
-                        str("up to ", px, " px"),
-                        str("training views: ", compared(look.train_views, kFewViews), "; ",
-                            kLeastViews, " or fewer: ", kMeshedScalePx),
-                        static_cast<double>(look.train_views),
-                        kFewViews,
-                        {{"mesh.max_scale_px", px}}});
+    if (share > 0 && look.train_views < kFewViews) {
+        const int least = kMeshedScalePx << std::max(0, look.train_views - kLeastViews);
+        const std::string px = rounded(std::min(least / share, kLargestScalePx));
+        by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
+        plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
+                                  kLeastViews, " or fewer: ", kMeshedScalePx, " in full");
     }
-    if (covered && in.options.tv.enabled) {
-        by_cloud("votes", str("every ", kVoteEvery),
-                 {{"tv.vote_every", std::to_string(kVoteEvery)}});
-        by_cloud("position loss", str("weight ", kPositionWeight),
-                 {{"loss.tv_position.weight", std::to_string(kPositionWeight)}});
-        by_cloud("neighbours", str("every ", kRefreshEvery),
-                 {{"tv.refresh_every", std::to_string(kRefreshEvery)}});
+    if (share > 0 && in.options.tv.enabled) {
+        const TrainOptions& o = in.options;
+        const std::string votes = std::to_string(between(o.tv.vote_every, kVoteEvery, share)),
+                          search =
+                              std::to_string(between(o.tv.refresh_every, kRefreshEvery, share)),
+                          weight = rounded(between(static_cast<double>(o.loss.tv_position.weight),
+                                                   kPositionWeight, share));
+        by_cloud("votes", str("every ", votes), {{"tv.vote_every", votes}});
+        by_cloud("position loss", str("weight ", weight), {{"loss.tv_position.weight", weight}});
+        by_cloud("neighbours", str("every ", search), {{"tv.refresh_every", search}});
     }
-    if (in.dense || covered) {
-        const bool near = look.views_in_pairs >= kPaired,
-                   on = near || look.views_in_wide_pairs >= kPaired;
-        const double share = near ? look.views_in_pairs : look.views_in_wide_pairs;
+    if (in.dense || share > 0) {
+        const bool on = look.views_in_wide_pairs > 0;
+        const double strength = !on ? 0 : in.dense ? 1 : share;
         // Until the splats are opaque, the depths compared are means of near and far ones. That
         // takes as many iterations however long the training is; a short one cannot wait.
         const std::string start =
@@ -216,20 +246,24 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         for (const TermOnList& term : terms_on_list(in.multi_view)) {
             if (term.needs.other_views == 0 || !(term.weight > 0)) continue;
             settings.emplace_back(str("loss.", term.key, ".weight"),
-                                  on ? number(static_cast<double>(term.weight)) : "0");
+                                  rounded(strength * static_cast<double>(term.weight)));
             starts.emplace_back(str("loss.", term.key, ".start"), start);
         }
         settings.emplace_back("loss.multi_view.limits", "relative");
-        if (on && !near) settings.emplace_back("loss.multi_view.max_angle_deg", str(kWideAngleDeg));
-        if (on && covered) settings.insert(settings.end(), starts.begin(), starts.end());
-        const float widest = std::max(in.options.loss.multi_view.max_angle_deg, kWideAngleDeg);
-        const std::string of = near ? str("views in a pair: ")
-                                    : str("views with one up to ", widest, " degrees away: ");
-        plan.push_back({"multi-view",
-                        !on    ? "off"
-                        : near ? "on"
-                               : "wide",
-                        of + compared(share, kPaired), share, kPaired, settings});
+        settings.emplace_back("loss.multi_view.lone_angle_deg", str(kWideAngleDeg));
+        if (on && !in.dense) settings.insert(settings.end(), starts.begin(), starts.end());
+        const std::string choice = on ? str(number(100 * strength), " %") : "off",
+                          pairs = str("views with another within ",
+                                      in.options.loss.multi_view.max_angle_deg,
+                                      " degrees: ", number(look.views_in_pairs),
+                                      ", with the others up to ", kWideAngleDeg, ": ",
+                                      number(look.views_in_wide_pairs));
+        if (in.dense)
+            plan.push_back({"multi-view", choice, pairs, look.views_in_wide_pairs, 0, settings});
+        else {
+            by_cloud("multi-view", choice, settings);
+            plan.back().reason += str("; ", pairs);
+        }
     }
     // Where masks leave out nothing that is shown: what is seen there is splats of that colour at
     // any depth, or none.

@@ -13,6 +13,14 @@ namespace tvsgs {
 /// The widest angle between the optical axes of two views at which pairing them is known to help.
 inline constexpr float kWideAngleDeg = 37;
 
+/// Points of the initial cloud per pixel that stereo could match: what hangs on how far the cloud
+/// covers the views changes in proportion between these two.
+inline constexpr double kSparseCloud = 0.1, kCoveringCloud = 0.4;
+TVSGS_HD inline double covered_share(double points_per_pixel) {
+    const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
+    return !(share > 0) ? 0 : share < 1 ? share : 1;
+}
+
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
     int train_views = 0, test_views = 0;
@@ -27,7 +35,7 @@ struct SceneLook {
     double background_border = 0, background_points = 0;
     bool outside = false;            // a mask leaves out what its photograph shows
     double views_in_pairs = 0;       // share within loss.multi_view's relative limits
-    double views_in_wide_pairs = 0;  // the same up to kWideAngleDeg
+    double views_in_wide_pairs = 0;  // the same, those without one up to kWideAngleDeg
     double exposure_drift =
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown
@@ -69,6 +77,9 @@ Decision plan_settings(int train_views);
 
 /// On the cloud that comes with the scene: whether stereo makes another one.
 Decision plan_cloud(const SceneLook& look, bool dense);
+
+/// Says that the training is planned for `given` points per pixel in place of those measured.
+Decision given_coverage(double measured, double given);
 
 /// What the plan of the training goes by, beside the look.
 struct PlanInputs {

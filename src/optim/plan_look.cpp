@@ -5,21 +5,12 @@
 #include <numeric>
 #include <optional>
 
+#include "optim/matchable.h"
 #include "optim/plan.h"
 #include "optim/view_pairs.h"
 
 namespace tvsgs {
 namespace {
-
-constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-
-double median(std::vector<double>& values) {
-    if (values.empty()) return kNone;
-    // Of an even number the lower one, so that half of them at least are as large.
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
-    std::nth_element(values.begin(), middle, values.end());
-    return *middle;
-}
 
 constexpr int kReach = 2, kSide = 2 * kReach + 1;
 using Patch = std::array<double, kSide * kSide>;
@@ -86,91 +77,6 @@ std::vector<int> nearest_views(const Scene& scene) {
 
 namespace {
 
-/// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
-/// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
-class Matchable {
-public:
-    /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
-    /// count.
-    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
-        : view_(view), views_(views), masks_(masks && !view.mask.empty()), depth_(depth) {}
-
-    bool at(int x, int y) const {
-        if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
-        return is_textured(x, y) && is_elsewhere(x, y);
-    }
-
-    /// Share of the pixels; of a sample.
-    double share() const {
-        const int step = std::max(1, static_cast<int>(std::sqrt(pixels() / kSample)));
-        int all = 0, good = 0;
-        for (int y = step / 2; y < view_.photo.height; y += step)
-            for (int x = step / 2; x < view_.photo.width; x += step) ++all, good += at(x, y);
-        return all > 0 ? static_cast<double>(good) / all : 0;
-    }
-
-    double pixels() const {
-        return static_cast<double>(view_.camera.width_px) * view_.camera.height_px;
-    }
-
-private:
-    static constexpr double kSample = 20000, kFlat = 2;  // pixels; grey levels
-    static constexpr int kBlocks = 5;
-
-    /// Four times a grey level: the sum of a block of 2 x 2.
-    int block(int x, int y) const {
-        int sum = 0;
-        for (int i = 0; i < 4; ++i)
-            for (int c = 0; c < 3; ++c) sum += view_.photo.at(x + i % 2, y + i / 2, c);
-        return sum;
-    }
-    bool is_textured(int x, int y) const {
-        const int left = std::clamp(x - kBlocks, 0, view_.photo.width - 2 * kBlocks),
-                  top = std::clamp(y - kBlocks, 0, view_.photo.height - 2 * kBlocks);
-        if (left < 0 || top < 0) return true;  // too small an image to say
-        double sum = 0, squares = 0;
-        for (int by = 0; by < kBlocks; ++by)
-            for (int bx = 0; bx < kBlocks; ++bx) {
-                const double level = block(left + 2 * bx, top + 2 * by) / 12.0;
-                sum += level, squares += level * level;
-            }
-        constexpr double n = kBlocks * kBlocks;
-        return squares / n - (sum / n) * (sum / n) > kFlat * kFlat;
-    }
-    bool is_elsewhere(int x, int y) const {
-        if (!(depth_ > 0)) return true;
-        const Rigid3f world = inverse(view_.camera.camera_from_world);
-        const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
-        return std::any_of(views_.begin(), views_.end(), [&](const View& other) {
-            return &other != &view_ && is_in_view(other.camera, point);
-        });
-    }
-
-    const View& view_;
-    const std::vector<View>& views_;
-    bool masks_;
-    double depth_;
-};
-
-/// Where a point is seen.
-struct Sighting {
-    int x, y;
-    double depth;
-};
-std::vector<Sighting> sightings(const Camera& camera,
-                                const std::vector<Vec3f>& points,
-                                std::size_t stride) {
-    std::vector<Sighting> seen;
-    for (std::size_t i = 0; i < points.size(); i += stride) {
-        if (!is_in_view(camera, points[i])) continue;
-        const Vec3f p = camera.camera_from_world * points[i];
-        seen.push_back({static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
-                        static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px),
-                        static_cast<double>(p.z)});
-    }
-    return seen;
-}
-
 /// The colour of the images' borders, see SceneLook.
 struct BorderColor {
     int color[3] = {0, 0, 0};
@@ -209,7 +115,7 @@ BorderColor border_color(const View& view) {
     for (int c = 0; c < 3; ++c) {
         std::vector<double> levels;
         for_border(view, [&](int x, int y) { levels.push_back(view.photo.at(x, y, c)); });
-        found.color[c] = levels.empty() ? 0 : static_cast<int>(median(levels));
+        found.color[c] = levels.empty() ? 0 : static_cast<int>(lower_median(levels));
     }
     int all = 0, alike = 0;
     for_border(view, [&](int x, int y) { ++all, alike += found.near(view, x, y); });
@@ -224,7 +130,7 @@ BorderColor border_color(const std::vector<View>& views) {
     for (int c = 0; c < 3; ++c) {
         std::vector<double> levels;
         for (const BorderColor& of : each) levels.push_back(of.color[c]);
-        found.color[c] = levels.empty() ? 0 : static_cast<int>(median(levels));
+        found.color[c] = levels.empty() ? 0 : static_cast<int>(lower_median(levels));
     }
     for (const BorderColor& of : each) {
         found.share = std::min(found.share, of.share);
@@ -246,7 +152,7 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     look.train_views = static_cast<int>(scene.train.size());
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
-    look.exposure_drift = kNone;
+    look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),
                                [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
@@ -256,15 +162,14 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
         const View& view = scene.train[v];
         const View* const other =
             nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
-        std::vector<double> gains, depths;  // gains: logarithms
+        std::vector<double> gains;  // logarithms
         for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {
             const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
             if (!here || !there) continue;
             if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
         }
         const std::vector<Sighting> seen = sightings(view.camera, points, stride);
-        for (const Sighting& s : seen) depths.push_back(s.depth);
-        const Matchable could_match(view, scene.train, masks, median(depths));
+        const Matchable could_match(view, scene.train, masks, median_depth(seen));
         const double share = could_match.share();
         for (const Sighting& s : seen)
             ++sightings_in_all, on_border_color += border.near(view, s.x, s.y);
@@ -279,7 +184,7 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
                             pixels.back());
         reductions.push_back(view.reduction);
         if (gains.size() < 30) continue;  // a median of fewer says little
-        const double drift = std::abs(std::expm1(median(gains)));
+        const double drift = std::abs(std::expm1(lower_median(gains)));
         look.exposure_drift =
             std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
     }
@@ -288,14 +193,14 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /
                                                         static_cast<double>(sightings_in_all)
                                                   : 0;
-    look.pixels = median(pixels);
-    look.matchable = median(matchable);
-    look.points_per_pixel = median(per_pixel);
-    look.reduction = median(reductions);
+    look.pixels = lower_median(pixels);
+    look.matchable = lower_median(matchable);
+    look.points_per_pixel = lower_median(per_pixel);
+    look.reduction = lower_median(reductions);
     ViewPairOptions relative = limits;
     relative.limits = PairLimits::relative;  // these hold in any unit
     look.views_in_pairs = share_with_pair(scene, relative);
-    relative.max_angle_deg = std::max(relative.max_angle_deg, kWideAngleDeg);
+    relative.lone_angle_deg = std::max(relative.lone_angle_deg, kWideAngleDeg);
     look.views_in_wide_pairs = share_with_pair(scene, relative);
     return look;
 }
@@ -319,7 +224,7 @@ MaskLook look_at_masks(const std::vector<View>& train, const std::vector<Vec3f>&
         for (const Sighting& s : sightings(view.camera, points, 1))
             ++seen, seen_outside += mask.at(s.x, s.y) == 0;
     }
-    if (!borders.empty()) look.border = median(borders);
+    if (!borders.empty()) look.border = lower_median(borders);
     if (seen > 0) look.matched = static_cast<double>(seen_outside) / static_cast<double>(seen);
     return look;
 }

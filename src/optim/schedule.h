@@ -54,15 +54,17 @@ inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
 /// the next growth, trim or reset, and before the end.
 inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
 
-/// Growth is left out where there is no time for it.
-inline void keep_distances(const DensifyOptions& original, DensifyOptions& fitted, int iterations) {
+/// Growth is left out where there is no time for it. What is hardly shorter than `original` settles
+/// hardly longer.
+inline void keep_distances(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
     const auto at_least = [](int& number, int was, int least) {
         number = std::max(number, std::min(was, least));
     };
-    at_least(fitted.every, original.every, kLeastGrowth);
-    at_least(fitted.trim_every, original.trim_every, kLeastTrim);
-    at_least(fitted.opacity_reset_every, original.opacity_reset_every, kLeastReset);
-    fitted.until = std::clamp(fitted.until, 0, std::max(iterations - kSettling, 0));
+    at_least(fitted.every, original.densify.every, kLeastGrowth);
+    at_least(fitted.trim_every, original.densify.trim_every, kLeastTrim);
+    at_least(fitted.opacity_reset_every, original.densify.opacity_reset_every, kLeastReset);
+    const int settling = std::clamp(original.iterations - iterations, 0, kSettling);
+    fitted.until = std::clamp(fitted.until, 0, std::max(iterations - settling, 0));
 }
 
 /// Gives `options` the schedule of `original` from its iteration `from` on, which now is iteration
@@ -82,7 +84,7 @@ inline void fit_schedule(
         const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
         number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
     });
-    if (ratio < 1) keep_distances(original.densify, options.densify, iterations);
+    if (ratio < 1) keep_distances(original, options.densify, iterations);
     options.iterations = iterations;
 }
 

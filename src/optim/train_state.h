@@ -7,6 +7,7 @@
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
 #include "optim/iteration.h"
+#include "optim/matchable.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -98,7 +99,11 @@ struct TrainState {
                   size_of(peers)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv.fixed_voters));
-        if (from != nullptr) load(*from, o);
+        if (from != nullptr)
+            load(*from, o);
+        else if (spares(o.densify))
+            densifier.set_open(open_shares(scene.train, to_host(gaussians.means),
+                                           uses_masks(o.loss.photometric.masks)));
     }
 
     void visit(StateVisitor<Device>& visit) {
@@ -137,6 +142,8 @@ private:
         return g;
     }
 
+    static bool spares(const DensifyOptions& o) { return o.enabled && o.spare_covered > 0; }
+
     void load(const State& from, const TrainOptions& o) {
         check_shapes(from, o);
         StateVisitor<Device> visitor(from);
@@ -174,6 +181,12 @@ private:
                 },
                 shapes);
         expect("densify.statistics", 1, true);
+        expect("densify.open", 1, true);
+        if (spares(o.densify) && count_of("densify.open") == 0)
+            throw Error(ExitCode::usage,
+                        str("densify.spare_covered = ", o.densify.spare_covered,
+                            ": the checkpoint does not say where its initial cloud covered, as the "
+                            "run began without; set it to 0"));
         const bool voted = count_of("tv.flags") > 0;
         for (const char* name : {"tensors", "eigenvalues", "normals", "targets", "flags"})
             expect(str("tv.", name), 1, !voted);

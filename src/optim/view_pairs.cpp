@@ -86,11 +86,15 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
             continue;
         }
         const std::vector<Candidate> others = sorted_others(scene, i, unit);
-        for (const Candidate& c : others)
-            if (static_cast<int>(chosen.size()) < options.count &&
-                c.angle_deg < static_cast<double>(options.max_angle_deg) && c.distance > low &&
-                c.distance < high)
-                chosen.push_back(c.view);
+        const auto choose_within = [&](float angle_deg) {
+            for (const Candidate& c : others)
+                if (static_cast<int>(chosen.size()) < options.count &&
+                    c.angle_deg < static_cast<double>(angle_deg) && c.distance > low &&
+                    c.distance < high)
+                    chosen.push_back(c.view);
+        };
+        choose_within(options.max_angle_deg);
+        if (chosen.empty()) choose_within(options.lone_angle_deg);
         if (!chosen.empty()) continue;
         ++found.lonely;
         if (others.empty()) continue;
@@ -135,7 +139,8 @@ ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, 
         spdlog::warn(
             "multi-view losses: off for {} of {} training views: none of the other views is within "
             "{:.4g} degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
-            found.lonely, views, static_cast<double>(options.max_angle_deg),
+            found.lonely, views,
+            static_cast<double>(std::max(options.max_angle_deg, options.lone_angle_deg)),
             static_cast<double>(relative ? options.min_baseline : options.min_distance),
             static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
             relative ? "relative" : "official",

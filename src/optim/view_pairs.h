@@ -17,8 +17,8 @@ enum class PairLimits { official, relative };
 struct ViewPairOptions {
     PairLimits limits = PairLimits::official;
     int count = 8;
-    float max_angle_deg = 30, min_distance = 0.01f, max_distance = 1.5f, min_baseline = 0.005f,
-          max_baseline = 1;
+    float max_angle_deg = 30, lone_angle_deg = 0, min_distance = 0.01f, max_distance = 1.5f,
+          min_baseline = 0.005f, max_baseline = 1;
     int samples = 102400;
 
     template <class Visitor>
@@ -29,6 +29,8 @@ struct ViewPairOptions {
             "min/max_baseline, in median depths of the view");
         field("count", count, {1, 1e6}, "most others that a view is paired with");
         field("max_angle_deg", max_angle_deg, {0, 180}, "between the optical axes");
+        field("lone_angle_deg", lone_angle_deg, {0, 180},
+              "the same for views that have no other within max_angle_deg, if larger");
         field("min_distance", min_distance, {0, 1e9}, "between the cameras, world units");
         field("max_distance", max_distance, {0, 1e9}, "between the cameras, world units");
         field("min_baseline", min_baseline, {0, 1e9}, "between the cameras, in depths");

@@ -218,6 +218,10 @@ Scene read_and_plan(const DeviceChoice& device,
                                          "a cloud (init.min_points)"));
     fit_near_plane(scene, options.train.render);
     if (scene.points.positions.size() != seen.points) seen = look();
+    if (const auto given = static_cast<double>(options.plan.coverage); given >= 0) {
+        plan.apply(given_coverage(seen.points_per_pixel, given));
+        seen.points_per_pixel = given;
+    }
     const TrainOptions multi_view = options_of(kDenseConfig);
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
               wanted = plan.pinned("iterations") ? options.train.iterations : 0;

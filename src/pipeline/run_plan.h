@@ -16,6 +16,7 @@ struct PlanOptions {
     bool enabled = false;
     Until until = Until::iterations;
     float time_budget = 0;
+    float coverage = -1;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -24,6 +25,9 @@ struct PlanOptions {
                      "converged: stop when PSNR on views that do not train has stopped rising");
         field("time_budget", time_budget, {0, 1e9},
               "seconds of training that the schedule is fitted into; 0: as long as it takes");
+        field("coverage", coverage, {-1, 1e3},
+              "points of the initial cloud per pixel that stereo could match, by which the plan of "
+              "the training decides; below 0: what was measured");
     }
 };
 

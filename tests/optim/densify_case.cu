@@ -2,8 +2,8 @@
 
 namespace tvsgs::test {
 
-DensifyResult densify_case_cuda(GrowthRule rule) {
-    return densify_case<Cuda>(rule);
+DensifyResult densify_case_cuda(GrowthRule rule, float spare_covered) {
+    return densify_case<Cuda>(rule, spare_covered);
 }
 
 }  // namespace tvsgs::test

@@ -13,7 +13,7 @@ struct DensifyResult {
 
 /// By rule `quantile` the splats have a filter, too.
 template <class Device>
-DensifyResult densify_case(GrowthRule rule) {
+DensifyResult densify_case(GrowthRule rule, float spare_covered) {
     const int n = 1000;
     Random random(31);
     const auto draw = [&](double low, double high) {
@@ -44,7 +44,13 @@ DensifyResult densify_case(GrowthRule rule) {
     options.rule = rule;
     options.max_abs_split = 30;
     options.percent_dense = 0.08f;
+    options.spare_covered = spare_covered;
     Densifier<Device> densifier(options, 1, 7);
+    if (spare_covered > 0) {
+        std::vector<float> open;
+        for (int i = 0; i < n; ++i) open.push_back(static_cast<float>(i % 3) / 2);
+        densifier.set_open(open);
+    }
     const auto adam_step = [&](int step) {
         Gaussians<Device> gradients;
         copy(random_gaussians(g.size(), 32, 0.08, 2), gradients);
@@ -67,6 +73,6 @@ DensifyResult densify_case(GrowthRule rule) {
 }
 
 /// densify_case<Cuda>, compiled by nvcc.
-DensifyResult densify_case_cuda(GrowthRule rule);
+DensifyResult densify_case_cuda(GrowthRule rule, float spare_covered);
 
 }  // namespace tvsgs::test

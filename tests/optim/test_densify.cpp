@@ -408,15 +408,16 @@ void expect_same(const Buffer<T, Cpu>& cpu, const Buffer<T, Cpu>& cuda) {
         ASSERT_NEAR(a[i], b[i], 1e-5) << i;
 }
 
-class DensifyTwins : public testing::TestWithParam<GrowthRule> {};
+class DensifyTwins : public testing::TestWithParam<std::tuple<GrowthRule, float>> {};
 
 TEST_P(DensifyTwins, CpuAgainstCuda) {
-    const test::DensifyResult a = test::densify_case<Cpu>(GetParam());
-    EXPECT_GT(a.parents.size(), 1500u) << "growth and trims both leave something to compare";
+    const auto [rule, spare_covered] = GetParam();
+    const test::DensifyResult a = test::densify_case<Cpu>(rule, spare_covered);
+    EXPECT_GT(a.parents.size(), 1200u) << "growth and trims both leave something to compare";
     EXPECT_LT(a.parents.size(), 2700u);
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
-        const test::DensifyResult b = test::densify_case_cuda(GetParam());
+        const test::DensifyResult b = test::densify_case_cuda(rule, spare_covered);
         EXPECT_EQ(a.parents, b.parents);
         for (auto part : {&test::DensifyResult::gaussians, &test::DensifyResult::first_moments,
                           &test::DensifyResult::second_moments}) {
@@ -433,7 +434,9 @@ TEST_P(DensifyTwins, CpuAgainstCuda) {
 
 INSTANTIATE_TEST_SUITE_P(Rules,
                          DensifyTwins,
-                         testing::Values(GrowthRule::thresholds, GrowthRule::quantile));
+                         testing::Combine(testing::Values(GrowthRule::thresholds,
+                                                          GrowthRule::quantile),
+                                          testing::Values(0.0f, 1.0f)));
 
 }  // namespace
 }  // namespace tvsgs

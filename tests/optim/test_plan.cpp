@@ -121,31 +121,107 @@ TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
                std::string::npos;
     };
     EXPECT_FALSE(says(1));
-    EXPECT_FALSE(says(1.4));  // 0.26 there
-    EXPECT_TRUE(says(1.5));   // 0.22
+    EXPECT_FALSE(says(1.1));  // 0.41 there
+    EXPECT_TRUE(says(1.2));   // 0.35
     look.points_per_pixel = 0.2;
     EXPECT_FALSE(says(8));
 }
 
-TEST(Plan, CloudAndDensificationByItsDensity) {
+TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
     for (const bool covering : {false, true}) {
-        // On 8,000 pixels, 1,999 and 2,001 points: just below and above a quarter.
-        const SceneLook look = look_of(patch_scene(3, 10, covering ? 2100 : 1900));
+        // On 8,000 pixels, of which 3,200 are 0.4.
+        const SceneLook look = look_of(patch_scene(3, 10, covering ? 3300 : 3100));
         const Decision cloud = plan_cloud(look, false);
         EXPECT_EQ(cloud.choice, covering ? "the model's" : "stereo");
         // The key says the same: stereo makes a cloud where there are fewer points.
         EXPECT_EQ(std::stod(cloud.settings.at(0).second) > static_cast<double>(look.points),
                   !covering);
-        const auto plan = plan_of(look);
-        EXPECT_EQ(choice(plan, "densify"), covering ? "off" : "on");
-        EXPECT_TRUE(
-            sets(settings(plan, "densify"), "densify.enabled", covering ? "false" : "true"));
-        EXPECT_EQ(choice(plan, "iterations"), covering ? "5000" : "15000");
-        EXPECT_EQ(choice(plan, "multi-view"), covering ? "on" : "no such decision");
-        EXPECT_EQ(choice(plan, "votes"), covering ? "every 50" : "no such decision");
-        EXPECT_EQ(choice(plan, "neighbours"), covering ? "every 500" : "no such decision");
-        EXPECT_EQ(choice(plan, "position loss"), covering ? "weight 10" : "no such decision");
     }
+}
+
+TEST(Plan, CoverageByDegrees) {
+    EXPECT_EQ(covered_share(0), 0);
+    EXPECT_EQ(covered_share(0.1), 0);
+    EXPECT_NEAR(covered_share(0.25), 0.5, 1e-12);
+    EXPECT_EQ(covered_share(0.4), 1);
+    EXPECT_EQ(covered_share(7), 1);
+    EXPECT_EQ(covered_share(std::nan("")), 0) << "not known";
+}
+
+/// What hangs on the cloud, by its points per pixel.
+Settings by_cloud(double points_per_pixel) {
+    SceneLook look;
+    look.train_views = 3, look.points = 1000, look.pixels = 8000;
+    look.points_per_pixel = points_per_pixel;
+    look.views_in_pairs = look.views_in_wide_pairs = 1;
+    PlanInputs in;
+    in.configured = in.options.iterations = 15000, in.normals = true;
+    in.options.tv.vote_every = 10, in.options.tv.refresh_every = 100;
+    in.options.loss.tv_position.weight = 1, in.options.densify.until = 15000;
+    in.multi_view.multi_view_geometry.weight = 0.03f, in.multi_view.multi_view_ncc.weight = 0.15f;
+    Settings all;
+    for (const Decision& decision : plan_training(look, in))
+        all.insert(all.end(), decision.settings.begin(), decision.settings.end());
+    return all;
+}
+/// A number that is set, else `unset`.
+double value_of(const Settings& settings, const std::string& key, double unset) {
+    double value = unset;
+    for (const auto& [name, text] : settings)
+        if (name == key) value = std::stod(text);  // the last word
+    return value;
+}
+
+struct Slope {
+    const char* key;
+    double bare, covered;  // below 0.1 points per pixel, from 0.4 on
+    double step;           // most by a 300th of the way
+};
+
+TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
+    for (const auto& [key, bare, covered, step] :
+         {Slope{"iterations", 15000, 5000, 35}, Slope{"densify.until", 15000, 4000, 70},
+          Slope{"densify.spare_covered", 0, 1, 0.0034}, Slope{"loss.normal.start", 7001, 1, 40},
+          Slope{"loss.prior_normal.weight", 0, 1, 0.0034},
+          Slope{"loss.tv_position.weight", 1, 10, 0.031}, Slope{"tv.vote_every", 10, 50, 1},
+          Slope{"tv.refresh_every", 100, 500, 2},
+          Slope{"loss.multi_view_geometry.weight", 0, 0.03, 0.00011},
+          Slope{"loss.multi_view_ncc.weight", 0, 0.15, 0.00051}}) {
+        const auto at = [&, &k = key, &b = bare](double c) { return value_of(by_cloud(c), k, b); };
+        for (const double sparse : {0.0, 0.05, 0.1}) EXPECT_EQ(at(sparse), bare) << key << sparse;
+        for (const double full : {0.4, 0.8}) EXPECT_NEAR(at(full), covered, 1e-9) << key << full;
+        double before = bare;
+        for (int i = 1; i <= 300; ++i) {
+            const double now = at(0.1 + 0.001 * i);
+            EXPECT_GE((now - before) * (covered > bare ? 1 : -1), 0) << key << " " << i;
+            EXPECT_LE(std::abs(now - before), step) << key << " " << i;
+            before = now;
+        }
+    }
+    // A limit: from none that any splat reaches to 16 pixels.
+    double before = 0;
+    for (int i = 1; i <= 301; ++i) {
+        const double now = 1 / value_of(by_cloud(0.099 + 0.001 * i), "mesh.max_scale_px", 1e9);
+        EXPECT_GE(now, before);
+        EXPECT_LE(now - before, 0.0034 / 16);
+        before = now;
+    }
+    EXPECT_EQ(before, 1 / 16.);
+    EXPECT_EQ(value_of(by_cloud(0.05), "loss.normal.start", -1), -1) << "no decision";
+}
+
+TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {
+    SceneLook look;
+    look.train_views = 3;
+    const auto reason = [&](double points_per_pixel) {
+        look.points_per_pixel = points_per_pixel;
+        for (const Decision& decision : plan_of(look))
+            if (decision.name == "densify") return decision.reason;
+        return std::string();
+    };
+    EXPECT_EQ(reason(0.05), "points per pixel: 0.05 < 0.1");
+    EXPECT_EQ(reason(0.25), "points per pixel: 0.25, by degrees from 0.1 to 0.4");
+    EXPECT_EQ(reason(0.776), "points per pixel: 0.776 >= 0.4");
 }
 
 TEST(Plan, DenseSettingsKeepTheirGrowth) {
@@ -164,7 +240,7 @@ TEST(Plan, DenseSettingsKeepTheirGrowth) {
 }
 
 TEST(Plan, DiscsForCoveringCloudsWhereTheyMayBeChosen) {
-    const SceneLook covered = look_of(patch_scene(3, 10, 2400)),
+    const SceneLook covered = look_of(patch_scene(3, 10, 3600)),
                     sparse = look_of(patch_scene(3, 10, 100));
     PlanInputs in;
     in.configured = 15000;
@@ -179,7 +255,7 @@ TEST(Plan, DiscsForCoveringCloudsWhereTheyMayBeChosen) {
 }
 
 TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
-    SceneLook look = look_of(patch_scene(3, 10, 2400));
+    SceneLook look = look_of(patch_scene(3, 10, 3600));
     PlanInputs in;
     in.configured = 15000;
     EXPECT_EQ(choice(plan_training(look, in), "prior normals"), "no such decision");
@@ -190,20 +266,22 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
     };
     for (const auto& [views, expected] : {std::pair(3, "weight 1"),
                                           {9, "weight 1"},
-                                          {10, "weight 0.91"},
-                                          {19, "weight 0.09"},
+                                          {10, "weight 0.90909"},
+                                          {19, "weight 0.090909"},
                                           {20, "no such decision"}})
         EXPECT_EQ(weight(views), expected) << views;
     look.train_views = 3;
     const Settings of_stereo = settings(plan_training(look, in), "prior normals");
     EXPECT_TRUE(sets(of_stereo, "loss.prior_normal.weight", "1"));
     EXPECT_TRUE(sets(of_stereo, "priors.source", "stereo"));
-    look.points_per_pixel = 0.2;
+    look.points_per_pixel = 0.25, look.train_views = 3;
+    EXPECT_EQ(weight(3), "weight 0.5");
+    look.points_per_pixel = 0.1;
     EXPECT_EQ(weight(3), "no such decision");
 }
 
 TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
-    SceneLook look = look_of(patch_scene(3, 10, 2400));
+    SceneLook look = look_of(patch_scene(3, 10, 3600));
     for (const auto& [views, px] : {std::pair(1, "16"), {3, "16"}, {4, "32"}, {8, "512"}}) {
         look.train_views = views;
         EXPECT_TRUE(sets(settings(plan_of(look), "meshed splats"), "mesh.max_scale_px", px))
@@ -224,10 +302,10 @@ TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
 TEST(Plan, NothingIsDecidedForVotingThatIsOff) {
     PlanInputs in;
     in.configured = 15000, in.options.tv.enabled = false;
-    const auto plan = plan_training(look_of(patch_scene(3, 10, 2400)), in);
+    const auto plan = plan_training(look_of(patch_scene(3, 10, 3600)), in);
     for (const char* name : {"votes", "position loss", "neighbours"})
         EXPECT_EQ(choice(plan, name), "no such decision");
-    EXPECT_EQ(choice(plan, "multi-view"), "on");
+    EXPECT_EQ(choice(plan, "multi-view"), "100 %");
 }
 
 TEST(Plan, MultiViewLossesWaitForOpaqueSplats) {
@@ -235,28 +313,35 @@ TEST(Plan, MultiViewLossesWaitForOpaqueSplats) {
          {std::pair(0, "250"), {300, "15"}, {10, "1"}, {15000, "250"}})
         for (const char* term : {"geometry", "ncc"})
             EXPECT_TRUE(sets(
-                settings(plan_of(look_of(patch_scene(3, 10, 2400)), false, wanted), "multi-view"),
+                settings(plan_of(look_of(patch_scene(3, 10, 3600)), false, wanted), "multi-view"),
                 std::string("loss.multi_view_") + term + ".start", start))
                 << wanted;
 }
 
 TEST(Plan, IterationsByTheNumberOfViews) {
     for (const auto& [views, iterations] : {std::pair(20, "5000"), std::pair(21, "5250")})
-        EXPECT_EQ(choice(plan_of(look_of(patch_scene(views, 2, 2400))), "iterations"), iterations);
-    SceneLook many = look_of(patch_scene(3, 2, 2400));
+        EXPECT_EQ(choice(plan_of(look_of(patch_scene(views, 2, 3600))), "iterations"), iterations);
+    SceneLook many = look_of(patch_scene(3, 2, 3600));
     many.train_views = 61;
     EXPECT_EQ(choice(plan_of(many), "iterations"), "15000") << "no more than the settings have";
 }
 
-TEST(Plan, MultiViewByNeighbours) {
-    // Between optical axes: 30 degrees, or 37 where that leaves too few.
-    for (const auto& [step_deg, choice_there] :
-         {std::pair(29.0, "on"), {31.0, "wide"}, {36.0, "wide"}, {38.0, "off"}}) {
-        const auto plan = plan_of(look_of(patch_scene(3, step_deg, 2400)));
-        EXPECT_EQ(choice(plan, "multi-view"), choice_there);
-        EXPECT_EQ(sets(settings(plan, "multi-view"), "loss.multi_view.max_angle_deg", "37"),
-                  choice_there == std::string("wide"));
+TEST(Plan, MultiViewLossesWhereAViewHasAnother) {
+    // Between optical axes: 30 degrees, or up to 37 for those that have no other.
+    for (const auto& [step_deg, on] : {std::pair(29.0, true), {36.0, true}, {38.0, false}}) {
+        const auto plan = plan_of(look_of(patch_scene(3, step_deg, 3600)));
+        EXPECT_EQ(choice(plan, "multi-view"), on ? "100 %" : "off");
+        EXPECT_TRUE(sets(settings(plan, "multi-view"), "loss.multi_view.lone_angle_deg", "37"));
+        EXPECT_TRUE(
+            sets(settings(plan, "multi-view"), "loss.multi_view_ncc.weight", on ? "0.5" : "0"));
     }
+    // One pair of five views is enough: the others are without.
+    Scene scene = patch_scene(5, 50, 3600);
+    scene.train[0].camera.camera_from_world = scene.train[1].camera.camera_from_world;
+    scene.train[0].camera.camera_from_world.t.x += 0.3f;
+    const SceneLook look = look_of(scene);
+    EXPECT_NEAR(look.views_in_pairs, 0.4, 1e-12);
+    EXPECT_EQ(choice(plan_of(look), "multi-view"), "100 %");
 }
 
 TEST(Plan, ExposureByTheBrightnessOfSharedPoints) {

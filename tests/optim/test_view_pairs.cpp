@@ -43,6 +43,20 @@ TEST(Neighbours, TheOfficialRule) {
     EXPECT_EQ(n.min_depth, 0.1f);
 }
 
+TEST(Neighbours, ViewsWithoutOneLookFarther) {
+    Scene scene;
+    scene.train = {view_at({0, 0, 0}), view_at({1, 0, 0}), view_at({0.3f, 0, 0}, 36),
+                   view_at({0.6f, 0, 0}, -38)};
+    ViewPairOptions options;
+    options.lone_angle_deg = 37;
+    const Lists lists = select_view_pairs(scene, options).of_view;
+    EXPECT_EQ(lists[0], std::vector<int>{1}) << "has one: the turned ones stay too far";
+    EXPECT_EQ(lists[2], (std::vector<int>{0, 1}));
+    EXPECT_TRUE(lists[3].empty());
+    options.lone_angle_deg = 20;
+    EXPECT_TRUE(select_view_pairs(scene, options).of_view[2].empty());
+}
+
 TEST(Neighbours, AtMostTheNearestAndTiesByAngle) {
     Scene scene;
     scene.train = {view_at({0, 0, 0}), view_at({0.5f, 0, 0}, 20), view_at({-0.5f, 0, 0}, 10)};

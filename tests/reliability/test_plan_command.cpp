@@ -24,8 +24,9 @@ protected:
 TEST_F(PlanCommand, PrintsAndStops) {
     const Result plan = call("train", "--scene scene --device cpu --plan --quiet");
     ASSERT_EQ(plan.code, 0) << plan;
-    for (const char* part : {"views", "settings       sparse", "training views: 8 < 40",
-                             "densify        off", "(densify.enabled)", "exposure"})
+    for (const char* part :
+         {"views", "settings       sparse", "training views: 8 < 40",
+          "densify        in gaps, 100 %", "(densify.enabled, densify.spare_covered)", "exposure"})
         EXPECT_NE(plan.out.find(part), std::string::npos) << part << "\n" << plan.out;
     EXPECT_FALSE(fs::exists(folder_ / "runs")) << "nothing is written";
 }
@@ -54,6 +55,22 @@ TEST_F(PlanCommand, WhatTheUserSetsStays) {
                       "/configs/pgsr_sparse.json");
     EXPECT_NE(unplanned.out.find("is not planned"), std::string::npos) << unplanned.out;
     EXPECT_EQ(call("train", "--scene scene --resume nothing --plan").code, 2);
+}
+
+TEST_F(PlanCommand, GoesByTheCoverageThatIsGiven) {
+    const auto given = [&](const std::string& coverage) {
+        const Result plan = call("train",
+                                 "--scene scene --device cpu --plan --quiet --set "
+                                 "init.min_points=0 --set plan.coverage=" +
+                                     coverage);
+        EXPECT_EQ(plan.code, 0) << plan;
+        return plan.out;
+    };
+    const std::string none = given("0"), measured = given("-1");
+    EXPECT_NE(none.find("as asked (plan.coverage); "), std::string::npos) << none;
+    EXPECT_NE(none.find("densify        on "), std::string::npos) << none;
+    EXPECT_NE(measured.find("densify        in gaps, 100 % "), std::string::npos) << measured;
+    EXPECT_EQ(measured.find("plan.coverage"), std::string::npos) << measured;
 }
 
 TEST_F(PlanCommand, VotingThatIsTurnedOffTakesItsLossesAlong) {
@@ -113,9 +130,9 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.1", "exposure"), "off");
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.4", "exposure"), "fitted");
     EXPECT_EQ(decided("--views 6 --arc 60 --points 400", "densify"), "on");
-    EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "off");
-    EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "on");
-    EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "wide")
+    EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "in");
+    EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "100");
+    EXPECT_EQ(decided("--views 6 --arc 200 --elevation-span 0", "multi-view"), "100")
         << "33 degrees";
     EXPECT_EQ(decided("--views 6 --arc 240 --elevation-span 0", "multi-view"), "off")
         << "40 degrees";

@@ -1,0 +1,153 @@
+#include "optim/matchable.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/parallel.h"
+#include "optim/plan.h"
+
+namespace tvsgs {
+
+double lower_median(std::vector<double>& values) {
+    if (values.empty()) return std::numeric_limits<double>::quiet_NaN();
+    const auto middle = values.begin() + static_cast<std::ptrdiff_t>((values.size() - 1) / 2);
+    std::nth_element(values.begin(), middle, values.end());
+    return *middle;
+}
+
+std::vector<Sighting> sightings(const Camera& camera,
+                                const std::vector<Vec3f>& points,
+                                std::size_t stride) {
+    std::vector<Sighting> seen;
+    for (std::size_t i = 0; i < points.size(); i += stride) {
+        if (!is_in_view(camera, points[i])) continue;
+        const Vec3f p = camera.camera_from_world * points[i];
+        const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
+                  y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
+        seen.push_back({std::min(x, camera.width_px - 1), std::min(y, camera.height_px - 1),
+                        static_cast<double>(p.z), i});
+    }
+    return seen;
+}
+
+double median_depth(const std::vector<Sighting>& seen) {
+    std::vector<double> depths;
+    for (const Sighting& s : seen) depths.push_back(s.depth);
+    return lower_median(depths);
+}
+
+double Matchable::share() const {
+    constexpr double kSample = 20000;  // pixels
+    const int step = std::max(1, static_cast<int>(std::sqrt(pixels() / kSample)));
+    int all = 0, good = 0;
+    for (int y = step / 2; y < view_.photo.height; y += step)
+        for (int x = step / 2; x < view_.photo.width; x += step) ++all, good += at(x, y);
+    return all > 0 ? static_cast<double>(good) / all : 0;
+}
+
+bool Matchable::is_textured(int x, int y) const {
+    constexpr int kBlocks = 5;
+    constexpr double kFlat = 2;  // grey levels
+    const int left = std::clamp(x - kBlocks, 0, view_.photo.width - 2 * kBlocks),
+              top = std::clamp(y - kBlocks, 0, view_.photo.height - 2 * kBlocks);
+    if (left < 0 || top < 0) return true;     // too small an image to say
+    const auto block = [&](int bx, int by) {  // four times a grey level: the sum of 2 x 2
+        int sum = 0;
+        for (int i = 0; i < 4; ++i)
+            for (int c = 0; c < 3; ++c)
+                sum += view_.photo.at(left + 2 * bx + i % 2, top + 2 * by + i / 2, c);
+        return sum;
+    };
+    double sum = 0, squares = 0;
+    for (int by = 0; by < kBlocks; ++by)
+        for (int bx = 0; bx < kBlocks; ++bx) {
+            const double level = block(bx, by) / 12.0;
+            sum += level, squares += level * level;
+        }
+    constexpr double n = kBlocks * kBlocks;
+    return squares / n - (sum / n) * (sum / n) > kFlat * kFlat;
+}
+
+bool Matchable::is_elsewhere(int x, int y) const {
+    if (!(depth_ > 0)) return true;
+    const Rigid3f world = inverse(view_.camera.camera_from_world);
+    const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
+    return std::any_of(views_.begin(), views_.end(), [&](const View& other) {
+        return &other != &view_ && is_in_view(other.camera, point);
+    });
+}
+
+namespace {
+
+/// A view in blocks of pixels.
+class Blocks {
+public:
+    static constexpr int kSide = 8, kSamples = 2;  // pixels; samples along it
+
+    Blocks(const View& view, const std::vector<Sighting>& seen, const Matchable& could_match)
+        : width_((view.camera.width_px + kSide - 1) / kSide),
+          height_((view.camera.height_px + kSide - 1) / kSide) {
+        std::vector<double> matchable(static_cast<std::size_t>(width_ * height_)),
+            points(matchable.size()), covered(matchable.size());
+        parallel_for_heavy(Cpu{}, width_ * height_, [&](int block) {
+            constexpr int kStep = kSide / kSamples;
+            int good = 0;
+            for (int i = 0; i < kSamples * kSamples; ++i) {
+                const int x = block % width_ * kSide + i % kSamples * kStep + kStep / 2,
+                          y = block / width_ * kSide + i / kSamples * kStep + kStep / 2;
+                good +=
+                    x < view.camera.width_px && y < view.camera.height_px && could_match.at(x, y);
+            }
+            matchable[static_cast<std::size_t>(block)] = 1.0 * good / (kSamples * kSamples);
+        });
+        for (const Sighting& s : seen) points[index(s)] += 1;
+        for (std::size_t i = 0; i < points.size(); ++i)
+            covered[i] = covered_share(points[i] / (kSide * kSide * std::max(matchable[i], 0.25)));
+        // What lies beside covered blocks may be the rim of a silhouette.
+        const std::vector<double> beside = largest_around(covered, 1);
+        for (std::size_t i = 0; i < matchable.size(); ++i) matchable[i] *= 1 - beside[i];
+        // Those that lie beside a gap reach into it, across its rim.
+        open_ = largest_around(matchable, 2);
+    }
+
+    double open(const Sighting& s) const { return open_[index(s)]; }
+
+private:
+    std::size_t index(const Sighting& s) const {
+        return static_cast<std::size_t>(s.y / kSide * width_ + s.x / kSide);
+    }
+
+    /// Of the blocks at most `reach` away.
+    std::vector<double> largest_around(const std::vector<double>& values, int reach) const {
+        std::vector<double> out(values.size());
+        for (int y = 0; y < height_; ++y)
+            for (int x = 0; x < width_; ++x) {
+                double& most = out[static_cast<std::size_t>(y * width_ + x)];
+                for (int v = std::max(0, y - reach); v <= std::min(height_ - 1, y + reach); ++v)
+                    for (int u = std::max(0, x - reach); u <= std::min(width_ - 1, x + reach); ++u)
+                        most = std::max(most, values[static_cast<std::size_t>(v * width_ + u)]);
+            }
+        return out;
+    }
+
+    int width_, height_;
+    std::vector<double> open_;
+};
+
+}  // namespace
+
+std::vector<float> open_shares(const std::vector<View>& views,
+                               const std::vector<Vec3f>& points,
+                               bool masks) {
+    std::vector<float> open(points.size(), 0);
+    for (const View& view : views) {
+        const std::vector<Sighting> seen = sightings(view.camera, points, 1);
+        const Blocks blocks(view, seen, Matchable(view, views, masks, median_depth(seen)));
+        for (const Sighting& s : seen)
+            open[s.point] = std::max(open[s.point], static_cast<float>(blocks.open(s)));
+    }
+    return open;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,67 @@
+// Which pixels stereo could match, and where points leave some of them open.
+// [docs/method/masks.md#what-could-be-matched]
+#pragma once
+
+#include <vector>
+
+#include "core/scene.h"
+
+namespace tvsgs {
+
+/// Of an even number the lower one, so that half of them at least are as large; NaN of none.
+/// Reorders them.
+double lower_median(std::vector<double>& values);
+
+/// Where a point is seen.
+struct Sighting {
+    int x, y;
+    double depth;
+    std::size_t point;
+};
+/// Of every `stride`-th point, those in front of the camera and inside its image.
+std::vector<Sighting> sightings(const Camera& camera,
+                                const std::vector<Vec3f>& points,
+                                std::size_t stride);
+
+/// Their median; NaN of none.
+double median_depth(const std::vector<Sighting>& seen);
+
+/// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
+/// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
+class Matchable {
+public:
+    /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
+    /// count.
+    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
+        : view_(view), views_(views), masks_(masks && !view.mask.empty()), depth_(depth) {}
+
+    bool at(int x, int y) const {
+        if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
+        return is_textured(x, y) && is_elsewhere(x, y);
+    }
+
+    /// Share of the pixels; of a sample.
+    double share() const;
+
+    double pixels() const {
+        return static_cast<double>(view_.camera.width_px) * view_.camera.height_px;
+    }
+
+private:
+    bool is_textured(int x, int y) const;
+    bool is_elsewhere(int x, int y) const;
+
+    const View& view_;
+    const std::vector<View>& views_;
+    bool masks_;
+    double depth_;
+};
+
+/// How far points leave open what lies around each of them, 0 to 1: the share of the pixels of a
+/// block near it, in the view where that is largest, that stereo could match, and that no block
+/// beside covers. [docs/plan.md#growth-in-gaps]
+std::vector<float> open_shares(const std::vector<View>& views,
+                               const std::vector<Vec3f>& points,
+                               bool masks);
+
+}  // namespace tvsgs

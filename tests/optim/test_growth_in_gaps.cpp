@@ -1,0 +1,226 @@
+// Where a cloud leaves photographs open, and growth that keeps to such places.
+#include <array>
+
+#include "densify_case.h"
+#include "densify_model.h"
+#include "optim/matchable.h"
+#include "training_scene.h"
+
+namespace tvsgs {
+namespace {
+
+using test::kNoViews;
+using test::Model;
+using test::options_without_trim;
+using test::parents_of;
+
+/// Two views of the plane z = 0 from nearly the same place, textured but for x > `flat_from`; one
+/// pixel is 0.02 units there.
+std::vector<View> views_of_a_plane(int flat_from = 200) {
+    std::vector<View> views(2);
+    for (std::size_t v = 0; v < 2; ++v) {
+        views[v].camera = {200, 160, 200, 200, 100, 80, {}};
+        views[v].camera.camera_from_world.t = {0.001f * static_cast<float>(v), 0, 4};
+        views[v].photo = ImageU8(200, 160, 3, 128);
+        for (int y = 0; y < 160; ++y)
+            for (int x = 0; x < flat_from; ++x)
+                for (int c = 0; c < 3; ++c)
+                    views[v].photo.at(x, y, c) = static_cast<std::uint8_t>(x / 4 % 2 ? 90 : 160);
+    }
+    return views;
+}
+
+/// A point for every `step`-th pixel each way, from x = 0 to `to` px, but for those that `hole`
+/// takes out.
+template <class Hole>
+std::vector<Vec3f> plane_points(int step, int to, const Hole& hole) {
+    std::vector<Vec3f> points;
+    for (int y = 0; y < 160; y += step)
+        for (int x = 0; x < to; x += step)
+            if (!hole(x, y))
+                points.push_back({(static_cast<float>(x) + 0.5f - 100) * 0.02f,
+                                  (static_cast<float>(y) + 0.5f - 80) * 0.02f, 0});
+    return points;
+}
+constexpr auto kNoHole = [](int, int) { return false; };
+int x_of(Vec3f point) {
+    return static_cast<int>(std::lround(point.x / 0.02f + 99.5f));
+}
+int y_of(Vec3f point) {
+    return static_cast<int>(std::lround(point.y / 0.02f + 79.5f));
+}
+
+TEST(OpenShares, AreNoneWhereTheCloudCoversAndAllWhereItDoesNot) {
+    // A point a pixel; one in 25, which is 0.04 per pixel.
+    for (const float open : open_shares(views_of_a_plane(), plane_points(1, 200, kNoHole), false))
+        ASSERT_EQ(open, 0);
+    const auto sparse = plane_points(10, 200, kNoHole);
+    for (const float open : open_shares(views_of_a_plane(), sparse, false)) ASSERT_EQ(open, 1);
+    // One in 4: half of the way from 0.1 to 0.4.
+    for (const float open : open_shares(views_of_a_plane(), plane_points(2, 200, kNoHole), false))
+        ASSERT_NEAR(open, 0.5, 1e-6);
+}
+
+TEST(OpenShares, AreThoseOfTheSplatsAroundAGap) {
+    const auto points =
+        plane_points(1, 200, [](int x, int y) { return x >= 80 && x < 128 && y >= 64 && y < 112; });
+    const std::vector<float> open = open_shares(views_of_a_plane(), points, false);
+    int around = 0;
+    for (std::size_t i = 0; i < points.size(); ++i) {
+        const int x = x_of(points[i]), y = y_of(points[i]);
+        const int away = std::max({80 - x, x - 127, 64 - y, y - 111});
+        // Blocks beside the gap look across its rim, which they cover; those behind do not.
+        around += away <= 8;
+        if (away <= 8)
+            EXPECT_EQ(open[i], 1) << x << " " << y;
+        else
+            EXPECT_EQ(open[i], 0) << x << " " << y;
+    }
+    EXPECT_EQ(around, 64 * 64 - 48 * 48);
+}
+
+TEST(OpenShares, NeitherFlatPlacesNorRimsNorWhatMasksLeaveOutAreOpen) {
+    // Texture and cloud end at the same place: five pixels beside it count as textured.
+    for (const int edge : {96, 99, 102})
+        for (const float open :
+             open_shares(views_of_a_plane(edge), plane_points(1, edge, kNoHole), false))
+            ASSERT_EQ(open, 0) << edge;
+    const auto half = plane_points(1, 100, kNoHole);
+    std::vector<View> views = views_of_a_plane();
+    const auto largest = [&](bool masks) {
+        const std::vector<float> open = open_shares(views, half, masks);
+        return *std::max_element(open.begin(), open.end());
+    };
+    EXPECT_EQ(largest(true), 1) << "there are no masks";
+    for (View& view : views) {
+        view.mask = ImageU8(200, 160, 1);
+        for (int y = 0; y < 160; ++y)
+            for (int x = 0; x < 100; ++x) view.mask.at(x, y) = 255;
+    }
+    EXPECT_EQ(largest(true), 0);
+    EXPECT_EQ(largest(false), 1) << "masks that are not used";
+    EXPECT_TRUE(open_shares(views, {}, true).empty());
+    EXPECT_EQ(open_shares(views, {{0, 0, -100}}, true), (std::vector<float>{0}))
+        << "what no view sees has nothing open beside it";
+}
+
+TEST(GrowthInGaps, WeighsWhatDecidesAboutEachSplat) {
+    DensifyOptions o = options_without_trim();
+    o.spare_covered = 0.5f;  // the weights are 0.5, 0.75, 1
+    const std::vector<float> open{0, 0.5f, 1};
+    const float t = o.gradient_threshold;
+    const auto parents = [&](const auto& change) {
+        Model model(3);
+        for (std::size_t i = 0; i < 3; ++i) change(model, i);
+        Densifier<Cpu> densifier(o, 1, 0);
+        densifier.set_open(open);
+        densifier.step(3100, model.screen, model.g, model.adam, kNoViews);
+        return parents_of(densifier);
+    };
+    EXPECT_EQ(parents([&](Model& m, std::size_t i) {
+                  m.screen.dL_dmeans2d[i] = {1.2f * t, 0};
+              }),
+              (std::vector<int>{0, 1, 2, 2}));
+    EXPECT_EQ(parents([&](Model& m, std::size_t i) {
+                  m.screen.dL_dmeans2d[i] = {1.5f * t, 0};
+              }),
+              (std::vector<int>{0, 1, 1, 2, 2}));
+    EXPECT_EQ(parents([&](Model& m, std::size_t i) {
+                  m.screen.dL_dmeans2d[i] = {2.1f * t, 0};
+              }),
+              (std::vector<int>{0, 0, 1, 1, 2, 2}));
+    // Pruned below opacities of 0.0025, 0.00375 and 0.005; above scales of 0.2, 0.133, 0.1.
+    const auto faint = [&](float opacity) {
+        return parents([&](Model& m, std::size_t i) {
+            m.g.opacity_logits[i] = std::log(opacity / (1 - opacity));
+        });
+    };
+    EXPECT_EQ(faint(0.0049f), (std::vector<int>{0, 1}));
+    EXPECT_EQ(faint(0.0037f), (std::vector<int>{0}));
+    EXPECT_EQ(parents([](Model& m, std::size_t i) { m.g.log_scales[i].y = std::log(0.12f); }),
+              (std::vector<int>{0, 1}));
+    EXPECT_EQ(parents([](Model& m, std::size_t i) { m.g.log_scales[i].y = std::log(0.15f); }),
+              (std::vector<int>{0}));
+}
+
+TEST(GrowthInGaps, TrimsAndResetsByDegrees) {
+    DensifyOptions o = options_without_trim();
+    o.spare_covered = 1, o.trim_min_views = 2;
+    Model model(4);
+    for (std::size_t i = 0; i < 4; ++i) model.g.opacity_logits[i] = 3;
+    Densifier<Cpu> densifier(o, 1, 0);
+    densifier.set_open({0, 0.5f, 1, 1});
+    densifier.step(3000, model.screen, model.g, model.adam, [&](const auto& count_view) {
+        for (const auto& view : {std::array{0, 1, 1, 0}, std::array{0, 0, 1, 1}}) {
+            for (std::size_t i = 0; i < 4; ++i) model.screen.front_pixels[i] = view[i];
+            count_view(model.screen);
+        }
+    });
+    ASSERT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 2}));
+    const auto opacity = [&](std::size_t i) {
+        return 1 / (1 + std::exp(-model.g.opacity_logits[i]));
+    };
+    EXPECT_EQ(model.g.opacity_logits[0], 3) << "spared";
+    EXPECT_EQ(model.adam.first_moments().opacity_logits[0], 1);
+    EXPECT_NEAR(opacity(1), 0.505, 1e-5);
+    EXPECT_NEAR(opacity(2), 0.01, 1e-6);
+    EXPECT_EQ(model.adam.first_moments().opacity_logits[2], 0);
+}
+
+TEST(GrowthInGaps, ChildrenInheritWhatIsOpen) {
+    DensifyOptions o = options_without_trim();
+    o.spare_covered = 1;
+    Model model(3);
+    Densifier<Cpu> densifier(o, 1, 0);
+    densifier.set_open({0, 1, 0});
+    for (const std::size_t count : {4u, 6u}) {  // 0 1 1 2, then 0 1 1 1 1 2
+        model.show();
+        for (std::size_t i = 0; i < model.g.means.size(); ++i) model.screen.dL_dmeans2d[i] = {1, 0};
+        densifier.step(600, model.screen, model.g, model.adam, kNoViews);
+        EXPECT_EQ(model.g.means.size(), count);
+    }
+    Densifier<Cpu> covered(o, 1, 0);
+    covered.set_open(std::vector<float>(6, 0));
+    EXPECT_FALSE(covered.may_change_structure(600) || covered.resets_opacity(3000));
+    State state;
+    StateVisitor<Cpu> saving(state);
+    covered.state(saving);
+    Densifier<Cpu> resumed(o, 1, 0);
+    EXPECT_TRUE(resumed.may_change_structure(600));
+    StateVisitor<Cpu> loading(std::as_const(state));
+    resumed.state(loading);
+    EXPECT_FALSE(resumed.may_change_structure(600));
+}
+
+/// Splats after a training with everything on, of so many initial points.
+std::vector<Vec3f> trained(const Scene& scene, bool grows, float spare_covered) {
+    TrainOptions o = test::everything_on(34);
+    o.densify.enabled = grows, o.densify.spare_covered = spare_covered;
+    return to_host(train<Cpu>(scene, o, {}).means);
+}
+bool same(const std::vector<Vec3f>& a, const std::vector<Vec3f>& b) {
+    return a.size() == b.size() && std::equal(a.begin(), a.end(), b.begin(), [](Vec3f p, Vec3f q) {
+               return p.x == q.x && p.y == q.y && p.z == q.z;
+           });
+}
+
+TEST(GrowthInGaps, IsNoGrowthWhereAllIsCoveredAndTheUsualOneWhereNothingIs) {
+    Scene sparse = test::rendered_scene();  // a point in 8 pixels: between
+    EXPECT_FALSE(same(trained(sparse, true, 1), trained(sparse, true, 0)));
+    Scene covered = sparse;
+    for (int copy = 0; copy < 30; ++copy)
+        for (const Vec3f p : sparse.points.positions)
+            covered.points.positions.push_back(p + Vec3f{0.003f * static_cast<float>(copy), 0, 0});
+    sparse.points.positions.resize(20);
+    const auto usual = trained(sparse, true, 0);
+    EXPECT_TRUE(same(trained(sparse, true, 1), usual));
+    EXPECT_FALSE(same(trained(sparse, false, 0), usual));
+    for (View& view : covered.train)  // flat where there are no points
+        for (std::uint8_t& value : view.photo.pixels) value = 100;
+    const auto none = trained(covered, false, 0);
+    EXPECT_TRUE(same(trained(covered, true, 1), none));
+    EXPECT_FALSE(same(trained(covered, true, 0.5f), none));
+}
+
+}  // namespace
+}  // namespace tvsgs
