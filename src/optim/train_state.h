@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "core/log.h"
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
 #include "optim/iteration.h"
@@ -103,7 +102,8 @@ struct TrainState {
         if (from != nullptr)
             load(*from, o);
         else if (spares(o.densify))
-            look_for_gaps(scene, uses_masks(o.loss.photometric.masks));
+            densifier.set_open(open_shares(scene.train, to_host(gaussians.means),
+                                           uses_masks(o.loss.photometric.masks)));
     }
 
     void visit(StateVisitor<Device>& visit) {
@@ -140,14 +140,6 @@ private:
         sort_by_place(first);
         copy(first, g);
         return g;
-    }
-
-    void look_for_gaps(const Scene& scene, bool masks) {
-        const std::vector<float> open = open_shares(scene.train, to_host(gaussians.means), masks);
-        const auto beside = std::count_if(open.begin(), open.end(), [](float o) { return o > 0; });
-        spdlog::info("growth: {:.1f} % of the first splats lie beside what the cloud leaves open",
-                     100.0 * static_cast<double>(beside) / static_cast<double>(open.size()));
-        densifier.set_open(open);
     }
 
     static bool spares(const DensifyOptions& o) { return o.enabled && o.spare_covered > 0; }
