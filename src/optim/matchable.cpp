@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/log.h"
 #include "core/parallel.h"
 #include "optim/plan.h"
 
@@ -147,6 +148,10 @@ std::vector<float> open_shares(const std::vector<View>& views,
         for (const Sighting& s : seen)
             open[s.point] = std::max(open[s.point], static_cast<float>(blocks.open(s)));
     }
+    const auto beside = std::count_if(open.begin(), open.end(), [](float o) { return o > 0; });
+    if (!open.empty())
+        spdlog::info("growth: {:.1f} % of the first splats lie beside what the cloud leaves open",
+                     100.0 * static_cast<double>(beside) / static_cast<double>(open.size()));
     return open;
 }
 
