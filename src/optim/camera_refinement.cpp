@@ -164,6 +164,10 @@ void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradient
             ExitCode::input,
             str("the checkpoint's 'cameras.numbers' and 'cameras.gradients' have ", numbers.size(),
                 " and ", gradients, " elements; expected ", numbers_.size(), " and ", expected));
+    for (const double number : numbers)
+        if (!std::isfinite(number))
+            throw Error(ExitCode::input,
+                        "the checkpoint's 'cameras.numbers' holds one that is not finite");
     numbers_ = std::move(numbers);
     place();
 }

@@ -155,6 +155,9 @@ TEST(CameraRefinement, RestoresAndRefusesOthers) {
     EXPECT_EQ(0, std::memcmp(one.cameras().data(), two.cameras().data(), 3 * sizeof(Camera)));
     EXPECT_THROW(two.restore({1, 2, 3}, 3 * kCameraNumbers), Error);
     EXPECT_THROW(two.restore(one.numbers(), 4), Error);
+    std::vector<double> broken = one.numbers();
+    broken[3] = NAN;
+    EXPECT_THROW(two.restore(broken, 3 * kCameraNumbers), Error);
 }
 
 // Trainings.
@@ -236,7 +239,7 @@ TEST(RefinedTraining, FindsNoisyCamerasAgain) {
     const double before = pixels_off(truth.train, cameras_of(noisy));
     ASSERT_GT(before, 0.5);
     for (const char* backbone : {"ewa", "rade", "surfel"}) {
-        const Outcome outcome = run(noisy, short_training(backbone, 600));
+        const Outcome outcome = run(noisy, short_training(backbone, 300));
         ASSERT_TRUE(outcome.cameras);
         EXPECT_LT(pixels_off(truth.train, outcome.cameras->cameras()), 0.6 * before) << backbone;
     }
@@ -244,7 +247,8 @@ TEST(RefinedTraining, FindsNoisyCamerasAgain) {
 
 TEST(RefinedTraining, WithoutStepsNothingChangesABit) {
     const Scene scene = rendered_scene();
-    TrainOptions options = test::everything_on(60);
+    TrainOptions options = test::everything_on(35);
+    options.densify.max_gaussians = 200;  // for the time of the test
     const Outcome off = run(scene, options);
     EXPECT_FALSE(off.cameras);
     for (const auto& [done, state] : off.saved) EXPECT_EQ(state->find("cameras.numbers"), nullptr);
@@ -259,7 +263,8 @@ TEST(RefinedTraining, WithoutStepsNothingChangesABit) {
 template <class Device>
 void resumes() {
     const Scene scene = with_noise(rendered_scene(), 1);
-    TrainOptions options = test::everything_on(47);
+    TrainOptions options = test::everything_on(32);
+    options.densify.max_gaussians = 200;
     options.cameras.refine = options.cameras.focal = true;
     options.cameras.start = 5;
     const Outcome whole = run<Device>(scene, options);
