@@ -99,6 +99,9 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
               "bytes the volume may take, as 8G or 500M: the same mesh, in parts if need be [80 % "
               "of what is free]",
               group);
+    app.add_flag("--given-cameras", options.scene.given_cameras,
+                 "of a run that refined its poses: those it was given")
+        ->group(group);
     bool no_masks = false;
     app.add_flag("--no-masks", no_masks, "fuse what lies outside of the masks as well")
         ->group(group);

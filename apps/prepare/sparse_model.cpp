@@ -4,7 +4,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "apps/common/quaternion.h"
+#include "core/quaternion.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 

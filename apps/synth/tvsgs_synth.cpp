@@ -144,10 +144,34 @@ void write_view(const std::string& out,
     write_png(str(out, "/images/", views[i].name), to_8bit(photo));
 }
 
-/// COLMAP's text model. Points are seen slightly off, as triangulated ones are; their images are
-/// exact.
+/// Where the rays of the views that see a sample pass nearest to each other, if these are where
+/// `given` has them.
+Vec3f triangulated(const Sample& point,
+                   const std::vector<SynthView>& views,
+                   const std::vector<SynthView>& given) {
+    Mat3<double> A{};
+    Vec3d b;
+    for (const int i : point.views) {
+        const auto at = static_cast<std::size_t>(i);
+        const Rigid3d world_from_camera = inverse(given[at].pose());
+        const Vec3d ray =
+            world_from_camera.R * normalize(views[at].pose() * vec_cast<double>(point.position));
+        for (int r = 0; r < 3; ++r)
+            for (int c = 0; c < 3; ++c) {
+                const double across = (r == c ? 1 : 0) - ray[r] * ray[c];
+                A[r][c] += across, b[r] += across * world_from_camera.t[c];
+            }
+    }
+    const Vec3d x = column(A, 0), y = column(A, 1), z = column(A, 2);
+    return vec_cast<float>(Vec3d{dot(b, cross(y, z)), dot(x, cross(b, z)), dot(x, cross(y, b))} /
+                           dot(x, cross(y, z)));
+}
+
+/// COLMAP's text model of `given`, the views with the poses that are written. Points are seen
+/// slightly off, as triangulated ones are; their images are exact.
 void write_colmap(const std::string& folder,
                   const std::vector<SynthView>& views,
+                  const std::vector<SynthView>& given,
                   const Lens& lens,
                   const std::vector<Sample>& points,
                   std::uint64_t seed) {
@@ -164,7 +188,8 @@ void write_colmap(const std::string& folder,
     std::vector<int> observation_count(views.size());
     for (std::size_t k = 0; k < points.size(); ++k) {
         const Sample& point = points[k];
-        const Vec3f p = point.position + 0.003f * normal3(random4(seed, RandomStream::init, k, 1));
+        const Vec3f seen_at = &given == &views ? point.position : triangulated(point, views, given);
+        const Vec3f p = seen_at + 0.003f * normal3(random4(seed, RandomStream::init, k, 1));
         cloud << k + 1 << ' ' << p.x << ' ' << p.y << ' ' << p.z;
         for (int c = 0; c < 3; ++c) cloud << ' ' << std::lround(255 * point.color[c]);
         cloud << " 0.5";
@@ -180,8 +205,8 @@ void write_colmap(const std::string& folder,
         }
         cloud << '\n';
     }
-    for (std::size_t i = 0; i < views.size(); ++i) {
-        const SynthView& view = views[i];
+    for (std::size_t i = 0; i < given.size(); ++i) {
+        const SynthView& view = given[i];
         images << i + 1 << ' ' << view.quat.w << ' ' << view.quat.x << ' ' << view.quat.y << ' '
                << view.quat.z << ' ' << view.translation.x << ' ' << view.translation.y << ' '
                << view.translation.z << " 1 " << view.name << '\n'
@@ -254,7 +279,12 @@ Units: the object is about 2 units high; the ground is the plane z = 0, z up, th
         : options.background == "noise" ? "greys that no two views share"
                                         : "the empty background",
         R"()
-- `sparse/0/`: COLMAP text model; exact poses, pixel centres at .5; points3D.txt are surface samples with a
+- `sparse/0/`: COLMAP text model; )",
+        options.pose_noise > 0
+            ? str("the poses of all views but `test` are off by about ", options.pose_noise,
+                  " pixels, the exact ones are in `gt/sparse/`")
+            : std::string("exact poses"),
+        R"(, pixel centres at .5; points3D.txt are surface samples with a
   little noise (standard deviation 0.003), their tracks the views that see them
 - `splits.json`: `train_3` (around the front), `train_9`, `train_all`, `test`; no test view is in a training list
 - `gt/mesh.ply`: the exact surface, hidden parts included (under the object)
@@ -285,8 +315,15 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     finish_priors(out, mesh, options, views);
 
     std::erase_if(points, [](const Sample& point) { return point.views.size() < 2; });
-    write_colmap(out + "/sparse/0", views, lens, points, options.seed);
     const Splits splits = make_splits(views, options.test_views);
+    if (options.pose_noise > 0) {
+        write_colmap(out + "/sparse/0", views,
+                     moved_views(views, splits.train_all, options.pose_noise, options.seed), lens,
+                     points, options.seed);
+        write_colmap(out + "/gt/sparse", views, views, lens, points, options.seed);
+    } else {
+        write_colmap(out + "/sparse/0", views, views, lens, points, options.seed);
+    }
     write_text_file(out + "/splits.json", splits_json(splits, views));
     std::vector<int> all(views.size());
     for (std::size_t i = 0; i < all.size(); ++i) all[i] = static_cast<int>(i);
@@ -435,6 +472,11 @@ int command(int argc, char** argv) {
                    "each view is brighter or darker by up to this share; gt/info.json says by how "
                    "much")
         ->check(CLI::Range(0.0, 0.9))
+        ->capture_default_str();
+    app.add_option("--pose-noise", options.pose_noise,
+                   "the poses of the views that train are off, by about that many pixels; "
+                   "gt/sparse has the exact ones")
+        ->check(CLI::Range(0.0, 100.0))
         ->capture_default_str();
     app.add_option("--noise", options.noise,
                    "standard deviation of the sensor noise, in 8-bit steps")

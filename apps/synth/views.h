@@ -9,12 +9,15 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/quaternion.h"
 #include "core/camera.h"
+#include "core/quaternion.h"
+#include "core/rng.h"
+#include "render/camera_math.h"
 
 namespace tvsgs::synth {
 
 constexpr Vec3d kLookAt{0, 0, 0.85};
+constexpr double kDistance = 4.5;  // of the cameras from there
 
 /// What is written beside the scene as priors, and what is wrong with it.
 struct SynthPriors {
@@ -31,7 +34,7 @@ struct SynthOptions {
     int views = 24, width = 160, height = 120, points = 8000;
     std::optional<int> test_views;  // absent: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
-    double noise = 0, exposure_drift = 0, shininess = 0, texture = 1;
+    double noise = 0, exposure_drift = 0, shininess = 0, texture = 1, pose_noise = 0;
     std::string background = "empty", lens = "PINHOLE";
     std::uint64_t seed = 1;
     bool masks = true, overwrite = false;
@@ -44,12 +47,13 @@ struct SynthView {
     Quat<double> quat;  // camera_from_world
     Vec3d translation;
     Camera camera;
+    Rigid3d pose() const { return {rotation(quat), translation}; }
 };
 
 /// Cameras around the object at three heights in turn, all looking at its middle; the front is at
 /// azimuth 0.
 inline std::vector<SynthView> make_views(const SynthOptions& options) {
-    constexpr double kDegree = 3.14159265358979323846 / 180, kDistance = 4.5;
+    constexpr double kDegree = 3.14159265358979323846 / 180;
     const bool ring = options.arc_deg >= 360;
     std::vector<SynthView> views;
     for (int i = 0; i < options.views; ++i) {
@@ -80,6 +84,26 @@ inline std::vector<SynthView> make_views(const SynthOptions& options) {
         camera.cy_px = 0.493f * static_cast<float>(options.height);
         camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
         views.push_back(view);
+    }
+    return views;
+}
+
+/// The views as somebody would have them whose poses are off: turned and shifted at random, so that
+/// the images of points at the object's distance move by about `px` in the mean square.
+inline std::vector<SynthView> moved_views(std::vector<SynthView> views,
+                                          const std::vector<int>& which,
+                                          double px,
+                                          std::uint64_t seed) {
+    for (const int i : which) {
+        SynthView& view = views[static_cast<std::size_t>(i)];
+        const auto draw = [&](std::uint32_t what) {
+            const Random4 r =
+                random4(seed, RandomStream::pose_noise, static_cast<std::uint64_t>(i), what);
+            // Across, each of two directions of either kind has its share.
+            return 0.5 * px / view.camera.fx_px * vec_cast<double>(normal3(r));
+        };
+        const Rigid3d pose = rigid_exp(draw(0), kDistance * draw(1)) * view.pose();
+        view.quat = quaternion(pose.R), view.translation = pose.t;
     }
     return views;
 }

@@ -57,6 +57,10 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
               group);
     flags.add("--host-memory", "memory.host", "the same of the host", group);
     app.add_option("--device", arguments.device, "auto, cpu, cuda or cuda:N")->group(group);
+    flags.add_switch("--refine-cameras", "cameras.refine",
+                     "move the training views' poses along with the splats [the plan decides; no "
+                     "without it]",
+                     group);
     flags.add("--time-budget", "plan.time_budget",
               "seconds of training to fit the schedule into, at most as long as it is", group);
     flags.add("--until", "plan.until",

@@ -23,7 +23,8 @@ enum class RandomStream : std::uint32_t {
     lines = 11,
     depth_pairs = 20,
     depth_ranks = 21,
-    background = 22
+    background = 22,
+    pose_noise = 23
 };
 
 struct Random4 {

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -30,7 +31,10 @@ struct View {
     ImageU8 mask;   // [H, W, 1], from kObjectMask on the object, 0 not; empty: none
     ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
     std::vector<ViewMap> maps{};  // of different names
-    double reduction = 1;         // width of the photograph's file over that of the photo
+    /// What its points' images would move by if the view alone moved to where they fit best; NaN:
+    /// not known.
+    double pose_error_px = std::numeric_limits<double>::quiet_NaN();
+    double reduction = 1;  // width of the photograph's file over that of the photo
 };
 
 struct PointCloud {

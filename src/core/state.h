@@ -62,7 +62,8 @@ public:
             values.resize(array.count());
             detail::copy(Cpu{}, array.bytes.data(), Device{}, values.data(), array.bytes.size());
         } else {
-            constexpr bool real = !std::is_integral_v<T> && !std::is_enum_v<T>;
+            constexpr bool real =
+                !std::is_integral_v<T> && !std::is_enum_v<T> && !std::is_same_v<T, double>;
             StateArray& array = to_->add(name, sizeof(T), values.size(), real);
             detail::copy(Device{}, values.data(), Cpu{}, array.bytes.data(), array.bytes.size());
         }

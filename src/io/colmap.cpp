@@ -208,7 +208,11 @@ void read_images(BinaryReader&& in, ColmapModel& model) {
         image.camera_from_world.t = in.get_vec3<double>();
         image.camera_id = in.get<std::uint32_t>();
         image.name = in.get_name();
-        in.skip(24 * in.get_count(24));  // observations: the tracks of the points tell the same
+        for (std::size_t left = in.get_count(24); left > 0; --left) {
+            const auto x = in.get<double>(), y = in.get<double>();
+            in.get<std::uint64_t>();  // of which point: the tracks of these tell the same
+            image.observations.push_back({static_cast<float>(x), static_cast<float>(y)});
+        }
         add_image(model, in.where(), std::move(image), q);
     }
     in.finish();
@@ -230,7 +234,12 @@ void read_images(TextReader&& in, ColmapModel& model) {
         // there.
         if (!in.next_line()) break;
         int words = 0;
-        while (!in.get_word().empty()) ++words;
+        Vec2<float> seen;
+        for (std::string_view word; !(word = in.get_word()).empty(); ++words) {
+            float& value = words % 3 == 0 ? seen.x : seen.y;
+            if (words % 3 < 2 && !parse_number(word, value)) value = NAN;
+            if (words % 3 == 2) model.images.back().observations.push_back(seen);
+        }
         if (words % 3 != 0)
             in.corrupt("expected observations, X Y POINT3D_ID each (or an empty line)");
     }
@@ -276,6 +285,7 @@ struct PointCollector {
         if (!usable) {
             ++dropped;
             points.track.resize(points.track_begin.back());
+            points.track_observation.resize(points.track_begin.back());
             return;
         }
         points.positions.push_back(position);
@@ -302,7 +312,7 @@ ColmapPoints read_points(BinaryReader&& in) {
         in.get<double>();  // reprojection error
         for (std::size_t left = in.get_count(8); left > 0; --left) {
             out.points.track.push_back(in.get<std::uint32_t>());
-            in.get<std::uint32_t>();  // which of the image's observations
+            out.points.track_observation.push_back(in.get<std::uint32_t>());
         }
         out.add(position, vec_cast<float>(color));
     }
@@ -321,7 +331,7 @@ ColmapPoints read_points(TextReader&& in) {
         in.get<double>("reprojection error");
         while (!in.line_is_empty()) {
             out.points.track.push_back(in.get<std::uint32_t>("image id"));
-            in.get<std::uint32_t>("observation index");
+            out.points.track_observation.push_back(in.get<std::uint32_t>("observation index"));
         }
         out.add(position, color);
     }

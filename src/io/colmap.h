@@ -14,7 +14,8 @@ namespace tvsgs {
 struct ColmapImage {
     std::uint32_t id = 0, camera_id = 0;
     Rigid3d camera_from_world;
-    std::string name;  // relative path
+    std::string name;                         // relative path
+    std::vector<Vec2<float>> observations{};  // px, of points and of none
 };
 
 struct ColmapModel {
@@ -24,9 +25,10 @@ struct ColmapModel {
 
 struct ColmapPoints {
     std::vector<Vec3d> positions;
-    std::vector<Vec3f> colors;             // [0, 1]
-    std::vector<std::size_t> track_begin;  // [N + 1] into track
-    std::vector<std::uint32_t> track;      // ids of the images that see the point
+    std::vector<Vec3f> colors;                     // [0, 1]
+    std::vector<std::size_t> track_begin;          // [N + 1] into track
+    std::vector<std::uint32_t> track;              // ids of the images that see the point
+    std::vector<std::uint32_t> track_observation;  // [as track] which observation of these
 };
 
 /// What a model needs and the folder lacks, of "cameras.{bin,txt}" and "images.{bin,txt}".

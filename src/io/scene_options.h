@@ -32,6 +32,7 @@ struct SceneOptions {
     bool center_principal_point = false;  // parity with the official codes
     bool need_points = true;              // false: no initial cloud is read (meshing, evaluation)
     bool points_required = true;          // false: an empty initial cloud is no error
+    bool given_cameras = false;           // of a run that refined its cameras: those it was given
     int min_train_views = 2;
 
     /// What belongs to a run's configuration.

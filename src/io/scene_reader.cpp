@@ -16,6 +16,7 @@
 #include "io/image_file.h"
 #include "io/load_views.h"
 #include "io/ply.h"
+#include "io/pose_error.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -155,10 +156,12 @@ void clean(PointCloud& cloud, const std::string& source) {
     compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
 }
 
+/// Also says of the views what the points do.
 PointCloud initial_points(const SceneOptions& options,
                           const SceneLayout& layout,
                           const std::vector<ViewSource>& train,
-                          Vec3d origin) {
+                          Vec3d origin,
+                          std::vector<View>& views) {
     const std::string& model_folder = layout.source;
     const ColmapModel& model = layout.model;
     const auto from_ply = [origin](const std::string& path) {
@@ -181,6 +184,7 @@ PointCloud initial_points(const SceneOptions& options,
     if (!subset && is_file(fused)) return from_ply(fused);
 
     const ColmapPoints points = colmap ? read_colmap_points(model_folder) : ColmapPoints{};
+    if (colmap) measure_pose_errors(points, train, views);
     std::set<std::uint32_t> train_ids;
     for (const auto& view : train) train_ids.insert(view.image->id);
     PointCloud cloud;
@@ -351,7 +355,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
 
         // 2. The initial cloud.
         if (options.need_points)
-            scene.points = initial_points(options, layout, train, scene.origin);
+            scene.points = initial_points(options, layout, train, scene.origin, scene.train);
         scene.extent = scene_extent(scene);
         return scene;
     });

@@ -63,6 +63,10 @@ public:
     /// For their cameras: only what get() returns is certain to have its photographs and maps.
     const std::vector<DeviceView<Device>>& views() const { return views_; }
 
+    void set_cameras(const std::vector<Camera>& cameras) {
+        for (std::size_t i = 0; i < views_.size(); ++i) views_[i].camera = cameras[i];
+    }
+
     /// The view with its photographs and maps. They are valid until as many other views have been
     /// asked for as there are uploads (views_at_hand()).
     const DeviceView<Device>& get(int view) {

@@ -64,10 +64,15 @@ public:
           model_(options.model),
           bounds_(options.bounds),
           extent_(scene.extent) {
+        check_cameras(options, backbone_->moves_cameras());
+        if (options.cameras.refine && peers != nullptr)
+            throw Error(ExitCode::usage,
+                        "cameras.refine is true, but poses are refined by one process alone; set "
+                        "it to false");
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
-        if (bounds_.on()) copy(cameras_, bound_cameras_);
+        copy_bound_cameras();
         objective_.values.resize(loss_stages_.size());
         objective_.partial.resize(kSumBlocks);
         objective_.count.resize(1);
@@ -91,7 +96,8 @@ public:
 
     /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or
     /// half of the way where the backbone fuses the rest with Adam's step. `watch(values)` is given
-    /// the losses. Without `for_step` only the statistics of the screen are asked for.
+    /// the losses. Without `for_step` only the statistics of the screen are asked for. What moves
+    /// cameras adds its derivatives by this one to `by_camera`, unless that is empty.
     template <class Watch>
     void propagate(int step,
                    const DeviceView<Device>& view,
@@ -99,6 +105,7 @@ public:
                    const Losses& losses,
                    const TensorField<Device>& field,
                    bool for_step,
+                   Span<double> by_camera,
                    const Watch& watch) {
         sh_degree_ = sh_degree_at(model_, step);
         OtherViews<Device>* others = nullptr;
@@ -116,13 +123,16 @@ public:
         clock("losses", [&] {
             details("clear gradients", [&] { clear(gaussians, needs, images); });
             if (others) details("compare views", [&] { others->compare(images); });
-            for (std::size_t i = 0; i < losses.size(); ++i)
-                if (losses[i]->active(step))
-                    details(loss_stages_[i].c_str(), [&] {
-                        losses[i]->add_to(objective_, objective_.values.data() + i,
-                                          {gaussians, images, view, field,
-                                           backbone_->statistics().radii_px.span(), step, others});
-                    });
+            for (std::size_t i = 0; i < losses.size(); ++i) {
+                if (!losses[i]->active(step)) continue;
+                details(loss_stages_[i].c_str(), [&] {
+                    losses[i]->add_to(objective_, objective_.values.data() + i,
+                                      {gaussians, images, view, field,
+                                       backbone_->statistics().radii_px.span(), step, others});
+                });
+                if (!by_camera.empty() && losses[i]->moves_cameras())
+                    details("camera gradient", [&] { find_camera_gradient(gaussians, by_camera); });
+            }
             mean_over_ranks<double>(peers_, objective_.values);
             details("watch losses", [&] { watch(objective_.values); });
         });
@@ -170,6 +180,13 @@ public:
         if (fused_ != nullptr) write_statistics(Device{}, *fused_);
     }
 
+    /// From the next step on the training views are where these are.
+    void set_cameras(const std::vector<Camera>& cameras) {
+        cameras_ = cameras;
+        views_.set_cameras(cameras);
+        copy_bound_cameras();
+    }
+
     /// Before the first step, and after each; see Backbone::prepare().
     void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
         backbone_->prepare(step, changed, cameras_, gaussians);
@@ -195,6 +212,21 @@ public:
 private:
     /// Gradients that are in no memory cannot be shared.
     bool fuses() const { return peers_ == nullptr && backbone_->fuses(); }
+
+    void copy_bound_cameras() {
+        if (bounds_.on()) copy(cameras_, bound_cameras_);
+    }
+
+    /// Of the first term: what it has written so far, without the maps that others write to.
+    void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {
+        const auto exchange = [&] {
+            of_photo_.color.swap(objective_.dL_dimages.color);
+            of_photo_.transmittance.swap(objective_.dL_dimages.transmittance);
+        };
+        exchange();
+        backbone_->add_camera_gradient(gaussians, of_photo_, by_camera);
+        exchange();
+    }
 
     /// Sizes and clears what the terms add to.
     void clear(const Gaussians<Device>& gaussians,
@@ -231,6 +263,7 @@ private:
     Buffer<Camera, Device> bound_cameras_;  // none where there are no bounds
     float extent_;
     Objective<Device> objective_;
+    ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;
     int sh_degree_ = 0;                      // of the last propagate()
     const FusedGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective

@@ -79,6 +79,10 @@ public:
 
     virtual LossNeeds needs() const = 0;
 
+    /// Whether refined cameras follow its derivatives by the render. It has to be the first term:
+    /// those after it have added nothing yet.
+    virtual bool moves_cameras() const { return false; }
+
     /// Of one step with one view; not more than needs(). For terms that look around now and then.
     virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
 

@@ -28,6 +28,7 @@ public:
 
     const char* name() const override { return "photometric"; }
     bool active(int) const override { return true; }
+    bool moves_cameras() const override { return true; }
     LossNeeds needs() const override {
         LossNeeds needs;
         if (masks_) needs.view_maps.add("mask");

@@ -17,6 +17,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kDenseViews = 40;
 constexpr double kCloudForDiscs = 0.25;  // points per pixel
 constexpr double kDrift = 0.15;
+constexpr double kPoseError = 0.5;  // px
 // A background of one colour: share of the images' borders, and at most of the initial points.
 constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 // Masks: share of the initial points that they leave out; of the images' border that those of an
@@ -284,6 +285,15 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                         kBackgroundBorder,
                         {{"loss.photometric.background", one ? color : "none"}}});
     }
+    const bool off = look.pose_error >= kPoseError;
+    plan.push_back({"poses",
+                    off ? "refined" : "as given",
+                    std::isnan(look.pose_error) ? "no observations of points to measure them by"
+                                                : str("off by what their points say, ",
+                                                      compared(look.pose_error, kPoseError, " px")),
+                    look.pose_error,
+                    kPoseError,
+                    {{"cameras.refine", off ? "true" : "false"}}});
     const bool drifts = look.exposure_drift >= kDrift;
     plan.push_back({"exposure",
                     drifts ? "fitted" : "off",

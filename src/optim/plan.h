@@ -1,6 +1,7 @@
 // What a scene needs, and what it does not: one look before the first step.  docs/plan.md
 #pragma once
 
+#include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
@@ -36,6 +37,7 @@ struct SceneLook {
     bool outside = false;            // a mask leaves out what its photograph shows
     double views_in_pairs = 0;       // share within loss.multi_view's relative limits
     double views_in_wide_pairs = 0;  // the same, those without one up to kWideAngleDeg
+    double pose_error = NAN;         // View::pose_error_px, median of the views that have one
     double exposure_drift =
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown

@@ -152,7 +152,11 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     look.train_views = static_cast<int>(scene.train.size());
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
-    look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
+    std::vector<double> pose_errors;
+    for (const View& view : scene.train)
+        if (!std::isnan(view.pose_error_px)) pose_errors.push_back(view.pose_error_px);
+    look.pose_error = median(pose_errors);
+        look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),
                                [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);

@@ -32,6 +32,7 @@ void visit_schedule(Options& o, const Visit& visit) {
             visit(str("loss.", term, ".", key), number, Counts::at);
         });
     });
+    visit("cameras.start", o.cameras.start, Counts::at);
     visit("densify.from", o.densify.from, Counts::at);
     visit("densify.until", o.densify.until, Counts::at);
     visit("densify.every", o.densify.every, Counts::between);

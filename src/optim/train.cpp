@@ -9,6 +9,19 @@ int iterations_done(const State& state) {
     return done;
 }
 
+void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
+    if (!options.cameras.refine) return;
+    if (!backbone_moves_cameras)
+        throw Error(ExitCode::usage,
+                    str("cameras.refine is true, but backbone '", options.backbone,
+                        "' has no derivatives by the camera; set it to false, or choose another "
+                        "backbone"));
+    if (!(options.loss.photometric.weight > 0))
+        throw Error(ExitCode::usage,
+                    "cameras.refine is true, but loss.photometric.weight is 0, and no other term "
+                    "moves cameras; set one to false or the other above 0");
+}
+
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {
     std::vector<TermOnList> list;
     visit_losses<Cpu>(options, {},

@@ -13,6 +13,7 @@
 #include "core/state.h"
 #include "optim/adam.h"
 #include "optim/bounds.h"
+#include "optim/camera_refinement.h"
 #include "optim/densify.h"
 #include "optim/init.h"
 #include "optim/loss.h"
@@ -53,6 +54,7 @@ struct TrainOptions {
     AdamOptions lr;
     OptimOptions optim;
     LossOptions loss;
+    CameraOptions cameras;
     DensifyOptions densify;
     BoundOptions bounds;
     TvOptions tv;
@@ -71,6 +73,7 @@ struct TrainOptions {
         field.group("lr", lr, "learning rates");
         field.group("optim", optim, "the optimiser");
         field.group("loss", loss, "terms of the objective");
+        field.group("cameras", cameras, "poses that training improves");
         field.group("densify", densify, "growing and pruning");
         field.group("bounds", bounds, "how large and long splats may get");
         field.group("tv", tv, "tensor voting");
@@ -112,6 +115,9 @@ struct TrainCallbacks {
     std::function<bool(int done)> save_due;
     std::function<void(int done, const SharedState& state)> on_save;
 
+    /// Where the poses are refined: whenever they have changed, and once at first.
+    std::function<void(const CameraRefinement&)> on_cameras;
+
     /// The run was rolled back to where it had `done` iterations; `what` says why.
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;
@@ -141,6 +147,10 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step = {},
                         const SharedState& start = nullptr);
+
+/// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
+/// have no derivatives by them. train() does so, too.
+void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 
 /// Iterations that a saved state has behind it.
 int iterations_done(const State& state);

@@ -28,6 +28,12 @@ Gaussians<Device> train(const Scene& scene,
     Iteration<Device> iteration(scene, options, callbacks.goes_on, callbacks.peers);
     Training<Device> t(scene, options, callbacks, start);
     iteration.clock = StageClock<Device>(callbacks.profile);
+    const auto follow_cameras = [&] {
+        const CameraRefinement* const moved = t->cameras.take_moved();
+        if (moved == nullptr) return;
+        iteration.set_cameras(moved->cameras());
+        if (callbacks.on_cameras) callbacks.on_cameras(*moved);
+    };
 
     for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
         if (callbacks.stop_requested && callbacks.stop_requested()) {
@@ -35,6 +41,7 @@ Gaussians<Device> train(const Scene& scene,
             break;
         }
         if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
+        follow_cameras();
         if (step == 1) iteration.prepare(0, true, t->gaussians);
         const int drawn = t->sampler.next();
         const DeviceView<Device>& view =
@@ -45,6 +52,7 @@ Gaussians<Device> train(const Scene& scene,
         const bool changes = t->densifier.may_change_structure(step);
         const bool steps = !changes && step < options.iterations;
         iteration.propagate(step, view, t->gaussians, t->losses, t->field, steps,
+                            t->cameras.gradient_of(step, view.index),
                             [&](auto& values) { t.watch(step, view.index, values); });
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
@@ -60,9 +68,11 @@ Gaussians<Device> train(const Scene& scene,
             iteration.finish_statistics();
         // What the last iteration grew or faded no other would train.
         if (step < options.iterations) iteration.clock("densify", [&] { t.grow(step, iteration); });
+        t->cameras.step_done(step, options.iterations);
         t.step_done(step);
         if (after_step) after_step(step, t->gaussians);
     }
+    follow_cameras();
     if (callbacks.on_end) callbacks.on_end(t->done);
     return std::move(t->gaussians);
 }

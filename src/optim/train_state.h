@@ -84,6 +84,7 @@ struct TrainState {
     Gaussians<Device> searched;  // means, scales, rotations at the last search for neighbours
     Adam<Device> adam;
     Densifier<Device> densifier;
+    TrainedCameras<Device> cameras;
     ViewSampler sampler;
     int done = 0;
 
@@ -93,6 +94,7 @@ struct TrainState {
           voter(o.tv),
           adam(o.lr, gaussians),
           densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), peers),
+          cameras(scene, o.cameras),
           sampler(static_cast<int>(scene.train.size()),
                   static_cast<std::uint64_t>(o.seed),
                   rank_of(peers),
@@ -112,6 +114,7 @@ struct TrainState {
         adam.state(visit);
         densifier.state(visit);
         for (const auto& term : losses) term->state(visit);
+        cameras.state(visit);
         visit("tv.tensors", field.tensors);
         visit("tv.eigenvalues", field.eigenvalues);
         visit("tv.normals", field.normals);
@@ -147,6 +150,10 @@ private:
     void load(const State& from, const TrainOptions& o) {
         check_shapes(from, o);
         StateVisitor<Device> visitor(from);
+        if (from.find("cameras.numbers") != nullptr && !o.cameras.refine)
+            throw Error(ExitCode::usage,
+                        "cameras.refine = false: the checkpoint's splats go with poses that were "
+                        "refined, and a run keeps that to its end");
         visit(visitor);
         sampler.skip_to(done);
     }

@@ -102,6 +102,7 @@ void check_consistency(const TrainOptions& options) {
                     "loss.tv_position.weight is above 0; "
                     "set both weights to 0, or tv.enabled to true");
     const auto backbone = make_backbone<Cpu>(options.backbone, options.render);
+    check_cameras(options, backbone->moves_cameras());
     for (const TermOnList& term : terms_on_list(options.loss)) {
         if (!(term.weight > 0)) continue;
         const std::string lacks = names_of(without(term.needs.maps, backbone->maps()));

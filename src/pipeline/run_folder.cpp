@@ -17,16 +17,17 @@
 #include "io/config.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
+#include "pipeline/refined_cameras.h"
 
 namespace tvsgs {
 namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view kEntries[] = {
-    "config.json", "plan.json",   "memory.json", "log.jsonl", "cameras.json",
-    "point_cloud", "checkpoints", "mesh",        "eval",      "test",
-    "live",        "report.json", "report.html"};
+constexpr std::string_view kEntries[] = {"config.json",  "plan.json",  "memory.json", "log.jsonl",
+                                         "cameras.json", "cameras",    "point_cloud", "checkpoints",
+                                         "mesh",         "eval",       "test",        "live",
+                                         "report.json",  "report.html"};
 
 /// Whether there is a file with something in it, there or below. (A run that is killed before it
 /// has a configuration leaves an empty log.)
@@ -361,8 +362,11 @@ std::string run_config_path(const std::string& path) {
 
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
     return with_context(
-        str("looking for the scene of ", path, " (--scene DIR names another place)"),
-        [&] { return read_scene(options); });
+        str("looking for the scene of ", path, " (--scene DIR names another place)"), [&] {
+            Scene scene = read_scene(options);
+            if (!options.given_cameras) adopt_refined_cameras(path, scene);
+            return scene;
+        });
 }
 
 }  // namespace tvsgs

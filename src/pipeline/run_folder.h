@@ -81,8 +81,8 @@ std::string find_mesh(const std::string& path);
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);
 
-/// The scene that `options` of the run `path` name; when that fails, the message says how to name
-/// another.
+/// The scene that `options` of the run `path` name, with the cameras that the run refined; when
+/// that fails, the message says how to name another.
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path);
 
 }  // namespace tvsgs

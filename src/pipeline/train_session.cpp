@@ -6,6 +6,7 @@
 #include "pipeline/checkpoints.h"
 #include "pipeline/live_snapshots.h"
 #include "pipeline/progress.h"
+#include "pipeline/refined_cameras.h"
 #include "pipeline/signals.h"
 #include "pipeline/train_evaluation.h"
 #include "pipeline/view_evaluation.h"
@@ -31,12 +32,14 @@ private:
     void save(int done, const SharedState& state);
     void roll_back(int done, const std::string& why);
     void evaluate_if_due(int step, const Gaussians<Device>& splats);
+    void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
 
     // When it has ended, after `seconds`.
     void settle_budget(double seconds);
     void warn_of_few(int splats) const;
     void say_how_it_ended(double seconds);
+    void save_refined_cameras() const;
     void write_results(const Gaussians<Device>& trained, double seconds);
     void say_what_is_scored() const;
     void score_test_views(const Gaussians<Device>& trained, JsonLine& summary) const;
@@ -55,10 +58,11 @@ private:
     CheckpointWriter checkpoints_;
     LiveSnapshots live_;
     TimeBudget budget_;
-    ScoreWatch scores_;     // of evaluations on the way
-    int done_;              // iterations
-    SharedState state_;     // the last one saved; null: the beginning
-    bool fit_now_ = false;  // the training pauses for a new schedule
+    ScoreWatch scores_;                        // of evaluations on the way
+    std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
+    int done_;                                 // iterations
+    SharedState state_;                        // the last one saved; null: the beginning
+    bool fit_now_ = false;                     // the training pauses for a new schedule
 };
 
 template <class Device>
@@ -91,6 +95,7 @@ void TrainSession<Device>::run() {
                        make_backbone<Cpu>(training_.backbone, training_.render)->flat();
     live_.finish();
     run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
+    if (refined_) save_refined_cameras();
     say_how_it_ended(seconds);
     SignalGuard::check();
 
@@ -164,6 +169,7 @@ TrainCallbacks TrainSession<Device>::callbacks() {
     told.on_end = [this](int done) { done_ = done; };
     told.save_due = [this](int done) { return save_due(done); };
     told.on_save = [this](int done, const SharedState& state) { save(done, state); };
+    told.on_cameras = [this](const CameraRefinement& refined) { refined_ = refined; };
     told.on_rollback = [this](int done, const std::string& why) { roll_back(done, why); };
     return told;
 }
@@ -201,12 +207,20 @@ void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& sp
     synchronize(Device{});
     progress_.pause();
     const MeshSource mesh = mesh_source();
+    const std::vector<Camera> given = detail::cameras_of(in_.scene.train);
+    if (refined_) place_cameras(refined_->cameras());
     const Evaluation evaluation =
         evaluate(step, progress_.seconds(), splats, in_.scene.test, training_, in_.truth,
                  in_.options.eval.mesh ? &mesh : nullptr);
+    place_cameras(given);  // what training starts from, should it start again
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
     progress_.resume();
+}
+
+template <class Device>
+void TrainSession<Device>::place_cameras(const std::vector<Camera>& cameras) const {
+    for (std::size_t i = 0; i < cameras.size(); ++i) in_.scene.train[i].camera = cameras[i];
 }
 
 template <class Device>
@@ -268,6 +282,14 @@ void TrainSession<Device>::say_how_it_ended(double seconds) {
 }
 
 template <class Device>
+void TrainSession<Device>::save_refined_cameras() const {
+    place_cameras(refined_->cameras());
+    write_refined_cameras(run_.path(), in_.scene);
+    run_.save_cameras(in_.scene);
+    spdlog::info("{}; {}/cameras", camera_moves_text(*refined_), run_.path());
+}
+
+template <class Device>
 void TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
     JsonLine summary;
     summary.add("event", "done")
@@ -275,6 +297,7 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
         .add("seconds", seconds)
         .add("gaussians", trained.size());
     summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
+    if (refined_) summary.add_json("cameras", camera_moves_json(in_.scene, *refined_));
     if (!in_.scene.test.empty()) score_test_views(trained, summary);
     if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
     if (in_.options.eval.mesh) {

@@ -24,7 +24,7 @@ struct SessionOptions {
 
 /// What a session is of. References must outlive it.
 struct SessionInputs {
-    const Scene& scene;
+    Scene& scene;           // in the end with refined cameras, where they are refined
     TrainOptions training;  // what trains: growth may stop earlier than configured
     RunOptions& options;    // the configuration; takes over the schedule that fits --time-budget
     SessionOptions session;

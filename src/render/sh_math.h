@@ -80,7 +80,8 @@ TVSGS_HD Vec3<Real> sh_color(
 
 /// Returns dL/d(mean - camera centre). `color` is sh_color's result: where it is 0 the clamp passes
 /// nothing. Coefficients are visited in groups: visit(first, dL_dsh, sh) with `Visit::kGroup` of
-/// them takes their gradients and gives their values; those beyond the degree have gradient 0.
+/// them takes their gradients and gives their values; those beyond the degree have gradient 0. What
+/// is returned also goes to its member `dL_ddirection`, if it has one.
 template <class Real, class Visit>
 TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
                                  Vec3<Real> offset,  // mean - camera centre, not normalised
@@ -104,7 +105,10 @@ TVSGS_HD Vec3<Real> sh_color_vjp(int degree,
     const Vec3<Real> dL_ddirection = sh_basis_vjp(degree, direction, dL_dY);
     const Real length = norm(offset);
     if (!(length > Real(1e-12))) return {};
-    return (dL_ddirection - dot(dL_ddirection, direction) * direction) / length;
+    const Vec3<Real> dL_doffset =
+        (dL_ddirection - dot(dL_ddirection, direction) * direction) / length;
+    if constexpr (requires { visit.dL_ddirection; }) visit.dL_ddirection = dL_doffset;
+    return dL_doffset;
 }
 
 /// Adds the gradients of Gaussian i to `dL_dsh`; both arrays as sh_color has them.

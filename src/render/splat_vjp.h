@@ -6,6 +6,7 @@
 
 #include "core/parallel.h"
 #include "render/blend.h"
+#include "render/camera_math.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {
@@ -98,6 +99,51 @@ struct AddGradientsBody {
         dL_dopacity_logits[i] += sum.opacity_logit;
         add(dL_dquats[i], sum.quat);
     }
+};
+
+/// Harmonics whose own gradients nobody wants, only what moves with the camera. A SplatVjp gives
+/// the numbers that it has, of the colours alone.
+struct CameraVisit {
+    static constexpr int kGroup = 1;
+    const Vec3f* sh;
+    std::size_t stride, i;
+    Vec3f dL_ddirection{};
+    float dL_dlog_focal = 0;
+
+    TVSGS_HD void operator()(int k,
+                             const Vec3f (&/*gradient*/)[kGroup],
+                             Vec3f (&values)[kGroup]) const {
+        values[0] = sh[static_cast<std::size_t>(k) * stride + i];
+    }
+};
+
+/// What each splat says of the camera.
+template <SplatVjp Vjp>
+struct CameraGradientBody {
+    Vjp vjp;
+    Mat3f camera_from_world;
+    Vec3f centre;  // of the camera
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<const Vec3f> sh;
+    Span<CameraGradient<float>> gradients;  // [N] overwritten
+
+    TVSGS_HD void operator()(int i) const {
+        gradients[i] = {};
+        SplatGeometry sum = no_gradient();
+        CameraVisit visit{sh.data, means.count, static_cast<std::size_t>(i)};
+        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
+        if (!vjp(i, splat, sum, visit)) return;
+        gradients[i] = camera_gradient(camera_from_world, splat.mean - centre, sum.mean,
+                                       visit.dL_ddirection, splat.quat, sum.quat);
+        gradients[i].log_focal = visit.dL_dlog_focal;
+    }
+};
+struct CameraGradientTerm {
+    Span<const CameraGradient<float>> gradients;
+    int k;
+    TVSGS_HD float operator()(int i) const { return component(gradients[i], k); }
 };
 
 template <SplatVjp Vjp>

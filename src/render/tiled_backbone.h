@@ -31,6 +31,28 @@ public:
         write_statistics(Device{}, *this->blend_backward(g, {}));
     }
 
+    bool moves_cameras() const final { return true; }
+
+    void add_camera_gradient(const Gaussians<Device>& g,
+                             const ImageGradients<Device>& dL_dimages,
+                             Span<double> sum) final {
+        const FusedGradients& fused = *this->blend_backward(g, dL_dimages);
+        this->clock()("camera backward", [&] {
+            of_camera_.resize(g.means.size()), partial_.resize(kSumBlocks);
+            fused.visit([&]<class Vjp>(const Vjp& vjp) {
+                parallel_for(Device{}, g.size(),
+                             CameraGradientBody<Vjp>{vjp, images_.camera.camera_from_world.R,
+                                                     camera_centre(images_.camera), g.means.span(),
+                                                     g.log_scales.span(), g.quats.span(),
+                                                     g.opacity_logits.span(), g.sh.span(),
+                                                     of_camera_.span()});
+            });
+            for (int k = 0; k < kCameraNumbers; ++k)
+                add_sum(Device{}, g.size(), CameraGradientTerm{std::as_const(of_camera_).span(), k},
+                        1, partial_.span(), sum.data + k);
+        });
+    }
+
     const ScreenStatistics<Device>& statistics() const final { return statistics_; }
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
@@ -55,6 +77,10 @@ protected:
     Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
     FusedGradients gradients_;  // of the last blend_backward()
+
+private:
+    Buffer<CameraGradient<float>, Device> of_camera_;  // [N] none where no camera moves
+    Buffer<double, Device> partial_;
 };
 
 template <class Device>

@@ -276,6 +276,12 @@ TEST_F(ColmapExample, BinaryAndTextAreTheSameAndAsExpected) {
     EXPECT_EQ(p.track, (std::vector<U32>{3}));
     EXPECT_EQ(p.track, q.track);
     EXPECT_EQ(p.track_begin, q.track_begin);
+    EXPECT_EQ(p.track_observation, q.track_observation);
+    for (std::size_t i = 0; i < a.images.size(); ++i) {
+        ASSERT_EQ(a.images[i].observations.size(), b.images[i].observations.size());
+        for (std::size_t j = 0; j < a.images[i].observations.size(); ++j)
+            EXPECT_EQ(a.images[i].observations[j].y, b.images[i].observations[j].y);
+    }
 }
 
 TEST_F(ColmapExample, EveryPrefixIsAnError) {

@@ -107,6 +107,21 @@ TEST(PlanLook, WithoutPointsNothingIsMadeUp) {
     EXPECT_EQ(choice(plan, "densify"), "on");
 }
 
+TEST(Plan, PosesAreRefinedWhereTheirPointsAskForIt) {
+    SceneLook look;
+    const auto refined = [&] { return settings(plan_of(look), "poses")[0].second; };
+    EXPECT_EQ(refined(), "false") << "nothing is known";
+    look.pose_error = 0.49;
+    EXPECT_EQ(refined(), "false");
+    look.pose_error = 0.51;
+    EXPECT_EQ(refined(), "true");
+    Scene scene = patch_scene(5, 6, 1600);
+    EXPECT_TRUE(std::isnan(look_of(scene).pose_error));
+    const double errors[] = {0.1, NAN, 3, 0.7, NAN};
+    for (std::size_t i = 0; i < 5; ++i) scene.train[i].pose_error_px = errors[i];
+    EXPECT_EQ(look_of(scene).pose_error, 0.7);
+}
+
 TEST(Plan, SettingsByTheNumberOfViews) {
     EXPECT_EQ(plan_settings(39).choice, "sparse");
     EXPECT_EQ(plan_settings(40).choice, "dense");

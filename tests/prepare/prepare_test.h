@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "apps/common/quaternion.h"
 #include "apps/prepare/sparse_model.h"
+#include "core/quaternion.h"
 #include "io/io_test.h"
 
 namespace tvsgs::prepare {

@@ -1,0 +1,115 @@
+#include "io/pose_error.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <optional>
+
+namespace tvsgs {
+namespace {
+
+constexpr int kLeast = 30;      // observations of a view that can be judged
+constexpr double kOutlier = 3;  // times the median residual
+constexpr int kUnknowns = 6;
+
+/// Of an observation: what is left of it, and its derivatives by the view's turn and shift; px.
+struct Residual {
+    double e[2], by[2][kUnknowns];
+};
+
+std::optional<Residual> residual_at(const Intrinsics& in, Vec3d p, Vec2<float> seen) {
+    Vec2<double> place;
+    if (!(p.z > 0) || !std::isfinite(seen.x + seen.y) ||
+        !find_in_photo(in, in.fx_px * p.x / p.z + in.cx_px, in.fy_px * p.y / p.z + in.cy_px, place))
+        return std::nullopt;
+    Residual r{{static_cast<double>(seen.x) - place.x, static_cast<double>(seen.y) - place.y}, {}};
+    for (int k = 0; k < kUnknowns; ++k) {
+        Vec3d e{};
+        e[k % 3] = 1;
+        // A lens bends far less than it scales; shifts are in units of the point's depth.
+        const Vec3d by = k < 3 ? cross(e, p) : p.z * e;
+        r.by[0][k] = in.fx_px / p.z * (by.x - p.x / p.z * by.z);
+        r.by[1][k] = in.fy_px / p.z * (by.y - p.y / p.z * by.z);
+    }
+    return r;
+}
+
+/// The right side becomes the solution of a symmetric system; directions that nothing tells of stay
+/// at 0.
+void solve(std::array<std::array<double, kUnknowns>, kUnknowns>& A,
+           std::array<double, kUnknowns>& b) {
+    std::array<double, kUnknowns> first;
+    for (std::size_t i = 0; i < kUnknowns; ++i) first[i] = A[i][i];
+    std::array<bool, kUnknowns> told{};
+    for (std::size_t i = 0; i < kUnknowns; ++i) {
+        told[i] = A[i][i] > 1e-9 * first[i];
+        for (std::size_t r = 0; told[i] && r < kUnknowns; ++r) {
+            if (r == i) continue;
+            const double factor = A[r][i] / A[i][i];
+            for (std::size_t c = i; c < kUnknowns; ++c) A[r][c] -= factor * A[i][c];
+            b[r] -= factor * b[i];
+        }
+    }
+    for (std::size_t i = 0; i < kUnknowns; ++i) b[i] = told[i] ? b[i] / A[i][i] : 0;
+}
+
+/// Root of the mean square that one step of least squares moves the points by, without what the
+/// noise of the observations would move them by; px. NaN: too few observations.
+double pose_error(std::vector<Residual>& residuals) {
+    const auto squared = [](const Residual& r) { return r.e[0] * r.e[0] + r.e[1] * r.e[1]; };
+    if (residuals.empty()) return NAN;
+    const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+    std::nth_element(residuals.begin(), middle, residuals.end(),
+                     [&](const Residual& a, const Residual& b) { return squared(a) < squared(b); });
+    const double most = kOutlier * kOutlier * squared(*middle);
+    std::erase_if(residuals, [&](const Residual& r) { return squared(r) > most; });
+    const auto n = static_cast<double>(residuals.size());
+    if (n < kLeast) return NAN;
+    std::array<std::array<double, kUnknowns>, kUnknowns> A{};
+    std::array<double, kUnknowns> x{};
+    for (const Residual& r : residuals)
+        for (int row = 0; row < 2; ++row)
+            for (std::size_t i = 0; i < kUnknowns; ++i) {
+                x[i] += r.by[row][i] * r.e[row];
+                for (std::size_t j = 0; j < kUnknowns; ++j) A[i][j] += r.by[row][i] * r.by[row][j];
+            }
+    solve(A, x);
+    double moved = 0, left = 0;
+    for (const Residual& r : residuals)
+        for (int row = 0; row < 2; ++row) {
+            double step = 0;
+            for (std::size_t i = 0; i < kUnknowns; ++i) step += r.by[row][i] * x[i];
+            moved += step * step;
+            left += (r.e[row] - step) * (r.e[row] - step);
+        }
+    const double by_noise = kUnknowns * left / (2 * n - kUnknowns);
+    return std::sqrt(std::max(0.0, (moved - by_noise) / n));
+}
+
+}  // namespace
+
+void measure_pose_errors(const ColmapPoints& points,
+                         const std::vector<ViewSource>& sources,
+                         std::vector<View>& views) {
+    std::map<std::uint32_t, std::size_t> view_of;
+    for (std::size_t i = 0; i < sources.size(); ++i) view_of[sources[i].image->id] = i;
+    std::vector<std::vector<Residual>> residuals(views.size());
+    for (std::size_t p = 0; p < points.positions.size(); ++p)
+        for (std::size_t j = points.track_begin[p]; j < points.track_begin[p + 1]; ++j) {
+            const auto at = view_of.find(points.track[j]);
+            if (at == view_of.end()) continue;
+            const ColmapImage& image = *sources[at->second].image;
+            const std::size_t seen = points.track_observation[j];
+            if (seen >= image.observations.size()) continue;  // models without them are in use
+            if (const auto r = residual_at(sources[at->second].intrinsics,
+                                           image.camera_from_world * points.positions[p],
+                                           image.observations[seen]))
+                residuals[at->second].push_back(*r);
+        }
+    for (std::size_t i = 0; i < views.size(); ++i)
+        views[i].pose_error_px =
+            pose_error(residuals[i]) * views[i].camera.width_px / sources[i].intrinsics.width_px;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,175 @@
+#include "optim/camera_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr double kBeta1 = 0.9, kBeta2 = 0.99, kEps = 1e-12;
+constexpr std::size_t kPoints = 4000;  // of the initial cloud, for the depth of a view
+
+/// Median depth of the initial points that a view sees; of all that lie before it where it sees
+/// none; 1 where there is nothing.
+double scene_depth(const Camera& camera, const std::vector<Vec3f>& points) {
+    std::vector<float> seen, before;
+    const std::size_t every = std::max<std::size_t>(1, points.size() / kPoints);
+    for (std::size_t i = 0; i < points.size(); i += every) {
+        const float z = (camera.camera_from_world * points[i]).z;
+        if (z > 0) before.push_back(z);
+        if (is_in_view(camera, points[i])) seen.push_back(z);
+    }
+    std::vector<float>& depths = seen.empty() ? before : seen;
+    if (depths.empty()) return 1;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return static_cast<double>(*middle);
+}
+
+double dot_of(const std::vector<double>& a, const double* b) {
+    double sum = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) sum += a[i] * b[i];
+    return sum;
+}
+void add_scaled(double* to, double scale, const std::vector<double>& from) {
+    for (std::size_t i = 0; i < from.size(); ++i) to[i] += scale * from[i];
+}
+
+Vec3d vec_at(const double* x) {
+    return {x[0], x[1], x[2]};
+}
+
+void shorten(double* x, double most) {
+    const double length = norm(vec_at(x));
+    if (length > most)
+        for (int k = 0; k < 3; ++k) x[k] *= most / length;
+}
+
+}  // namespace
+
+CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& options)
+    : options_(options) {
+    double sum = 0;
+    for (const tvsgs::View& view : scene.train) {
+        const Camera& c = view.camera;
+        given_.push_back(c);
+        const double f = 0.5 * (static_cast<double>(c.fx_px) + static_cast<double>(c.fy_px));
+        scale_.push_back({f, scene_depth(c, scene.points.positions)});
+        sum += f;
+    }
+    mean_f_ = sum / static_cast<double>(given_.size());
+    cameras_ = given_;
+    numbers_.assign(3 * parameters() + 1, 0);
+    find_gauge();
+}
+
+void CameraRefinement::find_gauge() {
+    Vec3d middle;
+    for (const Camera& c : given_) middle += vec_cast<double>(camera_centre(c));
+    middle = middle / static_cast<double>(given_.size());
+    // A turn W, a shift V and a growth s of the world about `middle` are, in the frame of a camera,
+    // a turn by -R W and a shift by R W x t - R V + s t.
+    for (int k = 0; k < 7; ++k) {
+        std::vector<double> direction;
+        for (std::size_t i = 0; i < given_.size(); ++i) {
+            const Rigid3d T{mat_cast<double>(given_[i].camera_from_world.R),
+                            vec_cast<double>(given_[i].camera_from_world.t)};
+            const Vec3d t = T * middle, e = k < 6 ? column(T.R, k % 3) : Vec3d{};
+            const Vec3d turn = k < 3 ? -e : Vec3d{}, shift = k < 3 ? cross(e, t) : k < 6 ? -e : t;
+            for (int a = 0; a < 3; ++a) direction.push_back(scale_[i].f * turn[a]);
+            for (int a = 0; a < 3; ++a)
+                direction.push_back(scale_[i].f / scale_[i].depth * shift[a]);
+        }
+        const double length = std::sqrt(dot_of(direction, direction.data()));
+        for (int twice = 0; twice < 2; ++twice)
+            for (const auto& other : gauge_)
+                add_scaled(direction.data(), -dot_of(other, direction.data()), other);
+        const double rest = std::sqrt(dot_of(direction, direction.data()));
+        if (!(rest > 1e-6 * length)) continue;  // the others do it already
+        for (double& value : direction) value /= rest;
+        gauge_.push_back(std::move(direction));
+    }
+}
+
+void CameraRefinement::remove_gauge() {
+    for (const auto& direction : gauge_)
+        add_scaled(numbers_.data(), -dot_of(direction, numbers_.data()), direction);
+}
+
+void CameraRefinement::keep_bounds() {
+    const double most = static_cast<double>(options_.bound_px);
+    for (int i = 0; i < views(); ++i) shorten(motion(i), most), shorten(motion(i) + 3, most);
+    double& focal = numbers_[parameters() - 1];
+    focal = std::clamp(focal, -most, most);
+}
+
+void CameraRefinement::place() {
+    for (int i = 0; i < views(); ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const Camera& from = given_[at];
+        Camera& to = cameras_[at];
+        const auto [f, depth] = scale_[at];
+        const Rigid3d moved =
+            rigid_exp(vec_at(motion(i)) / f, (depth / f) * vec_at(motion(i) + 3)) *
+            Rigid3d{mat_cast<double>(from.camera_from_world.R),
+                    vec_cast<double>(from.camera_from_world.t)};
+        to.camera_from_world = {mat_cast<float>(moved.R), vec_cast<float>(moved.t)};
+        to.fx_px = static_cast<float>(from.fx_px * focal_factor());
+        to.fy_px = static_cast<float>(from.fy_px * focal_factor());
+    }
+}
+
+void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
+    const std::size_t n = parameters();
+    std::vector<double> by(n, 0);
+    for (int i = 0; i < views(); ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double* const g = gradients.data() + kCameraNumbers * i;
+        if (!std::all_of(g, g + kCameraNumbers, [](double v) { return std::isfinite(v); }))
+            continue;  // nor are the splats' finite, which take the training back
+        for (std::size_t k = 0; k < 6; ++k)
+            by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
+        if (options_.focal) by[n - 1] += g[6] / mean_f_;
+    }
+    double *const x = numbers_.data(), *const m = x + n, *const v = m + n;
+    const double count = ++numbers_[3 * n];
+    const double correct1 = 1 - std::pow(kBeta1, count), correct2 = 1 - std::pow(kBeta2, count);
+    for (std::size_t k = 0; k < n; ++k) {
+        by[k] += static_cast<double>(options_.prior) * x[k];
+        m[k] = kBeta1 * m[k] + (1 - kBeta1) * by[k];
+        v[k] = kBeta2 * v[k] + (1 - kBeta2) * by[k] * by[k];
+        x[k] -= rate * (m[k] / correct1) / (std::sqrt(v[k] / correct2) + kEps);
+    }
+    remove_gauge();
+    keep_bounds();
+    place();
+}
+
+CameraMove CameraRefinement::move(int view) const {
+    const double turn = norm(vec_at(motion(view)));
+    return {turn, norm(vec_at(motion(view) + 3)),
+            turn / scale_[static_cast<std::size_t>(view)].f * 180 / M_PI};
+}
+
+double CameraRefinement::focal_factor() const {
+    return std::exp(numbers_[parameters() - 1] / mean_f_);
+}
+
+void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradients) {
+    const std::size_t expected = kCameraNumbers * given_.size();
+    if (numbers.size() != numbers_.size() || gradients != expected)
+        throw Error(
+            ExitCode::input,
+            str("the checkpoint's 'cameras.numbers' and 'cameras.gradients' have ", numbers.size(),
+                " and ", gradients, " elements; expected ", numbers_.size(), " and ", expected));
+    for (const double number : numbers)
+        if (!std::isfinite(number))
+            throw Error(ExitCode::input,
+                        "the checkpoint's 'cameras.numbers' holds one that is not finite");
+    numbers_ = std::move(numbers);
+    place();
+}
+
+}  // namespace tvsgs
