@@ -190,8 +190,8 @@ int TrainBench::run() {
                         " has no test views; expected --eval, or --split LIST of its splits.json"));
     check_masks(options.train.loss.photometric, scene.train);
     keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
+    read_fixed_points(options, scene);
     provide_maps(device, options, prepare_points(device, options, scene), scene);
-    read_fixed_voters(options, scene);
 
     std::vector<Reached> wanted;
     for (const double psnr : psnr_) wanted.push_back({psnr});

@@ -6,7 +6,6 @@
 #include "core/device_choice.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
-#include "optim/fixed_voters.h"
 #include "pipeline/built_in_configs.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/memory_plan.h"
@@ -44,6 +43,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
               "none [the plan decides; none without it]",
               "Scene");
     flags.add("--init-ply", "scene.init_ply", "initial cloud instead of the model's points",
+              "Scene");
+    flags.add("--fixed-points", "tv.fixed_voters",
+              "measured points (LiDAR) in the frame of the scene: they vote and never move",
               "Scene");
     flags.add("--priors", "priors.dir",
               "folder of depth, normals and features that others made of the photographs [looked "
@@ -177,6 +179,7 @@ Scene read_training_scene(const DeviceChoice& device,
     options.scene.need_points = !needs_of(options.train.loss).view_maps.empty();
     options.scene.points_required = false;
     Scene scene = read_views(options, true, table);
+    read_fixed_points(options, scene);
     StereoStart stereo{scene.points.positions, {}};
     adopt_scene(*point, scene);
     provide_maps(device, options, std::move(stereo), scene);
@@ -264,9 +267,6 @@ int command(int argc, char** argv) {
         std::fputs(plan.text().c_str(), stdout);
         return 0;
     }
-    read_fixed_voters(options, scene);
-    if (const auto& voters = options.train.tv.fixed_voters; !scene.fixed_voters.positions.empty())
-        make_fixed_voters(scene.fixed_voters, voters);  // complains before there is a run
     const std::string changed = resume.point ? changed_values(resume.configured, table) : "";
     TrainOptions training = options.train;  // the configuration keeps the cap that was asked for
     const MemoryPlan memory =

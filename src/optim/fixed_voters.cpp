@@ -30,7 +30,8 @@ Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tre
 
 }  // namespace
 
-FixedVoters make_fixed_voters(const PointCloud& cloud, const std::string& path) {
+FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options) {
+    const std::string& path = options.fixed_voters;
     FixedVoters voters;
     for (std::size_t i = 0; i < cloud.positions.size(); ++i) {
         if (!is_finite(cloud.positions[i])) continue;
@@ -40,7 +41,7 @@ FixedVoters make_fixed_voters(const PointCloud& cloud, const std::string& path) 
                                              "; expected a number of at least 0"));
         voters.means.push_back(cloud.positions[i]);
         voters.normals.push_back(cloud.normals.empty() ? Vec3f{} : cloud.normals[i]);
-        voters.weights.push_back(weight);
+        voters.weights.push_back(options.fixed_weight * weight);
     }
     if (voters.size() < 3)
         throw Error(ExitCode::input,

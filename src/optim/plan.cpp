@@ -113,10 +113,12 @@ std::vector<Decision> plan_masks(const MaskLook& look) {
         {{"loss.photometric.coverage", number(std::round(100 * full) / 100 * kCoverage)}});
 }
 
-Decision plan_settings(int train_views) {
+Decision plan_settings(int train_views, bool measured_points) {
+    const bool dense = train_views >= kDenseViews && !measured_points;
     return {"settings",
-            train_views >= kDenseViews ? "dense" : "sparse",
-            str("training views: ", compared(train_views, kDenseViews)),
+            dense ? "dense" : "sparse",
+            measured_points ? "measured points vote, for which the dense settings have no votes"
+                            : str("training views: ", compared(train_views, kDenseViews)),
             static_cast<double>(train_views),
             kDenseViews,
             {}};

@@ -74,8 +74,8 @@ struct Decision {
 /// Whether masks are used, and for what. Nothing where there are none.
 std::vector<Decision> plan_masks(const MaskLook& look);
 
-/// Which settings to start from: "sparse" or "dense".
-Decision plan_settings(int train_views);
+/// Which settings to start from: "sparse" or "dense", which measured points have no votes in.
+Decision plan_settings(int train_views, bool measured_points);
 
 /// On the cloud that comes with the scene: whether stereo makes another one.
 Decision plan_cloud(const SceneLook& look, bool dense);

@@ -155,7 +155,7 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     std::vector<double> pose_errors;
     for (const View& view : scene.train)
         if (!std::isnan(view.pose_error_px)) pose_errors.push_back(view.pose_error_px);
-    look.pose_error = median(pose_errors);
+    look.pose_error = lower_median(pose_errors);
         look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),
                                [](const View& view) { return has_outside(view.mask); });

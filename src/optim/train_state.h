@@ -100,7 +100,7 @@ struct TrainState {
                   rank_of(peers),
                   size_of(peers)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
-            voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv.fixed_voters));
+            voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
             load(*from, o);
         else if (spares(o.densify))

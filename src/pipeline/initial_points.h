@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/device_choice.h"
-#include "io/ply.h"
+#include "pipeline/fixed_points.h"
 #include "pipeline/mask_use.h"
 #include "pipeline/stereo_cloud.h"
 
@@ -16,7 +16,8 @@ inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
 
 /// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
 /// stereo, if that finds more. `scene` has no points outside of object masks (keep_to_object()),
-/// nor does the cloud by stereo. Returns what stereo found, of which priors can be made.
+/// nor does the cloud by stereo. Measured points are held against it and fill its gaps. Returns
+/// what stereo found, of which priors can be made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
@@ -42,6 +43,20 @@ inline StereoStart prepare_points(const DeviceChoice& device,
                          scene.points.positions.size());
         }
     }
+    if (!scene.fixed_voters.positions.empty()) {
+        const std::string& file = options.train.tv.fixed_voters;
+        const std::size_t measured = scene.fixed_voters.positions.size();
+        std::string agreement;
+        if (options.train.tv.fixed_check) {
+            const FixedPointsLook look = look_at_fixed_points(scene);
+            check_fixed_points(look, measured, file);
+            agreement = fmt::format("; {:.0f} % agree with the initial cloud, to {:.1f} pixels",
+                                    100 * look.agreeing, look.tolerance_px);
+        }
+        const std::size_t added = fill_with_fixed_points(scene);
+        spdlog::info("{}: {} measured points vote{}; {} begin as splats, where the cloud is empty",
+                     file, measured, agreement, added);
+    }
     return stereo;
 }
 
@@ -52,11 +67,6 @@ inline void fit_near_plane(const Scene& scene, BackboneOptions& render) {
     render.near = usual * unit;
     spdlog::info("the scene is {:.3g} world units deep: render.near is {:.3g} instead of {:.3g}",
                  unit, render.near, usual);
-}
-
-inline void read_fixed_voters(const RunOptions& options, Scene& scene) {
-    if (options.train.tv.enabled && !options.train.tv.fixed_voters.empty())
-        scene.fixed_voters = read_ply(options.train.tv.fixed_voters, scene.origin).points;
 }
 
 }  // namespace tvsgs

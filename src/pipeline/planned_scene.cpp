@@ -70,7 +70,7 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
 
 /// Chooses the settings to start from; returns whether they are the dense ones.
 bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
-    const Decision settings = plan_settings(train_views);
+    const Decision settings = plan_settings(train_views, !options.train.tv.fixed_voters.empty());
     const bool dense = settings.choice == "dense";
     plan.apply(settings, dense ? kDenseConfig : kSparseConfig);
     if (plan.pinned("tv.enabled") && !options.train.tv.enabled && !dense)
@@ -177,6 +177,7 @@ Scene read_and_plan(const DeviceChoice& device,
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
+        read_fixed_points(options, scene);
         StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
@@ -188,6 +189,7 @@ Scene read_and_plan(const DeviceChoice& device,
         return plan_start(static_cast<int>(chosen.split.train.size()), options, plan);
     });
     Scene scene = load_and_hold_out(chosen, options, false, table);
+    read_fixed_points(options, scene);
 
     for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
         plan.apply(decision);

@@ -43,6 +43,8 @@ struct TvOptions {
     VotePrecision precision = VotePrecision::single_precision;
     ListStorage lists = ListStorage::full;
     std::string fixed_voters;
+    float fixed_weight = 10;
+    bool fixed_check = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -87,10 +89,14 @@ struct TvOptions {
         field.choice("lists", lists, {"full", "compact"},
                      "how neighbours are stored; compact: a byte per vote instead of eight, the "
                      "same results");
-        field(
-            "fixed_voters", fixed_voters,
-            "PLY of measured points (normals and a property 'weight' optional) that vote and never "
-            "move");
+        field("fixed_voters", fixed_voters,
+              "PLY, OBJ or GLB of measured points (normals and a property 'weight' optional) that "
+              "vote "
+              "and never move");
+        field("fixed_weight", fixed_weight, {0, 1e6},
+              "strength of their votes, times their own weights; a splat has 1 at most");
+        field("fixed_check", fixed_check,
+              "refuse measured points that do not lie on the initial cloud");
     }
 };
 

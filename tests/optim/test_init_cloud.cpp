@@ -179,17 +179,19 @@ TEST(FixedVoters, NormalsRadiiAndWeightsOfAnyCloud) {
     cloud.normals.clear();
     cloud.positions.push_back({std::nanf(""), 0, 0});
     cloud.confidences.push_back(1);
-    const FixedVoters voters = make_fixed_voters(cloud, "scan.ply");
+    TvOptions options;
+    options.fixed_voters = "scan.ply", options.fixed_weight = 4;
+    const FixedVoters voters = make_fixed_voters(cloud, options);
     ASSERT_EQ(voters.size(), 400);
     for (std::size_t i = 0; i < 400; ++i) {
         EXPECT_NEAR(std::abs(voters.normals[i].z), 1, 1e-6);  // the points lie in one plane exactly
         EXPECT_GT(voters.scales[i], 0);
         EXPECT_LT(voters.scales[i], 0.5f);
-        EXPECT_EQ(voters.weights[i], cloud.confidences[i]);
+        EXPECT_EQ(voters.weights[i], 4 * cloud.confidences[i]);
     }
     const auto refusal = [&](const PointCloud& points) -> std::string {
         try {
-            make_fixed_voters(points, "scan.ply");
+            make_fixed_voters(points, options);
         } catch (const Error& error) {
             EXPECT_EQ(error.code(), ExitCode::input);
             return error.what();
