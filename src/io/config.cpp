@@ -139,8 +139,9 @@ bool json_fits(const Json& value, Option::Kind kind) {
         case Option::Kind::integer:
         case Option::Kind::real:
             return value.is_number();
+        case Option::Kind::choice:  // some have the names true and false
+            return value.is_string() || value.is_boolean();
         case Option::Kind::text:
-        case Option::Kind::choice:
             break;
     }
     return value.is_string();

@@ -1,5 +1,5 @@
-// A brightness and an offset per photograph, for cameras that expose as they like.
-// [docs/method/pgsr.md#exposure]
+// A brightness and an offset per photograph, or a colour matrix as well, for cameras and lights
+// that do as they like. [docs/method/pgsr.md#exposure]
 #pragma once
 
 #include "core/parallel.h"
@@ -17,10 +17,54 @@ struct ComparedPhoto {
     Span<const float> mask;          // [H W] of the view; empty: all is inside
 };
 
-/// e^A I + B takes the place of the render I in the L1 term.
+/// Numbers per photograph: A and B, and of the affine model E [3 4] by rows.
+inline constexpr int kGainValues = 2, kAffineValues = 14;
+
+/// e^A c + B + E (c, 1) of a render's colour c, with as many of the numbers as `count` says; of
+/// zeros c itself.
+template <class Real>
+TVSGS_HD Vec3<Real> exposed(const Real* values, int count, Vec3<Real> c) {
+    const Real gain = std::exp(values[0]), offset = values[1];
+    Vec3<Real> out;
+    for (int row = 0; row < 3; ++row) {
+        out[row] = gain * c[row] + offset;
+        if (count == kGainValues) continue;
+        const Real* const e = values + kGainValues + 4 * row;
+        out[row] += e[0] * c.x + e[1] * c.y + e[2] * c.z + e[3];
+    }
+    return out;
+}
+
+template <class Real>
+struct ExposedVjp {
+    Vec3<Real> dL_dcolor;
+    Real dL_dvalues[kAffineValues];
+};
+template <class Real>
+TVSGS_HD ExposedVjp<Real> exposed_vjp(const Real* values,
+                                      int count,
+                                      Vec3<Real> c,
+                                      Vec3<Real> dL_dexposed) {
+    const Real gain = std::exp(values[0]);
+    ExposedVjp<Real> out{};
+    for (int row = 0; row < 3; ++row) {
+        const Real g = dL_dexposed[row];
+        out.dL_dvalues[0] += g * (gain * c[row]);
+        out.dL_dvalues[1] += g;
+        out.dL_dcolor[row] += g * gain;
+        if (count == kGainValues) continue;
+        for (int k = 0; k < 4; ++k) {
+            const int at = kGainValues + 4 * row + k;
+            out.dL_dvalues[at] = k < 3 ? g * c[k] : g;
+            if (k < 3) out.dL_dcolor[k] += g * values[at];
+        }
+    }
+    return out;
+}
+
 struct ExposureState {
-    float value[2];  // A, B
-    float m[2], v[2];
+    float value[kAffineValues];
+    float m[kAffineValues], v[kAffineValues];
     int steps;
 };
 
@@ -32,47 +76,58 @@ struct ExposureGate {
     TVSGS_HD bool open() const { return *ssim_loss < limit; }
 };
 
-/// The L1 term of one pixel, and its part of the derivative by A and B.
+/// The L1 term of one pixel, and its part of the derivative by the photograph's numbers.
 struct ExposureL1Body {
     ComparedPhoto compared;
     const ExposureState* exposure;
+    int count;
     ExposureGate gate;
     float weight_per_value;
-    Span<float> pixel_loss;    // added to
-    Span<Vec2f> dL_dexposure;  // [H W] overwritten
+    Span<float> pixel_loss;  // added to
+    Span<float> dL_dvalues;  // [count H W] overwritten
 
     TVSGS_HD void operator()(int i) const {
         // What a mask has put in the place of a photograph was not exposed.
         const bool on = gate.open() && (compared.mask.empty() || is_inside(compared.mask[i]));
-        const float gain = on ? std::exp(exposure->value[0]) : 1,
-                    offset = on ? exposure->value[1] : 0;
-        const Vec3f photo_i = detail::photo_pixel(compared.photo.data, static_cast<std::size_t>(i));
-        Vec2f sum{};
+        const Vec3f photo_i = detail::photo_pixel(compared.photo.data, static_cast<std::size_t>(i)),
+                    color = compared.color[i],
+                    shown = on ? exposed(exposure->value, count, color) : color;
+        Vec3f g;
         float loss = 0;
         for (int c = 0; c < 3; ++c) {
-            const float bright = gain * compared.color[i][c], d = bright + offset - photo_i[c];
-            const float g = d > 0 ? weight_per_value : d < 0 ? -weight_per_value : 0;
-            loss += g * d;
-            compared.dL_dcolor[i][c] += g * gain;
-            if (on) sum += Vec2f{g * bright, g};
+            const float d = shown[c] - photo_i[c];
+            g[c] = d > 0 ? weight_per_value : d < 0 ? -weight_per_value : 0;
+            loss += g[c] * d;
         }
         pixel_loss[i] += loss;
-        dL_dexposure[i] = sum;
+        ExposedVjp<float> vjp{g, {}};
+        if (on) vjp = exposed_vjp(exposure->value, count, color, g);
+        compared.dL_dcolor[i] += vjp.dL_dcolor;
+        const std::size_t pixels = compared.color.size();
+        for (int k = 0; k < count; ++k)
+            dL_dvalues[static_cast<std::size_t>(k) * pixels + static_cast<std::size_t>(i)] =
+                vjp.dL_dvalues[k];
     }
 };
 
-struct ExposureGradientTerm {
-    Span<const Vec2f> values;
-    bool second;
-    TVSGS_HD float operator()(int i) const { return second ? values[i].y : values[i].x; }
+/// What a colour matrix costs: `pull` times the sum of its squares.
+struct ExposurePullTerm {
+    const ExposureState* exposure;
+    ExposureGate gate;
+    float pull;
+    TVSGS_HD float operator()(int k) const {
+        const float e = exposure->value[kGainValues + k];
+        return gate.open() ? pull * e * e : 0;
+    }
 };
 
 /// Adam, rate 1e-3, betas 0.9 and 0.99, eps 1e-8, over all photographs: those not looked at go on
 /// by their momentum, as in the official code.
 struct ExposureStepBody {
     Span<ExposureState> states;
-    int current;
-    const double* gradient;  // [2] of the current one
+    int current, count;
+    const double* gradient;  // [count] of the current one, of the L1 term
+    float pull;
     ExposureGate gate;
 
     TVSGS_HD void operator()(int i) const {
@@ -81,8 +136,9 @@ struct ExposureStepBody {
         ++s.steps;
         const float t = static_cast<float>(s.steps);
         const float correction1 = 1 - std::pow(0.9f, t), correction2 = 1 - std::pow(0.99f, t);
-        for (int k = 0; k < 2; ++k) {
-            const float g = i == current ? static_cast<float>(gradient[k]) : 0;
+        for (int k = 0; k < count; ++k) {
+            const float pulled = k < kGainValues ? 0 : 2 * pull * s.value[k],
+                        g = i == current ? static_cast<float>(gradient[k]) + pulled : 0;
             s.m[k] = 0.9f * s.m[k] + 0.1f * g;
             s.v[k] = 0.99f * s.v[k] + 0.01f * g * g;
             s.value[k] -=
@@ -94,8 +150,11 @@ struct ExposureStepBody {
 template <class Device>
 class Exposure {
 public:
-    /// Adds the L1 term with the view's exposure and improves the exposures. `gate.ssim_loss` has
-    /// to be known.
+    Exposure(ExposureModel model, float pull)
+        : count_(model == ExposureModel::affine ? kAffineValues : kGainValues), pull_(pull) {}
+
+    /// Adds the L1 term with the view's exposure, and `value` what its matrix costs, and improves
+    /// the exposures. `gate.ssim_loss` has to be known.
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,
@@ -103,27 +162,33 @@ public:
                 double* ssim_loss,
                 double limit,
                 Objective<Device>& objective,
-                Span<float> pixel_loss) {
+                Span<float> pixel_loss,
+                double* value) {
         if (static_cast<int>(states_.size()) != views) {
             states_.resize(static_cast<std::size_t>(views));
             states_.fill_zero();
         }
-        gradient_.resize(2);
+        gradient_.resize(static_cast<std::size_t>(count_));
         gradient_.fill_zero();
         const std::size_t pixels = in.images.color.size();
-        per_pixel_.resize(pixels);
+        per_pixel_.resize(static_cast<std::size_t>(count_) * pixels);
         const ExposureGate gate{ssim_loss, limit};
-        parallel_for(Device{}, static_cast<int>(pixels),
-                     ExposureL1Body{compared, states_.data() + in.view.index, gate,
-                                    weight / (3 * static_cast<float>(pixels)), pixel_loss,
-                                    per_pixel_.span()});
-        const Buffer<Vec2f, Device>& per_pixel = per_pixel_;
-        for (int k = 0; k < 2; ++k)
-            add_sum(Device{}, static_cast<int>(pixels),
-                    ExposureGradientTerm{per_pixel.span(), k == 1}, 1, objective.partial.span(),
-                    gradient_.data() + k);
-        parallel_for(Device{}, views,
-                     ExposureStepBody{states_.span(), in.view.index, gradient_.data(), gate});
+        const ExposureState* const own = states_.data() + in.view.index;
+        parallel_for(
+            Device{}, static_cast<int>(pixels),
+            ExposureL1Body{compared, own, count_, gate, weight / (3 * static_cast<float>(pixels)),
+                           pixel_loss, per_pixel_.span()});
+        for (int k = 0; k < count_; ++k) {
+            const float* const of_value = per_pixel_.data() + static_cast<std::size_t>(k) * pixels;
+            add_sum(Device{}, static_cast<int>(pixels), ReadValue{{of_value, pixels}}, 1,
+                    objective.partial.span(), gradient_.data() + k);
+        }
+        if (count_ > kGainValues)
+            add_sum(Device{}, count_ - kGainValues, ExposurePullTerm{own, gate, pull_}, 1,
+                    objective.partial.span(), value);
+        parallel_for(
+            Device{}, views,
+            ExposureStepBody{states_.span(), in.view.index, count_, gradient_.data(), pull_, gate});
     }
 
     void state(StateVisitor<Device>& visit) { visit.optional("exposure", states_); }
@@ -131,9 +196,11 @@ public:
     const Buffer<ExposureState, Device>& states() const { return states_; }
 
 private:
+    int count_;
+    float pull_;
     Buffer<ExposureState, Device> states_;
     Buffer<double, Device> gradient_;
-    Buffer<Vec2f, Device> per_pixel_;
+    Buffer<float, Device> per_pixel_;
 };
 
 }  // namespace tvsgs

@@ -109,9 +109,13 @@ enum class Reduction { mean, sum, visible_mean };
 /// mean something else in millimetres than in metres.
 enum class LengthUnit { world, depth };
 
+/// What is fitted per photograph in the L1 term: a gain and an offset, or a colour matrix as well.
+enum class ExposureModel { none, gain, affine };
+
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
-    bool exposure = false;
+    ExposureModel exposure = ExposureModel::none;
+    float exposure_pull = 0.01f;
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
@@ -121,8 +125,11 @@ struct PhotometricOptions {
     void fields(Visitor& field) {
         field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
         field("ssim", ssim, {0, 1}, "share of the SSIM term");
-        field("exposure", exposure,
-              "fit a brightness and an offset per photograph in the L1 term, PGSR");
+        field.choice("exposure", exposure, {"false", "true", "affine"},
+                     "true: fit a brightness and an offset per photograph in the L1 term, PGSR; "
+                     "affine: and a matrix of its colours");
+        field("exposure_pull", exposure_pull, {0, 1e6},
+              "of the squares of that matrix, which pulls it to none");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
         field.choice("masks", masks, {"auto", "object", "ignore", "none"},
                      "object: nothing is outside of the masks; ignore: what is outside is not "

@@ -16,7 +16,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 // Thresholds; docs/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 40;
 constexpr double kCloudForDiscs = 0.25;  // points per pixel
-constexpr double kDrift = 0.15;
+constexpr double kDrift = 0.15, kColorDrift = 0.01;
 constexpr double kPoseError = 0.5;  // px
 // A background of one colour: share of the images' borders, and at most of the initial points.
 constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
@@ -76,6 +76,35 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
             settings.emplace_back(key, std::to_string(number));
     });
     return settings;
+}
+
+/// A colour matrix is the freer the more it explains: where that is little it is held at none, so
+/// that it comes by degrees.
+Decision plan_exposure(const SceneLook& look) {
+    const bool drifts = look.exposure_drift >= kDrift,
+               matrix = drifts && look.color_drift >= kColorDrift;
+    Decision decision{"exposure",
+                      matrix   ? "with a colour matrix"
+                      : drifts ? "fitted"
+                               : "off",
+                      "no two views near each other share enough points",
+                      look.exposure_drift,
+                      kDrift,
+                      {{"loss.photometric.exposure", matrix   ? "affine"
+                                                     : drifts ? "true"
+                                                              : "false"}}};
+    if (!std::isnan(look.exposure_drift))
+        decision.reason = str("brightness of a view where another sees the same, off by ",
+                              compared(100 * look.exposure_drift, 100 * kDrift, " %"));
+    if (!std::isnan(look.color_drift))
+        decision.reason += str("; of its colours a matrix explains more than a gain: ",
+                               compared(100 * look.color_drift, 100 * kColorDrift, " %"));
+    if (matrix) {
+        const double share = std::min(look.color_drift / kColorDrift, 9.0) / 3;
+        decision.settings.emplace_back("loss.photometric.exposure_pull",
+                                       number(0.01 / (share * share)));
+    }
+    return decision;
 }
 
 }  // namespace
@@ -296,16 +325,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                     look.pose_error,
                     kPoseError,
                     {{"cameras.refine", off ? "true" : "false"}}});
-    const bool drifts = look.exposure_drift >= kDrift;
-    plan.push_back({"exposure",
-                    drifts ? "fitted" : "off",
-                    std::isnan(look.exposure_drift)
-                        ? "no two views near each other share enough points"
-                        : str("brightness of a view where another sees the same, off by ",
-                              compared(100 * look.exposure_drift, 100 * kDrift, " %")),
-                    look.exposure_drift,
-                    kDrift,
-                    {{"loss.photometric.exposure", drifts ? "true" : "false"}}});
+    plan.push_back(plan_exposure(look));
     return plan;
 }
 

@@ -39,8 +39,10 @@ struct SceneLook {
     double views_in_wide_pairs = 0;  // the same, those without one up to kWideAngleDeg
     double pose_error = NAN;         // View::pose_error_px, median of the views that have one
     double exposure_drift =
-        0;  // ratio of a view's brightness to that of its nearest view - 1, where
-            // both see the same, median; the largest of the views; NaN: unknown
+        0;                   // ratio of a view's brightness to that of its nearest view - 1, where
+                             // both see the same, median; the largest of the views; NaN: unknown
+    double color_drift = 0;  // of the colours there, what a matrix explains better than a gain, see
+                             // color_drift(); the largest of the views; NaN: unknown
 };
 /// `masks`: only what is inside of them counts.
 SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);

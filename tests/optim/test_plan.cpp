@@ -123,8 +123,9 @@ TEST(Plan, PosesAreRefinedWhereTheirPointsAskForIt) {
 }
 
 TEST(Plan, SettingsByTheNumberOfViews) {
-    EXPECT_EQ(plan_settings(39).choice, "sparse");
-    EXPECT_EQ(plan_settings(40).choice, "dense");
+    EXPECT_EQ(plan_settings(39, false).choice, "sparse");
+    EXPECT_EQ(plan_settings(40, false).choice, "dense");
+    EXPECT_EQ(plan_settings(40, true).choice, "sparse") << "measured points need votes";
 }
 
 TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
@@ -531,7 +532,8 @@ TEST(WhatIsOff, IsNeitherRunNorAllocated) {
     };
     const char* const parts[] = {"voting", "other views", "tv_normal", "multi_view_ncc", "normal"};
     TrainOptions bare = o;
-    bare.tv.enabled = bare.densify.enabled = bare.loss.photometric.exposure = false;
+    bare.tv.enabled = bare.densify.enabled = false;
+    bare.loss.photometric.exposure = ExposureModel::none;
     bare.loss.tv_normal.weight = bare.loss.tv_position.weight = bare.loss.normal.weight = 0;
     bare.loss.multi_view_geometry.weight = bare.loss.multi_view_ncc.weight = 0;
     // First, as peaks are those of the program so far.

@@ -48,7 +48,7 @@ TEST(ViewSampler, RanksShareEachRound) {
 
 TrainOptions options_for_ranks(int iterations) {
     TrainOptions options = test::everything_on(iterations);
-    options.loss.photometric.exposure = false;
+    options.loss.photometric.exposure = ExposureModel::none;
     options.densify.max_gaussians = 250;
     return options;
 }
