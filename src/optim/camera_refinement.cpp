@@ -52,7 +52,7 @@ void shorten(double* x, double most) {
 CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& options)
     : options_(options) {
     double sum = 0;
-    for (const tvsgs::View& view : scene.train) {
+    for (const View& view : scene.train) {
         const Camera& c = view.camera;
         given_.push_back(c);
         const double f = 0.5 * (static_cast<double>(c.fx_px) + static_cast<double>(c.fy_px));

@@ -2,6 +2,7 @@
 // [docs/method/cameras.md]
 #pragma once
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -15,7 +16,7 @@ namespace tvsgs {
 struct CameraOptions {
     bool refine = false, focal = false;
     int start = 1000;
-    float rate = 0.02f, prior = 1e-4f, bound_px = 8;
+    float rate = 0.1f, prior = 1e-4f, bound_px = 8;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -23,8 +24,8 @@ struct CameraOptions {
         field("focal", focal, "and one factor for the focal lengths of all of them");
         field("start", start, {1, 1e9}, "first iteration");
         field("rate", rate, {0, 10},
-              "pixels by which a number of a pose moves in a round of the views, at first; falls "
-              "to 0");
+              "most pixels by which a number of a pose moves in a round of the views; less where "
+              "more rounds reach bound_px with it, and falling to 0");
         field("prior", prior, {0, 1e6},
               "pull back to the given poses: half of it times the squared pixels joins the loss");
         field("bound_px", bound_px, {1e-3, 1e4},
@@ -63,8 +64,8 @@ public:
     void restore(std::vector<double> numbers, std::size_t gradients);
 
 private:
-    struct View {
-        double f, depth;
+    struct PixelScale {
+        double f, depth;  // px; world units
     };
 
     std::size_t parameters() const { return 6 * given_.size() + 1; }
@@ -77,7 +78,7 @@ private:
 
     CameraOptions options_;
     std::vector<Camera> given_, cameras_;
-    std::vector<View> scale_;
+    std::vector<PixelScale> scale_;
     double mean_f_ = 1;
     // Turn and shift of each view, px; the focal lengths' logarithm times their mean; then both
     // moments of these; then the number of steps.
@@ -105,9 +106,10 @@ public:
     /// After each step; after the last one of a round the poses step.
     void step_done(int step, int iterations) {
         if (!active(step) || step % refined_->views() != 0 || step >= iterations) return;
-        const double left =
-            static_cast<double>(iterations - step) / (iterations - options_.start + 1);
-        refined_->step(to_host(gradients_), static_cast<double>(options_.rate) * left);
+        const double all = iterations - options_.start + 1, left = (iterations - step) / all;
+        const double reach = 2 * static_cast<double>(options_.bound_px) * refined_->views() / all;
+        refined_->step(to_host(gradients_),
+                       std::min(static_cast<double>(options_.rate), reach) * left);
         gradients_.fill_zero();
         moved_ = true;
     }

@@ -109,6 +109,7 @@ MemoryPlan estimate_memory(const Scene& scene,
     // have a quarter to spare.
     buffers.per_splat =
         3 * parameters + gradients + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
+    if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
     if (votes)
         buffers.per_splat +=
             kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);

@@ -230,7 +230,7 @@ TrainOptions short_training(const char* backbone, int iterations) {
     o.densify.enabled = false;
     o.cameras.refine = true;
     o.cameras.start = iterations / 6;
-    o.cameras.rate = 0.05f;
+    o.cameras.rate = 0.08f;
     return o;
 }
 
@@ -239,7 +239,7 @@ TEST(RefinedTraining, FindsNoisyCamerasAgain) {
     const double before = pixels_off(truth.train, cameras_of(noisy));
     ASSERT_GT(before, 0.5);
     for (const char* backbone : {"ewa", "rade", "surfel"}) {
-        const Outcome outcome = run(noisy, short_training(backbone, 300));
+        const Outcome outcome = run(noisy, short_training(backbone, 180));
         ASSERT_TRUE(outcome.cameras);
         EXPECT_LT(pixels_off(truth.train, outcome.cameras->cameras()), 0.6 * before) << backbone;
     }

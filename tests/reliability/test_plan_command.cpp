@@ -129,6 +129,9 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
     };
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.1", "exposure"), "off");
     EXPECT_EQ(decided("--views 8 --arc 90 --exposure-drift 0.4", "exposure"), "fitted");
+    EXPECT_EQ(decided("--views 8 --arc 90", "poses"), "as");  // given
+    EXPECT_EQ(decided("--views 8 --arc 90 --pose-noise 0.2", "poses"), "as");
+    EXPECT_EQ(decided("--views 8 --arc 90 --pose-noise 2", "poses"), "refined");
     EXPECT_EQ(decided("--views 6 --arc 60 --points 400", "densify"), "on");
     EXPECT_EQ(decided("--views 6 --arc 60 --points 4000", "densify"), "in");
     EXPECT_EQ(decided("--views 6 --arc 60", "multi-view"), "100");
@@ -138,6 +141,45 @@ TEST_F(PlanCommand, DecidesAsTheSceneIsMade) {
         << "40 degrees";
     EXPECT_EQ(decided("--views 45 --arc 200 --width 48", "settings"), "sparse") << "39 train";
     EXPECT_EQ(decided("--views 46 --arc 200 --width 48", "settings"), "dense") << "40 train";
+}
+
+TEST_F(PlanCommand, RefinedPosesGoWithTheRun) {
+    const Result made = call("synth", "--out off --views 8 --width 48 --height 36 --pose-noise 2");
+    ASSERT_EQ(made.code, 0) << made;
+    EXPECT_NE(read("off/sparse/0/images.txt"), read("off/gt/sparse/images.txt"));
+    const std::string train = "--scene off --split train_all --device cpu --set init.min_points=0 ";
+    const auto refined = [&](const std::string& run) { return read(run + "/cameras/images.txt"); };
+    const Result whole = call("train", train + "--iterations 40 --out whole --checkpoint-every 15");
+    ASSERT_EQ(whole.code, 0) << whole;
+    EXPECT_TRUE(whole.says("refined poses: turned by")) << whole;
+    EXPECT_EQ(last_line("whole")["cameras"]["views"].size(), 7u);
+    EXPECT_GT(last_line("whole")["cameras"]["views"]["0000.png"]["turn_px"], 0.0);
+
+    const Result rest = call("train",
+                             "--device cpu --resume whole/checkpoints/iteration_30.ckpt "
+                             "--out rest");
+    ASSERT_EQ(rest.code, 0) << rest;
+    EXPECT_EQ(refined("rest"), refined("whole")) << "with the same bits";
+    EXPECT_EQ(read("rest/cameras.json"), read("whole/cameras.json"));
+    EXPECT_EQ(call("train",
+                   "--device cpu --resume whole/checkpoints/iteration_30.ckpt --out other "
+                   "--set cameras.refine=false")
+                  .code,
+              2);
+
+    const std::string mesh = "--device cpu --texture none --no-preview --model whole --out ";
+    EXPECT_TRUE(call("extract-mesh", mesh + "mesh.ply").says("7 of 7 training views are where"));
+    EXPECT_FALSE(
+        call("extract-mesh", mesh + "given.ply --given-cameras").says("are where the run"));
+
+    ASSERT_EQ(call("train", train + "--iterations 6 --out given --set cameras.refine=false").code,
+              0);
+    EXPECT_FALSE(fs::exists(folder_ / "given/cameras"));
+    EXPECT_FALSE(last_line("given").contains("cameras"));
+    EXPECT_EQ(call("train", train + "--iterations 6 --out none --refine-cameras --set "
+                                    "loss.photometric.weight=0")
+                  .code,
+              2);
 }
 
 TEST_F(PlanCommand, ChoosesDiscsWhereTheyAreFastAndNobodyMinds) {

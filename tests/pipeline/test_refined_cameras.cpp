@@ -1,0 +1,75 @@
+// RUN/cameras/: what a run writes is what its readers get, far from zero and at other sizes.
+#include "io/io_test.h"
+#include "pipeline/refined_cameras.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+class RefinedCameras : public IoTest {};
+
+Scene scene_of(int width, int height, Vec3d origin) {
+    Scene scene;
+    scene.origin = origin;
+    for (const char* name : {"a/0.png", "b c.png"}) {
+        View view;
+        view.name = name;
+        view.camera = test::test_camera(width, height, scene.train.empty() ? 0.3f : -0.5f);
+        scene.train.push_back(view);
+    }
+    return scene;
+}
+
+void expect_near(const Camera& a, const Camera& b, float scale) {
+    EXPECT_NEAR(a.fx_px, scale * b.fx_px, 1e-4f * b.fx_px);
+    EXPECT_NEAR(a.fy_px, scale * b.fy_px, 1e-4f * b.fy_px);
+    for (int r = 0; r < 3; ++r) {
+        EXPECT_NEAR(a.camera_from_world.t[r], b.camera_from_world.t[r], 1e-6f);
+        for (int c = 0; c < 3; ++c)
+            EXPECT_NEAR(a.camera_from_world.R[r][c], b.camera_from_world.R[r][c], 1e-6f);
+    }
+}
+
+TEST_F(RefinedCameras, AreReadAsTheyWereWritten) {
+    for (const Vec3d origin : {Vec3d{}, Vec3d{4.5e5, 5.4e6, 300}}) {
+        Scene written = scene_of(64, 48, origin);
+        for (View& view : written.train)
+            view.camera.camera_from_world.t.x += 0.03f, view.camera.fx_px *= 1.01f;
+        write_refined_cameras(folder.string(), written);
+        for (const int times : {1, 2}) {
+            Scene read = scene_of(64 * times, 48 * times, origin);
+            read.test = read.train;
+            adopt_refined_cameras(folder.string(), read);
+            for (std::size_t i = 0; i < 2; ++i) {
+                const Camera &is = read.train[i].camera, &given = read.test[i].camera;
+                expect_near(is, written.train[i].camera, static_cast<float>(times));
+                EXPECT_EQ(is.cx_px, given.cx_px);
+                EXPECT_EQ(given.fx_px, 1.3f * 64 * static_cast<float>(times)) << "tests stay";
+            }
+        }
+    }
+}
+
+TEST_F(RefinedCameras, OthersStayAndBrokenFilesAreErrors) {
+    Scene scene = scene_of(64, 48, {});
+    const Camera given = scene.train[0].camera;
+    adopt_refined_cameras(folder.string(), scene);  // a run that refined none
+    EXPECT_EQ(scene.train[0].camera.fx_px, given.fx_px);
+
+    Scene one = scene;
+    one.train.erase(one.train.begin());
+    one.train[0].camera.fx_px += 1;
+    write_refined_cameras(folder.string(), one);
+    adopt_refined_cameras(folder.string(), scene);
+    EXPECT_EQ(scene.train[0].camera.fx_px, given.fx_px);
+    EXPECT_NEAR(scene.train[1].camera.fx_px, given.fx_px + 1, 1e-4f);
+
+    write("cameras/images.txt", "1 1 0 0 nan 0 0 0 1 b c.png\n\n");
+    expect_error(ExitCode::input, "E_POSE", [&] { adopt_refined_cameras(folder.string(), scene); });
+    std::filesystem::remove(folder / "cameras/cameras.txt");
+    expect_error(ExitCode::input, "cameras",
+                 [&] { adopt_refined_cameras(folder.string(), scene); });
+}
+
+}  // namespace
+}  // namespace tvsgs
