@@ -47,7 +47,8 @@ step "mesh"
 "$bin/tvsgs-extract-mesh" --model "$run"
 
 step "mesh, splats and pictures against the truth (thresholds $taus)"
-"$bin/tvsgs-eval" run --model "$run" --gt "$scene/gt/mesh.ply" --visible-gt "$scene/gt/points.ply" "${truth[@]}"
+"$bin/tvsgs-eval" run --model "$run" --gt "$scene/gt/mesh.ply" --visible-gt "$scene/gt/points.ply" "${truth[@]}" \
+    >/dev/null # the same is in eval/*.json
 
 step "a page to look at"
 "$bin/tvsgs-view" "$run" --out "$run/view.html"
