@@ -126,6 +126,7 @@ TEST(Docs, EveryPaperThatIsCitedIsInTheReferences) {
     EXPECT_GE(cited, 60u);
 }
 
+// But for tables, and what a program has printed.
 TEST(Docs, LinesWrapAt120) {
     for (const fs::path& page : citing_files()) {
         const bool record = page.string().find("docs/results/lab") != std::string::npos;
@@ -136,7 +137,8 @@ TEST(Docs, LinesWrapAt120) {
         int number = 0;
         for (std::string line; std::getline(lines, line);) {
             ++number;
-            if (line.starts_with("|")) continue;
+            const bool printed = line.starts_with("    ") && line.find("tvsgs") == line.npos;
+            if (line.starts_with("|") || printed) continue;
             const auto columns = std::count_if(line.begin(), line.end(), [](char c) {
                 return (static_cast<unsigned char>(c) & 0xC0) != 0x80;  // no continuation of UTF-8
             });
