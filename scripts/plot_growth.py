@@ -3,7 +3,7 @@
 
     plot_growth.py OUT.svg FILE...
 
-FILEs are what `tvsgs-bench stages --out FILE` writes (docs/performance.md, "Growth"). Runs with the same number of
+FILEs are what `tvsgs-bench stages --out FILE` writes (docs/develop/performance.md, "Growth"). Runs with the same number of
 pixels make the left plot, over splats; runs with the same number of splats the right one, over pixels.
 """
 import collections

@@ -1,4 +1,4 @@
-// tvsgs-eval dtu: the official DTU evaluation.  docs/evaluation.md
+// tvsgs-eval dtu: the official DTU evaluation.  docs/guide/evaluation.md
 #include <memory>
 #include <optional>
 

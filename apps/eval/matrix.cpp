@@ -82,7 +82,7 @@ int run_tool(const std::string& name, const Words& words) {
                 str(file, ": ", what,
                     "; expected {\"out\": DIR, \"seeds\": [0], \"scenes\": {NAME: {\"train\": "
                     "[FLAG, ...], \"mesh\": [...], \"eval\": [...]}}, \"configurations\": {NAME: "
-                    "[FLAG, ...]}} (docs/evaluation.md)"));
+                    "[FLAG, ...]}} (docs/guide/evaluation.md)"));
 }
 
 std::string filled_in(const std::string& file, const std::string& text, const Names& names) {

@@ -13,7 +13,7 @@ struct MatrixOptions {
     bool dry_run = false;             // print the commands instead
 };
 
-/// Carries out what a matrix file asks for (docs/evaluation.md) and returns its runs as
+/// Carries out what a matrix file asks for (docs/guide/evaluation.md) and returns its runs as
 /// CONFIGURATION=DIR. Finished runs are left as they are, interrupted ones resumed; one that fails
 /// is reported and left out. Throws Error(ExitCode::input) for a file that is no matrix, and
 /// Error(ExitCode::usage) when a finished run was trained with other flags.

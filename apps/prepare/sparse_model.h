@@ -1,5 +1,5 @@
 // A COLMAP model with all that its binary files hold, to be looked at, moved and written again.
-// [docs/input.md#scene-folder]
+// [docs/guide/input.md#scene-folder]
 #pragma once
 
 #include <array>

@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Exit codes of all commands (docs/commands.md).
+/// Exit codes of all commands (docs/guide/commands.md).
 enum class ExitCode {
     done = 0,
     internal = 1,

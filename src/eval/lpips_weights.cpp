@@ -54,7 +54,7 @@ public:
         if (!problems_.empty())
             throw Error(ExitCode::input,
                         str("E_LPIPS_WEIGHTS: ", path_, ": ", problems_,
-                            "; docs/evaluation.md says how to make the file from PyTorch's"));
+                            "; docs/guide/evaluation.md says how to make the file from PyTorch's"));
     }
 
 private:

@@ -1,4 +1,4 @@
-// COLMAP sparse models, binary or text, with every field checked.  [docs/input.md#checks]
+// COLMAP sparse models, binary or text, with every field checked.  [docs/guide/input.md#checks]
 #pragma once
 
 #include <cstdint>

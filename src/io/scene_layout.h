@@ -1,5 +1,5 @@
 // What the layouts of scenes have in common: cameras, images and where the rest lies.
-// [docs/input.md#other-layouts]
+// [docs/guide/input.md#other-layouts]
 #pragma once
 
 #include <map>

@@ -1,4 +1,4 @@
-// What is asked for of a scene.  [docs/input.md]
+// What is asked for of a scene.  [docs/guide/input.md]
 #pragma once
 
 #include <string>

@@ -1,4 +1,4 @@
-// From a folder of photographs with calibrated cameras to a Scene.  [docs/input.md]
+// From a folder of photographs with calibrated cameras to a Scene.  [docs/guide/input.md]
 #pragma once
 
 #include <optional>

@@ -1,4 +1,4 @@
-// Which views train and which test.  [docs/input.md#training-and-test-views]
+// Which views train and which test.  [docs/guide/input.md#training-and-test-views]
 #pragma once
 
 #include <string>

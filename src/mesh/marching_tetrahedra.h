@@ -24,7 +24,7 @@ struct TetrahedraSurface {
 };
 
 /// A 2-manifold where no face is left out. Left out are faces on an edge that is longer than the
-/// sum of its ends' radii (caps over what no splat covers [Yu24b]), and those of tetrahedra
+/// sum of its ends' radii (caps over what no splat covers [GOF]), and those of tetrahedra
 /// whose inner corners no view has seen. Edges are in order of their ends.
 TetrahedraSurface marching_tetrahedra(const std::vector<Tetrahedron>& tetrahedra,
                                       const std::vector<PointSide>& sides,

@@ -1,5 +1,5 @@
 // The surface up to which the views see through the splats, in tetrahedra between points around
-// them.  [Yu24b], docs/method/tetrahedra.md
+// them.  [GOF], docs/method/tetrahedra.md
 #pragma once
 
 #include <algorithm>

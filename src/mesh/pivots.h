@@ -11,7 +11,7 @@
 namespace tvsgs {
 
 /// Of a splat: one in front and one behind, three standard deviations along its shortest axis; or
-/// its centre and the corners of its box of three standard deviations. [Yu24b]
+/// its centre and the corners of its box of three standard deviations. [GOF]
 enum class PivotKind { pivots, corners };
 
 /// All have one entry per point.

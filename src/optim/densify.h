@@ -75,7 +75,7 @@ struct DensifyOptions {
     }
 };
 
-/// How much growth counts for each splat, 0 to 1. [docs/plan.md#growth-in-gaps]
+/// How much growth counts for each splat, 0 to 1. [docs/guide/plan.md#growth-in-gaps]
 struct GrowthWeights {
     Span<const float> open;  // [N] open_shares(), inherited; or empty: 1
     float spare_covered;

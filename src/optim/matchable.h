@@ -59,7 +59,7 @@ private:
 
 /// How far points leave open what lies around each of them, 0 to 1: the share of the pixels of a
 /// block near it, in the view where that is largest, that stereo could match, and that no block
-/// beside covers; logs how many have any. [docs/plan.md#growth-in-gaps]
+/// beside covers; logs how many have any. [docs/guide/plan.md#growth-in-gaps]
 std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks);

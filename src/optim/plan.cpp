@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
-// Thresholds; docs/plan.md has the runs behind them, and says which have none.
+// Thresholds; docs/guide/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 40;
 constexpr double kCloudForDiscs = 0.25;  // points per pixel
 constexpr double kDrift = 0.15, kColorDrift = 0.01;

@@ -1,4 +1,4 @@
-// What a scene needs, and what it does not: one look before the first step.  docs/plan.md
+// What a scene needs, and what it does not: one look before the first step.  docs/guide/plan.md
 #pragma once
 
 #include <cmath>
@@ -47,7 +47,7 @@ struct SceneLook {
 /// `masks`: only what is inside of them counts.
 SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);
 
-/// What is known of the masks before anything is decided; docs/plan.md.
+/// What is known of the masks before anything is decided; docs/guide/plan.md.
 struct MaskLook {
     int views = 0, masked = 0;  // training views; those with a mask
     int outside = 0;            // those whose mask leaves out more than what the lens did not see

@@ -1,4 +1,4 @@
-// Whether what lies far behind the scene's centre is meshed.  [docs/plan.md]
+// Whether what lies far behind the scene's centre is meshed.  [docs/guide/plan.md]
 #pragma once
 
 #include <vector>

@@ -1,4 +1,4 @@
-// --resume: the run that goes on, and from where.  docs/reliability.md
+// --resume: the run that goes on, and from where.  docs/develop/reliability.md
 #pragma once
 
 #include <optional>

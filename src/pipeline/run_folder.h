@@ -1,4 +1,4 @@
-// The folder of a run: its layout in one place.  docs/commands.md
+// The folder of a run: its layout in one place.  docs/guide/commands.md
 #pragma once
 
 #include <cstdio>

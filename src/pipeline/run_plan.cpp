@@ -77,7 +77,7 @@ std::string RunPlan::json() const {
         JsonLine entry;
         entry.add("name", d.name).add("choice", d.choice).add("reason", d.reason);
         entry.add("measured", d.measured).add("threshold", d.threshold);
-        entry.add("source", str("docs/plan.md, ", d.name));
+        entry.add("source", str("docs/guide/plan.md, ", d.name));
         entry.add_json("settings", object(d.settings)).add_json("kept", object(line.kept));
         list += str(list.empty() ? "" : ",\n  ", entry.text());
     }

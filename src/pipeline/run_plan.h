@@ -1,4 +1,4 @@
-// The plan of a run: decisions become settings where nothing else has set them.  docs/plan.md
+// The plan of a run: decisions become settings where nothing else has set them.  docs/guide/plan.md
 #pragma once
 
 #include <optional>

@@ -34,8 +34,8 @@ struct SessionInputs {
     std::function<void()> write_report;   // when all that it tells of is in the run folder
 };
 
-/// Trains, and leaves in `run` what docs/commands.md lists; its first files are there. Where the
-/// training is stopped, the splats so far and a checkpoint are saved. Throws Error, and Stopped
+/// Trains, and leaves in `run` what docs/guide/commands.md lists; its first files are there. Where
+/// the training is stopped, the splats so far and a checkpoint are saved. Throws Error, and Stopped
 /// after a signal.
 void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run);
 

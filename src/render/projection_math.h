@@ -164,7 +164,7 @@ TVSGS_HD Vec2<Real> in_image(const ProjectionJacobian<Real>& T, Vec3<Real> v) {
 
 /// T Sigma T^T with Sigma = R diag(s^2) R^T [Kerbl23, Eq. 6], from the splat's axes in the image:
 /// its determinant is a sum of squares, of their areas and lengths (Cauchy-Binet). As a difference
-/// of products it would be worth nothing for needles: see docs/stability.md.
+/// of products it would be worth nothing for needles: see docs/develop/stability.md.
 ///   R: world_from_gaussian;  s: standard deviations, world units
 template <class Real>
 TVSGS_HD ImageEllipse<Real> image_ellipse(const ProjectionJacobian<Real>& T,

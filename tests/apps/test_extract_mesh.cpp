@@ -321,7 +321,7 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
 }
 
 TEST(MeshOverlays, SetWhatTheTableSays) {
-    // docs/evaluation.md
+    // docs/guide/evaluation.md
     struct Row {
         const char* file;
         float voxel_size, truncation, depth_max, depth_step, max_angle, alpha_min;

@@ -92,7 +92,7 @@ TEST_F(PaperTables, EveryMatrixPrintsCommandsThatOurProgramsTake) {
         });
         EXPECT_EQ(run_tool(folder_, "eval", measure->substr(measure->find(' '))).code, 3);
     }
-    EXPECT_EQ(matrices, 8);
+    EXPECT_EQ(matrices, 9);
 }
 
 TEST_F(PaperTables, TheConfigurationsAreThePapers) {

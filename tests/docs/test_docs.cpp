@@ -104,6 +104,49 @@ TEST(Docs, EveryLinkLeadsSomewhere) {
     EXPECT_GE(links, 40);
 }
 
+/// What stands in brackets as a paper's key, as those of references.md.
+std::set<std::string> keys_in(const std::string& text, const std::regex& pattern) {
+    std::set<std::string> keys;
+    for (const auto& m : matches(text, pattern)) keys.insert(m.str(1));
+    return keys;
+}
+
+TEST(Docs, EveryPaperThatIsCitedIsInTheReferences) {
+    static const std::regex kEntry(R"(\n- \[([^\]]+)\] )");
+    static const std::regex kCited(
+        R"(\[([A-Z][a-z]+[0-9]{2}[a-z]?|[A-Z0-9][A-Za-z]*(?:GS|MVS)|TV-SGS|RaDe-GS|PGSR|GOF|ACMM|ACMP|MVSNet)(?:\]|, ))");
+    const std::set<std::string> entries = keys_in(contents(kSource / "docs/references.md"), kEntry);
+    EXPECT_GE(entries.size(), 40u);
+    std::size_t cited = 0;
+    for (const fs::path& file : citing_files())
+        for (const std::string& key : keys_in(contents(file), kCited)) {
+            EXPECT_TRUE(entries.contains(key)) << file << ": [" << key << "]";
+            ++cited;
+        }
+    EXPECT_GE(cited, 60u);
+}
+
+// But for tables, and what a program has printed.
+TEST(Docs, LinesWrapAt120) {
+    for (const fs::path& page : citing_files()) {
+        const bool record = page.string().find("docs/results/lab") != std::string::npos;
+        if (page.extension() != ".md" || record ||
+            page.string().find("/tests/") != std::string::npos)
+            continue;
+        std::istringstream lines(contents(page));
+        int number = 0;
+        for (std::string line; std::getline(lines, line);) {
+            ++number;
+            const bool printed = line.starts_with("    ") && line.find("tvsgs") == line.npos;
+            if (line.starts_with("|") || printed) continue;
+            const auto columns = std::count_if(line.begin(), line.end(), [](char c) {
+                return (static_cast<unsigned char>(c) & 0xC0) != 0x80;  // no continuation of UTF-8
+            });
+            EXPECT_LE(columns, 120) << page << ':' << number;
+        }
+    }
+}
+
 /// The text on one line, without the marks of comments: what is said does not go by its breaks.
 std::string unbroken(const fs::path& file) {
     std::istringstream lines(contents(file));
@@ -123,8 +166,9 @@ TEST(Docs, NothingIsCitedThatAReaderCannotOpen) {
         const std::string text = unbroken(file);
         for (const auto& m : matches(text, kElsewhere)) {
             const std::size_t at = static_cast<std::size_t>(m.position());
-            ADD_FAILURE() << file << ": '" << text.substr(at > 30 ? at - 30 : 0, 80)
-                          << "': cite a page and a heading of docs/, or a paper of README.md";
+            ADD_FAILURE()
+                << file << ": '" << text.substr(at > 30 ? at - 30 : 0, 80)
+                << "': cite a page and a heading of docs/, or a paper of docs/references.md";
         }
     }
 }

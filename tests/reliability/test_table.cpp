@@ -1,4 +1,4 @@
-// docs/reliability.md names tests: each must be there, in the folder of its program.
+// docs/develop/reliability.md names tests: each must be there, in the folder of its program.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -42,7 +42,7 @@ TEST(ReliabilityTable, EveryTestThatItNamesExists) {
     static const std::regex kNamed(R"(`(?:(test_\w+): )?(\w+)\.(\w+|\*)`)");
     const auto folders = programs();
     std::map<fs::path, std::set<std::string>> known;
-    std::istringstream lines(contents(kSource / "docs/reliability.md"));
+    std::istringstream lines(contents(kSource / "docs/develop/reliability.md"));
     int rows = 0, named = 0;
     bool cases = false;  // in their section: other tables name no tests
     for (std::string line; std::getline(lines, line);) {

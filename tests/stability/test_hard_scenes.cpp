@@ -1,5 +1,5 @@
 // Whole trainings on scenes and settings at which trainers blow up: they end finite, or with the
-// error that docs/reliability.md names.
+// error that docs/develop/reliability.md names.
 #include <cmath>
 
 #include "core/error.h"

@@ -1,5 +1,5 @@
 // Every row of the stability suite stays within its bound, on both devices, and the bounds can
-// fail. docs/stability.md
+// fail. docs/develop/stability.md
 #include <gtest/gtest.h>
 
 #include <cmath>
