@@ -1,5 +1,4 @@
-// Which pixels stereo could match, and where points leave some of them open.
-// [docs/method/masks.md#what-could-be-matched]
+// What stereo could match, and what points leave open of it.
 #pragma once
 
 #include <vector>
@@ -28,6 +27,7 @@ double median_depth(const std::vector<Sighting>& seen);
 
 /// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
 /// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
+/// [docs/method/masks.md#what-could-be-matched]
 class Matchable {
 public:
     /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not

@@ -17,7 +17,7 @@ inline constexpr float kWideAngleDeg = 37;
 /// Points of the initial cloud per pixel that stereo could match: what hangs on how far the cloud
 /// covers the views changes in proportion between these two.
 inline constexpr double kSparseCloud = 0.1, kCoveringCloud = 0.4;
-TVSGS_HD inline double covered_share(double points_per_pixel) {
+inline double covered_share(double points_per_pixel) {
     const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
     return !(share > 0) ? 0 : share < 1 ? share : 1;
 }

@@ -61,6 +61,17 @@ TEST(OpenShares, AreNoneWhereTheCloudCoversAndAllWhereItDoesNot) {
         ASSERT_NEAR(open, 0.5, 1e-6);
 }
 
+TEST(OpenShares, GoByWhatCouldBeMatched) {
+    std::vector<View> views = views_of_a_plane();
+    for (View& view : views) {  // half of each block
+        view.mask = ImageU8(200, 160, 1);
+        for (int y = 0; y < 160; ++y)
+            for (int x = 0; x < 200; ++x) view.mask.at(x, y) = x % 8 < 4 ? 255 : 0;
+    }
+    const auto points = plane_points(2, 200, [](int x, int) { return x % 8 >= 4; });
+    for (const float open : open_shares(views, points, true)) ASSERT_NEAR(open, 0.25, 1e-6);
+}
+
 TEST(OpenShares, AreThoseOfTheSplatsAroundAGap) {
     const auto points =
         plane_points(1, 200, [](int x, int y) { return x >= 80 && x < 128 && y >= 64 && y < 112; });
