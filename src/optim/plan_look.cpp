@@ -253,12 +253,12 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     look.train_views = static_cast<int>(scene.train.size());
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
-    look.exposure_drift = look.color_drift = kNone;
+    look.exposure_drift = kNone;
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),
                                [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
-    std::vector<double> pixels, matchable, per_pixel, reductions;
+    std::vector<double> pixels, matchable, per_pixel, reductions, color_drifts;
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         const View& view = scene.train[v];
         const View* const other =
@@ -287,13 +287,14 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
         per_pixel.push_back(static_cast<double>(inside) * static_cast<double>(stride) /
                             pixels.back());
         reductions.push_back(view.reduction);
-        const auto raise = [](double& largest, double drift) {
-            if (!(drift <= largest)) largest = drift;  // of none the first
-        };
         if (gains.size() < 30) continue;  // a median of fewer says little
-        raise(look.exposure_drift, std::abs(std::expm1(median(gains))));
-        if (const double drift = color_drift(colors); drift >= 0) raise(look.color_drift, drift);
+        const double drift = std::abs(std::expm1(median(gains)));
+        look.exposure_drift =
+            std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
+        if (const double colored = color_drift(colors); colored >= 0)
+            color_drifts.push_back(colored);
     }
+    look.color_drift = median(color_drifts);
     std::copy(border.color, border.color + 3, look.background);
     look.background_border = border.share;
     look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /
