@@ -96,7 +96,7 @@ Decision plan_exposure(const SceneLook& look) {
     if (!std::isnan(look.exposure_drift))
         decision.reason = str("brightness of a view where another sees the same, off by ",
                               compared(100 * look.exposure_drift, 100 * kDrift, " %"));
-    if (!std::isnan(look.color_drift))
+    if (drifts && !std::isnan(look.color_drift))
         decision.reason += str("; of its colours a matrix explains more than a gain: ",
                                compared(100 * look.color_drift, 100 * kColorDrift, " %"));
     if (matrix) {

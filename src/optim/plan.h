@@ -42,7 +42,7 @@ struct SceneLook {
         0;                   // ratio of a view's brightness to that of its nearest view - 1, where
                              // both see the same, median; the largest of the views; NaN: unknown
     double color_drift = 0;  // of the colours there, what a matrix explains better than a gain, see
-                             // color_drift(); the largest of the views; NaN: unknown
+                             // color_drift(); median of the views; NaN: unknown
 };
 /// `masks`: only what is inside of them counts.
 SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);

@@ -163,12 +163,12 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     for (const View& view : scene.train)
         if (!std::isnan(view.pose_error_px)) pose_errors.push_back(view.pose_error_px);
     look.pose_error = lower_median(pose_errors);
-    look.exposure_drift = look.color_drift = std::numeric_limits<double>::quiet_NaN();
+    look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),
                                [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
-    std::vector<double> pixels, matchable, per_pixel, reductions;
+    std::vector<double> pixels, matchable, per_pixel, reductions, color_drifts;
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         const View& view = scene.train[v];
         const View* const other =
@@ -196,13 +196,14 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
         per_pixel.push_back(static_cast<double>(inside) * static_cast<double>(stride) /
                             pixels.back());
         reductions.push_back(view.reduction);
-        const auto raise = [](double& largest, double drift) {
-            if (!(drift <= largest)) largest = drift;  // of none the first
-        };
         if (gains.size() < 30) continue;  // a median of fewer says little
-        raise(look.exposure_drift, std::abs(std::expm1(lower_median(gains))));
-        if (const double drift = color_drift(colors); drift >= 0) raise(look.color_drift, drift);
+        const double drift = std::abs(std::expm1(lower_median(gains)));
+        look.exposure_drift =
+            std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
+        if (const double colored = color_drift(colors); colored >= 0)
+            color_drifts.push_back(colored);
     }
+    look.color_drift = lower_median(color_drifts);
     std::copy(border.color, border.color + 3, look.background);
     look.background_border = border.share;
     look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /
