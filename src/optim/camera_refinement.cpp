@@ -178,6 +178,9 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
             by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
         if (options_.focal) by[n - 1] += g[6] / mean_f_;
     }
+    // Splats that lag behind the frame would push all views along; Adam would make more of it.
+    for (std::size_t g = 0; g < gauge_.size(); g += 2)
+        add_scaled(by.data(), -dot_of(gauge_[g], by.data()), gauge_[g + 1]);
     double *const x = numbers_.data(), *const m = x + n, *const v = m + n;
     const double count = ++numbers_[3 * n];
     const double correct1 = 1 - std::pow(kBeta1, count), correct2 = 1 - std::pow(kBeta2, count);
