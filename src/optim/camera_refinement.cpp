@@ -1,6 +1,7 @@
 #include "optim/camera_refinement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "core/error.h"
@@ -41,6 +42,36 @@ Vec3d vec_at(const double* x) {
     return {x[0], x[1], x[2]};
 }
 
+using Sym6 = std::array<std::array<double, 6>, 6>;
+
+/// Inner product of motions of a view: of how they move images, in the mean over its pixels and
+/// three depths about that of the scene. Of the numbers themselves it would not do: a turn and a
+/// shift that undo each other in the image are nothing.
+Sym6 image_metric(const Camera& c, double f, double depth) {
+    Sym6 H{};
+    constexpr int kSteps = 5;
+    for (const double z : {0.8 * depth, depth, 1.25 * depth})
+        for (int i = 0; i < kSteps * kSteps; ++i) {
+            const double u = ((i % kSteps + 0.5) / kSteps * c.width_px -
+                              static_cast<double>(c.cx_px)) /
+                             static_cast<double>(c.fx_px),
+                         v = ((i / kSteps + 0.5) / kSteps * c.height_px -
+                              static_cast<double>(c.cy_px)) /
+                             static_cast<double>(c.fy_px);
+            double x[6], y[6];
+            for (int k = 0; k < 6; ++k) {
+                Vec3d e{};
+                e[k % 3] = 1 / f;
+                const Vec3d by = k < 3 ? cross(e, Vec3d{u * z, v * z, z}) : depth * e;
+                x[k] = f / z * (by.x - u * by.z), y[k] = f / z * (by.y - v * by.z);
+            }
+            for (std::size_t r = 0; r < 6; ++r)
+                for (std::size_t k = 0; k < 6; ++k)
+                    H[r][k] += (x[r] * x[k] + y[r] * y[k]) / (3 * kSteps * kSteps);
+        }
+    return H;
+}
+
 void shorten(double* x, double most) {
     const double length = norm(vec_at(x));
     if (length > most)
@@ -66,6 +97,16 @@ CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& opti
 }
 
 void CameraRefinement::find_gauge() {
+    std::vector<Sym6> metrics;
+    for (std::size_t i = 0; i < given_.size(); ++i)
+        metrics.push_back(image_metric(given_[i], scale_[i].f, scale_[i].depth));
+    const auto dual = [&](const std::vector<double>& direction) {
+        std::vector<double> out(direction.size());
+        for (std::size_t at = 0; at < out.size(); ++at)
+            for (std::size_t k = 0; k < 6; ++k)
+                out[at] += metrics[at / 6][at % 6][k] * direction[at - at % 6 + k];
+        return out;
+    };
     Vec3d middle;
     for (const Camera& c : given_) middle += vec_cast<double>(camera_centre(c));
     middle = middle / static_cast<double>(given_.size());
@@ -82,20 +123,24 @@ void CameraRefinement::find_gauge() {
             for (int a = 0; a < 3; ++a)
                 direction.push_back(scale_[i].f / scale_[i].depth * shift[a]);
         }
-        const double length = std::sqrt(dot_of(direction, direction.data()));
-        for (int twice = 0; twice < 2; ++twice)
-            for (const auto& other : gauge_)
-                add_scaled(direction.data(), -dot_of(other, direction.data()), other);
-        const double rest = std::sqrt(dot_of(direction, direction.data()));
-        if (!(rest > 1e-6 * length)) continue;  // the others do it already
+        const auto length = [&] { return std::sqrt(dot_of(dual(direction), direction.data())); };
+        const auto remove_others = [&] {
+            for (std::size_t g = 0; g < gauge_.size(); g += 2)
+                add_scaled(direction.data(), -dot_of(gauge_[g + 1], direction.data()), gauge_[g]);
+        };
+        const double whole = length();
+        remove_others(), remove_others();  // once more for what rounding left
+        const double rest = length();
+        if (!(rest > 1e-6 * whole)) continue;  // the others do it already
         for (double& value : direction) value /= rest;
-        gauge_.push_back(std::move(direction));
+        std::vector<double> of_direction = dual(direction);
+        gauge_.push_back(std::move(direction)), gauge_.push_back(std::move(of_direction));
     }
 }
 
 void CameraRefinement::remove_gauge() {
-    for (const auto& direction : gauge_)
-        add_scaled(numbers_.data(), -dot_of(direction, numbers_.data()), direction);
+    for (std::size_t g = 0; g < gauge_.size(); g += 2)
+        add_scaled(numbers_.data(), -dot_of(gauge_[g + 1], numbers_.data()), gauge_[g]);
 }
 
 void CameraRefinement::keep_bounds() {
@@ -133,6 +178,9 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
             by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
         if (options_.focal) by[n - 1] += g[6] / mean_f_;
     }
+    // Splats that lag behind the frame would push all views along; Adam would make more of it.
+    for (std::size_t g = 0; g < gauge_.size(); g += 2)
+        add_scaled(by.data(), -dot_of(gauge_[g], by.data()), gauge_[g + 1]);
     double *const x = numbers_.data(), *const m = x + n, *const v = m + n;
     const double count = ++numbers_[3 * n];
     const double correct1 = 1 - std::pow(kBeta1, count), correct2 = 1 - std::pow(kBeta2, count);

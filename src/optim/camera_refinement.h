@@ -83,7 +83,7 @@ private:
     // Turn and shift of each view, px; the focal lengths' logarithm times their mean; then both
     // moments of these; then the number of steps.
     std::vector<double> numbers_;
-    std::vector<std::vector<double>> gauge_;  // orthonormal directions [6 views], at most 7
+    std::vector<std::vector<double>> gauge_;  // [6 views] directions, each before its dual
 };
 
 /// The refinement in a training on `Device`. Off: it holds nothing.

@@ -29,9 +29,9 @@ void write_refined_cameras(const std::string& run, const Scene& scene) {
     int id = 0;
     for (const View& view : scene.train) {
         const Camera& c = view.camera;
-        const Mat3<double> R = mat_cast<double>(c.camera_from_world.R);
-        const Vec3d t = vec_cast<double>(c.camera_from_world.t) - R * scene.origin;
-        const Quat<double> q = quaternion(R);
+        const Quat<double> q = quaternion(mat_cast<double>(c.camera_from_world.R));
+        // By the rotation that is written: of an origin far away rounding would be metres.
+        const Vec3d t = vec_cast<double>(c.camera_from_world.t) - rotation(q) * scene.origin;
         cameras << ++id << " PINHOLE " << c.width_px << ' ' << c.height_px << ' ' << c.fx_px << ' '
                 << c.fy_px << ' ' << c.cx_px << ' ' << c.cy_px << '\n';
         images << id << ' ' << q.w << ' ' << q.x << ' ' << q.y << ' ' << q.z << ' ' << t.x << ' '

@@ -23,18 +23,6 @@ std::vector<double> random_gradients(int views, Random& random) {
     return g;
 }
 
-/// Numbers of the motion from one camera to another, px, to first order.
-std::vector<double> motion(const Camera& from, const Camera& to, double f, double depth) {
-    const Mat3<double> R = mat_cast<double>(to.camera_from_world.R) *
-                           transpose(mat_cast<double>(from.camera_from_world.R));
-    const Vec3d turn{0.5 * (R[2][1] - R[1][2]), 0.5 * (R[0][2] - R[2][0]),
-                     0.5 * (R[1][0] - R[0][1])};
-    const Vec3d shift =
-        vec_cast<double>(to.camera_from_world.t) - R * vec_cast<double>(from.camera_from_world.t);
-    return {f * turn.x,          f * turn.y,          f * turn.z,
-            f / depth * shift.x, f / depth * shift.y, f / depth * shift.z};
-}
-
 /// The camera that sees of the world before a similarity what `camera` sees of it after.
 Camera seen_through(Camera camera, int direction, double by) {
     Rigid3d T{mat_cast<double>(camera.camera_from_world.R),
@@ -48,28 +36,38 @@ Camera seen_through(Camera camera, int direction, double by) {
     return camera;
 }
 
+/// Where a camera sees the scene's points.
+std::vector<Vec2f> images_of(const Scene& scene, const Camera& c) {
+    std::vector<Vec2f> images;
+    for (const Vec3f point : scene.points.positions) {
+        const Vec3f q = c.camera_from_world * point;
+        images.push_back({c.fx_px * q.x / q.z, c.fy_px * q.y / q.z});
+    }
+    return images;
+}
+
+/// What the views have done to the images of points is orthogonal to what similarities do.
 TEST(CameraRefinement, TheFrameStays) {
     const Scene scene = rendered_scene();
     CameraRefinement refined(scene, refining());
     Random random(3);
     for (int i = 0; i < 20; ++i) refined.step(random_gradients(3, random), 0.2);
-    double moved = 0;
-    std::vector<std::vector<double>> motions;
-    const double f = 1.275 * 40, depth = 4;  // the points' median depth is this to some percent
-    for (std::size_t i = 0; i < 3; ++i) {
-        motions.push_back(motion(scene.train[i].camera, refined.cameras()[i], f, depth));
-        for (const double x : motions.back()) moved += x * x;
-    }
-    EXPECT_GT(moved, 1);
     for (int direction = 0; direction < 7; ++direction) {
-        double along = 0, size = 0;
+        double along = 0, by_step = 0, by_frame = 0;
         for (std::size_t i = 0; i < 3; ++i) {
             const Camera& c = scene.train[i].camera;
-            const auto by = motion(c, seen_through(c, direction, 1e-3), f, depth);
-            for (std::size_t k = 0; k < 6; ++k)
-                along += by[k] * motions[i][k], size += by[k] * by[k];
+            const auto was = images_of(scene, c), is = images_of(scene, refined.cameras()[i]),
+                       frame = images_of(scene, seen_through(c, direction, 1e-2));
+            for (std::size_t p = 0; p < was.size(); ++p) {
+                const Vec2f a = is[p] - was[p], b = frame[p] - was[p];
+                along += static_cast<double>(dot(a, b));
+                by_step += static_cast<double>(dot(a, a)),
+                    by_frame += static_cast<double>(dot(b, b));
+            }
         }
-        EXPECT_LT(std::abs(along) / std::sqrt(size), 0.06 * std::sqrt(moved)) << direction;
+        EXPECT_GT(by_step, 1);
+        // The points are no even grid of pixels.
+        EXPECT_LT(std::abs(along), 0.15 * std::sqrt(by_step * by_frame)) << direction;
     }
 }
 

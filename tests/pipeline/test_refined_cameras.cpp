@@ -35,11 +35,12 @@ TEST_F(RefinedCameras, AreReadAsTheyWereWritten) {
         Scene written = scene_of(64, 48, origin);
         for (View& view : written.train)
             view.camera.camera_from_world.t.x += 0.03f, view.camera.fx_px *= 1.01f;
-        write_refined_cameras(folder.string(), written);
+        const std::string run = (folder / str(norm(origin))).string();
+        write_refined_cameras(run, written);
         for (const int times : {1, 2}) {
             Scene read = scene_of(64 * times, 48 * times, origin);
             read.test = read.train;
-            adopt_refined_cameras(folder.string(), read);
+            adopt_refined_cameras(run, read);
             for (std::size_t i = 0; i < 2; ++i) {
                 const Camera &is = read.train[i].camera, &given = read.test[i].camera;
                 expect_near(is, written.train[i].camera, static_cast<float>(times));
