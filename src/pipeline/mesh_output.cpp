@@ -75,6 +75,8 @@ MeshTexture texture_of(const TriangleMesh& mesh,
         "parts or unseen, {} places where views meet levelled",
         texture.image.width, texture.image.height, report.charts, report.views_used, report.scale,
         report.tiles, report.seams);
+    for (const StageTime& stage : report.stages)
+        spdlog::debug("texture: {:.2f} s for {}", stage.seconds, stage.name);
     return texture;
 }
 
