@@ -366,20 +366,91 @@ TEST(Texture, FitsIntoItsSide) {
     EXPECT_GT(psnr(on_surface(many, shared, 1)), 28) << "in 32 steps";
 }
 
+/// More views than a face keeps, some faces in parts, some unseen.
 TEST(Texture, DoesNotDependOnThreads) {
-    TriangleMesh fine = cube(48), mesh = cube(24);
+    TriangleMesh fine = cube(24), mesh = cube(16);
+    // Of the larger plate the smaller one hides a part from everywhere.
+    for (const TriangleMesh& plate :
+         {test::square({-0.8, -0.8, 1.2}, 1.6, 1), test::square({-0.2, -0.2, 1.3}, 0.4, 4)}) {
+        const int first = static_cast<int>(mesh.vertices.size());
+        for (const Vec3i f : plate.faces)
+            mesh.faces.push_back({f.x + first, f.y + first, f.z + first});
+        mesh.vertices.insert(mesh.vertices.end(), plate.vertices.begin(), plate.vertices.end());
+    }
     paint(fine, truth), paint(mesh, truth);
-    const std::vector<View> views = photographs(fine, cameras_around(5));
+    std::vector<Camera> cameras = cameras_around(28);
+    std::erase_if(cameras, [](const Camera& c) { return camera_centre(c).z < -1; });
+    const std::vector<View> views = photographs(fine, cameras);
+    EXPECT_GT(views.size(), 16u);
     const int before = omp_get_max_threads();
-    omp_set_num_threads(1);
-    const MeshTexture one = make_texture(mesh, views);
-    omp_set_num_threads(4);
-    const MeshTexture four = make_texture(mesh, views);
+    std::vector<MeshTexture> textures;
+    for (const int threads : {1, 2, 3}) {
+        omp_set_num_threads(threads);
+        TextureReport report;
+        textures.push_back(make_texture(mesh, views, {}, &report));
+        EXPECT_GT(report.tiles, report.unseen);
+        EXPECT_GT(report.unseen, 0);
+        EXPECT_GT(report.charts, 5);
+    }
     omp_set_num_threads(before);
-    EXPECT_EQ(one.image.pixels, four.image.pixels);
-    ASSERT_EQ(one.places.size(), four.places.size());
-    for (std::size_t i = 0; i < one.places.size(); ++i)
-        EXPECT_TRUE(one.places[i].x == four.places[i].x && one.places[i].y == four.places[i].y);
+    const MeshTexture& one = textures[0];
+    for (const MeshTexture& other : {textures[1], textures[2]}) {
+        EXPECT_EQ(one.image.pixels, other.image.pixels);
+        ASSERT_EQ(one.places.size(), other.places.size());
+        for (std::size_t i = 0; i < one.places.size(); ++i)
+            EXPECT_TRUE(one.places[i].x == other.places[i].x &&
+                        one.places[i].y == other.places[i].y);
+        for (std::size_t f = 0; f < one.faces.size(); ++f)
+            for (int c = 0; c < 3; ++c) ASSERT_EQ(one.faces[f][c], other.faces[f][c]);
+    }
+}
+
+/// A glare that moves with the view is in one of four photographs, the one that shows its faces
+/// best. All four together say a part of it.
+TEST(Texture, FollowsWhatAllViewsSay) {
+    TriangleMesh plain = test::square({-1, -1, 0}, 2, 96), mesh = test::square({-1, -1, 0}, 2, 24);
+    const auto grey = [](Vec3d) { return Vec3f{0.4f, 0.4f, 0.4f}; };
+    paint(plain, grey);
+    std::vector<Camera> cameras;
+    for (const Vec3d from : {Vec3d{0, 0, 3}, {0.9, 0, 3.2}, {-0.9, 0, 3.2}})
+        cameras.push_back(test::look_at_origin(from, kSize));
+    std::vector<View> views = photographs(plain, cameras);
+    const double glare = 0.2;
+    for (int y = 0; y < kSize; ++y)
+        for (int x = 0; x < kSize; ++x) {
+            const double d2 = (x - 63.5) * (x - 63.5) + (y - 63.5) * (y - 63.5);
+            for (int c = 0; c < 3; ++c) {
+                std::uint8_t& p = views[0].photo.at(x, y, c);
+                if (p > 90) p = static_cast<std::uint8_t>(p + 255 * glare * std::exp(-d2 / 450));
+            }
+        }
+    double most = 0;
+    for (const SurfacePoint& p : on_surface(mesh, make_texture(mesh, views), 2))
+        if (norm(p.point) < 0.1) most = std::max(most, double{p.color.x} - 0.4);
+    // The mean by quality, of about equal ones, and a blur of 8 pixels.
+    EXPECT_GT(most, 0.03);
+    EXPECT_LT(most, 0.1) << "the view alone says 0.2";
+}
+
+/// Something that one photograph has before its edge of the surface, as where outlines of mesh and
+/// photograph differ, does not colour the whole chart.
+TEST(Texture, StepsAtSeamsStayThere) {
+    TriangleMesh plain = test::square({-1, -1, 0}, 2, 96), mesh = test::square({-1, -1, 0}, 2, 24);
+    paint(plain, [](Vec3d) { return Vec3f{0.4f, 0.4f, 0.4f}; });
+    std::vector<Camera> cameras;
+    for (const Vec3d from : {Vec3d{-1.5, 0, 2.5}, {1.5, 0, 2.5}})
+        cameras.push_back(test::look_at_origin(from, kSize));
+    std::vector<View> views = photographs(plain, cameras);
+    for (int y = 62; y < 66; ++y)  // a bright line where the two charts meet
+        for (int x = 0; x < kSize; ++x)
+            for (int c = 0; c < 3; ++c) views[0].photo.at(x, y, c) = 255;
+    double sum = 0;
+    int count = 0;
+    for (const SurfacePoint& p : on_surface(mesh, make_texture(mesh, views), 2))
+        if (std::abs(p.point.x) > 0.4 && std::abs(p.point.x) < 0.9 && std::abs(p.point.y) < 0.9)
+            sum += std::abs(double{p.color.x} - 0.4), ++count;
+    EXPECT_GT(count, 100);
+    EXPECT_LT(sum / count, 0.01);
 }
 
 TEST(Texture, OddMeshes) {
