@@ -16,10 +16,9 @@ constexpr double kMostGain = 4;
 constexpr int kMostCompared = 20000;  // faces, spread over the mesh
 constexpr int kMostPartners = 8;      // of a view of a face
 
-template <class T>
-T median_of(std::vector<T>& values) {
-    const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-    std::nth_element(values.begin(), middle, values.end());
+float median_of(Span<float> values) {
+    float* const middle = values.data + values.count / 2;
+    std::nth_element(values.data, middle, values.data + values.count);
     return *middle;
 }
 
@@ -30,12 +29,13 @@ struct Bounds {
 
     explicit Bounds(Span<const Candidate> of) {
         if (of.count < 4) return;
-        std::vector<float> values(of.count);
+        float numbers[kMostCandidates];
+        const Span<float> values{numbers, std::min(of.count, kMostCandidates)};
         for (int c = 0; c < 3; ++c) {
-            for (std::size_t i = 0; i < of.count; ++i) values[i] = of[i].color[c];
+            for (std::size_t i = 0; i < values.count; ++i) values[i] = of[i].color[c];
             middle[c] = median_of(values);
         }
-        for (std::size_t i = 0; i < of.count; ++i) values[i] = norm(of[i].color - middle);
+        for (std::size_t i = 0; i < values.count; ++i) values[i] = norm(of[i].color - middle);
         // 1.4826: of the median to the deviation of normal errors.
         limit = kOutlier * std::max(1.4826 * double{median_of(values)}, kLeastDeviation);
     }
@@ -72,7 +72,7 @@ void level_exposures(Candidates& candidates, std::vector<PhotoView>& views) {
         for (int c = 0; c < 3; ++c) {
             std::vector<float> values;
             for (const Vec3f ratio : list) values.push_back(ratio[c]);
-            const double median = double{median_of(values)};
+            const double median = double{median_of({values.data(), values.size()})};
             b(i, c) -= weight * median, b(j, c) += weight * median;
         }
     }

@@ -17,7 +17,6 @@ constexpr double kSampleStep_px = 3;       // between the places of a face that 
 constexpr int kMostSamples = 256;          // along a side of a face
 constexpr float kEdgeShare = 0.1f;         // of the quality where something in front is close
 constexpr int kFacesPerTask = 1024;
-constexpr std::size_t kMostCandidates = 16;  // of a face, and views between two looks at that
 constexpr std::size_t kKeptPixels = std::size_t{1} << 27;  // of depth, 512 MB
 
 Vec3f bilinear(const ImageU8& image, double u, double v) {

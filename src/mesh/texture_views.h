@@ -77,7 +77,9 @@ struct Candidate {
     Vec3f color;    // mean, times the gain
 };
 
-/// Those of each face: of face f `all[begin[f]]` to `all[begin[f + 1]]`, by view, the 16 best.
+inline constexpr std::size_t kMostCandidates = 16;  // of a face: the best
+
+/// Those of each face: of face f `all[begin[f]]` to `all[begin[f + 1]]`, by view.
 struct Candidates {
     std::vector<std::size_t> begin;
     std::vector<Candidate> all;
