@@ -185,6 +185,9 @@ int command(int argc, char** argv) {
     if (mesh.faces.empty())
         throw Error(ExitCode::numerical,
                     str(arguments.out, ": not written, as the mesh is empty: ", why_empty));
+    if (mesh_format(arguments.out) == MeshFormat::glb)
+        require_glb_room(arguments.out, mesh.vertices.size(), mesh.faces.size(),
+                         texture_side(options.mesh_output) > 0);
     const MeshTexture texture =
         texture_of(mesh, scene.train, options.mesh_output, options.mesh.masks, arguments.out);
     write_mesh(arguments.out, mesh, texture,

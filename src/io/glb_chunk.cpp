@@ -26,30 +26,35 @@ json list_of(json element) {
     return list;
 }
 
-int Chunk::add_view(std::size_t begin, int target) {
+int Chunk::add_view(std::size_t begin, int target, int stride) {
     json view{{"buffer", 0}, {"byteOffset", begin}, {"byteLength", bytes.size() - begin}};
     if (target != 0) view["target"] = target;
+    if (stride != 0) view["byteStride"] = stride;
     views.push_back(std::move(view));
     bytes.resize((bytes.size() + 3) / 4 * 4, '\0');
     return static_cast<int>(views.size()) - 1;
 }
 
-int Chunk::add_accessor(int view, ComponentType component, const char* type, std::size_t count) {
+int Chunk::add_accessor(
+    int view, ComponentType component, const char* type, std::size_t count, std::size_t offset) {
     accessors.push_back(
         {{"bufferView", view}, {"componentType", component}, {"type", type}, {"count", count}});
+    if (offset != 0) accessors.back()["byteOffset"] = offset;
     return static_cast<int>(accessors.size()) - 1;
 }
 
-int Chunk::add_positions(std::size_t begin, std::size_t count) {
+int Chunk::add_positions(int view, std::size_t count, std::size_t offset) {
     constexpr float kMost = std::numeric_limits<float>::max();
     Vec3f lower{kMost, kMost, kMost}, upper = -lower;
+    const std::size_t begin =
+        views[static_cast<std::size_t>(view)]["byteOffset"].get<std::size_t>() + offset;
     for (std::size_t i = 0; i < count; ++i) {
         Vec3f p;
         std::memcpy(&p, &bytes[begin + i * sizeof p], sizeof p);
         for (int a = 0; a < 3; ++a)
             lower[a] = std::min(lower[a], p[a]), upper[a] = std::max(upper[a], p[a]);
     }
-    const int accessor = add_accessor(add_view(begin, kVertexTarget), f32, "VEC3", count);
+    const int accessor = add_accessor(view, f32, "VEC3", count, offset);
     accessors.back()["min"] = {lower.x, lower.y, lower.z};
     accessors.back()["max"] = {upper.x, upper.y, upper.z};
     return accessor;

@@ -31,11 +31,17 @@ struct Chunk {
     std::string bytes;
     nlohmann::json views = nlohmann::json::array(), accessors = nlohmann::json::array();
 
-    /// A view of what has been put since `begin`; `target` 0: none.
-    int add_view(std::size_t begin, int target);
-    int add_accessor(int view, ComponentType component, const char* type, std::size_t count);
+    /// A view of what has been put since `begin`; `target` 0: none. `stride`: bytes from one
+    /// element to the next, for views of several accessors.
+    int add_view(std::size_t begin, int target, int stride = 0);
+    /// `offset`: bytes from the beginning of the view.
+    int add_accessor(int view,
+                     ComponentType component,
+                     const char* type,
+                     std::size_t count,
+                     std::size_t offset = 0);
     /// Of vectors of floats, with the bounds that glTF wants of positions.
-    int add_positions(std::size_t begin, std::size_t count);
+    int add_positions(int view, std::size_t count, std::size_t offset = 0);
 };
 
 /// sRGB to linear light in 16 bits, as 8 would show bands in the dark.

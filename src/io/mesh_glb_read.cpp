@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 #include <optional>
 #include <tuple>
 #include <utility>
@@ -197,39 +198,36 @@ private:
         return decoded_.second.empty() ? nullptr : &decoded_.second;
     }
 
-    /// The copies behind the vertices of our meshes: the same number, bit by bit, is one vertex.
+    /// Vertices of our meshes at the same place, bit by bit, are copies of one. They are numbered
+    /// as they come.
     void join_copies() {
-        const std::uint64_t own = whole(member(member(doc_, "asset"), "extras"), "vertices", 0);
-        if (own >= out_.positions.size()) return;
-        const auto before = [](Vec3d a, Vec3d b) {
-            return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+        std::vector<int> order(out_.positions.size());
+        std::iota(order.begin(), order.end(), 0);
+        const auto key = [&](int i) {
+            const Vec3d& p = out_.positions[i];
+            return std::tie(p.x, p.y, p.z);
         };
-        std::vector<std::pair<Vec3d, int>> sorted;
-        for (std::size_t i = 0; i < own; ++i)
-            sorted.emplace_back(out_.positions[i], static_cast<int>(i));
-        const auto first = [&](const auto& a, const auto& b) {
-            return before(a.first, b.first) || (!before(b.first, a.first) && a.second < b.second);
-        };
-        for (const auto& [p, i] : sorted)
+        for (const Vec3d p : out_.positions)
             if (!is_finite(p)) return;
-        std::sort(sorted.begin(), sorted.end(), first);
-        std::vector<int> joined(out_.positions.size());
+        std::sort(order.begin(), order.end(),
+                  [&](int a, int b) { return key(a) < key(b) || (!(key(b) < key(a)) && a < b); });
+        std::vector<int> joined(order.size());
+        for (std::size_t k = 0; k < order.size(); ++k)  // to the first of each place
+            joined[order[k]] =
+                k > 0 && key(order[k]) == key(order[k - 1]) ? joined[order[k - 1]] : order[k];
+        int count = 0;
         for (std::size_t i = 0; i < joined.size(); ++i) {
-            joined[i] = static_cast<int>(i);
-            if (i < own) continue;
-            const Vec3d p = out_.positions[i];
-            const auto at =
-                std::lower_bound(sorted.begin(), sorted.end(), p,
-                                 [&](const auto& a, Vec3d b) { return before(a.first, b); });
-            if (at == sorted.end() ||
-                !(at->first.x == p.x && at->first.y == p.y && at->first.z == p.z))
-                return;  // somebody has changed the file
-            joined[i] = at->second;
+            const bool first = joined[i] == static_cast<int>(i);
+            if (first) {
+                out_.positions[count] = out_.positions[i];
+                if (!out_.colors.empty()) out_.colors[count] = out_.colors[i];
+            }
+            joined[i] = first ? count++ : joined[joined[i]];
         }
         for (Vec3i& face : out_.faces)
             for (int c = 0; c < 3; ++c) face[c] = joined[face[c]];
-        out_.positions.resize(own);
-        if (!out_.colors.empty()) out_.colors.resize(own);
+        out_.positions.resize(static_cast<std::size_t>(count));
+        if (!out_.colors.empty()) out_.colors.resize(static_cast<std::size_t>(count));
     }
 
     const bool want_colors_;

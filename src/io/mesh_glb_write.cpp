@@ -1,3 +1,5 @@
+#include <limits>
+
 #include "core/error.h"
 #include "core/version.h"
 #include "io/glb_chunk.h"
@@ -9,99 +11,139 @@ namespace {
 using glb::Chunk, glb::list_of, glb::put;
 using json = nlohmann::json;
 
-/// The vertices of the file: those of the mesh, in their order, then copies of them, as a vertex
-/// has one place in the texture.
-struct Layout {
-    std::vector<int> copied;    // of the vertices beyond those of the mesh: the vertex
-    std::vector<int> of_place;  // the vertex of the file that has this place
+constexpr const char* kInstead =
+    "name a .ply, or make a coarser mesh (--error, --faces, --voxel-size)";
+constexpr std::size_t kMostVertices = 65535;  // of a part; 16-bit indices, 65535 is none
+constexpr std::size_t kPositionBytes = 12, kNormalBytes = 12, kPlaceBytes = 8, kColorBytes = 8;
+
+/// A part of the mesh that 16-bit indices reach, a primitive. Its vertices are those of the mesh,
+/// each with one place in the texture.
+struct Part {
+    std::vector<int> vertices, places;  // of the mesh; of the texture, empty without one
+    std::vector<std::uint16_t> corners;
 };
 
-Layout lay_out(const std::string& path, const TriangleMesh& mesh, const MeshTexture& texture) {
-    Layout out;
-    const int count = static_cast<int>(mesh.vertices.size());
-    out.of_place.assign(texture.places.size(), -1);
-    std::vector<char> taken(mesh.vertices.size(), 0);
-    for (std::size_t f = 0; f < texture.faces.size(); ++f)
+std::vector<Part> parts_of(const std::string& path,
+                           const TriangleMesh& mesh,
+                           const MeshTexture& texture) {
+    const bool textured = !texture.empty();
+    const std::size_t keys = textured ? texture.places.size() : mesh.vertices.size();
+    std::vector<int> vertex_of(keys, -1), part_of(keys, -1);
+    std::vector<std::uint16_t> number(keys);
+    std::vector<Part> parts;
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        const Vec3i face = textured ? texture.faces[f] : mesh.faces[f];
+        const auto is_new = [&](int key) {
+            return part_of.at(static_cast<std::size_t>(key)) != static_cast<int>(parts.size()) - 1;
+        };
+        const auto more =
+            static_cast<std::size_t>(is_new(face.x) + is_new(face.y) + is_new(face.z));
+        if (parts.empty() || parts.back().vertices.size() + more > kMostVertices)
+            parts.emplace_back();
+        Part& part = parts.back();
         for (int c = 0; c < 3; ++c) {
-            const int vertex = mesh.faces[f][c];
-            int& of_place = out.of_place.at(static_cast<std::size_t>(texture.faces[f][c]));
-            if (of_place < 0) {
-                of_place = taken[vertex] ? count + static_cast<int>(out.copied.size()) : vertex;
-                if (taken[vertex]) out.copied.push_back(vertex);
-                taken[vertex] = 1;
-            }
-            const int found = of_place < count ? of_place : out.copied[of_place - count];
-            if (found != vertex)
+            const int key = face[c], vertex = mesh.faces[f][c];
+            if (vertex_of[key] >= 0 && vertex_of[key] != vertex)
                 throw Error(ExitCode::internal,
                             str(path, ": not written: a place in the texture has two vertices, ",
-                                found, " and ", vertex));
+                                vertex_of[key], " and ", vertex));
+            if (is_new(key)) {
+                vertex_of[key] = vertex, part_of[key] = static_cast<int>(parts.size()) - 1;
+                number[key] = static_cast<std::uint16_t>(part.vertices.size());
+                part.vertices.push_back(vertex);
+                if (textured) part.places.push_back(key);
+            }
+            part.corners.push_back(number[key]);
         }
-    return out;
+    }
+    return parts;
 }
 
-template <class T, class Action>
-void for_each_vertex(const std::vector<T>& values, const Layout& layout, const Action& action) {
-    for (const T& value : values) action(value);
-    for (const int vertex : layout.copied) action(values[vertex]);
-}
+/// One array of the file, of all parts.
+struct Array {
+    int view = 0;
+    std::size_t size;      // bytes of an element
+    std::size_t done = 0;  // elements of parts before
 
-int put_positions(Chunk& chunk, const TriangleMesh& mesh, const Layout& layout) {
+    std::size_t next(std::size_t count) {  // where those of a part begin
+        const std::size_t offset = done * size;
+        done += count;
+        return offset;
+    }
+};
+
+/// put_one(vertex) for the vertices of all parts, put_place(place) for their places.
+template <class Put>
+Array put_array(Chunk& chunk,
+                const std::vector<Part>& parts,
+                std::vector<int> Part::*which,
+                std::size_t size,
+                const Put& put_one) {
+    Array array{0, size};
     const std::size_t begin = chunk.bytes.size();
-    for_each_vertex(mesh.vertices, layout, [&](Vec3f v) { put(chunk.bytes, v); });
-    return chunk.add_positions(begin, mesh.vertices.size() + layout.copied.size());
+    for (const Part& part : parts)
+        for (const int i : part.*which) put_one(i);
+    array.view = chunk.add_view(begin, glb::kVertexTarget, static_cast<int>(size));
+    return array;
 }
 
-int put_normals(Chunk& chunk, const TriangleMesh& mesh, const Layout& layout) {
-    const std::size_t begin = chunk.bytes.size();
-    for_each_vertex(vertex_normals(mesh), layout, [&](Vec3f n) {
-        put(chunk.bytes, norm(n) > 0.5f ? n : Vec3f{0, 0, 1});  // unused vertices have none
-    });
-    const int view = chunk.add_view(begin, glb::kVertexTarget);
-    return chunk.add_accessor(view, glb::f32, "VEC3", mesh.vertices.size() + layout.copied.size());
-}
-
-int put_places(Chunk& chunk,
+json put_parts(Chunk& chunk,
+               const std::vector<Part>& parts,
                const TriangleMesh& mesh,
                const MeshTexture& texture,
-               const Layout& layout) {
-    std::vector<Vec2f> places(mesh.vertices.size() + layout.copied.size());
-    for (std::size_t i = 0; i < texture.places.size(); ++i)
-        if (layout.of_place[i] >= 0) places[layout.of_place[i]] = texture.places[i];
+               bool with_normals) {
+    const bool textured = !texture.empty(), colored = !textured && !mesh.colors.empty();
+    std::size_t vertices = 0, corners = 0;
+    for (const Part& part : parts) vertices += part.vertices.size(), corners += part.corners.size();
+    chunk.bytes.reserve(chunk.bytes.size() + 2 * corners + 40 * vertices);
+    Array positions = put_array(chunk, parts, &Part::vertices, kPositionBytes,
+                                [&](int v) { put(chunk.bytes, mesh.vertices[v]); });
+    Array normals{0, kNormalBytes}, places{0, kPlaceBytes}, colors{0, kColorBytes}, indices{0, 2};
+    if (with_normals)
+        normals = put_array(
+            chunk, parts, &Part::vertices, kNormalBytes,
+            [&, of_vertices = vertex_normals(mesh)](int v) {
+                const Vec3f n = of_vertices[v];
+                put(chunk.bytes, norm(n) > 0.5f ? n : Vec3f{0, 0, 1});  // of no area: none
+            });
+    if (textured)
+        places = put_array(chunk, parts, &Part::places, kPlaceBytes, [&](int p) {
+            put(chunk.bytes, texture.places[p].x), put(chunk.bytes, texture.places[p].y);
+        });
+    if (colored)
+        colors = put_array(chunk, parts, &Part::vertices, kColorBytes, [&](int v) {
+            for (int c = 0; c < 3; ++c) put(chunk.bytes, glb::linear_u16(mesh.colors[v][c]));
+            put(chunk.bytes, std::uint16_t{65535});  // opaque; three would not be aligned
+        });
     const std::size_t begin = chunk.bytes.size();
-    for (const Vec2f place : places) put(chunk.bytes, place.x), put(chunk.bytes, place.y);
-    return chunk.add_accessor(chunk.add_view(begin, glb::kVertexTarget), glb::f32, "VEC2",
-                              places.size());
-}
+    for (const Part& part : parts)
+        for (const std::uint16_t corner : part.corners) put(chunk.bytes, corner);
+    indices.view = chunk.add_view(begin, glb::kIndexTarget);
 
-int put_colors(Chunk& chunk, const TriangleMesh& mesh) {
-    const std::size_t begin = chunk.bytes.size();
-    for (const Vec3f color : mesh.colors) {
-        for (int c = 0; c < 3; ++c) put(chunk.bytes, glb::linear_u16(color[c]));
-        put(chunk.bytes, std::uint16_t{65535});  // opaque; three would not be aligned
-    }
-    const int accessor = chunk.add_accessor(chunk.add_view(begin, glb::kVertexTarget), glb::u16,
-                                            "VEC4", mesh.colors.size());
-    chunk.accessors.back()["normalized"] = true;
-    return accessor;
-}
-
-int put_indices(Chunk& chunk,
-                const TriangleMesh& mesh,
-                const MeshTexture& texture,
-                const Layout& layout) {
-    const bool narrow = mesh.vertices.size() + layout.copied.size() <= 65535;
-    const std::size_t begin = chunk.bytes.size();
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-        for (int c = 0; c < 3; ++c) {
-            const int vertex =
-                texture.empty() ? mesh.faces[f][c] : layout.of_place[texture.faces[f][c]];
-            if (narrow)
-                put(chunk.bytes, static_cast<std::uint16_t>(vertex));
-            else
-                put(chunk.bytes, static_cast<std::uint32_t>(vertex));
+    json primitives = json::array();
+    for (const Part& part : parts) {
+        const std::size_t count = part.vertices.size();
+        json attributes{
+            {"POSITION", chunk.add_positions(positions.view, count, positions.next(count))}};
+        const auto add = [&](const char* name, Array& array, glb::ComponentType component,
+                             const char* type) {
+            attributes[name] =
+                chunk.add_accessor(array.view, component, type, count, array.next(count));
+        };
+        if (with_normals) add("NORMAL", normals, glb::f32, "VEC3");
+        if (textured) add("TEXCOORD_0", places, glb::f32, "VEC2");
+        if (colored) {
+            add("COLOR_0", colors, glb::u16, "VEC4");
+            chunk.accessors.back()["normalized"] = true;
         }
-    return chunk.add_accessor(chunk.add_view(begin, glb::kIndexTarget),
-                              narrow ? glb::u16 : glb::u32, "SCALAR", 3 * mesh.faces.size());
+        const int index = chunk.add_accessor(indices.view, glb::u16, "SCALAR", part.corners.size(),
+                                             indices.next(part.corners.size()));
+        primitives.push_back({{"attributes", std::move(attributes)},
+                              {"indices", index},
+                              {"material", 0},
+                              {"mode", glb::kTriangles}});
+    }
+    return primitives;
 }
 
 const char* mime_type(TextureFormat format) {
@@ -136,7 +178,7 @@ std::string glb_bytes(const std::string& path,
                       const TriangleMesh& mesh,
                       const MeshTexture& texture,
                       const MeshFileOptions& options) {
-    const Layout layout = lay_out(path, mesh, texture);
+    require_glb_room(path, mesh.vertices.size(), mesh.faces.size(), !texture.empty());
     const Vec3d o = options.origin;
     json doc{{"asset",
               {{"version", "2.0"},
@@ -156,25 +198,29 @@ std::string glb_bytes(const std::string& path,
     }
     Chunk chunk;
     if (!mesh.faces.empty()) {
-        json attributes{{"POSITION", put_positions(chunk, mesh, layout)},
-                        {"NORMAL", put_normals(chunk, mesh, layout)}};
-        if (!texture.empty())
-            attributes["TEXCOORD_0"] = put_places(chunk, mesh, texture, layout);
-        else if (!mesh.colors.empty())
-            attributes["COLOR_0"] = put_colors(chunk, mesh);
-        const int indices = put_indices(chunk, mesh, texture, layout);
-        json primitive{{"attributes", std::move(attributes)},
-                       {"indices", indices},
-                       {"material", 0},
-                       {"mode", glb::kTriangles}};
-        doc["meshes"] = list_of({{"primitives", list_of(std::move(primitive))}});
+        json primitives =
+            put_parts(chunk, parts_of(path, mesh, texture), mesh, texture, options.normals);
+        doc["meshes"] = list_of({{"primitives", std::move(primitives)}});
         json node{{"mesh", 0}, {"name", "mesh"}};
         glb::set_turn(node, options.upright_from_scene);
         doc["nodes"] = list_of(std::move(node));
         doc["scenes"] = list_of({{"nodes", list_of(0)}});
         if (!texture.empty()) put_texture(chunk, doc, texture, options.texture_format);
     }
-    return glb::file_bytes(path, doc, chunk, "name a .ply, or make a coarser mesh");
+    return glb::file_bytes(path, doc, chunk, kInstead);
+}
+
+void require_glb_room(const std::string& path,
+                      std::size_t vertices,
+                      std::size_t faces,
+                      bool textured) {
+    const std::uint64_t bytes =
+        6 * std::uint64_t{faces} +
+        std::uint64_t{vertices} * (kPositionBytes + (textured ? kPlaceBytes : 0));
+    if (bytes > std::numeric_limits<std::uint32_t>::max())
+        throw Error(ExitCode::input,
+                    str(path, ": not written: ", faces, " faces and ", vertices, " vertices take ",
+                        bytes, " bytes, and a GLB has at most 2^32; ", kInstead));
 }
 
 }  // namespace tvsgs

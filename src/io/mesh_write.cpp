@@ -1,6 +1,8 @@
 #include <zlib.h>
 
+#include <cctype>
 #include <charconv>
+#include <cstring>
 #include <filesystem>
 #include <memory>
 
@@ -122,9 +124,15 @@ std::optional<MeshFormat> mesh_format(const std::string& path) {
 
 std::vector<std::string> mesh_files(const std::string& path, bool textured, TextureFormat format) {
     if (!textured || mesh_format(path) != MeshFormat::obj) return {path};
-    // The preview of a mesh has the name mesh.png.
-    const std::string stem = fs::path(path).replace_extension().string();
-    return {stem + "_texture" + extension_of(format), stem + ".mtl", path};
+    // Readers of OBJ end names at blanks, and lines at '#'; the mesh calls these two by name. The
+    // preview of a mesh has the name mesh.png.
+    std::string stem = fs::path(path).stem().string();
+    for (char& c : stem)
+        if (std::isspace(static_cast<unsigned char>(c)) ||
+            std::iscntrl(static_cast<unsigned char>(c)) || std::strchr("#\\\"'", c))
+            c = '_';
+    const std::string beside = (fs::path(path).parent_path() / stem).string();
+    return {beside + "_texture" + extension_of(format), beside + ".mtl", path};
 }
 
 void require_texture_format(const std::string& path, TextureFormat format) {

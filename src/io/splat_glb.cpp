@@ -138,10 +138,11 @@ std::string splat_glb_bytes(const std::string& path,
     const auto add = [&](const std::string& name, const char* type, const auto& put_splat) {
         const std::size_t begin = chunk.bytes.size();
         for (std::size_t i = 0; i < count; ++i) put_splat(i);
-        attributes[name] = name == "POSITION"
-                               ? chunk.add_positions(begin, count)
-                               : chunk.add_accessor(chunk.add_view(begin, glb::kVertexTarget),
-                                                    glb::f32, type, count);
+        attributes[name] =
+            name == "POSITION"
+                ? chunk.add_positions(chunk.add_view(begin, glb::kVertexTarget), count)
+                : chunk.add_accessor(chunk.add_view(begin, glb::kVertexTarget), glb::f32, type,
+                                     count);
     };
     add("POSITION", "VEC3", [&](std::size_t i) { put(chunk.bytes, turn(g.means[i])); });
     add(attribute("ROTATION"), "VEC4", [&](std::size_t i) {

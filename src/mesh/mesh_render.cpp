@@ -2,125 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <utility>
 
 #include "core/parallel.h"
+#include "mesh/mesh_raster.h"
 
 namespace tvsgs {
 namespace {
-
-constexpr int kBandRows = 8;  // rows of one parallel task
-
-/// One sample grid: what is in front at each sample, as face and barycentric coordinates.
-struct Hits {
-    int width, height;
-    std::vector<int> face;      // -1: none
-    std::vector<float> depth;   // z-depth
-    std::vector<Vec2f> weight;  // of the second and third vertex
-};
-
-/// First and past-the-last column and row that the face can touch.
-struct Box {
-    int x0 = 0, x1 = 0, y0 = 0, y1 = 0;
-};
-
-int clamp_index(double value, int size) {
-    return static_cast<int>(std::clamp(value, 0.0, static_cast<double>(size)));
-}
-
-Box face_box(const Camera& camera, const Vec3d (&v)[3]) {
-    const double nearest = std::min({v[0].z, v[1].z, v[2].z});
-    const double farthest = std::max({v[0].z, v[1].z, v[2].z});
-    if (!(farthest > 0)) return {};
-    // Vertices behind the camera have no image; such faces are rare and may be anywhere.
-    if (!(nearest > 1e-6 * farthest)) return {0, camera.width_px, 0, camera.height_px};
-    double min_x = 1e30, max_x = -1e30, min_y = 1e30, max_y = -1e30;
-    for (const Vec3d& p : v) {
-        const double x = camera.fx_px * p.x / p.z + camera.cx_px,
-                     y = camera.fy_px * p.y / p.z + camera.cy_px;
-        min_x = std::min(min_x, x), max_x = std::max(max_x, x);
-        min_y = std::min(min_y, y), max_y = std::max(max_y, y);
-    }
-    // Pixel centres; rounding may not lose one.
-    constexpr double kMargin = 1e-3;
-    const auto first = [](double low, int size) {
-        return clamp_index(std::ceil(low - 0.5 - kMargin), size);
-    };
-    const auto past = [](double high, int size) {
-        return clamp_index(std::floor(high + 0.5 + kMargin), size);
-    };
-    return {first(min_x, camera.width_px), past(max_x, camera.width_px),
-            first(min_y, camera.height_px), past(max_y, camera.height_px)};
-}
-
-/// Draws the part of a face inside `box`. The ray d through a sample meets the plane of the
-/// vertices v at sum(b v) = z d with b ~ (d.(v1 x v2), d.(v2 x v0), d.(v0 x v1)):
-/// perspective-correct without clipping, and two faces see their common edge with exactly opposite
-/// signs, so nothing leaks.
-void draw_face(const Camera& camera, const Vec3d (&v)[3], int face, Box box, Hits& hits) {
-    const Vec3d edges[3] = {cross(v[1], v[2]), cross(v[2], v[0]), cross(v[0], v[1])};
-    const double volume = dot(v[0], edges[0]);
-    if (volume == 0 || !std::isfinite(volume)) return;  // seen edge-on, or without area
-    for (int y = box.y0; y < box.y1; ++y) {
-        const double ray_y = (y + 0.5 - static_cast<double>(camera.cy_px)) / camera.fy_px;
-        for (int x = box.x0; x < box.x1; ++x) {
-            const Vec3d ray{(x + 0.5 - static_cast<double>(camera.cx_px)) / camera.fx_px, ray_y, 1};
-            const double b0 = dot(ray, edges[0]), b1 = dot(ray, edges[1]), b2 = dot(ray, edges[2]);
-            const bool inside = (b0 >= 0 && b1 >= 0 && b2 >= 0) || (b0 <= 0 && b1 <= 0 && b2 <= 0);
-            if (!inside) continue;
-            const double sum = b0 + b1 + b2;
-            const auto depth = static_cast<float>(volume / sum);
-            const std::size_t i = static_cast<std::size_t>(y) * hits.width + x;
-            if (!(depth > 0) || !(depth < hits.depth[i])) continue;
-            hits.depth[i] = depth;
-            hits.face[i] = face;
-            hits.weight[i] = {static_cast<float>(b1 / sum), static_cast<float>(b2 / sum)};
-        }
-    }
-}
-
-Hits find_hits(const TriangleMesh& mesh, const Camera& camera) {
-    Hits hits{camera.width_px, camera.height_px, {}, {}, {}};
-    const std::size_t samples = static_cast<std::size_t>(hits.width) * hits.height;
-    hits.face.assign(samples, -1);
-    hits.depth.assign(samples, 1e30f);
-    hits.weight.resize(samples);
-
-    const int face_count = static_cast<int>(mesh.faces.size());
-    const Rigid3d camera_from_world{mat_cast<double>(camera.camera_from_world.R),
-                                    vec_cast<double>(camera.camera_from_world.t)};
-    const auto corners = [&](int face, Vec3d(&v)[3]) {
-        for (int c = 0; c < 3; ++c)
-            v[c] = camera_from_world * vec_cast<double>(mesh.vertices[mesh.faces[face][c]]);
-    };
-    std::vector<Box> boxes(mesh.faces.size());
-    parallel_for(Cpu{}, face_count, [&](int f) {
-        Vec3d v[3];
-        corners(f, v);
-        boxes[f] = face_box(camera, v);
-    });
-
-    // Faces of each band in index order: of two faces at the same depth the first wins, always.
-    const int bands = (hits.height + kBandRows - 1) / kBandRows;
-    std::vector<std::vector<int>> faces_of_band(bands);
-    for (int f = 0; f < face_count; ++f) {
-        const Box& box = boxes[f];
-        if (box.x0 >= box.x1 || box.y0 >= box.y1) continue;
-        for (int band = box.y0 / kBandRows; band <= (box.y1 - 1) / kBandRows; ++band)
-            faces_of_band[band].push_back(f);
-    }
-    parallel_for_heavy(Cpu{}, bands, [&](int band) {
-        for (const int f : faces_of_band[band]) {
-            Vec3d v[3];
-            corners(f, v);
-            Box box = boxes[f];
-            box.y0 = std::max(box.y0, band * kBandRows);
-            box.y1 = std::min(box.y1, (band + 1) * kBandRows);
-            draw_face(camera, v, f, box, hits);
-        }
-    });
-    return hits;
-}
 
 /// Vertex attribute at a hit.
 Vec3f interpolate(const TriangleMesh& mesh,
@@ -192,10 +79,12 @@ ImageF box_filter(const ImageF& image, int n) {
 }
 
 ImageF render_depth(const TriangleMesh& mesh, const Camera& camera) {
-    const Hits hits = find_hits(mesh, camera);
-    ImageF depth(hits.width, hits.height, 1);
-    for (std::size_t i = 0; i < depth.pixels.size(); ++i)
-        if (hits.face[i] >= 0) depth.pixels[i] = hits.depth[i];
+    ImageF depth(camera.width_px, camera.height_px, 0);
+    depth.channels = 1, depth.pixels = find_hits(mesh, camera, HitParts::depth).depth;
+    parallel_for_heavy(Cpu{}, depth.height, [&](int y) {
+        for (int x = 0; x < depth.width; ++x)
+            if (depth.at(x, y) == Hits::kNoDepth) depth.at(x, y) = 0;
+    });
     return depth;
 }
 

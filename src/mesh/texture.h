@@ -6,6 +6,7 @@
 
 #include "core/mesh.h"
 #include "core/scene.h"
+#include "core/stage_clock.h"
 
 namespace tvsgs {
 
@@ -22,6 +23,7 @@ struct TextureReport {
     int unseen = 0;      // of these: those that no view shows any part of
     int seams = 0;       // places that were compared along edges between views
     double scale = 1;    // texels per pixel of the photographs
+    std::vector<StageTime> stages;
 };
 
 /// Colours of the surface from the photographs of `views` (those without one, photo empty, are left

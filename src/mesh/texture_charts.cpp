@@ -48,7 +48,7 @@ std::vector<Chart> charts_of(const TriangleMesh& mesh,
 
 Tile tile_of(const TriangleMesh& mesh, int face, float pixel) {
     Tile tile;
-    tile.face = face, tile.seen = pixel > 0;
+    tile.face = face, tile.seen = pixel > 0, tile.finest = double{pixel};
     const FaceShape shape(mesh, face);
     double longest = -1;
     for (int c = 0; c < 3; ++c)

@@ -30,6 +30,7 @@ struct Tile {
     int face = 0;
     bool seen = false;  // views show parts of it; else the colours of its vertices
     double length = 0;  // of its longest edge, in pixels
+    double finest = 0;  // world units per pixel of the view that sees it best; 0: none
     int first = 0;      // the corner of the face from which that edge goes
     Vec2<double> corners[3];
     Rect rect;

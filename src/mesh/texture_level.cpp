@@ -3,6 +3,9 @@
 #include <Eigen/Sparse>
 #include <algorithm>
 #include <cmath>
+#include <optional>
+
+#include "core/parallel.h"
 
 namespace tvsgs::texture {
 namespace {
@@ -10,7 +13,8 @@ namespace {
 constexpr double kSpacing_px = 8;
 constexpr int kMostValues = 200000;  // of all charts: beyond, the spacing doubles
 constexpr double kSmoothness = 0.1;  // of differences beside steps
-constexpr double kDamping = 1e-4;    // of values: the whole keeps its brightness
+constexpr double kAgreement = 0.1;   // of a pixel's difference from what all views say
+constexpr double kDamping = 1e-4;    // of values where no face says anything
 constexpr double kPlaceStep_px = 2;  // along an edge
 
 /// Where a correction is read: four values and their weights.
@@ -85,6 +89,107 @@ struct Unknowns {
     }
 };
 
+/// What the views say of a face together, by quality, beside what its own view says; `pixels` of
+/// the latter.
+struct Difference {
+    Vec3d color;
+    double pixels = 0;
+
+    Difference(const Candidates& candidates, const FaceShape& shape, int face, int view) {
+        Vec3d sum;
+        double weights = 0;
+        Vec3f own;
+        for (const Candidate& c : candidates.of(face)) {
+            const double weight = std::max(double{c.quality}, 1e-30);
+            sum += weight * vec_cast<double>(c.color), weights += weight;
+            if (c.view == view) own = c.color, pixels = shape.area / (double{c.pixel} * c.pixel);
+        }
+        if (pixels > 0) color = sum / weights - vec_cast<double>(own);
+    }
+};
+
+/// Of one chart, at each of its values.
+struct Wanted {
+    std::vector<double> weights;
+    std::vector<Vec3d> sums;
+
+    Wanted(const TriangleMesh& mesh,
+           const Candidates& candidates,
+           const PhotoView& view,
+           const Chart& chart,
+           const Correction& grid)
+        : weights(grid.values.size(), 0), sums(grid.values.size()) {
+        for (const int f : chart.faces) {
+            const FaceShape shape(mesh, f);
+            const Difference difference(candidates, shape, f, chart.view);
+            const Projection at = view.project(shape.centre);
+            const Weights w = weights_at(grid, at.u, at.v);
+            for (int j = 0; j < 4; ++j) {
+                const double weight = kAgreement * difference.pixels * w.weight[j];
+                weights[w.index[j]] += weight, sums[w.index[j]] += weight * difference.color;
+            }
+        }
+    }
+};
+
+/// One place on an edge between two charts, as either shows it.
+struct SeamPlace {
+    int index[8];  // of unknowns
+    double weight[8];
+    Vec3f step;
+};
+
+/// Places along all edges between charts.
+std::vector<SeamPlace> seam_places(const TriangleMesh& mesh,
+                                   const std::vector<PhotoView>& views,
+                                   const std::vector<Chart>& charts,
+                                   const std::vector<SharedEdge>& edges,
+                                   const Unknowns& unknowns) {
+    std::vector<int> chart_of(mesh.faces.size(), -1);
+    for (std::size_t k = 0; k < charts.size(); ++k)
+        for (const int f : charts[k].faces) chart_of[f] = static_cast<int>(k);
+    struct Seam {
+        int sides[2], count;  // charts; places
+        Vec3d from, to;
+        std::size_t first;
+    };
+    std::vector<Seam> seams;
+    std::size_t total = 0;
+    for (const SharedEdge& edge : edges) {
+        const int one = chart_of[edge.faces[0]], other = chart_of[edge.faces[1]];
+        if (one < 0 || other < 0 || one == other) continue;
+        const Vec3d from = vec_cast<double>(mesh.vertices[edge.vertices[0]]),
+                    to = vec_cast<double>(mesh.vertices[edge.vertices[1]]);
+        const PhotoView& view = views[charts[one].view];
+        const Projection p = view.project(from), q = view.project(to);
+        const int n = static_cast<int>(
+            std::clamp(std::ceil(std::hypot(p.u - q.u, p.v - q.v) / kPlaceStep_px), 1.0, 1000.0));
+        seams.push_back({{one, other}, n, from, to, total});
+        total += static_cast<std::size_t>(n);
+    }
+    std::vector<SeamPlace> out(total);
+    parallel_for(Cpu{}, static_cast<int>(seams.size()), [&](int e) {
+        const Seam& seam = seams[e];
+        for (int i = 0; i < seam.count; ++i) {
+            const Vec3d point = seam.from + (i + 0.5) / seam.count * (seam.to - seam.from);
+            SeamPlace& place = out[seam.first + static_cast<std::size_t>(i)];
+            for (int s = 0; s < 2; ++s) {
+                const int k = seam.sides[s];
+                const PhotoView& view = views[charts[k].view];
+                const Projection at = view.project(point);
+                const Weights w = weights_at(unknowns.grids[k], at.u, at.v);
+                for (int j = 0; j < 4; ++j) {
+                    place.index[4 * s + j] = unknowns.numbers[k][w.index[j]];
+                    place.weight[4 * s + j] = s == 0 ? w.weight[j] : -w.weight[j];
+                }
+                const Vec3f color = view.color(at.u, at.v, 3);
+                place.step += s == 0 ? color : -color;
+            }
+        }
+    });
+    return out;
+}
+
 }  // namespace
 
 Vec3f Correction::at(double u, double v) const {
@@ -96,6 +201,7 @@ Vec3f Correction::at(double u, double v) const {
 
 std::vector<Correction> level_seams(const TriangleMesh& mesh,
                                     const std::vector<PhotoView>& views,
+                                    const Candidates& candidates,
                                     const std::vector<Chart>& charts,
                                     const std::vector<SharedEdge>& edges,
                                     int& compared) {
@@ -106,10 +212,14 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
     while (unknowns.count > kMostValues && spacing < 1e4)
         unknowns = Unknowns(mesh, views, charts, spacing *= 2);
 
-    using Triplet = Eigen::Triplet<double>;
-    std::vector<Triplet> entries;
+    std::vector<Eigen::Triplet<double>> entries;
     Eigen::MatrixXd b = Eigen::MatrixXd::Zero(unknowns.count, 3);
-    // 1. Neighbouring values alike, none far from 0.
+    // 1. As bright as all views say, and neighbouring values alike.
+    std::vector<std::optional<Wanted>> wanted(charts.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(charts.size()), [&](int k) {
+        const Chart& chart = charts[k];
+        wanted[k].emplace(mesh, candidates, views[chart.view], chart, unknowns.grids[k]);
+    });
     for (std::size_t k = 0; k < charts.size(); ++k) {
         const Correction& grid = unknowns.grids[k];
         const std::vector<int>& number = unknowns.numbers[k];
@@ -117,7 +227,8 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
             for (int x = 0; x < grid.columns; ++x) {
                 const int i = y * grid.columns + x, a = number[i];
                 if (a < 0) continue;
-                entries.emplace_back(a, a, kDamping);
+                entries.emplace_back(a, a, kDamping + wanted[k]->weights[i]);
+                for (int c = 0; c < 3; ++c) b(a, c) += wanted[k]->sums[i][c];
                 for (const int j : {x + 1 < grid.columns ? i + 1 : -1,
                                     y + 1 < grid.rows ? i + grid.columns : -1}) {
                     if (j < 0 || number[j] < 0) continue;
@@ -129,44 +240,18 @@ std::vector<Correction> level_seams(const TriangleMesh& mesh,
             }
     }
     // 2. The same colour on both sides of an edge.
-    std::vector<int> chart_of(mesh.faces.size(), -1);
-    for (std::size_t k = 0; k < charts.size(); ++k)
-        for (const int f : charts[k].faces) chart_of[f] = static_cast<int>(k);
-    for (const SharedEdge& edge : edges) {
-        const int sides[2] = {chart_of[edge.faces[0]], chart_of[edge.faces[1]]};
-        if (sides[0] < 0 || sides[1] < 0 || sides[0] == sides[1]) continue;
-        const PhotoView* const pair[2] = {&views[charts[sides[0]].view],
-                                          &views[charts[sides[1]].view]};
-        const Vec3d from = vec_cast<double>(mesh.vertices[edge.vertices[0]]),
-                    to = vec_cast<double>(mesh.vertices[edge.vertices[1]]);
-        const Projection p = pair[0]->project(from), q = pair[0]->project(to);
-        const int n = static_cast<int>(
-            std::clamp(std::ceil(std::hypot(p.u - q.u, p.v - q.v) / kPlaceStep_px), 1.0, 1000.0));
-        for (int i = 0; i < n; ++i) {
-            const Vec3d point = from + (i + 0.5) / n * (to - from);
-            int index[8];
-            double weight[8];
-            Vec3f step;
-            for (int s = 0; s < 2; ++s) {
-                const Projection at = pair[s]->project(point);
-                const Weights w = weights_at(unknowns.grids[sides[s]], at.u, at.v);
-                for (int j = 0; j < 4; ++j) {
-                    index[4 * s + j] = unknowns.numbers[sides[s]][w.index[j]];
-                    weight[4 * s + j] = s == 0 ? w.weight[j] : -w.weight[j];
-                }
-                const Vec3f color = pair[s]->color(at.u, at.v, 3);
-                step += s == 0 ? color : -color;
-            }
-            for (int j = 0; j < 8; ++j) {
-                if (weight[j] == 0) continue;
-                for (int c = 0; c < 3; ++c) b(index[j], c) -= weight[j] * double{step[c]};
-                for (int l = 0; l < 8; ++l)
-                    if (index[l] <= index[j] && weight[l] != 0)
-                        entries.emplace_back(index[j], index[l], weight[j] * weight[l]);
-            }
-            ++compared;
+    const std::vector<SeamPlace> places = seam_places(mesh, views, charts, edges, unknowns);
+    for (const SeamPlace& place : places)
+        for (int j = 0; j < 8; ++j) {
+            if (place.weight[j] == 0) continue;
+            for (int c = 0; c < 3; ++c)
+                b(place.index[j], c) -= place.weight[j] * double{place.step[c]};
+            for (int l = 0; l < 8; ++l)
+                if (place.index[l] <= place.index[j] && place.weight[l] != 0)
+                    entries.emplace_back(place.index[j], place.index[l],
+                                         place.weight[j] * place.weight[l]);
         }
-    }
+    compared = static_cast<int>(places.size());
     Eigen::SparseMatrix<double> A(unknowns.count, unknowns.count);
     A.setFromTriplets(entries.begin(), entries.end());
     const Eigen::SimplicialLDLT<Eigen::SparseMatrix<double>, Eigen::Lower> solver(A);

@@ -17,11 +17,12 @@ struct Correction {
     Vec3f at(double u, double v) const;
 };
 
-/// One per chart: least squares of the steps along all edges between charts, after correction, and
-/// of the differences of neighbouring values.  [docs/method/texture.md#seams] `compared`: places
-/// along edges.
+/// One per chart: least squares of the steps along all edges between charts, after correction, of
+/// what its faces then differ from what all views say of them, and of the differences of
+/// neighbouring values.  [docs/method/texture.md#seams] `compared`: places along edges.
 std::vector<Correction> level_seams(const TriangleMesh& mesh,
                                     const std::vector<PhotoView>& views,
+                                    const Candidates& candidates,
                                     const std::vector<Chart>& charts,
                                     const std::vector<SharedEdge>& edges,
                                     int& compared);

@@ -75,6 +75,8 @@ MeshTexture texture_of(const TriangleMesh& mesh,
         "parts or unseen, {} places where views meet levelled",
         texture.image.width, texture.image.height, report.charts, report.views_used, report.scale,
         report.tiles, report.seams);
+    for (const StageTime& stage : report.stages)
+        spdlog::debug("texture: {:.2f} s for {}", stage.seconds, stage.name);
     return texture;
 }
 
@@ -83,6 +85,7 @@ MeshFileOptions file_options(const MeshOutputOptions& options,
                              Vec3d origin) {
     MeshFileOptions out;
     out.texture_format = options.texture_format, out.origin = origin;
+    out.normals = options.normals;
     if (!options.keep_axes) out.upright_from_scene = upright_from_scene(detail::cameras_of(views));
     return out;
 }

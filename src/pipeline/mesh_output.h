@@ -12,7 +12,7 @@ namespace tvsgs {
 struct MeshOutputOptions {
     std::string texture = "auto";
     TextureFormat texture_format = TextureFormat::jpeg;
-    bool keep_axes = false;
+    bool keep_axes = false, normals = false;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -22,6 +22,8 @@ struct MeshOutputOptions {
         field.choice("texture_format", texture_format, {"jpg", "png", "webp"},
                      "of the picture in or beside the mesh");
         field("keep_axes", keep_axes, "GLB: the scene's own axes, not turned to stand upright");
+        field("normals", normals,
+              "GLB: with normals of the vertices, for programs that light the mesh");
     }
 };
 

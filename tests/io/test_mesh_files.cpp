@@ -94,14 +94,17 @@ struct Glb {
     std::vector<T> numbers(const json& accessor_index, int component) const {
         const json& accessor = doc["accessors"][accessor_index.get<std::size_t>()];
         EXPECT_EQ(accessor["componentType"], component);
-        const std::string bytes = view(accessor["bufferView"]);
-        std::vector<T> out(bytes.size() / sizeof(T));
-        std::memcpy(out.data(), bytes.data(), out.size() * sizeof(T));
+        const std::string bytes =
+            view(accessor["bufferView"]).substr(accessor.value("byteOffset", std::size_t{0}));
         const std::size_t width = accessor["type"] == "SCALAR" ? 1
                                   : accessor["type"] == "VEC2" ? 2
                                   : accessor["type"] == "VEC3" ? 3
                                                                : 4;
-        out.resize(accessor["count"].get<std::size_t>() * width);
+        const json& of = doc["bufferViews"][accessor["bufferView"].get<std::size_t>()];
+        EXPECT_EQ(of.value("byteStride", width * sizeof(T)), width * sizeof(T));
+        std::vector<T> out(accessor["count"].get<std::size_t>() * width);
+        EXPECT_LE(out.size() * sizeof(T), bytes.size());
+        std::memcpy(out.data(), bytes.data(), std::min(bytes.size(), out.size() * sizeof(T)));
         return out;
     }
     const json& primitive() const { return doc["meshes"][0]["primitives"][0]; }
@@ -111,7 +114,8 @@ TEST_F(MeshFiles, WhatIsInATexturedGlb) {
     const TriangleMesh mesh = two_triangles();
     const MeshTexture texture = texture_of(mesh);
     const Mat3<double> R = some_turn();
-    write_mesh(at("a.glb"), mesh, texture, {.origin = {5e5, 4e6, 7}, .upright_from_scene = R});
+    write_mesh(at("a.glb"), mesh, texture,
+               {.origin = {5e5, 4e6, 7}, .normals = true, .upright_from_scene = R});
     const Glb glb(read_bytes(at("a.glb")));
     EXPECT_EQ(glb.doc["asset"]["version"], "2.0");
     EXPECT_TRUE(glb.doc["asset"]["generator"].get<std::string>().starts_with("tvsgs "));
@@ -132,14 +136,9 @@ TEST_F(MeshFiles, WhatIsInATexturedGlb) {
     const auto normals = glb.numbers<float>(primitive["attributes"]["NORMAL"], 5126);
     const auto places = glb.numbers<float>(primitive["attributes"]["TEXCOORD_0"], 5126);
     const auto indices = glb.numbers<std::uint16_t>(primitive["indices"], 5123);
-    // The vertices in their order, then copies: of 2 and 1 in the second, 1 and 3 in the third
-    // face.
-    ASSERT_EQ(positions.size(), 3u * 10);
+    ASSERT_EQ(positions.size(), 3u * 9) << "a vertex for each place in the texture";
     ASSERT_EQ(normals.size(), positions.size());
-    ASSERT_EQ(places.size(), 2u * 10);
-    for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
-        for (int a = 0; a < 3; ++a)
-            EXPECT_EQ(positions[3 * i + static_cast<std::size_t>(a)], mesh.vertices[i][a]);
+    ASSERT_EQ(places.size(), 2u * 9);
     Vec3f lower = mesh.vertices[0], upper = lower;
     for (std::size_t i = 0; i < positions.size(); ++i) {
         const int a = static_cast<int>(i % 3);
@@ -152,8 +151,8 @@ TEST_F(MeshFiles, WhatIsInATexturedGlb) {
     for (std::size_t i = 0; i < normals.size(); i += 3)
         EXPECT_NEAR(std::hypot(normals[i], normals[i + 1], normals[i + 2]), 1, 1e-6);
     const std::vector<Vec3f> expected = vertex_normals(mesh);
-    EXPECT_EQ(normals[3 * 3 + 2], expected[3].z);
     ASSERT_EQ(indices.size(), 9u);
+    EXPECT_EQ(normals[std::size_t{3} * indices[5] + 2], expected[3].z);
     for (std::size_t k = 0; k < 9; ++k) {
         const int corner = static_cast<int>(k % 3);
         const Vec3f v = mesh.vertices[mesh.faces[k / 3][corner]];
@@ -216,14 +215,16 @@ TEST_F(MeshFiles, ColoursOfVerticesAreLinearInAGlb) {
     const json& attributes = glb.primitive()["attributes"];
     EXPECT_FALSE(attributes.contains("TEXCOORD_0"));
     const auto colors = glb.numbers<std::uint16_t>(attributes["COLOR_0"], 5123);
-    ASSERT_EQ(colors.size(), 4 * mesh.vertices.size());
+    EXPECT_FALSE(attributes.contains("NORMAL")) << "the material is unlit";
+    ASSERT_EQ(colors.size(), 4u * 5) << "a vertex that no face has is not in the file";
     EXPECT_EQ(glb.doc["accessors"][attributes["COLOR_0"].get<std::size_t>()]["normalized"], true);
     EXPECT_EQ(colors[0], 65535);
     EXPECT_EQ(colors[1], 0);
     EXPECT_NEAR(colors[4 * 3], 0.21404 * 65535, 1) << "half of sRGB is a fifth of the light";
     EXPECT_EQ(colors[4 * 3 + 3], 65535) << "opaque";
     const PlyContents back = read_mesh(at("a.glb"));
-    for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
+    ASSERT_EQ(back.points.colors.size(), 4u) << "of two at one place the first";
+    for (std::size_t i = 0; i < 4; ++i)
         EXPECT_LT(norm(back.points.colors[i] - mesh.colors[i]), 1e-3);
 }
 
@@ -242,26 +243,25 @@ TEST_F(MeshFiles, AllFormatsAreReadAsTheSameMesh) {
                 SCOPED_TRACE(str(name, textured ? " textured" : "", " from ", origin.x));
                 write_mesh(at(name), mesh, texture, options);
                 const PlyGeometry found = read_mesh_geometry(at(name));
-                ASSERT_EQ(found.positions.size(), mesh.vertices.size());
-                for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
-                    for (int a = 0; a < 3; ++a) {
-                        const double p = found.positions[i][a], q = expected.positions[i][a];
-                        // Near 0 an OBJ has the shortest text of a float, which is not its double.
-                        if (mesh_format(name) == MeshFormat::obj && origin.x == 0)
-                            EXPECT_EQ(static_cast<float>(p), static_cast<float>(q)) << i;
-                        else
-                            EXPECT_EQ(p, q) << i;
-                    }
-                ASSERT_EQ(found.faces.size(), 3u);
-                // A vertex at the place of another has been written as a copy of either.
-                for (std::size_t f = 0; f < 3; ++f)
-                    for (int c = 0; c < 3; ++c)
-                        EXPECT_EQ(norm(mesh.vertices[found.faces[f][c]] -
-                                       mesh.vertices[mesh.faces[f][c]]),
-                                  0);
+                // A GLB has what faces need, and what lies at one place once.
+                ASSERT_EQ(found.positions.size(),
+                          mesh_format(name) == MeshFormat::glb ? 4 : mesh.vertices.size());
                 const PlyContents local = read_mesh(at(name), origin);
-                for (std::size_t i = 0; i < mesh.vertices.size(); ++i)
-                    EXPECT_LT(norm(local.points.positions[i] - mesh.vertices[i]), 1e-9);
+                ASSERT_EQ(found.faces.size(), mesh.faces.size());
+                for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+                    for (int c = 0; c < 3; ++c) {
+                        const Vec3d p = found.positions[found.faces[f][c]],
+                                    q = expected.positions[mesh.faces[f][c]];
+                        for (int a = 0; a < 3; ++a)
+                            // Near 0 an OBJ has the shortest text of a float, not its double.
+                            if (mesh_format(name) == MeshFormat::obj && origin.x == 0)
+                                EXPECT_EQ(static_cast<float>(p[a]), static_cast<float>(q[a])) << f;
+                            else
+                                EXPECT_EQ(p[a], q[a]) << f;
+                        EXPECT_LT(norm(local.points.positions[local.faces[f][c]] -
+                                       mesh.vertices[mesh.faces[f][c]]),
+                                  1e-9);
+                    }
             }
         }
 }
@@ -276,7 +276,7 @@ TEST_F(MeshFiles, ATexturedGlbGivesItsColoursToVertices) {
     texture.faces = {{0, 1, 2}};
     write_mesh(at("a.glb"), mesh, texture, {.texture_format = TextureFormat::png});
     const PlyContents back = read_mesh(at("a.glb"));
-    ASSERT_EQ(back.points.colors.size(), mesh.vertices.size());
+    ASSERT_EQ(back.points.colors.size(), 3u);
     EXPECT_EQ(back.points.colors[0].x, 1);
     EXPECT_EQ(back.points.colors[1].x, 0);
 }
@@ -377,19 +377,76 @@ TEST_F(MeshFiles, NothingIsLeftOfWhatDoesNotFit) {
     expect_error(ExitCode::io, "/dev/full", [&] { write_mesh("/dev/full", mesh, texture); });
 }
 
-TEST_F(MeshFiles, WideIndicesFrom65536Vertices) {
-    for (const int vertices : {65535, 65536}) {
-        TriangleMesh mesh;
-        for (int i = 0; i < vertices; ++i)
-            mesh.vertices.push_back({static_cast<float>(i), static_cast<float>(i % 7), 0});
-        mesh.faces = {{0, 1, vertices - 1}};
-        write_mesh(at("a.glb"), mesh);
-        const Glb glb(read_bytes(at("a.glb")));
-        const json& indices = glb.doc["accessors"][glb.primitive()["indices"].get<std::size_t>()];
-        EXPECT_EQ(indices["componentType"], vertices == 65535 ? 5123 : 5125)
-            << "65535 begins a new strip";
-        EXPECT_EQ(read_mesh_geometry(at("a.glb")).faces.at(0).z, vertices - 1);
+/// A strip of triangles, each with the next; places of its own for every `chart` of them.
+TEST_F(MeshFiles, LargeMeshesAreInPartsOf16BitIndices) {
+    const int vertices = 150000, chart = 1000;
+    TriangleMesh mesh;
+    MeshTexture texture;
+    texture.image = ImageU8(16, 16, 3, 100);
+    for (int i = 0; i < vertices; ++i)
+        mesh.vertices.push_back({static_cast<float>(i), static_cast<float>(i % 7), 0});
+    for (int i = 0; i + 2 < vertices; ++i) {
+        mesh.faces.push_back({i, i + 1, i + 2});
+        if (i % chart == 0) texture.places.insert(texture.places.end(), 2, {0.1f, 0.2f});
+        const float u = static_cast<float>(i % chart) / static_cast<float>(chart);
+        texture.places.push_back({u, 0.5f});
+        const int last = static_cast<int>(texture.places.size()) - 1;
+        texture.faces.push_back({last - 2, last - 1, last});
     }
+    for (const bool textured : {false, true}) {
+        write_mesh(at("a.glb"), mesh, textured ? texture : MeshTexture{});
+        const Glb glb(read_bytes(at("a.glb")));
+        const json& primitives = glb.doc["meshes"][0]["primitives"];
+        EXPECT_EQ(primitives.size(), 3u);
+        std::size_t face = 0, all_vertices = 0;
+        for (const json& primitive : primitives) {
+            const json& attributes = primitive["attributes"];
+            const auto positions = glb.numbers<float>(attributes["POSITION"], 5126);
+            const auto indices = glb.numbers<std::uint16_t>(primitive["indices"], 5123);
+            const auto places = textured ? glb.numbers<float>(attributes["TEXCOORD_0"], 5126)
+                                         : std::vector<float>{};
+            EXPECT_LE(positions.size(), 3u * 65535) << "index 65535 begins a new strip";
+            all_vertices += positions.size() / 3;
+            for (std::size_t k = 0; k < indices.size(); ++k) {
+                const int corner = static_cast<int>(k % 3);
+                const std::size_t i = indices[k], f = face + k / 3;
+                ASSERT_LT(i, positions.size() / 3);
+                ASSERT_EQ(positions[3 * i], mesh.vertices[mesh.faces[f][corner]].x) << f;
+                if (textured) {
+                    ASSERT_EQ(places[2 * i], texture.places[texture.faces[f][corner]].x) << f;
+                }
+            }
+            face += indices.size() / 3;
+        }
+        EXPECT_EQ(face, mesh.faces.size());
+        EXPECT_LE(all_vertices, (textured ? texture.places.size() : mesh.vertices.size()) + 2 * 2);
+        const PlyGeometry back = read_mesh_geometry(at("a.glb"));
+        ASSERT_EQ(back.positions.size(), mesh.vertices.size());
+        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+            for (int c = 0; c < 3; ++c) ASSERT_EQ(back.faces[f][c], mesh.faces[f][c]) << f;
+    }
+}
+
+TEST_F(MeshFiles, WhatNoGlbHoldsIsRefused) {
+    EXPECT_NO_THROW(require_glb_room("a.glb", 100000000, 200000000, true));
+    expect_error(ExitCode::input, "a GLB has at most 2^32; name a .ply, or make a coarser mesh",
+                 [&] { require_glb_room("a.glb", 160000000, 200000000, true); });
+    EXPECT_NO_THROW(require_glb_room("a.glb", 160000000, 200000000, false));
+    expect_error(ExitCode::input, "a.glb: not written: 800000000 faces",
+                 [&] { require_glb_room("a.glb", 1, 800000000, false); });
+}
+
+/// Readers of OBJ take a blank for the end of a name.
+TEST_F(MeshFiles, ObjsWithBlanksInTheirNames) {
+    const TriangleMesh mesh = two_triangles();
+    write_mesh(at("my #1 mesh.obj"), mesh, texture_of(mesh));
+    EXPECT_NE(read_bytes(at("my #1 mesh.obj")).find("\nmtllib my__1_mesh.mtl\n"),
+              std::string::npos);
+    EXPECT_NE(read_bytes(at("my__1_mesh.mtl")).find("\nmap_Kd my__1_mesh_texture.jpg\n"),
+              std::string::npos);
+    EXPECT_EQ(read_image(at("my__1_mesh_texture.jpg")).width, 32);
+    EXPECT_EQ(read_mesh_geometry(at("my #1 mesh.obj")).faces.size(), 3u);
+    EXPECT_EQ(mesh_files(at("my #1 mesh.obj"), false, TextureFormat::jpeg).size(), 1u);
 }
 
 TEST_F(MeshFiles, AMeshWithoutFacesIsAnEmptyScene) {
