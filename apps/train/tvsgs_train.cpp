@@ -220,11 +220,9 @@ void say_what_is_trained(const Scene& scene, const DeviceChoice& device, const M
 }
 
 /// A run without a report has what was asked for.
-void report_if_possible(const std::string& run,
-                        const Scene& scene,
-                        const std::optional<Truth>& truth) {
+void report_if_possible(const std::string& run, const Scene& scene) {
     try {
-        write_report(run, scene.test, truth, scene.origin);
+        write_report(run, scene);
         spdlog::info("{}/report.html: report", run);
     } catch (const Error& error) {
         spdlog::warn("{}; there is no report (tvsgs-eval report --run {})", error.what(), run);
@@ -278,7 +276,7 @@ int command(int argc, char** argv) {
     log_resume(resume, changed, run);
     run.save_cameras(scene);
     say_what_is_trained(scene, device, memory);
-    const auto report = [&] { report_if_possible(run.path(), scene, truth); };
+    const auto report = [&] { report_if_possible(run.path(), scene); };
     run_session(device,
                 {.scene = scene,
                  .training = training,

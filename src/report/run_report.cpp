@@ -16,16 +16,12 @@ void make_report(const std::string& run, const std::string& scene_path) {
     table.read_file(run_config_path(run));
     if (!scene_path.empty()) options.scene.path = scene_path;
     options.scene.need_points = false;
-    std::vector<View> test;
-    std::optional<Truth> truth;
-    Vec3d origin;
-    if_possible("photographs", [&] {
-        Scene scene = read_scene_of_run(options.scene, run);
-        test = std::move(scene.test), origin = scene.origin;
-    });
-    if_possible("errors of the centres", [&] { truth = read_truth(options.eval, origin); });
-    write_report(run, test, truth, origin);
-    spdlog::info("{}/report.html", run);
+    Scene scene;
+    std::vector<std::string> missing;
+    if_possible(
+        "photographs", [&] { scene = read_scene_of_run(options.scene, run); }, "report", &missing);
+    write_report(run, scene, std::move(missing));
+    spdlog::info("{}/report.html: report", run);
 }
 
 void refresh_report(const std::string& written) {
