@@ -4,6 +4,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
 #include "core/device_choice.h"
+#include "core/progress.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 #include "optim/fixed_voters.h"
@@ -15,6 +16,7 @@
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
+#include "pipeline/time_plan.h"
 #include "pipeline/train_session.h"
 #include "report/data.h"
 
@@ -22,7 +24,7 @@ namespace tvsgs {
 namespace {
 
 struct Arguments {
-    std::string out, device = "auto";
+    std::string out, device = "auto", progress = "auto";
     bool overwrite = false, quiet = false, verbose = false, list_keys = false, deterministic = true,
          plan = false;
     SessionOptions session;
@@ -85,8 +87,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->expected(1)
         ->take_all();
     app.add_flag("--plan", arguments.plan,
-                 "look at the scene, print what it needs and why, and stop; without a "
-                 "configuration that is what a run goes by")
+                 "look at the scene, print what it needs and why, with its memory and time, and "
+                 "stop; without a configuration that is what a run goes by")
         ->group(group);
     app.add_flag("--list-keys", arguments.list_keys,
                  "print every key with its range, default and meaning")
@@ -109,7 +111,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
                    "is stopped [5000]")
         ->check(CLI::Range(0, 1000000000))
         ->group(group);
-    app.add_option("--progress", arguments.session.progress, "auto, plain or json")
+    app.add_option("--progress", arguments.progress, "auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}))
         ->group(group);
     app.add_option("--report-every", arguments.session.report_every,
@@ -132,7 +134,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     init_log(arguments.quiet     ? Verbosity::quiet
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
-    if (arguments.quiet) arguments.session.progress = "quiet";
+    if (!arguments.quiet && arguments.progress != "auto")
+        set_progress_style(arguments.progress == "json" ? ProgressStyle::json
+                                                        : ProgressStyle::plain);
 
     if (arguments.plan && resume_flag->count() > 0)
         throw Error(ExitCode::usage,
@@ -229,6 +233,27 @@ void report_if_possible(const std::string& run, const Scene& scene) {
     }
 }
 
+/// What --plan says of memory and time, once there is a cloud to train from.
+void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) {
+    if (options.scene.init_ply.empty() && needs_stereo(options, scene)) {
+        std::fputs(
+            "memory and time: not known before stereo has made its cloud; tvsgs-init --out "
+            "CLOUD.ply makes it, --init-ply CLOUD.ply --plan goes by it\n",
+            stdout);
+        return;
+    }
+    TrainOptions training = options.train;
+    const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
+    std::printf("%s\n",
+                plan_memory(scene, options.memory, splats, device.cuda, training).text().c_str());
+    std::fflush(stdout);
+    try {
+        std::printf("%s\n", plan_time(device, scene, training).text().c_str());
+    } catch (const Error& error) {
+        std::printf("time: not measured: %s\n", error.what());
+    }
+}
+
 int command(int argc, char** argv) {
     // 1. What is asked for.
     RunOptions options;
@@ -256,6 +281,7 @@ int command(int argc, char** argv) {
     Scene scene = read_training_scene(device, arguments, options, table, plan);
     if (arguments.plan) {
         std::fputs(plan.text().c_str(), stdout);
+        print_costs(device, options, scene);
         return 0;
     }
     read_fixed_voters(options, scene);

@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "core/scene.h"
 #include "mesh/mesh_render.h"
 
@@ -148,7 +149,9 @@ std::vector<PhotoView> photo_views(const TriangleMesh& mesh,
                                    const std::vector<View>& views,
                                    bool masks) {
     std::vector<PhotoView> out;
+    Progress progress("texture: depth of the mesh", double(views.size()));
     for (const View& view : views) {
+        progress.advance();
         if (view.photo.empty()) continue;
         const ImageU8* const mask = masks && !view.mask.empty() ? &view.mask : nullptr;
         out.push_back({view.camera, &view.photo, mask, render_depth(mesh, view.camera), {}});
@@ -189,7 +192,9 @@ Candidates find_candidates(const TriangleMesh& mesh, const std::vector<PhotoView
     out.begin.assign(mesh.faces.size() + 1, 0);
     out.seen_pixel.assign(mesh.faces.size(), 0);
     std::vector<std::vector<Candidate>> parts(tasks);
+    Progress progress("texture: photographs of the faces", tasks);
     parallel_for_heavy(Cpu{}, tasks, [&](int task) {
+        progress.advance();
         for (int f = task * kFacesPerTask; f < std::min(faces, (task + 1) * kFacesPerTask); ++f) {
             const FaceShape face(mesh, f);
             for (std::size_t v = 0; v < views.size(); ++v) {

@@ -228,7 +228,11 @@ private:
     void add_decisions() {
         const std::string plan = run_ + "/plan.json", memory = run_ + "/memory.json";
         part("the plan", [&] {
-            if (exists(plan)) report_.set("plan", read_json(plan)["decisions"]);
+            if (!exists(plan)) return;
+            const JsonValue decisions = read_json(plan)["decisions"];
+            if (!decisions.is(JsonValue::Kind::list))
+                throw input_error(plan, ": holds no decisions; expected the file of tvsgs-train");
+            report_.set("plan", decisions);
         });
         part("the limits of its memory", [&] { report_.set("memory", read_json(memory)); });
     }

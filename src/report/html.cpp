@@ -322,8 +322,9 @@ private:
             "id=\"open-view\">Look at it from all sides</button></p>\n<figcaption>Splats, mesh, "
             "cameras with photographs, colours by error where the true surface is known.");
         for (const std::string& note : view_->notes) body_ += " " + escaped(note);
-        body_ += str("</figcaption>\n<script type=\"application/json\" id=\"view-page\">",
-                     json_for_page(JsonValue(view_->html)), "</script>\n</figure>\n");
+        body_ +=
+            str("</figcaption>\n</figure>\n<script type=\"application/json\" id=\"view-page\">",
+                json_for_page(JsonValue(view_->html)), "</script>\n");
     }
 
     /// What `tvsgs-eval geometry|dtu|tnt` have written beside: their numbers.

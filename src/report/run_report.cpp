@@ -24,7 +24,7 @@ void make_report(const std::string& run, const std::string& scene_path) {
     spdlog::info("{}/report.html: report", run);
 }
 
-void refresh_report(const std::string& written) {
+std::string refresh_report(const std::string& written) {
     const fs::path folder = fs::path(written).parent_path();
     const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
     std::error_code code;
@@ -33,12 +33,14 @@ void refresh_report(const std::string& written) {
         (folder.filename() == "eval" && fs::path(written).extension() == ".json");
     if (!is_result || !fs::is_regular_file(fs::path(run) / "report.json", code) ||
         !fs::is_regular_file(fs::path(run) / "config.json", code))
-        return;
+        return {};
     try {
         make_report(run);
+        return run;
     } catch (const Error& error) {
         spdlog::warn("{}; the report stays as it was (tvsgs-eval report --run {})", error.what(),
                      run);
+        return {};
     }
 }
 

@@ -70,9 +70,8 @@ private:
         std::string text;
         const std::size_t views = count(report_["training_views"]);
         text += views > 0 ? counted(views, "training view") : "The training views";
-        text +=
-            str(" became ", grouped(count(report_["splats"] ? report_["splats"] : s["gaussians"])),
-                " splats");
+        const JsonValue& splats = report_["splats"] ? report_["splats"] : s["gaussians"];
+        text += splats ? str(" became ", grouped(count(splats)), " splats") : " have no splats yet";
         if (const JsonValue& faces = report_["mesh"]["faces"])
             text += str(" and a mesh of ", grouped(count(faces)), " triangles");
         if (s["iteration"]) text += str(", in ", grouped(count(s["iteration"])), " iterations");
@@ -150,10 +149,11 @@ private:
         for (const JsonValue& view : coverage_["views"].items)
             if (view["shared"].number_or(0) < kFewShared) alone.push_back(view["name"].text);
         if (!alone.empty() && coverage_["views"].items.size() > 1)
-            limit(str(alone.size() == 1 ? "One training view shares"
-                                        : str(alone.size(), " training views share"),
-                      " less than ", percent(kFewShared),
-                      " of what they show with any other: ", list_of_names(alone), "."));
+            limit(str(alone.size() == 1 ? str("One training view shares less than ",
+                                              percent(kFewShared), " of what it shows")
+                                        : str(alone.size(), " training views share less than ",
+                                              percent(kFewShared), " of what they show"),
+                      " with any other: ", list_of_names(alone), "."));
         by_plan();
         growth();
         overtrained();
