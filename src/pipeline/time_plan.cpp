@@ -11,10 +11,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTrial = 40, kWarmUp = 3;    // iterations
-constexpr double kSeconds = 5;             // of the trial
-constexpr double kLow = 0.7, kHigh = 1.5;  // of the mean: other programs, other views
-constexpr double kUnseen = 2;              // later phases may take that many times as long
+constexpr int kTrial = 40, kWarmUp = 3, kFewest = 8;  // iterations; fewer are a matter of luck
+constexpr double kSeconds = 5, kPatience = 20;        // of the trial; while there are fewer
+constexpr double kLow = 0.6, kHigh = 1.5;             // of the mean: other programs, other views
+constexpr double kUnseen = 2;  // later phases may take that many times as long
 
 template <class Device>
 std::vector<double> step_ends(const Scene& scene, const TrainOptions& options) {
@@ -23,7 +23,8 @@ std::vector<double> step_ends(const Scene& scene, const TrainOptions& options) {
     TrainCallbacks told;
     told.report_due = [](int) { return false; };
     told.stop_requested = [&] {
-        return ends.size() > kWarmUp && steady_seconds() - begin > kSeconds;
+        const bool enough = ends.size() > kWarmUp + kFewest;
+        return steady_seconds() - begin > (enough ? kSeconds : kPatience);
     };
     const auto after_step = [&](int, const Gaussians<Device>&) {
         synchronize(Device{});

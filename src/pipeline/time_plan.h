@@ -20,9 +20,9 @@ struct TimePlan {
     std::string text() const;
 };
 
-/// Trains on `scene` for a moment, 40 iterations with the schedule squeezed into them and 5 s at
-/// most, and keeps nothing. High leaves room for phases that were not reached. Throws what train()
-/// throws.
+/// Trains on `scene` for a moment, 40 iterations with the schedule squeezed into them and 5 s
+/// at most, 20 s where they are slow, and keeps nothing. High leaves room for phases that were not
+/// reached. Throws what train() throws.
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options);
 
 }  // namespace tvsgs

@@ -22,10 +22,18 @@ struct Grid {
 };
 
 std::vector<Vec3f> opaque_centres(const Gaussians<Cpu>& splats) {
+    std::vector<float> opacities;
+    for (std::size_t i = 0; i < splats.means.size(); ++i)
+        opacities.push_back(sigmoid(splats.opacity_logits[i]));
+    if (opacities.empty()) return {};
+    // Splats of a short training are still pale: then the more opaque half.
+    std::vector<float> sorted = opacities;
+    const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+    std::nth_element(sorted.begin(), middle, sorted.end());
+    const float least = std::min(kOpaque, *middle);
     std::vector<Vec3f> all;
     for (std::size_t i = 0; i < splats.means.size(); ++i)
-        if (sigmoid(splats.opacity_logits[i]) >= kOpaque && is_finite(splats.means[i]))
-            all.push_back(splats.means[i]);
+        if (opacities[i] >= least && is_finite(splats.means[i])) all.push_back(splats.means[i]);
     if (all.size() <= kMaxSamples) return all;
     std::vector<Vec3f> some(kMaxSamples);
     for (std::size_t i = 0; i < kMaxSamples; ++i) some[i] = all[i * all.size() / kMaxSamples];

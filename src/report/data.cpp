@@ -262,6 +262,8 @@ private:
             throw input_error(run_, ": holds no splats yet; expected those of a training");
         report_.set("splats", static_cast<double>(run.splats.size()));
         report_.set("coverage", coverage_json(run.splats, subject.cameras));
+        if (!report_["coverage"] && static_cast<std::size_t>(training) <= kMaxCoverageViews)
+            missing_.push_back("coverage: no training view sees a splat");
         run.evaluations = {};  // the report has its own plots
         view_ = view_page(std::move(subject.runs), subject.cameras, {.max_bytes = kViewBytes});
     }

@@ -121,7 +121,7 @@ private:
         if (rows.empty()) return;
         heading("plan", "Plan");
         body_ += html_table("What was decided for this scene, and why",
-                            {"decision", "choice", "reason"}, rows, " class=\"words\"");
+                            {"decision", "choice", "reason"}, rows, " class=\"plan\"");
     }
 
     void overview() {

@@ -25,6 +25,7 @@ details{margin-top:6px}summary{cursor:pointer;color:var(--link);padding:6px 0}
 table{border-collapse:collapse;font-size:.86rem;font-variant-numeric:tabular-nums}
 th,td{padding:3px 10px;border-bottom:1px solid var(--line);text-align:right;white-space:nowrap}
 th:first-child,td:first-child{text-align:left}.words td,.words th{text-align:left;white-space:normal;overflow-wrap:anywhere}
+.plan td,.plan th{text-align:left;white-space:normal;overflow-wrap:break-word}
 caption{text-align:left;color:var(--quiet);padding-bottom:4px}
 .pictures{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(46%,210px),1fr));gap:8px}
 .pictures img{width:100%;height:auto;display:block;background:#101010;border-radius:3px}

@@ -154,6 +154,11 @@ private:
                                         : str(alone.size(), " training views share less than ",
                                               percent(kFewShared), " of what they show"),
                       " with any other: ", list_of_names(alone), "."));
+        const JsonValue& gap = coverage_["gap"];
+        if (const double angle = gap["angle_deg"].number_or(0); angle > kWideGapDeg)
+            limit(str("Neighbouring views are up to ", degrees(angle), " apart, ", gap["a"].text,
+                      " and ", gap["b"].text, "; what they match weakens beyond ",
+                      degrees(kWideGapDeg), "."));
         by_plan();
         growth();
         overtrained();

@@ -192,9 +192,9 @@ TEST(ReportPages, NamesAreTextOnly) {
                                      {"plan", &views},
                                      {"missing", &views}})
         report.set(key, *value);
-    ViewPage view;
-    view.html = bad, view.poster = "data:,", view.notes = {bad};
-    const std::string page = report_html(report, view);
+    ViewPage shown;
+    shown.html = bad, shown.poster = "data:,", shown.notes = {bad};
+    const std::string page = report_html(report, shown);
     EXPECT_EQ(count_of(page, "<img"), 1u) << "neither from a name nor from elsewhere";
     EXPECT_EQ(count_of(page, "<script"), 2u) << "the view, and what opens it";
     EXPECT_EQ(count_of(page, "</script"), 2u);
@@ -455,7 +455,8 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
     const std::string limits = all(found.limits), next = all(found.next);
     for (const char* part :
          {"1 of 2 test views", "reach 10 dB; the nearer ones reach 20 dB", "40 % of what", ": a.",
-          "Growth stopped at 100", "PSNR was 17 dB after 50 iterations and fell to 15 dB"})
+          "up to 45\u00b0 apart, a and b", "Growth stopped at 100",
+          "PSNR was 17 dB after 50 iterations and fell to 15 dB"})
         EXPECT_NE(limits.find(part), std::string::npos) << part << " is not in\n" << limits;
     for (const char* part : {"From where the test view far stands: 10 dB", "b, is 80\u00b0 away",
                              "Between a and b: 45\u00b0",
