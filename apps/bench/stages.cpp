@@ -477,7 +477,7 @@ int StagesBench::run() const {
         if (training) std::fprintf(stderr, "  losses %s\n", losses.c_str());
         std::fprintf(stderr, "  counters %s\n", counters.text().c_str());
     }
-    if (!out_.empty()) write_text_file(out_, lines);
+    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("{}: results", out_);
     return static_cast<int>(ExitCode::done);
 }
 

@@ -224,7 +224,7 @@ int TrainBench::run() {
         .add_json("stages", stages_json(profiled, iterations))
         .add("unaccounted_share", 1 - total(profiled.stages) / profiled.stages_of_s);
     std::printf("%s\n", json.text().c_str());
-    if (!out_.empty()) write_text_file(out_, json.text() + "\n");
+    if (!out_.empty()) write_text_file(out_, json.text() + "\n"), spdlog::info("{}: results", out_);
     if (!quiet_) print(plain, profiled, wanted, iterations);
     return static_cast<int>(ExitCode::done);
 }

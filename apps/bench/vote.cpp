@@ -280,7 +280,7 @@ int VoteBench::compare_cases() const {
         std::fputs(line.c_str(), stdout);
         lines += line;
     }
-    if (!out_.empty()) write_text_file(out_, lines);
+    if (!out_.empty()) write_text_file(out_, lines), spdlog::info("{}: results", out_);
     return static_cast<int>(all_met ? ExitCode::done : ExitCode::bound);
 }
 
@@ -331,7 +331,7 @@ int VoteBench::time_synthetic() const {
         .add("k", run.train.tv.k)
         .add_json("results", "[" + results + "]");
     std::printf("%s\n", json.text().c_str());
-    if (!out_.empty()) write_text_file(out_, json.text() + "\n");
+    if (!out_.empty()) write_text_file(out_, json.text() + "\n"), spdlog::info("{}: results", out_);
     return static_cast<int>(ExitCode::done);
 }
 

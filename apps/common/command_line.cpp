@@ -8,7 +8,9 @@
 #include <cstdio>
 #include <cstring>
 #include <exception>
+#include <map>
 #include <new>
+#include <set>
 #include <string_view>
 #include <vector>
 
@@ -54,6 +56,23 @@ std::vector<CLI::App*> subcommands_of(CLI::App& app) {
     return app.get_subcommands(std::function<bool(CLI::App*)>([](CLI::App*) { return true; }));
 }
 
+/// What a flag of text takes, by its first long name.
+std::string type_of(const CLI::Option& option) {
+    static const std::map<std::string, std::string> kTypes{
+        {"set", "KEY=VALUE"},   {"require", "KEY<=X"},     {"device", "DEVICE"},
+        {"views", "I,J,..."},   {"tau", "T,T,..."},        {"bbox", "X,Y,Z,X,Y,Z"},
+        {"split", "NAME"},      {"gpu-memory", "SIZE"},    {"host-memory", "SIZE"},
+        {"eval-at", "S,S,..."}, {"texture", "auto|none|N"}};
+    static const std::set<std::string> kFiles{
+        "scene", "images",     "train-list",    "test-list",  "masks",   "priors", "init-ply",
+        "gt",    "visible-gt", "crop",          "config",     "out",     "resume", "model",
+        "pred",  "maps",       "lpips-weights", "scene-dir",  "traj",    "run",    "runs",
+        "dtu",   "matrix",     "data",          "out-report", "results", "clouds"};
+    const std::string name = option.get_lnames().empty() ? "" : option.get_lnames().front();
+    const auto found = kTypes.find(name);
+    return found != kTypes.end() ? found->second : kFiles.contains(name) ? "PATH" : "TEXT";
+}
+
 /// What all flags have in common: the last one wins, and help says the default where the
 /// description does not.
 void settle_flags(CLI::App& app) {
@@ -67,6 +86,7 @@ void settle_flags(CLI::App& app) {
         if (option->get_expected_max() == 1 && !says_default && option->get_default_str().empty())
             option->capture_default_str();
         if (option->get_default_str() == "[]") option->default_str("");
+        if (option->get_type_name() == "TEXT") option->type_name(type_of(*option));
     }
     for (CLI::App* sub : subcommands_of(app)) settle_flags(*sub);
 }

@@ -84,8 +84,8 @@ int nvs(const NvsArguments& arguments) {
                         scores);
     std::printf("%s\n", view_scores_json(scores, scene.test.size(), scoring).text().c_str());
     if (!scoring.lpips) spdlog::info("LPIPS: not computed: no weights given (--lpips-weights)");
-    spdlog::info("per view: {}/eval/nvs.json; renders, normal and depth maps: {}/test",
-                 arguments.model, arguments.model);
+    spdlog::info("{}/test: renders, normal and depth maps", arguments.model);
+    result_of_run() = arguments.model + "/eval/nvs.json";
     std::vector<Metric> metrics;
     const auto add = [&](const ImageScores& mean, const std::string& suffix) {
         metrics.push_back({"psnr" + suffix, mean.psnr});

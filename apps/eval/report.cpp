@@ -17,6 +17,7 @@ EvalCommand add_eval_report(CLI::App& app) {
     command->add_option("-s,--scene", arguments->scene, "folder of the scene [that of the run]");
     return {command, [arguments] {
                 make_report(arguments->run, arguments->scene);
+                say_next({"tvsgs-view", arguments->run}, "shows it in a browser");
                 return 0;
             }};
 }

@@ -6,6 +6,13 @@
 namespace tvsgs {
 namespace {
 
+/// What was written, and what shows it.
+void say_result(const std::string& file) {
+    spdlog::info("{}: scores", file);
+    if (const std::string run = refresh_report(file); !run.empty())
+        say_next({"tvsgs-view", run}, "shows it in a browser");
+}
+
 int command(int argc, char** argv) {
     bool quiet = false;
     CLI::App app{"Measures results.", "tvsgs-eval"};
@@ -20,7 +27,7 @@ int command(int argc, char** argv) {
     for (const EvalCommand& c : commands)
         if (c.command->parsed()) {
             const int code = c.run();
-            if (!result_of_run().empty()) refresh_report(result_of_run());
+            if (!result_of_run().empty()) say_result(result_of_run());
             return code;
         }
     return 0;

@@ -289,7 +289,11 @@ int command(int argc, char** argv) {
     say(report);
     const std::string json = report_json(report);
     if (a.json) std::fputs(json.c_str(), stdout);
-    if (!a.report.empty()) write_text_file(a.report, json);
+    if (!a.report.empty()) write_text_file(a.report, json), spdlog::info("{}: report", a.report);
+    if (std::filesystem::is_directory(a.input))
+        say_next({"tvsgs-view", a.input}, "shows the run in a browser");
+    else
+        say_next({"tvsgs-export", a.output, "splats.ply"}, "gives them back as a PLY");
     return 0;
 }
 

@@ -144,6 +144,9 @@ int command(int argc, char** argv) {
     if (!arguments.out.empty())
         say_next({"tvsgs-train", "--scene", scene_options.path, "--init-ply", arguments.out},
                  "trains from it");
+    else
+        say_next({"tvsgs-train", "--scene", scene_options.path, "--priors", arguments.maps},
+                 "trains with them, where a loss asks for them");
     return 0;
 }
 

@@ -1,11 +1,12 @@
 #include "apps/prepare/reconstruct.h"
 
 #include <algorithm>
-#include <chrono>
+#include <optional>
 #include <set>
 
 #include "apps/prepare/run_program.h"
 #include "core/log.h"
+#include "core/progress.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 
@@ -14,24 +15,27 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A step that takes a while: a line at its end, and now and then how far it is.
+/// A step that takes a while: how far it is, and a line at its end.
 class Step {
 public:
     explicit Step(std::string what) : what_(std::move(what)) {}
     void reached(std::size_t count, std::size_t all) {
-        if (since(last_) < 10) return;
-        last_ = Clock::now();
-        spdlog::info("{}: {} of {}", what_, count, all);
+        if (!progress_ || all != all_)
+            progress_.emplace(what_, static_cast<double>(all)), done_ = 0;
+        all_ = all;
+        if (count > done_) progress_->advance(static_cast<double>(count - done_));
+        done_ = std::max(done_, count);
     }
-    void done() const { spdlog::info("{}: {:.0f} s", what_, since(begin_)); }
+    void done() {
+        progress_.reset();
+        spdlog::info("{}: {:.0f} s", what_, steady_seconds() - begin_);
+    }
 
 private:
-    using Clock = std::chrono::steady_clock;
-    static double since(Clock::time_point t) {
-        return std::chrono::duration<double>(Clock::now() - t).count();
-    }
     std::string what_;
-    Clock::time_point begin_ = Clock::now(), last_ = begin_;
+    std::optional<Progress> progress_;
+    std::size_t done_ = 0, all_ = 0;
+    double begin_ = steady_seconds();
 };
 
 /// The number that follows `before` in a line of COLMAP.

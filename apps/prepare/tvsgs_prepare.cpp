@@ -340,8 +340,8 @@ int command(int argc, char** argv) {
     fs::copy_file(log, made / "prepare.log");
     work.put(made);
     fs::remove(log);
-    spdlog::info("{}: {} photographs; next: tvsgs-train --scene {}", a.scene, check.registered,
-                 a.scene);
+    spdlog::info("{}: {} photographs with their cameras", a.scene, check.registered);
+    say_next({"tvsgs-train", "--scene", a.scene}, "trains on it");
     return 0;
 }
 

@@ -1,8 +1,6 @@
 // tvsgs-priors: a network of the user's and calibrated photographs in, maps for the readers of
 // priors out.
 #include <algorithm>
-#include <chrono>
-#include <cmath>
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -13,6 +11,7 @@
 #include "apps/priors/recipe.h"
 #include "apps/priors/recipe_flags.h"
 #include "core/log.h"
+#include "core/progress.h"
 #include "io/load_views.h"
 #include "io/scene_reader.h"
 
@@ -93,31 +92,6 @@ ImageU8 read_photograph(const ViewSource& source) {
     return read_photo(source, alpha, was_turned);
 }
 
-/// A line now and then of how far it is.
-class Pace {
-public:
-    explicit Pace(std::size_t all) : all_(all) {}
-    void done_one() {
-        ++done_;
-        const double seconds = since(begin_);
-        if (done_ < all_ && done_ > 1 && since(last_) < 10) return;
-        last_ = Clock::now();
-        const double each = seconds / static_cast<double>(done_);
-        const auto left = std::lround(each * static_cast<double>(all_ - done_));
-        spdlog::info(
-            "{} of {} photographs, {:.2f} s each{}", done_, all_, each,
-            done_ == all_ ? "" : str(", about ", left / 60, " min ", left % 60, " s left"));
-    }
-
-private:
-    using Clock = std::chrono::steady_clock;
-    static double since(Clock::time_point t) {
-        return std::chrono::duration<double>(Clock::now() - t).count();
-    }
-    std::size_t all_, done_ = 0;
-    Clock::time_point begin_ = Clock::now(), last_ = begin_;
-};
-
 int command(int argc, char** argv) {
     // 1. What is asked for.
     SceneOptions scene_options;
@@ -167,7 +141,7 @@ int command(int argc, char** argv) {
                      : "");
 
     // 3. The maps.
-    Pace pace(wanted.size());
+    Progress progress("photographs", double(wanted.size()));
     for (const ViewSource& photograph : wanted)
         with_context(str("making the ", name_of(recipe.kind), " of ", photograph.file), [&] {
             const ImageU8 photo = read_photograph(photograph);
@@ -177,8 +151,11 @@ int command(int argc, char** argv) {
             const ImageF map = map_of(recipe, place, output, arguments.model);
             folder.write(photograph.image->name,
                          map_of_photo(recipe, place, map, photo.width, photo.height));
-            pace.done_one();
+            progress.advance();
         });
+    spdlog::info("{}: {}", arguments.out, name_of(recipe.kind));
+    say_next({"tvsgs-train", "--scene", scene_options.path, "--priors", arguments.out},
+             "trains with them, where a loss asks for them (--set)");
     return 0;
 }
 

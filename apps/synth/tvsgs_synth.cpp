@@ -12,6 +12,7 @@
 #include "apps/synth/photo.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/views.h"
+#include "core/progress.h"
 #include "core/scene.h"
 #include "io/atomic_file.h"
 #include "io/image_file.h"
@@ -315,7 +316,8 @@ void write_scene(const SynthOptions& options, const std::string& out) {
     for (SynthView& view : views) view.camera.fy_px = lens.fy_px();
     std::vector<Sample> points = sample_surface(mesh, options.points, options.seed);
     std::vector<Sample> truth = sample_surface(mesh, 100000, options.seed + 1);
-    for (int i = 0; i < options.views; ++i) {
+    Progress progress("views", options.views);
+    for (int i = 0; i < options.views; ++i, progress.advance()) {
         SignalGuard::check();
         write_view(out, mesh, highlights.get(), options, lens, views, i, points, truth);
         if (!options.priors.format.empty())

@@ -4,6 +4,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
 #include "core/device_choice.h"
+#include "core/progress.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 #include "pipeline/built_in_configs.h"
@@ -14,6 +15,7 @@
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
+#include "pipeline/time_plan.h"
 #include "pipeline/train_session.h"
 #include "report/data.h"
 
@@ -21,7 +23,7 @@ namespace tvsgs {
 namespace {
 
 struct Arguments {
-    std::string out, device = "auto";
+    std::string out, device = "auto", progress = "auto";
     bool overwrite = false, quiet = false, verbose = false, list_keys = false, deterministic = true,
          plan = false;
     SessionOptions session;
@@ -91,8 +93,8 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
         ->expected(1)
         ->take_all();
     app.add_flag("--plan", arguments.plan,
-                 "look at the scene, print what it needs and why, and stop; without a "
-                 "configuration that is what a run goes by")
+                 "look at the scene, print what it needs and why, with its memory and time, and "
+                 "stop; without a configuration that is what a run goes by")
         ->group(group);
     app.add_flag("--list-keys", arguments.list_keys,
                  "print every key with its range, default and meaning")
@@ -115,7 +117,7 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
                    "is stopped [5000]")
         ->check(CLI::Range(0, 1000000000))
         ->group(group);
-    app.add_option("--progress", arguments.session.progress, "auto, plain or json")
+    app.add_option("--progress", arguments.progress, "auto, plain or json")
         ->check(CLI::IsMember({"auto", "plain", "json"}))
         ->group(group);
     app.add_option("--report-every", arguments.session.report_every,
@@ -138,7 +140,9 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
     init_log(arguments.quiet     ? Verbosity::quiet
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
-    if (arguments.quiet) arguments.session.progress = "quiet";
+    if (!arguments.quiet && arguments.progress != "auto")
+        set_progress_style(arguments.progress == "json" ? ProgressStyle::json
+                                                        : ProgressStyle::plain);
 
     if (arguments.plan && resume_flag->count() > 0)
         throw Error(ExitCode::usage,
@@ -227,14 +231,33 @@ void say_what_is_trained(const Scene& scene, const DeviceChoice& device, const M
 }
 
 /// A run without a report has what was asked for.
-void report_if_possible(const std::string& run,
-                        const Scene& scene,
-                        const std::optional<Truth>& truth) {
+void report_if_possible(const std::string& run, const Scene& scene) {
     try {
-        write_report(run, scene.test, truth, scene.origin);
+        write_report(run, scene);
         spdlog::info("{}/report.html: report", run);
     } catch (const Error& error) {
         spdlog::warn("{}; there is no report (tvsgs-eval report --run {})", error.what(), run);
+    }
+}
+
+/// What --plan says of memory and time, once there is a cloud to train from.
+void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) {
+    if (options.scene.init_ply.empty() && needs_stereo(options, scene)) {
+        std::fputs(
+            "memory and time: not known before stereo has made its cloud; tvsgs-init --out "
+            "CLOUD.ply makes it, --init-ply CLOUD.ply --plan goes by it\n",
+            stdout);
+        return;
+    }
+    TrainOptions training = options.train;
+    const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
+    std::printf("%s\n",
+                plan_memory(scene, options.memory, splats, device.cuda, training).text().c_str());
+    std::fflush(stdout);
+    try {
+        std::printf("%s\n", plan_time(device, scene, training).text().c_str());
+    } catch (const Error& error) {
+        std::printf("time: not measured: %s\n", error.what());
     }
 }
 
@@ -265,6 +288,7 @@ int command(int argc, char** argv) {
     Scene scene = read_training_scene(device, arguments, options, table, plan);
     if (arguments.plan) {
         std::fputs(plan.text().c_str(), stdout);
+        print_costs(device, options, scene);
         return 0;
     }
     const std::string changed = resume.point ? changed_values(resume.configured, table) : "";
@@ -282,7 +306,7 @@ int command(int argc, char** argv) {
     log_resume(resume, changed, run);
     run.save_cameras(scene);
     say_what_is_trained(scene, device, memory);
-    const auto report = [&] { report_if_possible(run.path(), scene, truth); };
+    const auto report = [&] { report_if_possible(run.path(), scene); };
     run_session(device,
                 {.scene = scene,
                  .training = training,

@@ -78,6 +78,8 @@ int command(int argc, char** argv) {
     write_text_file(a.out, page.html);
     spdlog::info("{}: {:.1f} MB; open it in a browser", a.out,
                  static_cast<double>(page.html.size()) / 1e6);
+    say_next({"tvsgs-export", a.input.runs.front(), "splats.spz"},
+             "writes the splats for other viewers");
     return 0;
 }
 

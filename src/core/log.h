@@ -7,7 +7,8 @@ namespace tvsgs {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends all messages to standard error as `level: text`; quiet keeps warnings and errors.
+/// Sends all messages to standard error as `level: text`; quiet keeps warnings and errors, and
+/// shows no progress (core/progress.h).
 void init_log(Verbosity verbosity);
 
 }  // namespace tvsgs

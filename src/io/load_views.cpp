@@ -8,6 +8,7 @@
 
 #include "core/log.h"
 #include "core/parallel_errors.h"
+#include "core/progress.h"
 #include "io/exif.h"
 #include "io/image_file.h"
 #include "io/read_file.h"
@@ -183,9 +184,11 @@ std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              Vec3d origin) {
     std::vector<View> views(sources.size());
     std::atomic<int> turns = 0;
+    Progress progress("photographs", double(sources.size()));
     parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
         views[at] = load_view(sources[at], options, origin, turns);
+        progress.advance();
     });
     if (turns > 0)
         spdlog::info(

@@ -3,6 +3,7 @@
 
 #include <vector>
 
+#include "core/progress.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/fusion.h"
 #include "mesh/mesher.h"
@@ -70,7 +71,10 @@ public:
         const TsdfOptions volume = detail::tsdf_volume(options_, in.views, in.region, in.max_bytes,
                                                        in.level, in.depth.rules());
         bool checked = false;
+        const int passes = 1 + (volume.carve ? 1 : 0) + (volume.trust ? 1 : 0);
+        Progress progress("depth of the views", double(passes) * in.depth.size());
         const auto source = [&](int i) {
+            progress.advance();
             const DepthView<Device> view = in.depth.view(i);
             if (!checked && in.depth.counts(i).kept > 0) {
                 detail::check_truncation(view.camera, in.depth.depth_on_host(), volume);

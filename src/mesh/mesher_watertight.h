@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "core/progress.h"
 #include "mesh/mesher.h"
 #include "mesh/view_points.h"
 #include "mesh/voxel_size.h"
@@ -38,7 +39,8 @@ public:
         const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);
         ViewPoints points(
             voxel_size(given_size_, resolution_, in.depth.rules().depth_max, in.views));
-        for (int i = 0; i < in.depth.size(); ++i) {
+        Progress progress("depth of the views", in.depth.size());
+        for (int i = 0; i < in.depth.size(); ++i, progress.advance()) {
             const DepthView<Device> view = in.depth.view(i);
             points.add({view.camera, to_host(view.depth), to_host(view.color), to_host(view.weight),
                         to_host(view.normal)});

@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "mesh/mesh_render.h"
 
 namespace tvsgs::texture {
@@ -271,7 +272,9 @@ Candidates find_candidates(const TriangleMesh& mesh,
     out.seen_pixel.assign(mesh.faces.size(), 0);
     std::vector<Vec3d> vertices(mesh.vertices.size());
     std::vector<std::vector<FaceCandidate>> lists, parts(tasks);
+    Progress progress("texture: views", static_cast<double>(views.size()));
     for (int v = 0; v < static_cast<int>(views.size()); ++v) {
+        progress.advance();
         const SightMaps maps = sights.of(v);
         parallel_for(Cpu{}, static_cast<int>(vertices.size()), [&](int i) {
             vertices[i] = views[v].in_camera(vec_cast<double>(mesh.vertices[i]));

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "mvs/depth_fusion_bodies.h"
 #include "mvs/depth_segments.h"
 #include "mvs/patch_match.h"
@@ -34,29 +36,48 @@ public:
     }
 
     StereoResult run() {
+        progress_.emplace(str("stereo of ", view_count(), " views"), all_work());
         for (int level = levels_ - 1; level >= 0; --level) {
             enter_level(level);
             int iteration = 0;
             const bool coarsest = level == levels_ - 1;
-            const int on_images = coarsest ? options_.iterations : 2;
-            for (int k = 0; k < on_images; ++k) iterate(iteration++, coarsest && k == 0, false);
+            for (int k = 0; k < iterations_at(level); ++k)
+                iterate(iteration++, coarsest && k == 0, false);
             if (options_.planar_prior && level == 0) {
                 iterate_by_prior(iteration);
                 iteration += kPriorIterations;
             }
             // Coarse levels get one round: it removes what the views do not agree on before it is
             // handed down.
-            const int rounds =
-                level == 0 ? options_.geometric_rounds : std::min(1, options_.geometric_rounds);
-            for (int round = 0; round < rounds; ++round) {
+            for (int round = 0; round < rounds_at(level); ++round) {
                 take_depths();
                 for (int k = 0; k < 2; ++k) iterate(iteration++, false, true);
             }
         }
+        progress_.reset();
         return fuse();
     }
 
 private:
+    int rounds_at(int level) const {
+        return level == 0 ? options_.geometric_rounds : std::min(1, options_.geometric_rounds);
+    }
+    int iterations_at(int level) const { return level == levels_ - 1 ? options_.iterations : 2; }
+
+    /// Pixels times iterations, of all levels.
+    double all_work() const {
+        double work = 0;
+        for (int level = 0; level < levels_; ++level)
+            for (int v = 0; v < view_count(); ++v) {
+                const Camera& c = level_of(v, level).camera;
+                const bool prior = options_.planar_prior && level == 0;
+                work +=
+                    double(c.width_px) * c.height_px *
+                    (iterations_at(level) + 2 * rounds_at(level) + (prior ? kPriorIterations : 0));
+            }
+        return work;
+    }
+
     static constexpr int kPriorIterations = 3;  // [ACMP]
 
     int view_count() const { return static_cast<int>(views_.size()); }
@@ -198,6 +219,8 @@ private:
             parallel_for(Device{}, Checkerboard::count(width, height),
                          PropagateBody{
                              pass, {width, height, color}, iteration, best_sources, depths, prior});
+        synchronize(Device{});  // what is shown has been done
+        progress_->advance(double(width) * height);
     }
 
     /// View by view: on images alone they do not look at each other.
@@ -333,6 +356,7 @@ private:
     std::vector<StereoPyramid> pyramids_;
     std::vector<ViewPlan> plans_;
     int levels_ = 0;
+    std::optional<Progress> progress_;  // while depths are searched
 
     // Of all views at the present level, one after another; coarse: of the level before.
     Buffer<float, Device> images_, coarse_images_, costs_, coarse_costs_, depths_;

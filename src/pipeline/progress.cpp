@@ -2,58 +2,51 @@
 
 #include <unistd.h>
 
-#include <chrono>
-#include <cmath>
+#include <algorithm>
 #include <cstdio>
+#include <string_view>
 
 #include "io/config.h"
+#include "optim/schedule.h"
 
 namespace tvsgs {
-namespace {
 
-double now() {
-    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
-        .count();
+std::vector<int> phases_of(const TrainOptions& options) {
+    std::vector<int> phases;
+    LossOptions::terms(options.loss, [&](const char* key, const auto& term, const char*) {
+        if (!(term.weight > 0) || std::string_view(key) == "photometric") return;
+        term.first_iterations(term, [&](const char*, int first) { phases.push_back(first); });
+    });
+    if (options.tv.enabled) phases.push_back(options.tv.start);
+    std::erase_if(phases, [&](int at) { return at <= 1 || at > options.iterations; });
+    std::sort(phases.begin(), phases.end());
+    return phases;
 }
 
-/// 65 -> "1:05".
-std::string clock_text(double seconds) {
-    const auto total = static_cast<long>(std::lround(seconds));
-    char text[32];
-    if (total >= 3600)
-        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
-                      total % 60);
-    else
-        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
-    return text;
+TrainProgress::TrainProgress(const TrainOptions& options, double seconds)
+    : begin_(steady_seconds() - seconds) {
+    set_schedule(options);
 }
 
-}  // namespace
-
-Progress::Progress(int iterations, const std::string& style, double seconds)
-    : iterations_(iterations),
-      style_(style == "quiet"        ? Style::quiet
-             : style == "json"       ? Style::json
-             : style == "plain"      ? Style::plain
-             : isatty(STDERR_FILENO) ? Style::line
-                                     : Style::plain),
-      begin_(now() - seconds) {}
-
-double Progress::seconds() const {
-    return (paused_at_ < 0 ? now() : paused_at_) - begin_;
+void TrainProgress::set_schedule(const TrainOptions& options) {
+    iterations_ = options.iterations, phases_ = phases_of(options);
 }
 
-void Progress::pause() {
-    finish();  // others write messages now
-    if (paused_at_ < 0) paused_at_ = now();
+double TrainProgress::seconds() const {
+    return (paused_at_ < 0 ? steady_seconds() : paused_at_) - begin_;
 }
 
-void Progress::resume() {
-    if (paused_at_ >= 0) begin_ += now() - paused_at_;
+void TrainProgress::pause() {
+    end_progress_line();  // others write messages now
+    if (paused_at_ < 0) paused_at_ = steady_seconds();
+}
+
+void TrainProgress::resume() {
+    if (paused_at_ >= 0) begin_ += steady_seconds() - paused_at_;
     paused_at_ = -1;
 }
 
-std::string Progress::json(const TrainReport& report) const {
+std::string TrainProgress::json(const TrainReport& report) const {
     JsonLine line;
     line.add("iteration", report.step)
         .add("seconds", seconds())
@@ -68,45 +61,39 @@ std::string Progress::json(const TrainReport& report) const {
     return line.text();
 }
 
-std::string Progress::text(const TrainReport& report) const {
-    const double elapsed = seconds(), rate = report.step / std::max(elapsed, 1e-9);
-    constexpr int kBar = 20;
-    const int filled = iterations_ > 0
-                           ? static_cast<int>(static_cast<long>(kBar) * report.step / iterations_)
-                           : kBar;
-    const std::string bar = std::string(static_cast<std::size_t>(filled), '#') +
-                            std::string(static_cast<std::size_t>(kBar - filled), '.');
-    char line[256];
-    std::snprintf(
-        line, sizeof line, "%s [%s] %d/%d  %.1f it/s  left %s  loss %.5f  %d splats  %ld MiB",
-        clock_text(elapsed).c_str(), bar.c_str(), report.step, iterations_, rate,
-        clock_text((iterations_ - report.step) / std::max(rate, 1e-9)).c_str(), report.loss,
-        report.gaussians, static_cast<long>(report.memory.current_bytes >> 20));
-    return line;
-}
-
-void Progress::show(const TrainReport& report) {
-    switch (style_) {
-        case Style::quiet:
-            return;
-        case Style::json:
-            std::fprintf(stderr, "%s\n", json(report).c_str());
-            return;
-        case Style::line:
-            std::fprintf(stderr, "\r%s\033[K", text(report).c_str());
-            std::fflush(stderr);
-            line_open_ = true;
-            return;
-        case Style::plain:
-            if (seconds() - last_plain_ < 10 && report.step != iterations_) return;
-            last_plain_ = seconds();
-            std::fprintf(stderr, "%s\n", text(report).c_str());
+std::string TrainProgress::text(const TrainReport& report) {
+    const auto ahead = std::upper_bound(phases_.begin(), phases_.end(), report.step);
+    if (ahead != std::upper_bound(phases_.begin(), phases_.end(), last_) || report.step < last_)
+        pace_.restart();
+    last_ = report.step;
+    pace_.add(seconds(), report.step);
+    const double left = pace_.left(iterations_);
+    std::string line = progress_text(
+        "", seconds(), iterations_ > 0 ? static_cast<double>(report.step) / iterations_ : 1, left,
+        ahead != phases_.end());
+    char more[160];
+    if (left > 0) {
+        std::snprintf(more, sizeof more, "  %.1f it/s", (iterations_ - report.step) / left);
+        line += more;
     }
+    std::snprintf(more, sizeof more, "  %d/%d  loss %.5f  %d splats  %ld MiB", report.step,
+                  iterations_, report.loss, report.gaussians,
+                  static_cast<long>(report.memory.current_bytes >> 20));
+    return line + more;
 }
 
-void Progress::finish() {
-    if (line_open_) std::fputc('\n', stderr);
-    line_open_ = false;
+void TrainProgress::show(const TrainReport& report) {
+    const ProgressStyle style = progress_style();
+    if (style == ProgressStyle::quiet) return;
+    if (style == ProgressStyle::json) {
+        std::fprintf(stderr, "%s\n", json(report).c_str());
+        return;
+    }
+    const std::string line = text(report);  // the pace goes by every report
+    const bool plain = style == ProgressStyle::plain || isatty(STDERR_FILENO) == 0;
+    if (plain && seconds() - last_plain_ < 10 && report.step != iterations_) return;
+    last_plain_ = seconds();
+    show_progress_line(line);
 }
 
 }  // namespace tvsgs

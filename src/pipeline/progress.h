@@ -1,20 +1,21 @@
-// The progress of a run for a person at a terminal, for a log, or for a program.
+// The progress of a training for a person at a terminal, for a log, or for a program.
 #pragma once
 
 #include <string>
+#include <vector>
 
+#include "core/progress.h"
 #include "optim/train.h"
 
 namespace tvsgs {
 
-class Progress {
+class TrainProgress {
 public:
-    /// `style`: auto (a line in place on a terminal, else plain), plain (a line per 10 s), json (a
-    /// line per report on standard error), quiet.
     /// A run that goes on has `seconds` behind it.
-    Progress(int iterations, const std::string& style, double seconds = 0);
+    explicit TrainProgress(const TrainOptions& options, double seconds = 0);
 
-    void set_iterations(int iterations) { iterations_ = iterations; }
+    /// Another schedule.
+    void set_schedule(const TrainOptions& options);
 
     /// Seconds of training: since the start, without pauses.
     double seconds() const;
@@ -26,19 +27,20 @@ public:
     /// The line of log.jsonl.
     std::string json(const TrainReport& report) const;
 
+    /// As progress_style() says; with json the line of log.jsonl.
     void show(const TrainReport& report);
 
-    /// Ends the line in place.
-    void finish();
-
 private:
-    enum class Style { line, plain, json, quiet };
-    std::string text(const TrainReport& report) const;
+    std::string text(const TrainReport& report);
 
-    int iterations_;
-    Style style_;
+    int iterations_ = 0;
+    std::vector<int> phases_;  // iterations from which on an iteration takes longer, ascending
+    int last_ = 0;             // iteration that was shown
+    Pace pace_;
     double begin_, last_plain_ = -1e9, paused_at_ = -1;  // paused_at_ < 0: it runs
-    bool line_open_ = false;
 };
+
+/// Where terms of the loss and votes set in, ascending, without the first iteration.
+std::vector<int> phases_of(const TrainOptions& options);
 
 }  // namespace tvsgs

@@ -54,7 +54,7 @@ private:
     const SessionInputs& in_;
     RunFolder& run_;
     TrainOptions training_;  // in_.training with the schedule that it goes by now
-    Progress progress_;
+    TrainProgress progress_;
     CheckpointWriter checkpoints_;
     LiveSnapshots live_;
     TimeBudget budget_;
@@ -70,7 +70,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
     : in_(inputs),
       run_(run),
       training_(inputs.training),
-      progress_(training_.iterations, inputs.session.progress, inputs.resume.seconds()),
+      progress_(training_, inputs.resume.seconds()),
       checkpoints_(run.path(), inputs.config(), inputs.scene),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
@@ -84,7 +84,7 @@ void TrainSession<Device>::run() {
     say_what_is_scored();
     const Gaussians<Device> trained = train_or_explain();
     synchronize(Device{});
-    progress_.finish();
+    end_progress_line();
     const double seconds = progress_.seconds();
     settle_budget(seconds);
 
@@ -126,7 +126,7 @@ Gaussians<Device> TrainSession<Device>::train_or_explain() {
     try {
         return train_in_budget();
     } catch (const Error& error) {
-        progress_.finish();
+        end_progress_line();
         const auto last = checkpoints_.finish();
         if (!last) throw;
         throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
@@ -227,7 +227,7 @@ template <class Device>
 void TrainSession<Device>::fit_to_budget() {
     budget_.fit(done_, own_seconds(), training_);
     copy_schedule(training_, in_.options.train);
-    progress_.set_iterations(training_.iterations);
+    progress_.set_schedule(training_);
     run_.save_config(in_.config());
     checkpoints_.set_config(in_.config());
     run_.log(JsonLine()

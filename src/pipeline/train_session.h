@@ -15,11 +15,10 @@ namespace tvsgs {
 
 /// How much a session says and saves on its way; no part of the configuration.
 struct SessionOptions {
-    std::string progress = "auto";  // style of Progress
-    int report_every = 50;          // iterations between lines of log.jsonl
-    int checkpoint_every = 5000;    // iterations; 0: only when the run is stopped
-    bool profile = false;           // seconds per stage in log.jsonl
-    double live_every = 0;          // seconds between snapshots for tvsgs-view; 0: none
+    int report_every = 50;        // iterations between lines of log.jsonl
+    int checkpoint_every = 5000;  // iterations; 0: only when the run is stopped
+    bool profile = false;         // seconds per stage in log.jsonl
+    double live_every = 0;        // seconds between snapshots for tvsgs-view; 0: none
 };
 
 /// What a session is of. References must outlive it.

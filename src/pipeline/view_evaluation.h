@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/progress.h"
 #include "eval/view_scores.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
@@ -42,6 +43,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
     auto backbone = make_backbone<Device>(options.backbone, options.render);
     const PhotoBackground behind = parse_background(options.loss.photometric.background);
     ViewScorer scorer(scoring);
+    Progress progress("scores of the views", double(views.size()));
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);
@@ -49,6 +51,7 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);
         on_render(view, render, images);
+        progress.advance();
     }
     return scorer.scores();
 }

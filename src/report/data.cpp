@@ -3,16 +3,16 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
-#include <numeric>
+#include <optional>
 
 #include "core/log.h"
 #include "io/atomic_file.h"
-#include "io/mesh_files.h"
-#include "io/ply.h"
 #include "io/read_file.h"
 #include "pipeline/run_folder.h"
+#include "report/coverage.h"
 #include "report/html.h"
 #include "report/pictures.h"
+#include "report/view_run.h"
 
 namespace tvsgs {
 namespace {
@@ -23,6 +23,8 @@ constexpr std::size_t kMaxRows = 600;           // of the log, evenly thinned
 constexpr std::size_t kMaxViews = 8;            // with pictures
 constexpr int kPictureWidth = 400;              // px; two fit beside each other on a desk
 constexpr std::uintmax_t kMaxResult = 4 << 20;  // bytes of a file of RUN/eval
+constexpr std::size_t kViewBytes = 12'000'000;  // of the view in 3D: a page that opens at once
+constexpr std::size_t kViewFacesHere = 100'000;
 
 bool exists(const std::string& path) {
     std::error_code code;
@@ -33,17 +35,20 @@ JsonValue read_json(const std::string& path) {
     return parse_json_value(read_bytes(path), path);
 }
 
-/// The lines of log.jsonl; a last one that a killed run left unfinished does not count.
-std::vector<JsonValue> read_log(const std::string& path) {
+/// The lines of log.jsonl; a last one that a killed run left unfinished does not count. `damaged`
+/// is told what is wrong with a line that is left out.
+template <class Damaged>
+std::vector<JsonValue> read_log(const std::string& path, const Damaged& damaged) {
     std::vector<JsonValue> lines;
-    if (!exists(path)) return lines;
     const std::string text = read_bytes(path);
-    for (std::size_t at = 0; at < text.size();) {
-        const std::size_t end = text.find('\n', at);
-        if (end == std::string::npos) break;
-        lines.push_back(parse_json_value(std::string_view(text).substr(at, end - at),
-                                         str(path, ": line ", lines.size() + 1)));
-        at = end + 1;
+    std::size_t number = 0;
+    for (std::size_t at = 0, end; (end = text.find('\n', at)) != std::string::npos; at = end + 1) {
+        const std::string where = str(path, ": line ", ++number);
+        try {
+            lines.push_back(parse_json_value(std::string_view(text).substr(at, end - at), where));
+        } catch (const Error& error) {
+            damaged(error.what());
+        }
     }
     return lines;
 }
@@ -170,57 +175,115 @@ JsonValue pictures(const std::string& run,
     return list;
 }
 
+/// report.json as it grows, and the page's view in 3D.
+class Collector {
+public:
+    Collector(const std::string& run, const Scene& scene, std::vector<std::string> missing)
+        : run_(run), scene_(scene), missing_(std::move(missing)) {}
+
+    JsonValue collect() {
+        add_config();
+        add_decisions();
+        part("curves", [&] {
+            const auto lost = [&](const std::string& why) { missing_.push_back(why); };
+            add_log(report_, read_log(run_ + "/log.jsonl", lost));
+        });
+        part("scores", [&] { add_results(report_, run_); });
+        part("pictures",
+             [&] { report_.set("pictures", pictures(run_, report_["views"], scene_.test)); });
+        part("the view in 3D", [&] { add_view(); });
+        JsonValue list = JsonValue::list();
+        for (const std::string& what : missing_) list.items.push_back(what);
+        if (!missing_.empty()) report_.set("missing", std::move(list));
+        return std::move(report_);
+    }
+
+    const std::optional<ViewPage>& view() const { return view_; }
+
+private:
+    template <class Action>
+    void part(const char* name, const Action& action) {
+        if_possible(name, action, "report", &missing_);
+    }
+
+    void add_config() {
+        JsonValue config = read_json(run_config_path(run_));
+        report_.set("format", "tvsgs-report");
+        report_.set("format_version", 2);
+        JsonValue about = config["info"];
+        const auto name_of = [](const std::string& path) {
+            fs::path clean = fs::path(path).lexically_normal();
+            if (clean.filename().empty()) clean = clean.parent_path();
+            return clean.filename().string();
+        };
+        std::error_code code;
+        about.set("name", name_of(fs::absolute(run_, code).string()));
+        about.set("scene", name_of(config["scene"]["path"].text));
+        report_.set("run", std::move(about));
+        std::erase_if(config.members, [](const auto& member) { return member.first == "info"; });
+        report_.set("config", std::move(config));
+    }
+
+    /// A run whose settings were pinned has no plan.
+    void add_decisions() {
+        const std::string plan = run_ + "/plan.json", memory = run_ + "/memory.json";
+        part("the plan", [&] {
+            if (!exists(plan)) return;
+            const JsonValue decisions = read_json(plan)["decisions"];
+            if (!decisions.is(JsonValue::Kind::list))
+                throw input_error(plan, ": holds no decisions; expected the file of tvsgs-train");
+            report_.set("plan", decisions);
+        });
+        part("the limits of its memory", [&] { report_.set("memory", read_json(memory)); });
+    }
+
+    void add_view() {
+        ViewInput input;
+        input.runs = {run_}, input.loaded = &scene_, input.may_train = true;
+        input.max_faces = kViewFacesHere, input.whole = "report";
+        ViewSubject subject = read_view_subject(input);
+        missing_.insert(missing_.end(), subject.missing.begin(), subject.missing.end());
+        for (const JsonValue& view : report_["views"].items)
+            for (ViewCamera& camera : subject.cameras)
+                camera.test = camera.test || camera.name == view["name"].text;
+        const auto training = std::count_if(subject.cameras.begin(), subject.cameras.end(),
+                                            [](const ViewCamera& c) { return !c.test; });
+        report_.set("training_views", static_cast<double>(training));
+        ViewRun& run = subject.runs.front();
+        if (run.mesh_faces > 0) {
+            JsonValue mesh = JsonValue::object();
+            mesh.set("faces", static_cast<double>(run.mesh_faces));
+            report_.set("mesh", std::move(mesh));
+        }
+        if (static_cast<std::size_t>(training) > kMaxCoverageViews)
+            missing_.push_back(str("coverage: ", training, " training views; it is looked at of ",
+                                   kMaxCoverageViews, " at most"));
+        if (run.splats.size() == 0)
+            throw input_error(run_, ": holds no splats yet; expected those of a training");
+        report_.set("splats", static_cast<double>(run.splats.size()));
+        report_.set("coverage", coverage_json(run.splats, subject.cameras));
+        if (!report_["coverage"] && static_cast<std::size_t>(training) <= kMaxCoverageViews)
+            missing_.push_back("coverage: no training view sees a splat");
+        run.evaluations = {};  // the report has its own plots
+        view_ = view_page(std::move(subject.runs), subject.cameras, {.max_bytes = kViewBytes});
+    }
+
+    const std::string& run_;
+    const Scene& scene_;
+    std::vector<std::string> missing_;
+    JsonValue report_ = JsonValue::object();
+    std::optional<ViewPage> view_;
+};
+
 }  // namespace
 
-JsonValue collect_report(const std::string& run,
-                         const std::vector<View>& test,
-                         const std::optional<Truth>& truth,
-                         Vec3d origin) {
-    JsonValue report = JsonValue::object(), config = read_json(run_config_path(run));
-    report.set("format", "tvsgs-report");
-    report.set("format_version", 1);
-    JsonValue about = config["info"];
-    const auto name_of = [](const std::string& path) {
-        fs::path clean = fs::path(path).lexically_normal();
-        if (clean.filename().empty()) clean = clean.parent_path();
-        return clean.filename().string();
-    };
-    std::error_code code;
-    about.set("name", name_of(fs::absolute(run, code).string()));
-    about.set("scene", name_of(config["scene"]["path"].text));
-    report.set("run", std::move(about));
-    std::erase_if(config.members, [](const auto& member) { return member.first == "info"; });
-    report.set("config", std::move(config));
-    if_possible("curves", [&] { add_log(report, read_log(run + "/log.jsonl")); });
-    if_possible("scores", [&] { add_results(report, run); });
-    if_possible("pictures", [&] { report.set("pictures", pictures(run, report["views"], test)); });
-    const std::string cameras = run + "/cameras.json", mesh = find_mesh(run);
-    Viewpoint viewpoint = viewpoint_of(JsonValue());
-    if_possible("the view of a camera", [&] {
-        if (exists(cameras)) viewpoint = viewpoint_of(read_json(cameras));
-    });
-    if_possible("centres", [&] {
-        if (fs::exists(run + "/point_cloud", code))
-            report.set("points", points_json(centres_of(read_splat_ply(find_splats(run), origin)),
-                                             truth, viewpoint));
-    });
-    if_possible("a mesh", [&] {
-        if (!mesh.empty())
-            report.set("mesh_points",
-                       points_json(read_mesh(mesh, origin).points, truth, viewpoint));
-    });
-    return report;
-}
-
-void write_report(const std::string& run,
-                  const std::vector<View>& test,
-                  const std::optional<Truth>& truth,
-                  Vec3d origin) {
-    const std::string json = json_text(collect_report(run, test, truth, origin));
+void write_report(const std::string& run, const Scene& scene, std::vector<std::string> missing) {
+    Collector collector(run, scene, std::move(missing));
+    const std::string json = json_text(collector.collect());
     write_text_file(run + "/report.json", json + "\n");
-    // From what was written: the page is a function of report.json alone.
+    // From what was written: but for the view, the page is a function of report.json.
     write_text_file(run + "/report.html",
-                    report_html(parse_json_value(json, run + "/report.json")));
+                    report_html(parse_json_value(json, run + "/report.json"), collector.view()));
 }
 
 }  // namespace tvsgs

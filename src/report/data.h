@@ -1,7 +1,6 @@
 // What a report says: report.json, collected from a run folder.
 #pragma once
 
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -9,34 +8,35 @@
 #include "core/log.h"
 #include "core/scene.h"
 #include "io/json_value.h"
-#include "pipeline/train_evaluation.h"
 
 namespace tvsgs {
 
-/// A part of a report, or of `whole`, that cannot be made is left out, with a warning.
+/// A part of a report, or of `whole`, that cannot be made is left out, with a warning that
+/// `missing` gets as well.
 template <class Action>
-void if_possible(const char* part, const Action& action, const char* whole = "report") {
+void if_possible(const char* part,
+                 const Action& action,
+                 const char* whole = "report",
+                 std::vector<std::string>* missing = nullptr) {
     try {
         action();
     } catch (const Error& error) {
         spdlog::warn("{}; the {} does without {}", error.what(), whole, part);
+        if (missing != nullptr) missing->push_back(str(part, ": ", error.what()));
     }
 }
 
-/// Writes RUN/report.json and RUN/report.html. `test`: the views with their photographs, for the
-/// pictures beside the renders; may be empty. A run that has not ended has a report, too. Throws
-/// Error(ExitCode::input) when `run` is no run folder. `origin`: the scene's, truth's too.
+/// Writes RUN/report.json and RUN/report.html, with what has become of the run so far. `scene`: the
+/// run's, for the photographs beside the renders and in the view in 3D; may have no views. Throws
+/// Error(ExitCode::input) when `run` is no run folder. `missing`: what the report says that it
+/// lacks beside what is found to be missing here.
+///
+/// Keys of report.json: format, run, config, plan (its decisions), memory, summary, reports
+/// (columns), stages, evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json),
+/// pictures, training_views, splats, coverage
+/// (report/coverage.h), mesh (faces), missing.
 void write_report(const std::string& run,
-                  const std::vector<View>& test,
-                  const std::optional<Truth>& truth,
-                  Vec3d origin);
-
-/// The tree of report.json. Keys: format, run, config, summary, reports (columns), stages,
-/// evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json), pictures, points,
-/// mesh_points.
-JsonValue collect_report(const std::string& run,
-                         const std::vector<View>& test,
-                         const std::optional<Truth>& truth,
-                         Vec3d origin);
+                  const Scene& scene,
+                  std::vector<std::string> missing = {});
 
 }  // namespace tvsgs

@@ -38,6 +38,12 @@ std::vector<double> numbers(const JsonValue& list) {
     return values;
 }
 
+std::string grouped(std::size_t value) {
+    std::string text = std::to_string(value);
+    for (std::size_t i = 3; i < text.size(); i += 4) text.insert(text.size() - i, ",");
+    return text;
+}
+
 std::string html_table(const std::string& caption,
                        const std::vector<std::string>& heads,
                        const std::vector<std::vector<std::string>>& rows,

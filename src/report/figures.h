@@ -12,6 +12,9 @@ namespace tvsgs {
 /// Of a list; what is no number becomes NaN.
 std::vector<double> numbers(const JsonValue& list);
 
+/// 1234567 as 1,234,567.
+std::string grouped(std::size_t value);
+
 /// `style`: attributes of the table, with a space before them.
 std::string html_table(const std::string& caption,
                        const std::vector<std::string>& heads,

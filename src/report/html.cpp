@@ -6,8 +6,8 @@
 #include "core/error.h"
 #include "report/figures.h"
 #include "report/page.h"
-#include "report/pictures.h"
 #include "report/plot.h"
+#include "report/verdict.h"
 
 namespace tvsgs {
 namespace {
@@ -16,25 +16,27 @@ constexpr std::size_t kMaxBars = 40;
 
 class Page {
 public:
-    explicit Page(const JsonValue& report) : report_(report) {}
+    Page(const JsonValue& report, const std::optional<ViewPage>& view)
+        : report_(report), view_(view) {}
 
     std::string html() {
+        verdict();
         overview();
+        view();
+        plan();
         over_time();
         losses();
         sizes();
         stages();
         curves();
         views();
-        viewer("points", "The splats' centres", "centres");
-        viewer("mesh_points", "The mesh", "vertices of the mesh");
         results();
         settings();
         const std::string name = escaped(report_["run"]["name"].text);
         std::string text =
             str("<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta "
                 "http-equiv=\"Content-Security-Policy\" content=\"",
-                kPagePolicy,
+                kViewPolicy,
                 "\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
                 "<link rel=\"icon\" href=\"data:,\">\n<title>",
                 name, ": training report</title>\n<style>", kPlotStyle, kPageStyle,
@@ -44,8 +46,7 @@ public:
         text += body_ + "</main>\n<footer>Written by " +
                 escaped(report_["run"]["version"].text_or("tvsgs")) +
                 " from report.json; nothing is loaded from elsewhere.</footer>\n";
-        if (report_["points"] || report_["mesh_points"])
-            text += str("<script>", kViewerScript, "</script>\n");
+        if (view_) text += str("<script>", kOpenViewScript, "</script>\n");
         return text + "</body>\n</html>\n";
     }
 
@@ -80,13 +81,51 @@ private:
         list += str("<div><dt>", name, "</dt><dd>", escaped(value), "</dd></div>\n");
     }
 
-    void overview() {
-        heading("overview", "Overview");
-        const JsonValue& s = report_["summary"];
-        if (s["event"].text != "done")
+    void sentences(const char* title, const std::vector<std::string>& list) {
+        body_ += str("<h3>", title, "</h3>\n<ul>\n");
+        for (const std::string& one : list) body_ += "<li>" + escaped(one) + "</li>\n";
+        body_ += "</ul>\n";
+    }
+
+    void verdict() {
+        heading("verdict", "Verdict");
+        if (report_["summary"]["event"].text != "done")
             body_ +=
                 "<p class=\"notice\">This run has not finished: there is no line "
                 "&ldquo;done&rdquo; in its log.</p>\n";
+        const RunVerdict v = verdict_of(report_);
+        body_ += str("<p class=\"lead\">", escaped(v.what), "</p>\n<p class=\"lead\">");
+        if (!v.level.empty())
+            body_ += str("<strong class=\"level\">How good: ", v.level, ".</strong> ");
+        body_ += escaped(v.quality) + "</p>\n";
+        if (!v.limits.empty())
+            sentences("What limits it", v.limits);
+        else if (report_["coverage"])
+            paragraph("Nothing that was measured limits it.");
+        if (!v.next.empty()) sentences("What to photograph next", v.next);
+        if (!v.left_out.empty()) sentences("Left out by the plan", {v.left_out});
+        std::vector<std::string> missing;
+        for (const JsonValue& what : report_["missing"].items) missing.push_back(what.text);
+        if (!missing.empty()) sentences("What this report lacks", missing);
+    }
+
+    /// What was decided, in the order of the decisions.
+    void plan() {
+        std::vector<std::vector<std::string>> rows;
+        for (const JsonValue& d : report_["plan"].items) {
+            std::string reason = d["reason"].text;
+            for (const auto& [key, kept] : d["kept"].members)
+                reason += str(" [", key, " stays ", kept.text, "]");
+            rows.push_back({d["name"].text, d["choice"].text, reason});
+        }
+        if (rows.empty()) return;
+        heading("plan", "Plan");
+        body_ += html_table("What was decided for this scene, and why",
+                            {"decision", "choice", "reason"}, rows, " class=\"plan\"");
+    }
+
+    void overview() {
+        const JsonValue& s = report_["summary"];
         std::string list;
         const auto add = [&](const char* name, const JsonValue& value, const char* unit = "",
                              int digits = 4) {
@@ -108,6 +147,8 @@ private:
                 add(str("F1 at ", short_number(t["tau"].number), ", ", what).c_str(), t["f1"], "",
                     3);
         }
+        if (list.empty()) return;
+        heading("overview", "Overview");
         body_ += "<dl class=\"facts\">\n" + list + "</dl>\n";
     }
 
@@ -271,54 +312,19 @@ private:
                 " of view ", escaped(view), "\"><figcaption>", title, "</figcaption></figure>\n");
     }
 
-    /// Points of the report that can be looked at from all sides.
-    void viewer(const char* key, const char* title, const char* points) {
-        const JsonValue& p = report_[key];
-        if (!p) return;
-        heading(key, title);
-        const bool errors = static_cast<bool>(p["errors"]);
-        std::string count = str(short_number(p["shown"].number_or(0)), " of ",
-                                short_number(p["of"].number_or(0)), " ", points);
-        if (p["in_crop"].number_or(0) < p["of"].number_or(0))
-            count += str(" (", short_number(p["in_crop"].number), " lie in the crop)");
-        const std::string what =
-            count +
-            (errors ? ", coloured by their distance to the true surface" : ", in their colours");
-        JsonValue data = JsonValue::object();
-        for (const char* part : {"positions", "colors", "errors", "palette", "pitch"})
-            if (p[part]) data.set(part, p[part]);
-        body_ += "<figure class=\"viewer card\">\n";
-        picture_only(p["picture"], what);
-        body_ += str("<canvas hidden tabindex=\"0\" role=\"img\" aria-label=\"", escaped(what),
-                     ". Arrow keys turn, plus and minus zoom, 0 resets.\"></canvas>\n"
-                     "<div class=\"controls\" hidden>");
-        for (const auto& [act, label, sign] :
-             {std::tuple("left", "Turn left", "\u2190"),
-              std::tuple("right", "Turn right", "\u2192"),
-              std::tuple("up", "Look from higher", "\u2191"),
-              std::tuple("down", "Look from lower", "\u2193"), std::tuple("near", "Zoom in", "+"),
-              std::tuple("far", "Zoom out", "\u2212"),
-              std::tuple("reset", "Reset the view", "Reset")})
-            body_ += str("<button type=\"button\" data-act=\"", act, "\" aria-label=\"", label,
-                         "\" title=\"", label, "\">", sign, "</button>");
-        if (errors)
-            body_ +=
-                "<button type=\"button\" data-colors aria-pressed=\"false\">Own colours</button>";
-        body_ += "</div>\n";
-        if (errors) body_ += error_scale(p["full"].number_or(0));
+    /// The page of tvsgs-view, in a frame of its own once it is asked for.
+    void view() {
+        if (!view_) return;
+        heading("view", "View in 3D");
+        body_ += str(
+            "<figure class=\"viewer card\">\n<img src=\"", view_->poster,
+            "\" alt=\"The splats, as the middle camera sees them\">\n<p><button type=\"button\" "
+            "id=\"open-view\">Look at it from all sides</button></p>\n<figcaption>Splats, mesh, "
+            "cameras with photographs, colours by error where the true surface is known.");
+        for (const std::string& note : view_->notes) body_ += " " + escaped(note);
         body_ +=
-            str("<figcaption>", escaped(what),
-                ". Drag, or use the arrow keys, to turn; pinch, + and &minus;, or the wheel once "
-                "the view is chosen, to zoom.</figcaption>\n"
-                "<script type=\"application/json\">",
-                json_for_page(data), "</script>\n</figure>\n");
-    }
-
-    void picture_only(const JsonValue& image, const std::string& alt) {
-        if (!image["src"].text.starts_with("data:image/")) return;
-        body_ +=
-            str("<img src=\"", escaped(image["src"].text), "\" width=\"", image["width"].number,
-                "\" height=\"", image["height"].number, "\" alt=\"", escaped(alt), "\">\n");
+            str("</figcaption>\n</figure>\n<script type=\"application/json\" id=\"view-page\">",
+                json_for_page(JsonValue(view_->html)), "</script>\n");
     }
 
     /// What `tvsgs-eval geometry|dtu|tnt` have written beside: their numbers.
@@ -360,14 +366,15 @@ private:
     }
 
     const JsonValue& report_;
+    const std::optional<ViewPage>& view_;
     std::string links_, body_;
     int plots_ = 0;
 };
 
 }  // namespace
 
-std::string report_html(const JsonValue& report) {
-    return Page(report).html();
+std::string report_html(const JsonValue& report, const std::optional<ViewPage>& view) {
+    return Page(report, view).html();
 }
 
 }  // namespace tvsgs

@@ -28,25 +28,7 @@ struct Rgb {
 };
 Rgb error_shade(double share);
 
-/// The frame in which points are looked at first: x right, y up, z towards the viewer.
-struct Viewpoint {
-    Mat3f axes{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // viewer_from_world
-    float pitch = 0;                                // radians, the viewer's height
-};
-
-/// Upright as the cameras of cameras.json are, from the side of the middle one.
-Viewpoint viewpoint_of(const JsonValue& cameras);
-
-/// The splats' centres with their base colours.
-PointCloud centres_of(const Gaussians<Cpu>& splats);
-
 /// Where colours by error end: twice the largest threshold; 0: there is none.
 double full_error(const Truth& truth);
-
-/// At most 40,000 of the points (of those in the crop, where there is one) with their colours,
-/// their distances to the truth where it is known, and a picture of them. Null without points.
-JsonValue points_json(const PointCloud& points,
-                      const std::optional<Truth>& truth,
-                      const Viewpoint& viewpoint);
 
 }  // namespace tvsgs

@@ -16,19 +16,15 @@ void make_report(const std::string& run, const std::string& scene_path) {
     table.read_file(run_config_path(run));
     if (!scene_path.empty()) options.scene.path = scene_path;
     options.scene.need_points = false;
-    std::vector<View> test;
-    std::optional<Truth> truth;
-    Vec3d origin;
-    if_possible("photographs", [&] {
-        Scene scene = read_scene_of_run(options.scene, run);
-        test = std::move(scene.test), origin = scene.origin;
-    });
-    if_possible("errors of the centres", [&] { truth = read_truth(options.eval, origin); });
-    write_report(run, test, truth, origin);
-    spdlog::info("{}/report.html", run);
+    Scene scene;
+    std::vector<std::string> missing;
+    if_possible(
+        "photographs", [&] { scene = read_scene_of_run(options.scene, run); }, "report", &missing);
+    write_report(run, scene, std::move(missing));
+    spdlog::info("{}/report.html: report", run);
 }
 
-void refresh_report(const std::string& written) {
+std::string refresh_report(const std::string& written) {
     const fs::path folder = fs::path(written).parent_path();
     const std::string run = folder.has_parent_path() ? folder.parent_path().string() : ".";
     std::error_code code;
@@ -37,12 +33,14 @@ void refresh_report(const std::string& written) {
         (folder.filename() == "eval" && fs::path(written).extension() == ".json");
     if (!is_result || !fs::is_regular_file(fs::path(run) / "report.json", code) ||
         !fs::is_regular_file(fs::path(run) / "config.json", code))
-        return;
+        return {};
     try {
         make_report(run);
+        return run;
     } catch (const Error& error) {
         spdlog::warn("{}; the report stays as it was (tvsgs-eval report --run {})", error.what(),
                      run);
+        return {};
     }
 }
 

@@ -11,7 +11,8 @@ namespace tvsgs {
 void make_report(const std::string& run, const std::string& scene = {});
 
 /// The same for the run that `written`, a file just made, is a result of: RUN/mesh/mesh.ply or
-/// RUN/eval/NAME.json, where RUN has a report. A report that cannot be made is a warning.
-void refresh_report(const std::string& written);
+/// RUN/eval/NAME.json, where RUN has a report. A report that cannot be made is a warning. Returns
+/// the run; empty: there is no report.
+std::string refresh_report(const std::string& written);
 
 }  // namespace tvsgs

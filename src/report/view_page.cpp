@@ -24,9 +24,6 @@ constexpr int kPhotoSide = 640, kPosterSide = 800;  // px
 constexpr std::size_t kPhotoBytes = 3'000'000;      // of all photographs
 constexpr std::size_t kPageBytes = 200'000;         // of texts, scripts and posters, about
 constexpr double kBase64 = 4.0 / 3;                 // bytes of text for one of data
-constexpr const char* kPolicy =
-    "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src "
-    "'unsafe-inline'; worker-src blob:";
 
 /// The template with {{name}} replaced; each name has to be in `values`.
 std::string filled(const std::string& text, const std::map<std::string, std::string>& values) {
@@ -39,13 +36,6 @@ std::string filled(const std::string& text, const std::map<std::string, std::str
         at = close + 2;
     }
     return out;
-}
-
-/// 1234567 as 1,234,567.
-std::string grouped(std::size_t value) {
-    std::string text = std::to_string(value);
-    for (std::size_t i = 3; i < text.size(); i += 4) text.insert(text.size() - i, ",");
-    return text;
 }
 
 ImageU8 at_most(const ImageU8& image, int side) {
@@ -177,7 +167,7 @@ public:
                 i, static_cast<std::size_t>(static_cast<double>(room / runs_.size()) / kBase64));
         add_plots();
         add_table();
-        return {html(), notes_};
+        return {html(), poster_, notes_};
     }
 
 private:
@@ -270,9 +260,10 @@ private:
             }
         }
         const ImageU8 picture = poster(*backbone, packed.shown, cameras_[start()].camera);
+        const std::string source = jpeg_source(jpeg_bytes(picture, 80));
+        if (i == 0) poster_ = source;
         panes_ += str("<img class=\"poster\" alt=\"", escaped(run.name), " as camera ",
-                      escaped(cameras_[start()].name), " sees it\" src=\"",
-                      jpeg_source(jpeg_bytes(picture, 80)), "\">\n");
+                      escaped(cameras_[start()].name), " sees it\" src=\"", source, "\">\n");
         overlays_ +=
             str("<div class=\"pane\" hidden><img alt=\"\" src=\"data:,\" hidden><canvas></canvas>",
                 runs_.size() > 1 ? str("<span>", escaped(run.name), "</span>") : "", "</div>\n");
@@ -345,7 +336,7 @@ private:
             notes += "<p class=\"notice\">" + escaped(text) + "</p>\n";
         return filled(
             kViewPage,
-            {{"policy", str(kPolicy, options_.follow ? "; connect-src 'self'" : "")},
+            {{"policy", str(kViewPolicy, options_.follow ? "; connect-src 'self'" : "")},
              {"title", escaped(title) + ": view"},
              {"style", str(kPlotStyle, kPageStyle, kViewStyle)},
              {"heading", escaped(title)},
@@ -372,7 +363,7 @@ private:
     JsonValue about_ = JsonValue::object();
     std::vector<JsonValue> abouts_;  // of the runs
     std::vector<std::vector<std::string>> rows_;
-    std::string panes_, overlays_, parts_, data_;
+    std::string poster_, panes_, overlays_, parts_, data_;
     std::vector<std::string> notes_;
     double full_ = 0;  // where the colours by error end; 0: no truth
     bool has_photos_ = false;

@@ -38,13 +38,19 @@ struct ViewPageOptions {
     int max_photos = 60;
     /// The page follows a training, by the server that it is from; where its frame lies in that of
     /// the scene.
-    std::optional<Vec3d> follow;
+    std::optional<Vec3d> follow{};
 };
 
 struct ViewPage {
     std::string html;
+    std::string poster;              // a picture of the first run: data URI
     std::vector<std::string> notes;  // what does not fit, as the page says it
 };
+
+/// What pages with a view in them may do: nothing that leaves them.
+inline constexpr const char* kViewPolicy =
+    "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src "
+    "'unsafe-inline'; worker-src blob:";
 
 /// `cameras`: at least one.
 ViewPage view_page(std::vector<ViewRun> runs,

@@ -15,7 +15,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr const char* kPage = "page";  // what does without
+constexpr std::size_t kFewPhotos = 12;  // of a scene that was read for something else
 
 namespace fs = std::filesystem;
 
@@ -96,10 +96,7 @@ ViewCamera placed(FileCamera&& file, Vec3d origin) {
     return view;
 }
 
-void add_photographs(std::vector<ViewCamera>& cameras,
-                     const SceneOptions& options,
-                     const std::string& run) {
-    Scene scene = read_scene_of_run(options, run);
+void add_photographs(std::vector<ViewCamera>& cameras, Scene scene) {
     for (std::vector<View>* views : {&scene.train, &scene.test})
         for (View& view : *views)
             for (ViewCamera& camera : cameras)
@@ -107,6 +104,20 @@ void add_photographs(std::vector<ViewCamera>& cameras,
                     camera.photo = std::move(view.photo);
                     camera.test = views == &scene.test;
                 }
+}
+
+/// Which cameras are those of test views, and a few photographs, evenly chosen.
+void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) {
+    const std::size_t n = cameras.size(), kept = std::min(n, kFewPhotos);
+    std::vector<bool> chosen(n);
+    for (std::size_t k = 0; k < kept; ++k) chosen[kept < 2 ? 0 : k * (n - 1) / (kept - 1)] = true;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            for (std::size_t i = 0; i < n; ++i) {
+                if (cameras[i].name != view.name) continue;
+                cameras[i].test = views == &scene.test;
+                if (chosen[i]) cameras[i].photo = view.photo;
+            }
 }
 
 /// What the run was measured against: by its training, or by tvsgs-eval run.
@@ -132,7 +143,8 @@ std::string name_of(const std::string& run) {
 ViewRun read_run(const std::string& path,
                  const ViewInput& input,
                  Vec3d origin,
-                 const std::vector<ViewCamera>& cameras) {
+                 const std::vector<ViewCamera>& cameras,
+                 std::vector<std::string>* missing) {
     const RunOptions options = options_of(path);
     ViewRun run;
     run.name = name_of(path);
@@ -152,15 +164,17 @@ ViewRun read_run(const std::string& path,
         run.mesh_faces = mesh.faces.size();
         std::vector<Camera> all;
         for (const ViewCamera& c : cameras) all.push_back(c.camera);
-        if (run.mesh_faces > kViewFaces)
-            simplify_and_say(mesh, all, {0, static_cast<int>(kViewFaces)}, spdlog::level::info);
+        if (run.mesh_faces > input.max_faces)
+            simplify_and_say(mesh, all, {0, static_cast<int>(input.max_faces)},
+                             spdlog::level::debug);
         run.mesh = std::move(mesh);
     };
-    if_possible("a mesh", read_mesh_of_run, kPage);
+    if_possible("a mesh", read_mesh_of_run, input.whole, missing);
     if (input.gt.empty()) {
         if_possible(
             "colours by error",
-            [&] { run.truth = read_truth(measured_against(options.eval, path), origin); }, kPage);
+            [&] { run.truth = read_truth(measured_against(options.eval, path), origin); },
+            input.whole, missing);
     } else {
         EvaluationOptions measure;
         measure.gt = input.gt, measure.crop = input.crop;
@@ -173,7 +187,7 @@ ViewRun read_run(const std::string& path,
             if (exists(report))
                 run.evaluations = parse_json_value(read_bytes(report), report)["evaluations"];
         },
-        kPage);
+        input.whole, missing);
     return run;
 }
 
@@ -188,11 +202,15 @@ ViewSubject read_view_subject(const ViewInput& input) {
     const Vec3d origin = subject.origin = local_origin(centres);
     for (FileCamera& c : files) subject.cameras.push_back(placed(std::move(c), origin));
     if (!input.scene.empty()) first.scene.path = input.scene;
-    if_possible(
-        "photographs", [&] { add_photographs(subject.cameras, first.scene, input.runs.front()); },
-        kPage);
+    const auto read = [&] {
+        add_photographs(subject.cameras, read_scene_of_run(first.scene, input.runs.front()));
+    };
+    if (input.loaded != nullptr)
+        add_some_photographs(subject.cameras, *input.loaded);
+    else
+        if_possible("photographs", read, input.whole, &subject.missing);
     for (const std::string& run : input.runs)
-        subject.runs.push_back(read_run(run, input, origin, subject.cameras));
+        subject.runs.push_back(read_run(run, input, origin, subject.cameras, &subject.missing));
     return subject;
 }
 

@@ -187,9 +187,9 @@ TEST_F(BadEnds, ReportsNeverFailARun) {
 TEST_F(BadEnds, ReportsFollowTheMeshAndTheScores) {
     fs::copy(folder_ / "run", folder_ / "grown", fs::copy_options::recursive);
     const auto report = [] { return contents(folder_ / "grown/report.json"); };
-    EXPECT_EQ(report().find("\"mesh_points\""), std::string::npos);
+    EXPECT_EQ(report().find("\"mesh\": {\"faces\""), std::string::npos);
     ASSERT_EQ(call("extract-mesh", "--model grown --device cpu --mesh-resolution 48").code, 0);
-    EXPECT_NE(report().find("\"mesh_points\""), std::string::npos);
+    EXPECT_NE(report().find("\"mesh\": {\"faces\""), std::string::npos);
     const Result scored = call("eval",
                                "geometry --pred grown/mesh/mesh.glb --gt scene/gt/mesh.ply --tau "
                                "0.1 --out grown/eval/own.json");

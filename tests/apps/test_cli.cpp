@@ -39,6 +39,21 @@ protected:
     }
     static void TearDownTestSuite() { fs::remove_all(folder_); }
 
+    /// Lines of standard error of a run that says its progress as `flags` ask for.
+    static std::vector<std::string> messages(const std::string& flags) {
+        const Result r = call(
+            "train",
+            "--scene scene --split train_3 --device cpu --iterations 3 --config " TVSGS_SOURCE_DIR
+            "/configs/pgsr_sparse.json --overwrite --out told " +
+                flags);
+        EXPECT_EQ(r.code, 0) << r;
+        EXPECT_EQ(r.out, "") << "standard output holds what was asked for";
+        std::vector<std::string> lines;
+        std::istringstream text(r.err);
+        for (std::string line; std::getline(text, line);) lines.push_back(line);
+        return lines;
+    }
+
     /// Runs tvsgs-<tool> in the folder of the test.
     static Result call(const std::string& tool, const std::string& arguments) {
         return run_tool(folder_, tool, arguments);
@@ -72,6 +87,25 @@ protected:
 
     static inline fs::path folder_;
 };
+
+TEST_F(Cli, ProgressIsWhatWasAskedFor) {
+    EXPECT_TRUE(messages("--quiet").empty());
+    EXPECT_TRUE(messages("--quiet --progress json").empty());
+    int reports = 0;
+    for (const std::string& line : messages("--progress json --report-every 1")) {
+        if (line.starts_with("info: ") || line.starts_with("warning: ")) continue;
+        EXPECT_TRUE(json::parse(line, nullptr, false).contains("iteration")) << line;
+        ++reports;
+    }
+    EXPECT_EQ(reports, 3);
+    const auto plain = messages("--progress plain");
+    const auto bars = std::count_if(plain.begin(), plain.end(), [](const std::string& line) {
+        EXPECT_EQ(line.find('\r'), std::string::npos) << "no line in place where nobody looks";
+        return line.find("  3/3  loss ") != std::string::npos;
+    });
+    EXPECT_EQ(bars, 1);
+    EXPECT_NE(plain.back().find("info: next: tvsgs-"), std::string::npos) << plain.back();
+}
 
 TEST_F(Cli, RunFolderIsComplete) {
     const fs::path run = folder_ / "run";

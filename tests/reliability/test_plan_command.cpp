@@ -31,6 +31,41 @@ TEST_F(PlanCommand, PrintsAndStops) {
     EXPECT_FALSE(fs::exists(folder_ / "runs")) << "nothing is written";
 }
 
+/// The number before `unit` behind `label`.
+double number_in(const std::string& text, const std::string& label, const std::string& unit) {
+    std::smatch found;
+    const std::regex pattern(label + " ([0-9.]+) " + unit);
+    return std::regex_search(text, found, pattern) ? std::stod(found[1]) : -1;
+}
+
+TEST_F(PlanCommand, SaysMemoryAndTimeThatTheRunKeepsTo) {
+    const std::string flags = "--scene scene --device cpu --iterations 20 ";
+    const Result plan = call("train", flags + "--plan --quiet");
+    ASSERT_EQ(plan.code, 0) << plan;
+    const double mebibytes = number_in(plan.out, "memory: about", "MiB for [0-9]+ splats"),
+                 splats = number_in(plan.out, "memory: about [0-9]+ MiB for", "splats");
+    ASSERT_GT(mebibytes, 0) << plan.out;
+    ASSERT_EQ(call("train", flags + "--out costs").code, 0);
+    const json done = last_line("costs");
+    EXPECT_EQ(done["gaussians"], splats);
+    EXPECT_LE(done["peak_bytes"].get<double>(), mebibytes * (1 << 20)) << plan.out;
+    EXPECT_GE(done["peak_bytes"].get<double>(), 0.25 * mebibytes * (1 << 20)) << "no idle promise";
+    // The structure alone: how fast the machine is at another time is its own affair.
+    const std::regex time(
+        "time: about [0-9]+ (s|min) to [0-9]+ (s|min) for 20 iterations, by [0-9]+ that took "
+        "[0-9.]+ ms each on this machine now, (with every phase|before later phases)");
+    EXPECT_TRUE(std::regex_search(plan.out, time)) << plan.out;
+    // Before stereo has made a cloud there is nothing to go by.
+    const Result stereo =
+        call("train", "--scene scene --device cpu --plan --quiet --set init.min_points=100000");
+    EXPECT_NE(stereo.out.find("memory and time: not known before stereo"), std::string::npos)
+        << stereo.out;
+    EXPECT_EQ(stereo.out.find("time: about"), std::string::npos) << stereo.out;
+    const Result full = call("train", flags + "--plan --quiet --host-memory 1M");
+    EXPECT_EQ(full.code, 4) << full;
+    EXPECT_NE(full.out.find("settings"), std::string::npos) << "the plan is said before";
+}
+
 TEST_F(PlanCommand, WhatTheUserSetsStays) {
     const Result plan = call("train",
                              "--scene scene --device cpu --plan --quiet --iterations 700 --set "

@@ -1,0 +1,112 @@
+#include "core/progress.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <cstdio>
+#include <utility>
+
+namespace tvsgs {
+namespace {
+
+constexpr double kBasis = 2, kWindow = 10;    // seconds
+constexpr double kFirst = 1, kRefresh = 0.2;  // seconds, of a line in place
+constexpr double kSparse = 10;                // seconds between plain lines
+std::atomic<ProgressStyle> style = ProgressStyle::quiet;
+std::atomic<bool> line_open = false;
+
+bool in_place() {
+    return style == ProgressStyle::automatic && isatty(STDERR_FILENO) != 0;
+}
+
+/// 65 -> "1:05".
+std::string clock_text(double seconds) {
+    const auto total = static_cast<long>(std::lround(std::min(seconds, 1e9)));
+    char text[48];
+    if (total >= 3600)
+        std::snprintf(text, sizeof text, "%ld:%02ld:%02ld", total / 3600, total / 60 % 60,
+                      total % 60);
+    else
+        std::snprintf(text, sizeof text, "%ld:%02ld", total / 60, total % 60);
+    return text;
+}
+
+}  // namespace
+
+void set_progress_style(ProgressStyle chosen) {
+    style = chosen;
+}
+ProgressStyle progress_style() {
+    return style;
+}
+
+void end_progress_line() {
+    if (line_open.exchange(false)) std::fputc('\n', stderr);
+}
+
+void show_progress_line(const std::string& text) {
+    if (in_place()) {
+        std::fprintf(stderr, "\r%s\033[K", text.c_str());
+        std::fflush(stderr);
+        line_open = true;
+    } else {
+        std::fprintf(stderr, "%s\n", text.c_str());
+    }
+}
+
+double steady_seconds() {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch())
+        .count();
+}
+
+void Pace::add(double seconds, double done) {
+    seen_.push_back({seconds, done});
+    const double since = seconds - std::max(kWindow, seconds / 3);
+    while (seen_.size() > 2 && seen_[1].seconds <= since) seen_.pop_front();
+}
+
+double Pace::left(double total) const {
+    if (seen_.empty()) return NAN;
+    const double seconds = seen_.back().seconds - seen_.front().seconds,
+                 done = seen_.back().done - seen_.front().done;
+    if (!(seconds >= kBasis) || !(done > 0)) return NAN;
+    return std::max(0.0, total - seen_.back().done) * seconds / done;
+}
+
+std::string progress_text(
+    const std::string& what, double seconds, double share, double left, bool at_least) {
+    constexpr int kBar = 20;
+    const double part = std::isfinite(share) ? std::clamp(share, 0.0, 1.0) : 1;
+    const int filled = static_cast<int>(kBar * part);
+    std::string text = what + (what.empty() ? "" : " ") + clock_text(seconds) + " [" +
+                       std::string(static_cast<std::size_t>(filled), '#') +
+                       std::string(static_cast<std::size_t>(kBar - filled), '.') + "] " +
+                       std::to_string(static_cast<int>(100 * part)) + " %";
+    if (std::isfinite(left)) text += (at_least ? "  left over " : "  left ") + clock_text(left);
+    return text;
+}
+
+Progress::Progress(std::string what, double total)
+    : what_(std::move(what)), total_(total), begin_(steady_seconds()), shown_(begin_) {
+    pace_.add(0, 0);
+}
+
+Progress::~Progress() {
+    end_progress_line();
+}
+
+void Progress::advance(double steps) {
+    const std::lock_guard lock(mutex_);
+    done_ += steps;
+    const double now = steady_seconds();
+    pace_.add(now - begin_, done_);
+    const bool quiet = style == ProgressStyle::quiet || style == ProgressStyle::json;
+    const double wait = !in_place() ? kSparse : shown_ > begin_ ? kRefresh : kFirst;
+    if (quiet || now - shown_ < wait) return;
+    shown_ = now;
+    show_progress_line(progress_text(what_, now - begin_, done_ / total_, pace_.left(total_)));
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,64 @@
+// How far long work is: what it says, and when it says nothing.
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/log.h"
+#include "core/progress.h"
+
+namespace tvsgs {
+namespace {
+
+TEST(Paces, SayNothingWithoutABasis) {
+    Pace pace;
+    EXPECT_TRUE(std::isnan(pace.left(100)));
+    pace.add(5, 1);  // a first step that was slow
+    EXPECT_TRUE(std::isnan(pace.left(100)));
+    pace.add(6.9, 51);
+    EXPECT_TRUE(std::isnan(pace.left(100))) << "1.9 s";
+    pace.add(7, 52);
+    // 51 steps in 2 s; the first one, which took 5, does not count.
+    EXPECT_NEAR(pace.left(100), 48 * 2.0 / 51, 1e-9);
+    EXPECT_EQ(pace.left(40), 0) << "never below";
+    Pace stuck;
+    stuck.add(0, 3), stuck.add(10, 3);
+    EXPECT_TRUE(std::isnan(stuck.left(10))) << "nothing was done";
+}
+
+TEST(Paces, GoByWhatWasSeenLately) {
+    Pace pace;
+    for (int i = 0; i <= 20; ++i) pace.add(i, 100 * i);           // 100 a second
+    for (int i = 21; i <= 60; ++i) pace.add(i, 2000 + (i - 20));  // then 1
+    EXPECT_NEAR(pace.left(2050), 10, 0.5);
+    pace.restart();
+    EXPECT_TRUE(std::isnan(pace.left(2050)));
+}
+
+TEST(ProgressTexts, SayWhatIsKnown) {
+    EXPECT_EQ(progress_text("stereo", 65, 0.5, 3725),
+              "stereo 1:05 [##########..........] 50 %  left 1:02:05");
+    EXPECT_EQ(progress_text("", 1, 0, NAN), "0:01 [....................] 0 %");
+    EXPECT_EQ(progress_text("x", 0, 2, 0, true),
+              "x 0:00 [####################] 100 %  left over 0:00");
+    EXPECT_EQ(progress_text("x", 0, NAN, NAN), "x 0:00 [####################] 100 %");
+}
+
+TEST(ProgressStyles, QuietAndJsonAreSilent) {
+    EXPECT_EQ(progress_style(), ProgressStyle::quiet) << "of a program that asks for nothing";
+    init_log(Verbosity::normal);
+    EXPECT_EQ(progress_style(), ProgressStyle::automatic);
+    init_log(Verbosity::quiet);
+    EXPECT_EQ(progress_style(), ProgressStyle::quiet);
+    testing::internal::CaptureStderr();
+    for (const ProgressStyle style :
+         {ProgressStyle::quiet, ProgressStyle::json, ProgressStyle::plain}) {
+        set_progress_style(style);
+        Progress progress("work", 3);
+        for (int i = 0; i < 3; ++i) progress.advance();
+    }
+    EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "plain: over at once";
+    set_progress_style(ProgressStyle::quiet);
+}
+
+}  // namespace
+}  // namespace tvsgs
