@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "mesh/simplify_pieces.h"
+#include "mesh/mesh_corners.h"
 
 namespace tvsgs {
 namespace {

@@ -6,8 +6,8 @@
 
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_clean.h"
+#include "mesh/mesh_corners.h"
 #include "mesh/mesh_edges.h"
-#include "mesh/simplify_pieces.h"
 
 namespace tvsgs {
 namespace {
