@@ -217,10 +217,17 @@ std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
                                       const std::vector<char>& seen) {
     DisjointSets sets =
         united_faces(mesh, corners, [&](std::uint32_t face) { return !seen[face]; });
+    const auto is_rim = [&](int v, int w) {
+        int count = 0;
+        corners.for_each(v, [&](std::uint32_t f, int k) {
+            count += mesh.faces[f][(k + 1) % 3] == w || mesh.faces[f][(k + 2) % 3] == w;
+        });
+        return count == 1;
+    };
     std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
-    const std::vector<char> rim = find_edges(mesh, corners).rim;
     for (std::size_t f = 0; f < keep.size(); ++f)
-        if (!seen[f] && (rim[3 * f] || rim[3 * f + 1] || rim[3 * f + 2]))
+        if (const Vec3i face = mesh.faces[f];
+            !seen[f] && (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
             open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))] = true;
     for (std::size_t f = 0; f < keep.size(); ++f)
         keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))];

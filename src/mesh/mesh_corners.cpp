@@ -15,14 +15,6 @@ std::uint32_t count_up(std::uint32_t* target) {
     return __atomic_fetch_add(target, 1u, __ATOMIC_RELAXED);
 }
 
-void keep_faces(TriangleMesh& mesh, const std::vector<char>& keep) {
-    if (std::find(keep.begin(), keep.end(), 0) == keep.end()) return;
-    std::size_t kept = 0;
-    for (std::size_t f = 0; f < keep.size(); ++f)
-        if (keep[f]) mesh.faces[kept++] = mesh.faces[f];
-    mesh.faces.resize(kept);
-}
-
 /// A face by its two greater corners.
 struct Face {
     int low, high;
@@ -99,24 +91,33 @@ SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners) {
     return edges;
 }
 
-std::size_t drop_what_is_no_triangle(TriangleMesh& mesh) {
-    const std::size_t before = mesh.faces.size();
+std::size_t drop_flawed_faces(TriangleMesh& mesh) {
     const int vertices = static_cast<int>(mesh.vertices.size());
-    std::vector<char> keep(mesh.faces.size(), 1);
-    for (std::size_t f = 0; f < keep.size(); ++f) {
-        const Vec3i face = mesh.faces[f];
-        for (int k = 0; k < 3; ++k) {
-            if (face[k] < 0 || face[k] >= vertices)
-                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", face[k],
-                                                 ", but the mesh has ", vertices));
-            if (!is_finite(mesh.vertices[std::size_t(face[k])]) || face[k] == face[(k + 1) % 3])
-                keep[f] = 0;
-        }
+    const auto in_range = [vertices](int v) { return v >= 0 && v < vertices; };
+    const auto count = static_cast<std::int64_t>(mesh.faces.size());
+    std::int64_t wrong = count;
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int f) {
+        const Vec3i face = mesh.faces[std::size_t(f)];
+        if (!in_range(face.x) || !in_range(face.y) || !in_range(face.z)) min_atomically(&wrong, f);
+    });
+    if (wrong < count) {
+        const Vec3i face = mesh.faces[std::size_t(wrong)];
+        const int k = !in_range(face.x) ? 0 : !in_range(face.y) ? 1 : 2;
+        throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
+                                         ", but the mesh has ", vertices));
     }
-    keep_faces(mesh, keep);
-    keep.assign(mesh.faces.size(), 1);
-    const Corners corners(mesh);
-    parallel_for(Cpu{}, vertices, [&](int v) {
+    return drop_faces(mesh, [&](std::size_t f) {
+        const Vec3i face = mesh.faces[f];
+        const auto finite = [&](int v) { return is_finite(mesh.vertices[std::size_t(v)]); };
+        return face.x == face.y || face.y == face.z || face.z == face.x || !finite(face.x) ||
+               !finite(face.y) || !finite(face.z);
+    });
+}
+
+Corners drop_repeated_faces(TriangleMesh& mesh) {
+    Corners corners(mesh);
+    std::vector<char> repeated(mesh.faces.size());
+    parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
         std::array<Face, 16> few;
         std::vector<Face> many;
         std::size_t count = 0;
@@ -133,10 +134,10 @@ std::size_t drop_what_is_no_triangle(TriangleMesh& mesh) {
         std::sort(first, first + count);
         for (std::size_t i = 1; i < count; ++i)
             if (first[i].low == first[i - 1].low && first[i].high == first[i - 1].high)
-                keep[first[i].face] = 0;
+                repeated[first[i].face] = 1;
     });
-    keep_faces(mesh, keep);
-    return before - mesh.faces.size();
+    const bool none = drop_faces(mesh, [&](std::size_t f) { return repeated[f] != 0; }) == 0;
+    return none ? std::move(corners) : Corners(mesh);
 }
 
 }  // namespace tvsgs

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "mesh/face_order.h"
 #include "mesh/simplify_pieces.h"
 #include "mesh/simplify_proof.h"
 #include "mesh/simplify_tolerance.h"
@@ -15,8 +16,7 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kGroup = 1 << 14;  // faces of a group; what it needs fits into a cache
-constexpr double kOtherShare = 0.4;      // by which seams of other groups lie elsewhere
-constexpr double kLargestCost = 0.4;     // with it the proof holds at once, as a rule
+constexpr double kLargestCost = 0.6;     // with it the proof holds at once, as a rule
 constexpr int kMostRepeats = 4;
 constexpr double kTighter = 0.9;  // than the proof asks for, when all is done again
 
@@ -66,15 +66,16 @@ TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
 struct Original {
     const TriangleMesh& mesh;
     const std::vector<Camera>& cameras;
+    const SurfaceEdges edges;
     std::vector<Vec3f> middles = face_middles(
         mesh.faces,
         [this](std::size_t v) { return mesh.vertices[v]; });
     Vec3d origin = middle_of(middles);
-    SurfaceEdges edges = find_edges(mesh);
-    std::vector<std::vector<int>> groups = group_faces(middles, kGroup);
+    SpatialOrder order = spatial_order(middles);
+    std::vector<std::vector<int>> groups = runs_of(order.places, kGroup, kGroup);
     std::vector<float> least_lengths = least_pixel_lengths(mesh.vertices, cameras);
     SurfacePlaces places = places_on(mesh);
-    TriangleTree tree = TriangleTree(mesh);
+    TriangleTree tree = TriangleTree(mesh, order);
 };
 
 /// Goes on where a tolerance may be larger than it was, as no view sees the surface.
@@ -110,7 +111,9 @@ CollapsibleMesh collapsed(const Original& original, double tolerance_px, double 
         return vec_cast<float>(left.positions[v]);
     });
     std::vector<char> seams;
-    left = collapse_in_groups(left, group_faces(middles, kGroup, kOtherShare), largest_cost, seams);
+    // Other groups, whose seams lie elsewhere.
+    left = collapse_in_groups(left, runs_of(spatial_order(middles).places, kGroup, kGroup / 2),
+                              largest_cost, seams);
     collapse_edges(left, largest_cost, 0, seams);
     return left;
 }
@@ -134,12 +137,14 @@ SimplifyReport simplify(TriangleMesh& mesh,
     SimplifyReport report;
     report.vertices_before = mesh.vertices.size(), report.faces_before = mesh.faces.size();
     if (!(options.error > 0) && options.faces == 0) return report;
-    report.no_triangles = drop_what_is_no_triangle(mesh);
+    drop_flawed_faces(mesh);
+    const Corners corners = drop_repeated_faces(mesh);
+    report.no_triangles = report.faces_before - mesh.faces.size();
     if (mesh.faces.empty()) {
         mesh = {};
         return report;
     }
-    const Original original{mesh, cameras};
+    const Original original{mesh, cameras, find_edges(mesh, corners)};
     const bool bounded = options.error > 0;
     const double bound_px = bounded ? double(options.error) : 1.0;
     const double largest_cost = bounded ? kLargestCost : -1;  // none is below 0

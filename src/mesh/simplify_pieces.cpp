@@ -1,7 +1,6 @@
 #include "mesh/simplify_pieces.h"
 
 #include <algorithm>
-#include <iterator>
 #include <utility>
 
 #include "core/parallel.h"
@@ -9,55 +8,18 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kTask = 1 << 15;  // faces that are worth a thread
-
-/// A face and its middle while faces are grouped.
-struct Placed {
-    Vec3f middle;
-    int face;
-};
-
-using Places = std::vector<Placed>::iterator;
 using Groups = std::vector<std::vector<int>>;
-
-void split(Places first, Places last, std::size_t most, double share, Groups& out) {
-    const auto count = static_cast<std::size_t>(last - first);
-    if (count <= most) {
-        out.emplace_back();
-        for (Places i = first; i != last; ++i) out.back().push_back(i->face);
-        std::sort(out.back().begin(), out.back().end());
-        return;
-    }
-    Vec3f low = first->middle, high = low;
-    for (Places i = first; i != last; ++i)
-        for (int axis = 0; axis < 3; ++axis) {
-            low[axis] = std::min(low[axis], i->middle[axis]);
-            high[axis] = std::max(high[axis], i->middle[axis]);
-        }
-    const Vec3f size = high - low;
-    const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
-    const Places middle = first + std::ptrdiff_t(share * static_cast<double>(count));
-    std::nth_element(first, middle, last, [axis](const Placed& a, const Placed& b) {
-        return a.middle[axis] != b.middle[axis] ? a.middle[axis] < b.middle[axis] : a.face < b.face;
-    });
-    Groups second;
-#pragma omp task shared(second) if (count > kTask)
-    split(middle, last, most, share, second);
-    split(first, middle, most, share, out);
-#pragma omp taskwait
-    std::move(second.begin(), second.end(), std::back_inserter(out));
-}
 
 }  // namespace
 
-Groups group_faces(const std::vector<Vec3f>& middles, std::size_t most, double share) {
-    std::vector<Placed> places(middles.size());
-    for (std::size_t f = 0; f < places.size(); ++f) places[f] = {middles[f], static_cast<int>(f)};
+Groups runs_of(const std::vector<int>& order, std::size_t most, std::size_t first) {
     Groups groups;
-    if (places.empty()) return groups;
-#pragma omp parallel
-#pragma omp single
-    split(places.begin(), places.end(), most, share, groups);
+    for (std::size_t begin = 0, end = first; begin < order.size(); begin = end, end += most) {
+        end = std::min(end, order.size());
+        groups.emplace_back(order.begin() + std::ptrdiff_t(begin),
+                            order.begin() + std::ptrdiff_t(end));
+        std::sort(groups.back().begin(), groups.back().end());
+    }
     return groups;
 }
 

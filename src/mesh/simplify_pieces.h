@@ -10,11 +10,10 @@
 
 namespace tvsgs {
 
-/// Faces in groups of at most `most`, each of which is near itself; the same ones for any number of
-/// threads. Ranges of faces are cut at `share` of them.
-std::vector<std::vector<int>> group_faces(const std::vector<Vec3f>& middles,
-                                          std::size_t most,
-                                          double share = 0.5);
+/// Runs of at most `most` of an order of faces, the first one of `first`.
+std::vector<std::vector<int>> runs_of(const std::vector<int>& order,
+                                      std::size_t most,
+                                      std::size_t first);
 
 /// The mesh with the planes of its faces and rims, in groups that are simplified up to
 /// `largest_cost` (nothing is below 0) where all faces of a vertex belong to one group. `origin` is

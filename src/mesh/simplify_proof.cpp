@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kMostPoints = 1 << 19;  // in one direction
+constexpr std::size_t kMostPoints = 1 << 18;  // in one direction
 constexpr std::size_t kChunk = 1024;          // points that one thread goes through in a row
 
 /// action(first, last) for chunks of [0, count).
