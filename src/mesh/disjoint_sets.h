@@ -32,8 +32,7 @@ public:
             if (a == b) return;
             if (a < b) std::swap(a, b);
             // Only roots get a parent, and only a smaller one.
-            if (int root = a;
-                of(a).compare_exchange_strong(root, b, std::memory_order_relaxed))
+            if (int root = a; of(a).compare_exchange_strong(root, b, std::memory_order_relaxed))
                 return;
         }
     }

@@ -141,7 +141,8 @@ struct ComponentPixels {
 
     static std::int64_t fixed(float pixels) {
         constexpr float kMost = 1e6f;
-        return static_cast<std::int64_t>(1e6 * static_cast<double>(pixels < kMost ? pixels : kMost));
+        return static_cast<std::int64_t>(1e6 *
+                                         static_cast<double>(pixels < kMost ? pixels : kMost));
     }
     void add(const Judgement& j) {
         const std::int64_t px = fixed(j.pixels);
@@ -227,7 +228,8 @@ std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
     std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f)
         if (const Vec3i face = mesh.faces[f];
-            !seen[f] && (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
+            !seen[f] &&
+            (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
             open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))] = true;
     for (std::size_t f = 0; f < keep.size(); ++f)
         keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))];

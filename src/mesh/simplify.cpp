@@ -67,9 +67,8 @@ struct Original {
     const TriangleMesh& mesh;
     const std::vector<Camera>& cameras;
     const SurfaceEdges edges;
-    std::vector<Vec3f> middles = face_middles(
-        mesh.faces,
-        [this](std::size_t v) { return mesh.vertices[v]; });
+    std::vector<Vec3f> middles =
+        face_middles(mesh.faces, [this](std::size_t v) { return mesh.vertices[v]; });
     Vec3d origin = middle_of(middles);
     SpatialOrder order = spatial_order(middles);
     std::vector<std::vector<int>> groups = runs_of(order.places, kGroup, kGroup);
@@ -107,9 +106,8 @@ CollapsibleMesh collapsed(const Original& original, double tolerance_px, double 
     CollapsibleMesh left = collapse_in_groups(original.mesh, original.origin, tolerances,
                                               original.edges, original.groups, largest_cost);
     loosen(left, original, tolerance_px);
-    const std::vector<Vec3f> middles = face_middles(left.faces, [&](std::size_t v) {
-        return vec_cast<float>(left.positions[v]);
-    });
+    const std::vector<Vec3f> middles =
+        face_middles(left.faces, [&](std::size_t v) { return vec_cast<float>(left.positions[v]); });
     std::vector<char> seams;
     // Other groups, whose seams lie elsewhere.
     left = collapse_in_groups(left, runs_of(spatial_order(middles).places, kGroup, kGroup / 2),

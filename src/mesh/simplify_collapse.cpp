@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kRimWeight = 10;      // of rims against faces, where the new point is chosen
 constexpr double kLeastCosine = 0.5;   // between the normals of a face before and after
-constexpr double kLeastAspect = 0.05;  // 1: equilateral
+constexpr double kLeastAspect = 0.05;  // 4 sqrt(3) area / sum of squared sides; 1: equilateral
 constexpr double kShortFirst = 1e-2;   // cost of an edge as long as the tolerance, in the order
 constexpr double kNoWorse = 1e-6;      // by how much an end must cost less to be taken
 
@@ -46,17 +46,16 @@ private:
     static constexpr int kDropped = 19;
     static constexpr float kCheapest = 1.0f / (1 << 16), kDearest = 1e12f;
     static constexpr int kFirst = std::bit_cast<std::uint32_t>(kCheapest) >> kDropped;
-    static constexpr int kLevels = (std::bit_cast<std::uint32_t>(kDearest) >> kDropped) - kFirst + 2;
+    static constexpr int kLevels =
+        (std::bit_cast<std::uint32_t>(kDearest) >> kDropped) - kFirst + 2;
 
     std::vector<std::vector<int>> levels_;
     int level_ = 0;
     std::size_t next_ = 0;  // of the present level
 };
 
-/// 1: equilateral, 0: no area. `normal`: of twice the area as its length.
-double aspect(Vec3d a, Vec3d b, Vec3d c, double twice_area) {
-    const double sum = dot(b - a, b - a) + dot(c - b, c - b) + dot(a - c, a - c);
-    return sum > 0 ? 2 * std::sqrt(3.0) * twice_area / sum : 0;
+double sum_of_squared_sides(Vec3d a, Vec3d b, Vec3d c) {
+    return dot(b - a, b - a) + dot(c - b, c - b) + dot(a - c, a - c);
 }
 
 /// An edge goes by the corner (3 face + 0, 1, 2) from which it leads on around its face. Costs grow
@@ -103,8 +102,8 @@ public:
             const int u = face[edge % 3], v = face[(edge % 3 + 1) % 3];
             const Candidate found = candidate(u, v);
             if (!(found.cost <= largest_cost_)) continue;
-            if (const int level = EdgeQueue::level_of(
-                    static_cast<float>(found.cost + shortness(u, v)));
+            if (const int level =
+                    EdgeQueue::level_of(static_cast<float>(found.cost + shortness(u, v)));
                 level > queue_.level()) {
                 queued_[at(edge)] = 1;
                 queue_.push(edge, level);
@@ -131,7 +130,7 @@ private:
     /// A face at a vertex: its corner there, and the vertices at the next and the last corner.
     struct Around {
         int corner, p, q;
-        int out() const { return corner; }  // the edge to p
+        int out() const { return corner; }                                    // the edge to p
         int in() const { return corner % 3 == 0 ? corner + 2 : corner - 1; }  // that from q
     };
 
@@ -229,10 +228,14 @@ private:
             if (f.p == v || f.q == v) continue;
             const Vec3d b = m_.positions[at(f.p)], c = m_.positions[at(f.q)];
             const Vec3d before = cross(b - old, c - old), after = cross(b - point, c - point);
-            const double size_before = norm(before), size = norm(after);
-            if (!(dot(before, after) >= kLeastCosine * size_before * size)) return false;
-            const double shape = aspect(point, b, c, size);
-            if (!(shape >= kLeastAspect) && !(shape >= aspect(old, b, c, size_before)))
+            // All squared, as roots cost more than the rest.
+            const double was = dot(before, before), is = dot(after, after),
+                         both = dot(before, after);
+            if (!(both >= 0 && both * both >= kLeastCosine * kLeastCosine * was * is)) return false;
+            const double sides = sum_of_squared_sides(point, b, c);
+            if (is >= kLeastAspect * kLeastAspect / 12 * sides * sides && sides > 0) continue;
+            const double old_sides = sum_of_squared_sides(old, b, c);
+            if (!(is * old_sides * old_sides >= was * sides * sides) || (sides == 0 && was > 0))
                 return false;
         }
         return true;

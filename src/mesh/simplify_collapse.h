@@ -26,7 +26,8 @@ struct CollapsibleMesh {
 /// are more than `least_faces`. Refused is what would change the topology (link condition), turn
 /// the normal of a face by more than 60 degrees, or make a sliver of it. `where`: of each vertex,
 /// whether edges there are to be looked at, and whatever changes then; empty: all. What is left of
-/// `faces` keeps its order; vertices keep their numbers, used or not. Returns the greatest cost met.
+/// `faces` keeps its order; vertices keep their numbers, used or not. Returns the greatest cost
+/// met.
 double collapse_edges(CollapsibleMesh& mesh,
                       double largest_cost,
                       std::size_t least_faces,

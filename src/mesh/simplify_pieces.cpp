@@ -42,7 +42,8 @@ public:
         : faces_(faces), owner_(vertices, kNobody), place_(vertices, kNobody) {
         parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int g) {
             for (const int f : groups[std::size_t(g)])
-                for (int k = 0; k < 3; ++k) claim(owner_[std::size_t(faces_[std::size_t(f)][k])], g);
+                for (int k = 0; k < 3; ++k)
+                    claim(owner_[std::size_t(faces_[std::size_t(f)][k])], g);
         });
     }
 
@@ -202,8 +203,7 @@ CollapsibleMesh join(const std::vector<Piece>& pieces,
             all.surface[to] = from.surface[i], all.fixed[to] = from.fixed[i];
             if (from.rim[i] >= 0) all.rim[to] = static_cast<int>(start.rim) + from.rim[i];
         }
-        std::copy(from.rims.begin(), from.rims.end(),
-                  all.rims.begin() + std::ptrdiff_t(start.rim));
+        std::copy(from.rims.begin(), from.rims.end(), all.rims.begin() + std::ptrdiff_t(start.rim));
         for (std::size_t f = 0; f < from.faces.size(); ++f)
             for (int k = 0; k < 3; ++k) {
                 const auto i = static_cast<std::size_t>(from.faces[f][k]);

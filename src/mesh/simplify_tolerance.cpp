@@ -19,8 +19,8 @@ constexpr float kShortest = 1e-30f, kLongest = 1e30f;
 float nearest_pixel(Vec3f point, const std::vector<Camera>& cameras) {
     float nearest = kNone;
     for (const Camera& camera : cameras)
-        nearest = std::min(nearest, norm(point - camera_centre(camera)) /
-                                        std::max(camera.fx_px, camera.fy_px));
+        nearest = std::min(
+            nearest, norm(point - camera_centre(camera)) / std::max(camera.fx_px, camera.fy_px));
     return nearest;
 }
 

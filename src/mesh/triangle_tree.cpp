@@ -10,8 +10,8 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kLeaf = 4;        // triangles at the most
-constexpr std::size_t kCut = 64;        // triangles up to which cuts are found in spite of codes
+constexpr std::size_t kLeaf = 4;  // triangles at the most
+constexpr std::size_t kCut = 16;  // triangles up to which cuts are found in spite of codes
 constexpr std::uint32_t kNoFace = ~0u;
 constexpr int kBins = 16;               // places tried for a cut
 constexpr int kBalancedDepth = 48;      // from here on ranges are halved, so that depth is bounded

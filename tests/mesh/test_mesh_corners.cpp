@@ -136,9 +136,8 @@ TEST(MeshCorners, FlawedFacesAreDroppedAndWrongIndicesSaid) {
             drop_flawed_faces(mesh);
             FAIL();
         } catch (const Error& e) {
-            EXPECT_EQ(std::string(e.what()).find("face 2 refers to vertex " +
-                                                 std::to_string(wrong)),
-                      0u)
+            EXPECT_EQ(
+                std::string(e.what()).find("face 2 refers to vertex " + std::to_string(wrong)), 0u)
                 << e.what();
         }
     }
