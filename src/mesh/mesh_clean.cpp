@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "core/parallel.h"
 #include "mesh/disjoint_sets.h"
-#include "mesh/mesh_edges.h"
+#include "mesh/mesh_corners.h"
 
 namespace tvsgs {
 namespace {
@@ -16,18 +17,52 @@ constexpr std::size_t kMinFaces = 50;  // smaller components are noise; the offi
 
 }  // namespace
 
-std::vector<int> face_components(const TriangleMesh& mesh) {
-    const std::vector<FaceEdge> edges = sorted_edges(mesh);
-    DisjointSets sets(mesh.faces.size());
-    for (std::size_t i = 1; i < edges.size(); ++i)
-        if (edges[i].key == edges[i - 1].key) sets.unite(edges[i].face, edges[i - 1].face);
+namespace {
 
-    std::vector<int> component(mesh.faces.size());
+/// Unites the faces at each edge that both `joins`.
+template <class Joins>
+DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, const Joins& joins) {
+    DisjointSets sets(mesh.faces.size());
+    parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
+        corners.for_each(v, [&](std::uint32_t f, int k) {
+            if (!joins(f)) return;
+            // Each edge once, where it is at its smaller vertex; further faces come in turn.
+            for (const int step : {1, 2}) {
+                const int w = mesh.faces[f][(k + step) % 3];
+                if (w < v) continue;
+                bool found = false;
+                corners.for_each(v, [&](std::uint32_t g, int l) {
+                    if (g <= f || found || !joins(g)) return;
+                    found = mesh.faces[g][(l + 1) % 3] == w || mesh.faces[g][(l + 2) % 3] == w;
+                    if (found) sets.unite(static_cast<int>(f), static_cast<int>(g));
+                });
+            }
+        });
+    });
+    return sets;
+}
+
+/// Numbers the sets of the faces to keep in the order of their first faces; -1: not kept. Returns
+/// how many there are.
+std::size_t number_components(DisjointSets& sets,
+                              const std::vector<bool>& keep,
+                              std::vector<int>& component) {
     int count = 0;
+    component.assign(keep.size(), -1);
     for (int f = 0; f < static_cast<int>(component.size()); ++f) {
+        if (!keep[f]) continue;
         const int root = sets.find(f);  // the first face of its component
         component[f] = root == f ? count++ : component[root];
     }
+    return static_cast<std::size_t>(count);
+}
+
+}  // namespace
+
+std::vector<int> face_components(const TriangleMesh& mesh) {
+    DisjointSets sets = united_faces(mesh, Corners(mesh), [](std::uint32_t) { return true; });
+    std::vector<int> component;
+    number_components(sets, std::vector<bool>(mesh.faces.size(), true), component);
     return component;
 }
 
@@ -99,61 +134,106 @@ struct ComponentEvidence {
     }
 };
 
-std::vector<ComponentEvidence> component_evidence(const TriangleMesh& mesh,
+/// Pixels that a view has of a component, in a millionth, so that their sums do not depend on the
+/// order.
+struct ComponentPixels {
+    std::int64_t seen = 0, surely = 0, through = 0;
+
+    static std::int64_t fixed(float pixels) {
+        constexpr float kMost = 1e6f;
+        return static_cast<std::int64_t>(1e6 *
+                                         static_cast<double>(pixels < kMost ? pixels : kMost));
+    }
+    void add(const Judgement& j) {
+        const std::int64_t px = fixed(j.pixels);
+        if (is_seen(j.verdict)) seen += px;
+        if (j.verdict == Verdict::sees_surely) surely += px;
+        if (j.verdict == Verdict::looks_through) through += px;
+    }
+    void add_to(ComponentPixels& sum) const {
+        add_atomically(&sum.seen, seen), add_atomically(&sum.surely, surely);
+        add_atomically(&sum.through, through);
+    }
+};
+
+/// What the views say of each component; faces of component -1 do not count.
+std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSample>& samples,
                                                   const std::vector<int>& component,
                                                   std::size_t count,
                                                   const EvidenceSource& source) {
-    struct Pixels {
-        double seen = 0, surely = 0, through = 0;
-    };
+    constexpr std::size_t kChunk = 4096;
     std::vector<ComponentEvidence> evidence(count);
-    std::vector<Pixels> pixels;
-    gather_evidence(source, face_samples(mesh), [&](const std::vector<Judgement>& judged) {
+    std::vector<ComponentPixels> pixels;
+    for (int i = 0; count > 0 && i < source.count; ++i) {
+        const EvidenceView view = source.view(i);
         pixels.assign(count, {});
-        for (std::size_t f = 0; f < judged.size(); ++f) {
-            Pixels& own = pixels[static_cast<std::size_t>(component[f])];
-            const Judgement j = judged[f];
-            const auto px = static_cast<double>(j.pixels);
-            if (is_seen(j.verdict)) own.seen += px;
-            if (j.verdict == Verdict::sees_surely) own.surely += px;
-            if (j.verdict == Verdict::looks_through) own.through += px;
-        }
+        const std::size_t chunks = (samples.size() + kChunk - 1) / kChunk;
+        parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int chunk) {
+            const std::size_t first = std::size_t(chunk) * kChunk,
+                              last = std::min(samples.size(), first + kChunk);
+            // Neighbours in the list are mostly of one component.
+            ComponentPixels run;
+            int of = -1;
+            for (std::size_t f = first; f < last; ++f) {
+                if (component[f] < 0) continue;
+                if (component[f] != of) {
+                    if (of >= 0) run.add_to(pixels[std::size_t(of)]);
+                    of = component[f], run = {};
+                }
+                run.add(judge(view, samples[f]));
+            }
+            if (of >= 0) run.add_to(pixels[std::size_t(of)]);
+        });
         for (std::size_t c = 0; c < count; ++c) {
-            const Pixels& own = pixels[c];
+            const double seen = 1e-6 * static_cast<double>(pixels[c].seen),
+                         through = 1e-6 * static_cast<double>(pixels[c].through);
             ComponentEvidence& e = evidence[c];
-            const bool could_see = own.seen + own.through >= kMinPixels;
-            e.see += own.seen >= kMinPixels;
+            const bool could_see = seen + through >= kMinPixels;
+            e.see += seen >= kMinPixels;
             e.could_see += could_see;
-            e.look_through += could_see && own.through > kMaxThrough * (own.seen + own.through);
-            e.surely |= own.surely >= kMinPixels;
+            e.look_through += could_see && through > kMaxThrough * (seen + through);
+            e.surely |= 1e-6 * static_cast<double>(pixels[c].surely) >= kMinPixels;
         }
-    });
+    }
     return evidence;
 }
 
-/// Drops faces that no view sees and that are joined to a rim by such faces.
-std::size_t peel_unseen(TriangleMesh& mesh, const EvidenceSource& source) {
-    const std::vector<Evidence> evidence = gather_evidence(source, face_samples(mesh));
-    const auto is_unseen = [&](int face) {
-        return evidence[static_cast<std::size_t>(face)].sees == 0;
-    };
-    DisjointSets sets(mesh.faces.size());
-    const std::vector<FaceEdge> edges = sorted_edges(mesh);
-    for (std::size_t i = 1; i < edges.size(); ++i)
-        if (edges[i].key == edges[i - 1].key && is_unseen(edges[i].face) &&
-            is_unseen(edges[i - 1].face))
-            sets.unite(edges[i].face, edges[i - 1].face);
-    std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
-    for_each_rim_edge(edges, [&](const FaceEdge& edge) {
-        open[static_cast<std::size_t>(sets.find(edge.face))] = true;
-    });
-    for (std::size_t f = 0; f < keep.size(); ++f) {
-        const int face = static_cast<int>(f);
-        keep[f] = !is_unseen(face) || !open[static_cast<std::size_t>(sets.find(face))];
+/// Which faces a view sees.
+std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
+                             const EvidenceSource& source) {
+    std::vector<char> seen(samples.size());
+    for (int i = 0; i < source.count; ++i) {
+        const EvidenceView view = source.view(i);
+        parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int s) {
+            const auto f = static_cast<std::size_t>(s);
+            if (!seen[f]) seen[f] = is_seen(judge(view, samples[f]).verdict);
+        });
     }
-    const std::size_t before = mesh.faces.size();
-    filter_faces(mesh, keep);
-    return before - mesh.faces.size();
+    return seen;
+}
+
+/// All but the faces that no view sees and that are joined to a rim by such faces.
+std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
+                                      const Corners& corners,
+                                      const std::vector<char>& seen) {
+    DisjointSets sets =
+        united_faces(mesh, corners, [&](std::uint32_t face) { return !seen[face]; });
+    const auto is_rim = [&](int v, int w) {
+        int count = 0;
+        corners.for_each(v, [&](std::uint32_t f, int k) {
+            count += mesh.faces[f][(k + 1) % 3] == w || mesh.faces[f][(k + 2) % 3] == w;
+        });
+        return count == 1;
+    };
+    std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
+    for (std::size_t f = 0; f < keep.size(); ++f)
+        if (const Vec3i face = mesh.faces[f];
+            !seen[f] &&
+            (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
+            open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))] = true;
+    for (std::size_t f = 0; f < keep.size(); ++f)
+        keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))];
+    return keep;
 }
 
 }  // namespace
@@ -161,31 +241,36 @@ std::size_t peel_unseen(TriangleMesh& mesh, const EvidenceSource& source) {
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source) {
     EvidenceReport report;
     // An edge from a vertex to itself would look like a rim.
-    std::vector<bool> whole(mesh.faces.size());
-    for (std::size_t f = 0; f < whole.size(); ++f) {
+    std::vector<bool> keep(mesh.faces.size());
+    for (std::size_t f = 0; f < keep.size(); ++f) {
         const Vec3i face = mesh.faces[f];
-        whole[f] = face.x != face.y && face.y != face.z && face.z != face.x;
+        keep[f] = face.x != face.y && face.y != face.z && face.z != face.x;
     }
-    filter_faces(mesh, whole);
+    if (std::find(keep.begin(), keep.end(), false) != keep.end()) filter_faces(mesh, keep);
     if (mesh.faces.empty()) return report;
-    report.peeled_faces = peel_unseen(mesh, source);
-    const std::vector<int> component = face_components(mesh);
-    std::size_t count = 0;
-    for (const int c : component) count = std::max(count, static_cast<std::size_t>(c) + 1);
+    const std::size_t before = mesh.faces.size();
+    const std::vector<SurfaceSample> samples = face_samples(mesh);
+    std::vector<int> component;
+    {
+        const Corners corners(mesh);
+        keep = without_unseen_rims(mesh, corners, seen_faces(samples, source));
+        DisjointSets sets =
+            united_faces(mesh, corners, [&](std::uint32_t face) { return keep[face]; });
+        report.components = number_components(sets, keep, component);
+    }
+    const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), true));
+    report.peeled_faces = before - kept;
     const std::vector<ComponentEvidence> evidence =
-        component_evidence(mesh, component, count, source);
-    report.components = count;
+        component_evidence(samples, component, report.components, source);
     for (const ComponentEvidence& e : evidence) {
         report.kept_components += e.stays();
         report.looked_through += e.looked_through();
         report.lonely += !e.stays() && !e.looked_through() && e.see == 1;
     }
-    std::vector<bool> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f)
-        keep[f] = evidence[static_cast<std::size_t>(component[f])].stays();
-    const std::size_t before = mesh.faces.size();
+        keep[f] = keep[f] && evidence[static_cast<std::size_t>(component[f])].stays();
     filter_faces(mesh, keep);
-    report.removed_faces = before - mesh.faces.size();
+    report.removed_faces = kept - mesh.faces.size();
     return report;
 }
 

@@ -174,12 +174,13 @@ void append(const Patch& patch,
 }  // namespace
 
 HoleReport close_holes(TriangleMesh& mesh,
+                       const SurfaceEdges& edges,
                        const std::vector<Camera>& cameras,
                        const EvidenceSource& evidence,
                        float largest_px) {
     HoleReport report;
     if (!(largest_px > 0)) return report;
-    const Rims rims = find_rims(mesh);
+    const Rims rims = find_rims(mesh, edges);
     const Surface surface(mesh, rims);
     report.loops = rims.loops.size();
     std::vector<float> pixels(rims.loops.size());

@@ -3,6 +3,7 @@
 
 #include "core/camera.h"
 #include "core/mesh.h"
+#include "mesh/mesh_corners.h"
 #include "mesh/mesh_evidence.h"
 
 namespace tvsgs {
@@ -20,10 +21,18 @@ struct HoleReport {
 /// mask contradicts. [docs/method/holes.md] The surface around stays as it is; `mesh.views` has to
 /// be empty. The mesh is sound (mesh/mesh_sound.h), and stays so. The same bits for any number of
 /// threads.
+/// `edges`: of the mesh.
 HoleReport close_holes(TriangleMesh& mesh,
+                       const SurfaceEdges& edges,
                        const std::vector<Camera>& cameras,
                        const EvidenceSource& evidence,
                        float largest_px);
+inline HoleReport close_holes(TriangleMesh& mesh,
+                              const std::vector<Camera>& cameras,
+                              const EvidenceSource& evidence,
+                              float largest_px) {
+    return close_holes(mesh, find_edges(mesh), cameras, evidence, largest_px);
+}
 
 inline constexpr int kMostHoleEdges = 128;
 

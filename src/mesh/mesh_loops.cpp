@@ -4,8 +4,6 @@
 #include <cmath>
 #include <limits>
 
-#include "mesh/simplify_pieces.h"
-
 namespace tvsgs {
 namespace {
 
@@ -94,9 +92,9 @@ int Rims::place(int vertex) const {
                                                        : -1;
 }
 
-Rims find_rims(const TriangleMesh& mesh) {
+Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
     Rims rims;
-    const std::vector<char> is_rim = find_edges(mesh).rim;
+    const std::vector<char>& is_rim = surface.rim;
     std::vector<int> places(mesh.vertices.size(), -1);
     for (std::size_t i = 0; i < is_rim.size(); ++i)
         if (is_rim[i])

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/mesh.h"
+#include "mesh/mesh_corners.h"
 
 namespace tvsgs {
 
@@ -25,6 +26,9 @@ struct Rims {
 /// No loop comes to a vertex twice: where holes touch, each has its own loop. Rim edges that form
 /// none, as faces turned against their neighbours have, are left out. Faces must not repeat a
 /// corner, and edges not have more than two.
-Rims find_rims(const TriangleMesh& mesh);
+Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& edges);
+inline Rims find_rims(const TriangleMesh& mesh) {
+    return find_rims(mesh, find_edges(mesh));
+}
 
 }  // namespace tvsgs

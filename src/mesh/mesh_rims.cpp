@@ -4,11 +4,11 @@
 #include <cmath>
 
 #include "mesh/mesh_clean.h"
+#include "mesh/mesh_corners.h"
 #include "mesh/mesh_edges.h"
 #include "mesh/mesh_loops.h"
 #include "mesh/mesh_sound.h"
 #include "mesh/pixel_length.h"
-#include "mesh/simplify_pieces.h"
 
 namespace tvsgs {
 namespace {

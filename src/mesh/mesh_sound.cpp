@@ -4,10 +4,11 @@
 #include <map>
 #include <vector>
 
+#include "core/parallel.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_clean.h"
+#include "mesh/mesh_corners.h"
 #include "mesh/mesh_edges.h"
-#include "mesh/simplify_pieces.h"
 
 namespace tvsgs {
 namespace {
@@ -18,6 +19,15 @@ bool same_place(Vec3f a, Vec3f b) {
 
 /// Returns whether there was something to weld.
 bool weld(TriangleMesh& mesh) {
+    std::int64_t coincident = 0;
+    parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int f) {
+        const Vec3i face = mesh.faces[std::size_t(f)];
+        const Vec3f a = mesh.vertices[std::size_t(face.x)], b = mesh.vertices[std::size_t(face.y)],
+                    c = mesh.vertices[std::size_t(face.z)];
+        if (same_place(a, b) || same_place(b, c) || same_place(c, a))
+            add_atomically(&coincident, 1);
+    });
+    if (coincident == 0) return false;
     std::map<int, int> renamed;
     const auto name_of = [&](int v) {
         for (auto found = renamed.find(v); found != renamed.end(); found = renamed.find(v))
@@ -32,7 +42,6 @@ bool weld(TriangleMesh& mesh) {
             const auto [low, high] = std::minmax({name_of(a), name_of(b)});
             if (low != high) renamed[high] = low;
         }
-    if (renamed.empty()) return false;
     for (Vec3i& face : mesh.faces) face = {name_of(face.x), name_of(face.y), name_of(face.z)};
     return true;
 }
@@ -113,21 +122,24 @@ bool has_area(Vec3f a, Vec3f b, Vec3f c) {
 SoundReport make_sound(TriangleMesh& mesh) {
     SoundReport report;
     const std::size_t before = mesh.faces.size();
-    drop_what_is_no_triangle(mesh);  // and looks at indices
-    if (weld(mesh)) drop_what_is_no_triangle(mesh);
-    std::vector<bool> keep(mesh.faces.size());
-    for (std::size_t f = 0; f < keep.size(); ++f) {
+    drop_flawed_faces(mesh);  // and looks at indices
+    if (weld(mesh)) drop_flawed_faces(mesh);
+    drop_faces(mesh, [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        keep[f] = has_area(mesh.vertices[std::size_t(face.x)], mesh.vertices[std::size_t(face.y)],
-                           mesh.vertices[std::size_t(face.z)]);
-    }
-    filter_faces(mesh, keep);
+        return !has_area(mesh.vertices[std::size_t(face.x)], mesh.vertices[std::size_t(face.y)],
+                         mesh.vertices[std::size_t(face.z)]);
+    });
+    const Corners corners = drop_repeated_faces(mesh);
+    report.dropped_faces = before - mesh.faces.size();
+    report.edges = find_edges(mesh, corners);
+    const bool all_used = corners.all_used();
+    if (!all_used) filter_faces(mesh, std::vector<bool>(mesh.faces.size(), true));
     // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
     // edge. So where sheets have vertices of their own no edge has more than two faces.
-    const std::vector<char> crowded = find_edges(mesh).fixed;
-    if (std::find(crowded.begin(), crowded.end(), 1) != crowded.end())
-        report.split_vertices = split_sheets(mesh, crowded);
-    report.dropped_faces = before - mesh.faces.size();
+    std::vector<char>& crowded = report.edges.fixed;
+    const bool split = std::find(crowded.begin(), crowded.end(), 1) != crowded.end();
+    if (split) report.split_vertices = split_sheets(mesh, find_edges(mesh).fixed);
+    if (split || !all_used) report.edges = find_edges(mesh);
     return report;
 }
 

@@ -4,6 +4,7 @@
 #include <cstddef>
 
 #include "core/mesh.h"
+#include "mesh/mesh_corners.h"
 
 namespace tvsgs {
 
@@ -15,6 +16,7 @@ bool has_area(Vec3f a, Vec3f b, Vec3f c);
 struct SoundReport {
     std::size_t dropped_faces = 0;   // no triangles, or there before
     std::size_t split_vertices = 0;  // new ones, where sheets met
+    SurfaceEdges edges;              // of the mesh as it is now
 };
 
 /// Vertices in one place that share an edge become one. Faces without three different finite

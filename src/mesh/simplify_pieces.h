@@ -1,28 +1,19 @@
 // A surface in pieces that can be worked at side by side, and together again.
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "core/mesh.h"
+#include "mesh/mesh_corners.h"
 #include "mesh/simplify_collapse.h"
 
 namespace tvsgs {
 
-/// How the faces of a mesh hang together.
-struct SurfaceEdges {
-    std::vector<char> rim;    // [3 per face] whether the edge from that corner on has one face only
-    std::vector<char> fixed;  // [vertices] whether an edge there has more than two faces
-};
-
-/// Drops faces that repeat a corner, have one that is not finite, or have the corners of an earlier
-/// one; returns their number. Throws Error(ExitCode::input) for an index out of range.
-std::size_t drop_what_is_no_triangle(TriangleMesh& mesh);
-
-SurfaceEdges find_edges(const TriangleMesh& mesh);
-
-/// Faces in groups of at most `most`, each of which is near itself; the same ones for any number of
-/// threads.
-std::vector<std::vector<int>> group_faces(const TriangleMesh& mesh, std::size_t most);
+/// Runs of at most `most` of an order of faces, the first one of `first`.
+std::vector<std::vector<int>> runs_of(const std::vector<int>& order,
+                                      std::size_t most,
+                                      std::size_t first);
 
 /// The mesh with the planes of its faces and rims, in groups that are simplified up to
 /// `largest_cost` (nothing is below 0) where all faces of a vertex belong to one group. `origin` is
@@ -33,5 +24,12 @@ CollapsibleMesh collapse_in_groups(const TriangleMesh& mesh,
                                    const SurfaceEdges& edges,
                                    const std::vector<std::vector<int>>& groups,
                                    double largest_cost);
+
+/// What is left of that goes on in other groups. Only what vertices are left that faces have.
+/// `seams`: whether faces of several groups met at a vertex.
+CollapsibleMesh collapse_in_groups(const CollapsibleMesh& mesh,
+                                   const std::vector<std::vector<int>>& groups,
+                                   double largest_cost,
+                                   std::vector<char>& seams);
 
 }  // namespace tvsgs

@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kMostPoints = 1 << 19;  // in one direction
+constexpr std::size_t kMostPoints = 1 << 18;  // in one direction
 constexpr std::size_t kChunk = 1024;          // points that one thread goes through in a row
 
 /// action(first, last) for chunks of [0, count).
@@ -21,50 +21,48 @@ void for_chunks(std::size_t count, const Action& action) {
     });
 }
 
-struct MeasuredPoint {
-    Vec3d point;
-    double pixel_length;
-};
-
 /// Vertices first, then the middle of each face and the middles between it and the corners.
-MeasuredPoint point_of(const MeasuredMesh& on, std::size_t i) {
-    const TriangleMesh& mesh = on.mesh;
-    if (i < mesh.vertices.size())
-        return {vec_cast<double>(mesh.vertices[i]), double(on.pixel_lengths[i])};
+Vec3f place_on(const TriangleMesh& mesh, std::size_t i) {
+    if (i < mesh.vertices.size()) return mesh.vertices[i];
     i -= mesh.vertices.size();
     const Vec3i face = mesh.faces[i / 4];
     const int near = static_cast<int>(i % 4);  // corner; 3: none
-    MeasuredPoint out{{}, std::numeric_limits<double>::infinity()};
-    for (int k = 0; k < 3; ++k) {
-        const auto v = static_cast<std::size_t>(face[k]);
-        const double weight = near == 3 ? 1.0 / 3 : near == k ? 2.0 / 3 : 1.0 / 6;
-        out.point += weight * vec_cast<double>(mesh.vertices[v]);
-        out.pixel_length = std::min(out.pixel_length, double(on.pixel_lengths[v]));
-    }
-    return out;
+    Vec3d out;
+    for (int k = 0; k < 3; ++k)
+        out += (near == 3   ? 1.0 / 3
+                : near == k ? 2.0 / 3
+                            : 1.0 / 6) *
+               vec_cast<double>(mesh.vertices[static_cast<std::size_t>(face[k])]);
+    return vec_cast<float>(out);
 }
 
 void add_distances(const MeasuredMesh& from,
                    const TriangleTree& to,
                    std::vector<double>& out,
                    SimplifyProof& proof) {
-    const std::size_t all = from.mesh.vertices.size() + 4 * from.mesh.faces.size();
-    const std::size_t stride = (all + kMostPoints - 1) / kMostPoints, before = out.size();
-    const std::size_t count = stride > 0 ? (all + stride - 1) / stride : 0;
+    const std::size_t count = from.places.points.size(), before = out.size();
     out.resize(before + count);
     for_chunks(count, [&](std::size_t first, std::size_t last) {
         std::size_t start = 0;
-        for (std::size_t i = first; i < last; ++i) {
-            const MeasuredPoint p = point_of(from, i * stride);
-            out[before + i] =
-                to.distance(p.point, std::numeric_limits<double>::infinity(), &start) /
-                p.pixel_length;
-        }
+        for (std::size_t i = first; i < last; ++i)
+            out[before + i] = to.distance(vec_cast<double>(from.places.points[i]),
+                                          std::numeric_limits<double>::infinity(), &start) /
+                              double(from.pixel_lengths[i]);
     });
-    proof.points += count, proof.all_points += all;
+    proof.points += count, proof.all_points += from.places.all;
 }
 
 }  // namespace
+
+SurfacePlaces places_on(const TriangleMesh& mesh) {
+    SurfacePlaces places{{}, mesh.vertices.size() + 4 * mesh.faces.size()};
+    const std::size_t stride = (places.all + kMostPoints - 1) / kMostPoints;
+    places.points.resize(stride > 0 ? (places.all + stride - 1) / stride : 0);
+    parallel_for(Cpu{}, static_cast<int>(places.points.size()), [&](int i) {
+        places.points[std::size_t(i)] = place_on(mesh, std::size_t(i) * stride);
+    });
+    return places;
+}
 
 SimplifyProof measure(const MeasuredMesh& original, const MeasuredMesh& simplified) {
     SimplifyProof proof;

@@ -9,15 +9,21 @@
 
 namespace tvsgs {
 
-/// A mesh, its triangles, and the length of a pixel at each of its vertices.
+/// Vertices of a mesh and four points per face; evenly chosen ones where there are very many.
+struct SurfacePlaces {
+    std::vector<Vec3f> points;
+    std::size_t all = 0;  // as many there are
+};
+SurfacePlaces places_on(const TriangleMesh& mesh);
+
+/// Those, a mesh's triangles, and the length of a pixel at each place.
 struct MeasuredMesh {
-    const TriangleMesh& mesh;
-    const TriangleTree tree;
-    const std::vector<float>& pixel_lengths;
+    const SurfacePlaces& places;
+    const TriangleTree& tree;
+    const std::vector<float> pixel_lengths;
 };
 
-/// From vertices and four points per face to the other mesh, both ways; evenly chosen ones where
-/// there are more than half a million of them in one direction.
+/// From places to the other mesh, both ways.
 SimplifyProof measure(const MeasuredMesh& original, const MeasuredMesh& simplified);
 
 /// The colours of the nearest places of the original, which has some, for the vertices of `mesh`.

@@ -28,6 +28,12 @@ struct Quadric {
         b += scale * q.b;
         c += scale * q.c, weight += scale * q.weight;
     }
+    /// Distances are counted in units that are `times` as long.
+    void count_in(double times) {
+        const double s = 1 / (times * times);
+        A.xx *= s, A.xy *= s, A.xz *= s, A.yy *= s, A.yz *= s, A.zz *= s;
+        b = s * b, c *= s;
+    }
     Vec3d half_gradient(Vec3d x) const {
         return {A.xx * x.x + A.xy * x.y + A.xz * x.z + b.x,
                 A.xy * x.x + A.yy * x.y + A.yz * x.z + b.y,

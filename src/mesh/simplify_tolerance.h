@@ -11,9 +11,15 @@ namespace tvsgs {
 /// Pixels count that many times where no view sees the surface.
 inline constexpr float kUnseenPixels = 8;
 
-/// World units per pixel at each vertex: the least depth / focal length of the views that see it,
-/// by the mesh's own depth. Where none does, kUnseenPixels times that of the views whose image it
-/// lies in, or else that of the nearest camera. `cameras`: one at least.
-std::vector<float> pixel_lengths(const TriangleMesh& mesh, const std::vector<Camera>& cameras);
+/// World units per pixel at each point: the least depth / focal length of the views that see it,
+/// by the mesh's depth. Where none does, kUnseenPixels times that of the views whose image it lies
+/// in, or else that of the nearest camera. `cameras`: one at least.
+std::vector<float> pixel_lengths(const TriangleMesh& mesh,
+                                 const std::vector<Vec3f>& points,
+                                 const std::vector<Camera>& cameras);
+
+/// As if nothing hid the points from the views whose images they lie in: no more than that.
+std::vector<float> least_pixel_lengths(const std::vector<Vec3f>& points,
+                                       const std::vector<Camera>& cameras);
 
 }  // namespace tvsgs

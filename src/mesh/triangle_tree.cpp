@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 
 #include "core/error.h"
 #include "core/parallel.h"
@@ -9,7 +10,9 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kLeaf = 4;        // triangles at the most
+constexpr std::size_t kLeaf = 4;  // triangles at the most
+constexpr std::size_t kCut = 16;  // triangles up to which cuts are found in spite of codes
+constexpr std::uint32_t kNoFace = ~0u;
 constexpr int kBins = 16;               // places tried for a cut
 constexpr int kBalancedDepth = 48;      // from here on ranges are halved, so that depth is bounded
 constexpr std::size_t kTask = 1 << 15;  // triangles that are worth a thread
@@ -53,6 +56,7 @@ double squared_distance(Vec3d p, Vec3f lower, Vec3f upper) {
 /// the two boxes.
 struct TriangleTree::Builder {
     std::vector<Item>& items;
+    const std::vector<std::uint32_t> codes;  // of the items, ascending; empty: none are known
 
     /// Where items [first, last), whose middles span `box`, are cut; they are partitioned there.
     std::size_t cut(std::size_t first, std::size_t last, const Box& middles, int depth) const {
@@ -106,6 +110,21 @@ struct TriangleTree::Builder {
     /// Adds the nodes of items [first, last); the `place` of leaves counts from the first item of
     /// all.
     void append(std::size_t first, std::size_t last, int depth, std::vector<Node>& out) const {
+        if (!codes.empty() && last - first > kCut && codes[first] != codes[last - 1]) {
+            const std::size_t at = out.size();
+            out.emplace_back();
+            // Where the highest bit changes that does.
+            const std::uint32_t high = std::bit_floor(codes[first] ^ codes[last - 1]),
+                                start = (codes[last - 1] & ~(high - 1));
+            const auto middle = std::lower_bound(codes.begin() + std::ptrdiff_t(first),
+                                                 codes.begin() + std::ptrdiff_t(last), start);
+            fork(first, std::size_t(middle - codes.begin()), last, depth, out);
+            const Node &a = out[at + 1], &b = out[at + out[at].place];
+            Box both{a.lower, a.upper};
+            both.add({b.lower, b.upper});
+            out[at].lower = both.lower, out[at].upper = both.upper;
+            return;
+        }
         Box box, middles;
         for (std::size_t i = first; i < last; ++i) {
             box.add(items[i].box);
@@ -114,20 +133,30 @@ struct TriangleTree::Builder {
                 middle[axis] = static_cast<float>(0.5 * items[i].middle(axis));
             middles.add({middle, middle});
         }
-        const std::size_t count = last - first, at = out.size();
+        const std::size_t count = last - first;
         out.push_back({box.lower, static_cast<std::uint32_t>(first), box.upper,
                        static_cast<std::uint32_t>(count)});
         if (count <= kLeaf) return;
-        const std::size_t middle = cut(first, last, middles, depth);
+        fork(first, cut(first, last, middles, depth), last, depth, out);
+    }
+
+    /// Adds what is on both sides of a cut to the node that is last.
+    void fork(std::size_t first,
+              std::size_t middle,
+              std::size_t last,
+              int depth,
+              std::vector<Node>& out) const {
+        const std::size_t at = out.size() - 1;
+        const bool large = last - first > kTask;
         std::vector<Node> second;  // where another thread works at it
-        if (count > kTask) {
+        if (large) {
 #pragma omp task shared(second)
             append(middle, last, depth + 1, second);
         }
         append(first, middle, depth + 1, out);
         out[at].count = 0;
         out[at].place = static_cast<std::uint32_t>(out.size() - at);
-        if (count > kTask) {
+        if (large) {
 #pragma omp taskwait
             out.insert(out.end(), second.begin(), second.end());
         } else {
@@ -136,31 +165,40 @@ struct TriangleTree::Builder {
     }
 };
 
-TriangleTree::TriangleTree(const TriangleMesh& mesh) {
+TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) {
     const int vertices = static_cast<int>(mesh.vertices.size());
-    std::vector<Item> items;
-    items.reserve(mesh.faces.size());
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
-        Box box;
-        bool finite = true;
+    const auto count = static_cast<std::int64_t>(mesh.faces.size());
+    std::vector<Item> items(mesh.faces.size());
+    std::int64_t wrong = count, not_finite = count;  // first such face; first such item
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        const int f = order.places.empty() ? i : order.places[std::size_t(i)];
+        Item& item = items[std::size_t(i)];
+        item.face = static_cast<std::uint32_t>(f);
         for (int k = 0; k < 3; ++k) {
-            const int vertex = mesh.faces[f][k];
-            if (vertex < 0 || vertex >= vertices)
-                throw Error(ExitCode::input, str("face ", f, " refers to vertex ", vertex,
-                                                 ", but the mesh has ", vertices));
+            const int vertex = mesh.faces[std::size_t(f)][k];
+            if (vertex < 0 || vertex >= vertices) {
+                min_atomically(&wrong, f);
+                return;
+            }
             const Vec3f p = mesh.vertices[static_cast<std::size_t>(vertex)];
-            finite = finite && is_finite(p);
-            box.add({p, p});
+            if (!is_finite(p)) item.face = kNoFace, min_atomically(&not_finite, i);
+            item.box.add({p, p});
         }
-        if (finite)
-            items.push_back({box, static_cast<std::uint32_t>(f)});
-        else
-            ++left_out_;
+    });
+    if (wrong < count) {
+        const Vec3i face = mesh.faces[std::size_t(wrong)];
+        int k = 0;
+        while (face[k] >= 0 && face[k] < vertices) ++k;
+        throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
+                                         ", but the mesh has ", vertices));
     }
+    if (not_finite < count)
+        left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
     if (items.empty()) return;
 #pragma omp parallel
 #pragma omp single
-    Builder{items}.append(0, items.size(), 0, nodes_);
+    Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.append(
+        0, items.size(), 0, nodes_);
     triangles_.resize(items.size());
     parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);

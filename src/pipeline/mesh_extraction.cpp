@@ -113,7 +113,7 @@ std::string mend_mesh(TriangleMesh& mesh,
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
                     sound.dropped_faces, sound.split_vertices);
-    const HoleReport holes = close_holes(mesh, cameras, evidence, options.holes);
+    const HoleReport holes = close_holes(mesh, sound.edges, cameras, evidence, options.holes);
     if (options.holes > 0)
         spdlog::log(level,
                     "of {} loops of rims {} holes of up to {} pixels are closed with {} faces, not "

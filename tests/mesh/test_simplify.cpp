@@ -97,7 +97,7 @@ TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
                                 looking({0, 0, -8}, {0, 0, -9}, 4000)};  // looks away
     cameras[1].width_px = cameras[1].height_px = 200;  // only the middle, half a unit wide
     cameras[1].cx_px = cameras[1].cy_px = 100;
-    const std::vector<float> lengths = pixel_lengths(mesh, cameras);
+    const std::vector<float> lengths = pixel_lengths(mesh, mesh.vertices, cameras);
     int hidden = 0, near = 0;
     for (std::size_t i = 0; i < lengths.size(); ++i) {
         const Vec3f p = mesh.vertices[i];
@@ -115,7 +115,8 @@ TEST(SimplifyTolerance, ThePixelOfTheNearestViewThatSees) {
     EXPECT_GT(hidden, 60);
     EXPECT_GT(near, 60);
     // Nothing sees it and it is in no image: the distance of the nearest camera.
-    const std::vector<float> away = pixel_lengths(square({90, 0, 0}, 1), {kAbove[0]});
+    const TriangleMesh aside = square({90, 0, 0}, 1);
+    const std::vector<float> away = pixel_lengths(aside, aside.vertices, {kAbove[0]});
     EXPECT_NEAR(away[0], kUnseenPixels * std::sqrt(90.f * 90 + 25) / 500, 1e-4f);
 }
 
@@ -125,9 +126,12 @@ TEST(SimplifyProof, MeanQuantileAndMaximumOfBothDirections) {
     for (int i = 0; i < 1000; ++i) append(before, square({3.0 * i, 0, 0}, 1));
     TriangleMesh after = before;
     for (int i = 0; i < 20; ++i) after.vertices[std::size_t(i)].z = i < 4 ? 0.05f : 0.02f;
-    const std::vector<float> lengths(before.vertices.size(), 0.01f);
-    const SimplifyProof proof =
-        measure({before, TriangleTree(before), lengths}, {after, TriangleTree(after), lengths});
+    const auto measured = [](const TriangleMesh& from, const TriangleMesh& to) {
+        const SurfacePlaces a = places_on(from), b = places_on(to);
+        return measure({a, TriangleTree(from), std::vector<float>(a.points.size(), 0.01f)},
+                       {b, TriangleTree(to), std::vector<float>(b.points.size(), 0.01f)});
+    };
+    const SimplifyProof proof = measured(before, after);
     EXPECT_EQ(proof.points, 2 * (4000u + 8000u));
     EXPECT_EQ(proof.all_points, proof.points);
     EXPECT_NEAR(proof.mean_px, (4 * 2 + 5) / 1000.0, 1e-6);
@@ -136,10 +140,25 @@ TEST(SimplifyProof, MeanQuantileAndMaximumOfBothDirections) {
     // What is there in one mesh only counts in the other's direction.
     after = before;
     append(after, square({0, 0, 0.5}, 1));
-    const std::vector<float> more(after.vertices.size(), 0.01f);
-    const TriangleTree tree(before), larger(after);
-    EXPECT_NEAR(measure({before, tree, lengths}, {after, larger, more}).max_px, 50, 1e-4);
-    EXPECT_NEAR(measure({after, larger, more}, {before, tree, lengths}).max_px, 50, 1e-4);
+    EXPECT_NEAR(measured(before, after).max_px, 50, 1e-4);
+    EXPECT_NEAR(measured(after, before).max_px, 50, 1e-4);
+}
+
+TEST(SimplifyTolerance, NothingHiddenIsNeverLonger) {
+    TriangleMesh mesh = relief(2, 20, [](double, double) { return 0.0; });
+    append(mesh, square({0.5, 0.5, 1}, 1));
+    append(mesh, square({40, 0, 0}, 1));
+    const std::vector<Camera> cameras{looking({1, 1, 5}, {1, 1, 0}, 500),
+                                      looking({3, 1, 4}, {1, 1, 0}, 300)};
+    const std::vector<float> least = least_pixel_lengths(mesh.vertices, cameras),
+                             lengths = pixel_lengths(mesh, mesh.vertices, cameras);
+    int same = 0, hidden = 0;
+    for (std::size_t v = 0; v < least.size(); ++v) {
+        EXPECT_LE(least[v], lengths[v]) << v;
+        same += least[v] == lengths[v], hidden += least[v] < lengths[v];
+    }
+    EXPECT_GT(same, 200);
+    EXPECT_GT(hidden, 20);
 }
 
 TEST(SimplifyCollapse, NoSlivers) {

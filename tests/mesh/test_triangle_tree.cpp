@@ -142,6 +142,12 @@ TEST(TriangleTree, DistancesAreThoseOfALoop) {
         std::vector<Vec3d> points;
         for (int i = 0; i < 300; ++i) points.push_back(random.vec(i % 10 == 0 ? 100 : 1.5));
         const std::vector<double> got = tree.distances(points), near = tree.distances(points, 0.05);
+        std::vector<Vec3f> middles;
+        for (const Vec3i f : mesh.faces)
+            middles.push_back((mesh.vertices[std::size_t(f.x)] + mesh.vertices[std::size_t(f.y)] +
+                               mesh.vertices[std::size_t(f.z)]) /
+                              3);
+        EXPECT_EQ(TriangleTree(mesh, spatial_order(middles)).distances(points), got);
         for (std::size_t i = 0; i < points.size(); ++i) {
             double want = kFar;
             for (const Vec3i f : mesh.faces) {

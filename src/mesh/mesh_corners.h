@@ -1,0 +1,68 @@
+// The faces around each vertex of a mesh, and what they say of its edges.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <vector>
+
+#include "core/mesh.h"
+#include "core/parallel.h"
+
+namespace tvsgs {
+
+/// The corners (3 face + 0, 1, 2) at each vertex, ascending.
+class Corners {
+public:
+    /// Indices of faces have to be in range.
+    explicit Corners(const TriangleMesh& mesh);
+
+    /// action(face, its corner at v).
+    template <class Action>
+    void for_each(int v, const Action& action) const {
+        for (std::uint32_t i = first_[std::size_t(v)]; i < first_[std::size_t(v) + 1]; ++i)
+            action(corners_[i] / 3, static_cast<int>(corners_[i] % 3));
+    }
+
+    /// Whether each vertex has a face.
+    bool all_used() const {
+        return std::adjacent_find(first_.begin(), first_.end()) == first_.end();
+    }
+
+private:
+    std::vector<std::uint32_t> first_, corners_;  // [vertices + 1], [3 faces]
+};
+
+/// How the faces of a mesh hang together.
+struct SurfaceEdges {
+    std::vector<char> rim;    // [3 per face] whether the edge from that corner on has one face only
+    std::vector<char> fixed;  // [vertices] whether an edge there has more than two faces
+};
+
+SurfaceEdges find_edges(const TriangleMesh& mesh, const Corners& corners);
+inline SurfaceEdges find_edges(const TriangleMesh& mesh) {
+    return find_edges(mesh, Corners(mesh));
+}
+
+/// Drops faces that repeat a corner or have one that is not finite; returns their number. Throws
+/// Error(ExitCode::input) for an index out of range.
+std::size_t drop_flawed_faces(TriangleMesh& mesh);
+
+/// Drops faces that have the corners of an earlier one; returns the corners of what is left. None
+/// may be flawed.
+Corners drop_repeated_faces(TriangleMesh& mesh);
+
+/// Drops the faces f for which drops(f); returns their number.
+template <class Drops>
+std::size_t drop_faces(TriangleMesh& mesh, const Drops& drops) {
+    std::vector<char> dropped(mesh.faces.size());
+    parallel_for(Cpu{}, static_cast<int>(dropped.size()),
+                 [&](int f) { dropped[std::size_t(f)] = drops(std::size_t(f)); });
+    const auto first = std::find(dropped.begin(), dropped.end(), 1) - dropped.begin();
+    auto kept = static_cast<std::size_t>(first);
+    for (std::size_t f = kept; f < dropped.size(); ++f)
+        if (!dropped[f]) mesh.faces[kept++] = mesh.faces[f];
+    mesh.faces.resize(kept);
+    return dropped.size() - kept;
+}
+
+}  // namespace tvsgs
