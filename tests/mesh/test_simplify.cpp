@@ -482,6 +482,7 @@ TEST(Simplify, GroupsLeaveNoSeamsAndThreadsDoNotMatter) {
     expect_same_topology(before, one);
     EXPECT_LT(report.proof.points, report.proof.all_points) << "a sample of them is enough";
     EXPECT_LE(report.proof.p999_px, 0.5);
+    EXPECT_EQ(report.repeats, 0) << "cliffs hide nothing";
     int inside = 0;
     for (const Vec3f p : one.vertices)
         inside += p.x > 0.05f && p.x < 2.9f && p.y > 0.05f && p.y < 2.9f;
