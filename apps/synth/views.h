@@ -34,7 +34,8 @@ struct SynthOptions {
     int views = 24, width = 160, height = 120, points = 8000;
     std::optional<int> test_views;  // absent: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
-    double noise = 0, exposure_drift = 0, color_drift = 0, shininess = 0, texture = 1, pose_noise = 0;
+    double noise = 0, exposure_drift = 0, color_drift = 0, shininess = 0, texture = 1,
+           pose_noise = 0;
     std::string background = "empty", lens = "PINHOLE";
     std::uint64_t seed = 1;
     bool masks = true, overwrite = false;

@@ -66,8 +66,8 @@ struct DensifyOptions {
         field("jitter_clones", jitter_clones,
               "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
         field("spare_covered", spare_covered, {0, 1},
-              "how far splats that lie where the initial cloud covers the photographs neither "
-              "grow, nor are pruned or reset; 0: as all others, 1: not at all");
+              "how far splats neither grow, nor are pruned or reset; less beside gaps that the "
+              "initial cloud leaves in the photographs; 0: as ever, 1: not at all");
         // 45 floats of colour each are counted in int.
         field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
         field("max_per_pixel", max_per_pixel, {0, 1e6},
@@ -80,7 +80,7 @@ struct GrowthWeights {
     Span<const float> open;  // [N] open_shares(), inherited; or empty: 1
     float spare_covered;
     TVSGS_HD float operator()(int i) const {
-        return open.empty() ? 1 : 1 - spare_covered * (1 - open[i]);
+        return open.empty() ? 1 : (1 - spare_covered) * (1 + spare_covered * open[i]);
     }
 };
 
@@ -217,12 +217,8 @@ public:
               Communicator* peers = nullptr)
         : options_(options), extent_(extent), seed_(seed), peers_(peers) {}
 
-    /// What the cloud leaves open around each splat, [N], where covered ones are spared. Where
-    /// nothing would ever grow or go, nothing is done from here on.
-    void set_open(const std::vector<float>& open) {
-        copy(open, open_);
-        look_for_gaps();
-    }
+    /// What the cloud leaves open around each splat, [N], where covered ones are spared.
+    void set_open(const std::vector<float>& open) { copy(open, open_); }
 
     /// What happened at a step.
     struct Event {
@@ -284,22 +280,17 @@ public:
     void state(StateVisitor<Device>& visit) {
         visit("densify.statistics", statistics_);
         if (visit.loading() || !open_.empty()) visit.optional("densify.open", open_);
-        if (visit.loading()) look_for_gaps();
     }
 
     /// Old index of each splat after a step that changed the structure.
     Span<const int> parents() const { return parents_.span(); }
 
 private:
-    bool acts(int step) const { return options_.enabled && gaps_ && step < options_.until; }
+    bool acts(int step) const {
+        return options_.enabled && options_.spare_covered < 1 && step < options_.until;
+    }
 
     GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
-
-    void look_for_gaps() {
-        const std::vector<float> open = to_host(open_);
-        gaps_ = options_.spare_covered < 1 || open.empty() ||
-                std::any_of(open.begin(), open.end(), [](float share) { return share > 0; });
-    }
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
@@ -462,7 +453,6 @@ private:
     Communicator* peers_;
     Buffer<GrowthStatistics, Device> statistics_;
     Buffer<float, Device> open_;  // [N], or empty
-    bool gaps_ = true;            // somewhere
     Buffer<Growth, Device> growth_;
     Buffer<float, Device> score_;
     Buffer<int, Device> counts_, first_, parents_, front_views_;

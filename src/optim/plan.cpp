@@ -15,8 +15,8 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 
 // Thresholds; docs/guide/plan.md has the runs behind them, and says which have none.
 constexpr int kDenseViews = 40;
-constexpr double kCloudForDiscs = 0.25;  // points per pixel
-constexpr double kDrift = 0.15, kColorDrift = 0.01;
+constexpr double kModelCovers = 0.4, kCloudForDiscs = 0.06;  // points per pixel
+constexpr double kDrift = 0.15;
 constexpr double kPoseError = 0.5;  // px
 // A background of one colour: share of the images' borders, and at most of the initial points.
 constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
@@ -81,30 +81,16 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
 /// A colour matrix is the freer the more it explains: where that is little it is held at none, so
 /// that it comes by degrees.
 Decision plan_exposure(const SceneLook& look) {
-    const bool drifts = look.exposure_drift >= kDrift,
-               matrix = drifts && look.color_drift >= kColorDrift;
-    Decision decision{"exposure",
-                      matrix   ? "with a colour matrix"
-                      : drifts ? "fitted"
-                               : "off",
-                      "no two views near each other share enough points",
-                      look.exposure_drift,
-                      kDrift,
-                      {{"loss.photometric.exposure", matrix   ? "affine"
-                                                     : drifts ? "true"
-                                                              : "false"}}};
-    if (!std::isnan(look.exposure_drift))
-        decision.reason = str("brightness of a view where another sees the same, off by ",
-                              compared(100 * look.exposure_drift, 100 * kDrift, " %"));
-    if (drifts && !std::isnan(look.color_drift))
-        decision.reason += str("; of its colours a matrix explains more than a gain: ",
-                               compared(100 * look.color_drift, 100 * kColorDrift, " %"));
-    if (matrix) {
-        const double share = std::min(look.color_drift / kColorDrift, 9.0) / 3;
-        decision.settings.emplace_back("loss.photometric.exposure_pull",
-                                       number(0.01 / (share * share)));
-    }
-    return decision;
+    const bool drifts = look.exposure_drift >= kDrift;
+    return {"exposure",
+            drifts ? "fitted" : "off",
+            std::isnan(look.exposure_drift)
+                ? "no two views near each other share enough points"
+                : str("brightness of a view where another sees the same, off by ",
+                      compared(100 * look.exposure_drift, 100 * kDrift, " %")),
+            look.exposure_drift,
+            kDrift,
+            {{"loss.photometric.exposure", drifts ? "true" : "false"}}};
 }
 
 }  // namespace
@@ -164,22 +150,22 @@ Decision plan_cloud(const SceneLook& look, bool dense) {
                 1.0 * least,
                 {{"init.min_points", std::to_string(least)}}};
     }
-    const bool covers = look.points_per_pixel >= kCoveringCloud;
+    const bool covers = look.points_per_pixel >= kModelCovers;
     // As many as would cover; in proportion where some lie in no view.
-    const double wanted = look.points_per_pixel > 0 ? kCoveringCloud / look.points_per_pixel *
+    const double wanted = look.points_per_pixel > 0 ? kModelCovers / look.points_per_pixel *
                                                           static_cast<double>(look.points)
-                                                    : kCoveringCloud * look.pixels;
-    std::string reason = str("points per pixel: ", compared(look.points_per_pixel, kCoveringCloud));
+                                                    : kModelCovers * look.pixels;
+    std::string reason = str("points per pixel: ", compared(look.points_per_pixel, kModelCovers));
     // Whoever tries a scene at a small size must not take its plan for that of the full one.
     if (const double full = look.points_per_pixel / (look.reduction * look.reduction);
-        covers != (full >= kCoveringCloud))
-        reason += str("; at the photographs' own size ", compared(full, kCoveringCloud),
+        covers != (full >= kModelCovers))
+        reason += str("; at the photographs' own size ", compared(full, kModelCovers),
                       ", and the plan another");
     return {"initial cloud",
             covers ? "the model's" : "stereo",
             reason,
             look.points_per_pixel,
-            kCoveringCloud,
+            kModelCovers,
             {{"init.min_points", covers ? "0" : number(std::ceil(std::min(wanted + 1, 1e9)))}}};
 }
 
@@ -224,8 +210,12 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                 str("; in full ", kIterationsPerView, " per view, ", kIterations, " at least");
     }
     if (!in.dense)
-        by_cloud("densify", share > 0 ? str("in gaps, ", number(100 * share), " %") : "on",
-                 {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(share)}});
+        by_cloud("densify",
+                 share >= 1  ? "off"
+                 : share > 0 ? str("in gaps, less by ", number(100 * share), " %")
+                             : "on",
+                 {{"densify.enabled", share < 1 ? "true" : "false"},
+                  {"densify.spare_covered", rounded(share)}});
     // Files keep three scales, for the viewers of 3DGS.
     if (!in.dense && in.discs && points >= kCloudForDiscs)
         plan.push_back({"rasteriser",

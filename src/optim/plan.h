@@ -16,7 +16,7 @@ inline constexpr float kWideAngleDeg = 37;
 
 /// Points of the initial cloud per pixel that stereo could match: what hangs on how far the cloud
 /// covers the views changes in proportion between these two.
-inline constexpr double kSparseCloud = 0.1, kCoveringCloud = 0.4;
+inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
 inline double covered_share(double points_per_pixel) {
     const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
     return !(share > 0) ? 0 : share < 1 ? share : 1;
@@ -39,10 +39,8 @@ struct SceneLook {
     double views_in_wide_pairs = 0;  // the same, those without one up to kWideAngleDeg
     double pose_error = NAN;         // View::pose_error_px, median of the views that have one
     double exposure_drift =
-        0;                   // ratio of a view's brightness to that of its nearest view - 1, where
-                             // both see the same, median; the largest of the views; NaN: unknown
-    double color_drift = 0;  // of the colours there, what a matrix explains better than a gain, see
-                             // color_drift(); median of the views; NaN: unknown
+        0;  // ratio of a view's brightness to that of its nearest view - 1, where
+            // both see the same, median; the largest of the views; NaN: unknown
 };
 /// `masks`: only what is inside of them counts.
 SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);

@@ -5,7 +5,6 @@
 #include <numeric>
 #include <optional>
 
-#include "optim/color_drift.h"
 #include "optim/matchable.h"
 #include "optim/plan.h"
 #include "optim/view_pairs.h"
@@ -14,12 +13,10 @@ namespace tvsgs {
 namespace {
 
 constexpr int kReach = 2, kSide = 2 * kReach + 1;
-struct Patch {
-    std::array<double, kSide * kSide> grey;  // 0 to 255
-    Vec3d color;                             // mean, 0 to 1
-};
+using Patch = std::array<double, kSide * kSide>;
 
-/// Around the place where a point projects; nothing where that leaves the image.
+/// Grey levels around the place where a point projects, 0 to 255; nothing where they leave the
+/// image.
 std::optional<Patch> patch_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
     if (!is_in_view(c, point)) return std::nullopt;
@@ -29,25 +26,21 @@ std::optional<Patch> patch_at(const View& view, Vec3f point) {
     if (x < kReach || y < kReach || x + kReach >= view.photo.width ||
         y + kReach >= view.photo.height)
         return std::nullopt;
-    Patch patch{};
+    Patch patch;
     for (int i = 0; i < kSide * kSide; ++i) {
         const int at_x = x + i % kSide - kReach, at_y = y + i / kSide - kReach;
-        double sum = 0;
-        for (int channel = 0; channel < 3; ++channel) {
-            const double level = view.photo.at(at_x, at_y, channel);
-            sum += level;
-            patch.color[channel] += level / (255 * kSide * kSide);
-        }
-        patch.grey[static_cast<std::size_t>(i)] = sum / 3;
+        patch[static_cast<std::size_t>(i)] =
+            (view.photo.at(at_x, at_y, 0) + view.photo.at(at_x, at_y, 1) +
+             view.photo.at(at_x, at_y, 2)) /
+            3.0;
     }
     return patch;
 }
 
 /// Logarithm of the ratio of two patches' brightness; nothing where they do not look alike, as
 /// where something else hides the point from a view, or where they are flat, dark or saturated.
-std::optional<double> log_gain(const Patch& patch_a, const Patch& patch_b) {
-    const auto &a = patch_a.grey, &b = patch_b.grey;
-    const auto mean = [](const auto& p) {
+std::optional<double> log_gain(const Patch& a, const Patch& b) {
+    const auto mean = [](const Patch& p) {
         return std::accumulate(p.begin(), p.end(), 0.0) / static_cast<double>(p.size());
     };
     const double mean_a = mean(a), mean_b = mean(b);
@@ -168,18 +161,16 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
                                [](const View& view) { return has_outside(view.mask); });
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
-    std::vector<double> pixels, matchable, per_pixel, reductions, color_drifts;
+    std::vector<double> pixels, matchable, per_pixel, reductions;
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
         const View& view = scene.train[v];
         const View* const other =
             nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];
         std::vector<double> gains;  // gains: logarithms
-        std::vector<std::pair<Vec3d, Vec3d>> colors;
         for (std::size_t i = 0; other != nullptr && i < points.size(); i += stride) {
             const auto here = patch_at(view, points[i]), there = patch_at(*other, points[i]);
             if (!here || !there) continue;
-            if (const auto gain = log_gain(*here, *there))
-                gains.push_back(*gain), colors.emplace_back(there->color, here->color);
+            if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
         }
         const std::vector<Sighting> seen = sightings(view.camera, points, stride);
         const Matchable could_match(view, scene.train, masks, median_depth(seen));
@@ -200,10 +191,7 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
         const double drift = std::abs(std::expm1(lower_median(gains)));
         look.exposure_drift =
             std::isnan(look.exposure_drift) ? drift : std::max(drift, look.exposure_drift);
-        if (const double colored = color_drift(colors); colored >= 0)
-            color_drifts.push_back(colored);
     }
-    look.color_drift = lower_median(color_drifts);
     std::copy(border.color, border.color + 3, look.background);
     look.background_border = border.share;
     look.background_points = sightings_in_all > 0 ? static_cast<double>(on_border_color) /

@@ -436,7 +436,7 @@ INSTANTIATE_TEST_SUITE_P(Rules,
                          DensifyTwins,
                          testing::Combine(testing::Values(GrowthRule::thresholds,
                                                           GrowthRule::quantile),
-                                          testing::Values(0.0f, 1.0f)));
+                                          testing::Values(0.0f, 0.3f)));
 
 }  // namespace
 }  // namespace tvsgs

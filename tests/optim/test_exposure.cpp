@@ -2,7 +2,6 @@
 // plan asks for which.
 #include <cmath>
 
-#include "optim/color_drift.h"
 #include "optim/multiview_case.h"
 #include "optim/plan.h"
 #include "support/numeric.h"
@@ -113,69 +112,6 @@ TEST(Exposure, TheReportedLossHasThePull) {
                pulled = test::evaluate_exposure<Cpu>(c, 2);
     // Adam's first step is its rate whatever the derivative, so the second look sees 1e-3 each.
     EXPECT_NEAR(pulled.last_value - free.last_value, 0.5 * 12 * 1e-6, 1e-7);
-}
-
-TEST(ColorDrift, OfWhatAGainDoesNotExplain) {
-    test::Random random(4);
-    const auto pairs = [&](int count, auto light) {
-        std::vector<std::pair<Vec3d, Vec3d>> out;
-        for (int i = 0; i < count; ++i) {
-            const Vec3d c{random.uniform(0.1, 0.8), random.uniform(0.1, 0.8),
-                          random.uniform(0.1, 0.8)};
-            Vec3d noise;
-            for (int k = 0; k < 3; ++k) noise[k] = random.uniform(-0.02, 0.02);
-            out.emplace_back(c, light(c) + noise);
-        }
-        return out;
-    };
-    EXPECT_LT(color_drift(pairs(400, [](Vec3d c) { return 1.3 * c; })), 0.002);
-    EXPECT_LT(color_drift(pairs(80,
-                                [](Vec3d c) {
-                                    return 0.7 * c + Vec3d{0.1, 0.1, 0.1};
-                                })),
-              0.005);
-    const auto tinted = [](double by) {
-        return [by](Vec3d c) { return Vec3d{(1 + by) * c.x, c.y, (1 - by) * c.z}; };
-    };
-    const double little = color_drift(pairs(400, tinted(0.05))),
-                 much = color_drift(pairs(400, tinted(0.2)));
-    EXPECT_GT(little, 0.005);
-    EXPECT_LT(little, 0.03);
-    EXPECT_GT(much, 0.08);
-    EXPECT_TRUE(std::isnan(color_drift(pairs(59, tinted(0.2)))));
-    std::vector<std::pair<Vec3d, Vec3d>> greys(100, {{0.5, 0.5, 0.5}, {0.6, 0.6, 0.6}});
-    EXPECT_LT(color_drift(greys), 1e-3) << "one colour tells nothing apart";
-}
-
-TEST(Plan, ExposureByDegrees) {
-    const auto planned = [](double drift, double colors) {
-        SceneLook look;
-        look.train_views = 9, look.points = 10000, look.points_per_pixel = 0.5;
-        look.exposure_drift = drift, look.color_drift = colors;
-        for (const Decision& d : plan_training(look, {}))
-            if (d.name == "exposure") return d;
-        return Decision{};
-    };
-    const auto value = [](const Decision& d, std::string_view key) -> std::string {
-        for (const auto& [name, text] : d.settings)
-            if (name == key) return text;
-        return "";
-    };
-    const double nan = std::nan("");
-    EXPECT_EQ(value(planned(nan, nan), "loss.photometric.exposure"), "false");
-    EXPECT_EQ(value(planned(0.1, 0.005), "loss.photometric.exposure"), "false");
-    EXPECT_EQ(value(planned(0.2, nan), "loss.photometric.exposure"), "true");
-    EXPECT_EQ(value(planned(0.2, 0.005), "loss.photometric.exposure"), "true");
-    EXPECT_EQ(value(planned(0.2, 0.015), "loss.photometric.exposure"), "affine");
-    EXPECT_EQ(value(planned(0.1, 0.04), "loss.photometric.exposure"), "false");
-    double last = 1e9;
-    for (const double colors : {0.01, 0.02, 0.03, 0.06, 0.09, 0.3}) {
-        const double pull =
-            std::stod(value(planned(0.2, colors), "loss.photometric.exposure_pull"));
-        EXPECT_LE(pull, last) << colors;
-        last = pull;
-    }
-    EXPECT_LT(last, 0.0012);
 }
 
 }  // namespace

@@ -152,9 +152,9 @@ TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
 
 TEST(Plan, CoverageByDegrees) {
     EXPECT_EQ(covered_share(0), 0);
-    EXPECT_EQ(covered_share(0.1), 0);
-    EXPECT_NEAR(covered_share(0.25), 0.5, 1e-12);
-    EXPECT_EQ(covered_share(0.4), 1);
+    EXPECT_EQ(covered_share(0.02), 0);
+    EXPECT_NEAR(covered_share(0.06), 0.5, 1e-12);
+    EXPECT_EQ(covered_share(0.1), 1);
     EXPECT_EQ(covered_share(7), 1);
     EXPECT_EQ(covered_share(std::nan("")), 0) << "not known";
 }
@@ -185,7 +185,7 @@ double value_of(const Settings& settings, const std::string& key, double unset) 
 
 struct Slope {
     const char* key;
-    double bare, covered;  // below 0.1 points per pixel, from 0.4 on
+    double bare, covered;  // below 0.02 points per pixel, from 0.1 on
     double step;           // most by a 300th of the way
 };
 
@@ -199,11 +199,11 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
           Slope{"loss.multi_view_geometry.weight", 0, 0.03, 0.00011},
           Slope{"loss.multi_view_ncc.weight", 0, 0.15, 0.00051}}) {
         const auto at = [&, &k = key, &b = bare](double c) { return value_of(by_cloud(c), k, b); };
-        for (const double sparse : {0.0, 0.05, 0.1}) EXPECT_EQ(at(sparse), bare) << key << sparse;
-        for (const double full : {0.4, 0.8}) EXPECT_NEAR(at(full), covered, 1e-9) << key << full;
+        for (const double sparse : {0.0, 0.01, 0.02}) EXPECT_EQ(at(sparse), bare) << key << sparse;
+        for (const double full : {0.1, 0.8}) EXPECT_NEAR(at(full), covered, 1e-9) << key << full;
         double before = bare;
         for (int i = 1; i <= 300; ++i) {
-            const double now = at(0.1 + 0.001 * i);
+            const double now = at(0.02 + 0.08 / 300 * i);
             EXPECT_GE((now - before) * (covered > bare ? 1 : -1), 0) << key << " " << i;
             EXPECT_LE(std::abs(now - before), step) << key << " " << i;
             before = now;
@@ -212,13 +212,14 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
     // A limit: from none that any splat reaches to 16 pixels.
     double before = 0;
     for (int i = 1; i <= 301; ++i) {
-        const double now = 1 / value_of(by_cloud(0.099 + 0.001 * i), "mesh.max_scale_px", 1e9);
+        const double now =
+            1 / value_of(by_cloud(0.02 + 0.08 / 300 * (i - 1)), "mesh.max_scale_px", 1e9);
         EXPECT_GE(now, before);
         EXPECT_LE(now - before, 0.0034 / 16);
         before = now;
     }
     EXPECT_EQ(before, 1 / 16.);
-    EXPECT_EQ(value_of(by_cloud(0.05), "loss.normal.start", -1), -1) << "no decision";
+    EXPECT_EQ(value_of(by_cloud(0.01), "loss.normal.start", -1), -1) << "no decision";
 }
 
 TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {
@@ -230,9 +231,9 @@ TEST(Plan, DecisionsSayWhereOnTheSlopeTheyAre) {
             if (decision.name == "densify") return decision.reason;
         return std::string();
     };
-    EXPECT_EQ(reason(0.05), "points per pixel: 0.05 < 0.1");
-    EXPECT_EQ(reason(0.25), "points per pixel: 0.25, by degrees from 0.1 to 0.4");
-    EXPECT_EQ(reason(0.776), "points per pixel: 0.776 >= 0.4");
+    EXPECT_EQ(reason(0.01), "points per pixel: 0.01 < 0.02");
+    EXPECT_EQ(reason(0.05), "points per pixel: 0.05, by degrees from 0.02 to 0.1");
+    EXPECT_EQ(reason(0.776), "points per pixel: 0.776 >= 0.1");
 }
 
 TEST(Plan, DenseSettingsKeepTheirGrowth) {
@@ -285,9 +286,9 @@ TEST(Plan, NormalsOfStereoForFewViewsAndLessForMore) {
     const Settings of_stereo = settings(plan_training(look, in), "prior normals");
     EXPECT_TRUE(sets(of_stereo, "loss.prior_normal.weight", "1"));
     EXPECT_TRUE(sets(of_stereo, "priors.source", "stereo"));
-    look.points_per_pixel = 0.25, look.train_views = 3;
+    look.points_per_pixel = 0.06, look.train_views = 3;
     EXPECT_EQ(weight(3), "weight 0.5");
-    look.points_per_pixel = 0.1;
+    look.points_per_pixel = 0.02;
     EXPECT_EQ(weight(3), "no such decision");
 }
 
