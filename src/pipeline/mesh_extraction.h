@@ -21,9 +21,9 @@ namespace tvsgs {
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
-    SimplifyOptions simplify;
+    SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0, holes = 20, rims = 0;
+          max_scale_px = 0, holes = 20, rims = 0, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true, watertight = false;
     std::string box, memory;
@@ -67,6 +67,9 @@ struct MeshOptions {
         field("rims", rims, {0, 100},
               "rims lose their teeth and are smoothed by up to that many pixels of the nearest "
               "view; 0: they stay as they are");
+        field("smooth", smooth, {0, 100},
+              "roughness comes off before simplification, by up to that many pixels of the nearest "
+              "view; creases and rims stay; 0: none");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
 };

@@ -358,7 +358,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_FALSE(mesh.unbounded || mesh.watertight);
         EXPECT_EQ(mesh.rims, 0);
         EXPECT_EQ(mesh.holes, 0);
-        EXPECT_EQ(mesh.rims, 0);
+        EXPECT_EQ(mesh.smooth, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
         EXPECT_EQ(mesh.meshers.tsdf.weight, DepthWeighting::unit);
         EXPECT_EQ(mesh.meshers.tsdf.lone_views, LoneViews::all);

@@ -254,7 +254,7 @@ TEST(Mending, IsTheOptionsChoice) {
     const auto mended = [&](float holes, float rims) {
         TriangleMesh mesh = scene;
         MeshOptions options;
-        options.holes = holes, options.rims = rims;
+        options.holes = holes, options.rims = rims, options.smooth = 0;
         detail::mend_mesh(mesh, kCameras, options, source_of(views), spdlog::level::debug);
         return mesh;
     };
@@ -279,6 +279,25 @@ TEST(Mending, IsTheOptionsChoice) {
         detail::mend_mesh(tooth, kCameras, rims, source_of(views), spdlog::level::debug);
     EXPECT_TRUE(tooth.faces.empty());
     EXPECT_NE(why.find("mesh.rims=0"), std::string::npos) << why;
+}
+
+TEST(Mending, SmoothsUnlessClosedOrToldNotTo) {
+    TriangleMesh rough = sheet(0, 0, 0, 0.4, 20);
+    for (std::size_t v = 0; v < rough.vertices.size(); v += 3) rough.vertices[v].z += 0.004f;
+    const auto moved = [&](float smooth, bool watertight) {
+        TriangleMesh mesh = rough;
+        MeshOptions options;
+        options.holes = 0, options.smooth = smooth, options.watertight = watertight;
+        detail::mend_mesh(mesh, kCameras, options, {}, spdlog::level::debug);
+        EXPECT_EQ(mesh.faces.size(), rough.faces.size());
+        std::size_t count = 0;
+        for (std::size_t v = 0; v < mesh.vertices.size(); ++v)
+            count += mesh.vertices[v].z != rough.vertices[v].z;
+        return count;
+    };
+    EXPECT_EQ(moved(MeshOptions{}.smooth, false), 19u * 19u);
+    EXPECT_EQ(moved(0, false), 0u);
+    EXPECT_EQ(moved(1, true), 0u);
 }
 
 TEST(Rims, SameBytesForAnyNumberOfThreads) {
