@@ -46,6 +46,9 @@ public:
     /// The surface with its colours, as it comes: components are cleaned by the caller. Throws
     /// Error.
     virtual ExtractedMesh extract(const MesherInputs<Device>& in) = 0;
+
+    /// Its surfaces are rough, by the noise of what is fused, and worth smoothing.
+    virtual bool is_rough() const { return false; }
 };
 
 }  // namespace tvsgs

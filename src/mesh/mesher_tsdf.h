@@ -67,6 +67,8 @@ public:
         detail::check_tsdf_options(options);
     }
 
+    bool is_rough() const override { return true; }
+
     ExtractedMesh extract(const MesherInputs<Device>& in) override {
         const TsdfOptions volume = detail::tsdf_volume(options_, in.views, in.region, in.max_bytes,
                                                        in.level, in.depth.rules());

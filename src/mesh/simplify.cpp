@@ -16,7 +16,7 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kGroup = 1 << 14;  // faces of a group; what it needs fits into a cache
-constexpr double kLargestCost = 0.5;     // with it the proof holds at once, as a rule
+constexpr double kLargestCost = 0.4;     // with it the proof holds at once, as a rule
 constexpr int kMostRepeats = 4;
 constexpr double kTighter = 0.9;  // than the proof asks for, when all is done again
 

@@ -78,8 +78,6 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
     return settings;
 }
 
-/// A colour matrix is the freer the more it explains: where that is little it is held at none, so
-/// that it comes by degrees.
 Decision plan_exposure(const SceneLook& look) {
     const bool drifts = look.exposure_drift >= kDrift;
     return {"exposure",

@@ -167,7 +167,9 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const EvidenceSource evidence = evidence_of(depth);
     std::string emptied = detail::clean_mesh(found.mesh, options, evidence, level);
     const std::vector<Camera> cameras = detail::cameras_of(views);
-    const std::string mended = detail::mend_mesh(found.mesh, cameras, options, evidence, level);
+    MeshOptions mending = options;
+    if (!mesher->is_rough()) mending.smooth = 0;
+    const std::string mended = detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
     if (emptied.empty()) emptied = mended;
     const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
