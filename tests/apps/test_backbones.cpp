@@ -96,7 +96,7 @@ TEST_F(Backbones, ThePlanLeavesOutWhatFlatSplatsDoNotNeed) {
             run_tool(folder_, "train",
                      std::string("--scene scene --device cpu --plan --set backbone=") + backbone);
         ASSERT_EQ(plan.code, 0) << plan;
-        EXPECT_NE(plan.out.find(std::string("flatten loss   off             ") + why),
+        EXPECT_NE(plan.out.find(std::string("flatten loss   off           ") + why),
                   std::string::npos)
             << plan.out;
     }

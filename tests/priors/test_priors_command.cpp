@@ -91,7 +91,7 @@ TEST_F(PriorsCommand, DepthNormalsAndFeaturesAreRead) {
         make("depth", "--size 128x128 --quantity inverse_depth --out scene/network");
     ASSERT_EQ(depth.code, 0) << depth;
     EXPECT_TRUE(depth.says("depth of depth.onnx: inverse depth, affine; 5 photographs")) << depth;
-    EXPECT_TRUE(depth.says("5 of 5 photographs")) << depth;
+    EXPECT_TRUE(depth.says("info: scene/network: depth")) << depth;
     Scene scene = read_folder("network");
     expect_depth(scene, 5e-3, 0.9);
     EXPECT_TRUE(said("priors: 5 depth maps (depth/*.npy, tvsgs-priors depth.onnx, sha256 "))
