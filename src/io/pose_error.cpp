@@ -1,7 +1,7 @@
 #include "io/pose_error.h"
 
+#include <Eigen/Dense>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <map>
 #include <optional>
@@ -35,25 +35,6 @@ std::optional<Residual> residual_at(const Intrinsics& in, Vec3d p, Vec2<float> s
     return r;
 }
 
-/// The right side becomes the solution of a symmetric system; directions that nothing tells of stay
-/// at 0.
-void solve(std::array<std::array<double, kUnknowns>, kUnknowns>& A,
-           std::array<double, kUnknowns>& b) {
-    std::array<double, kUnknowns> first;
-    for (std::size_t i = 0; i < kUnknowns; ++i) first[i] = A[i][i];
-    std::array<bool, kUnknowns> told{};
-    for (std::size_t i = 0; i < kUnknowns; ++i) {
-        told[i] = A[i][i] > 1e-9 * first[i];
-        for (std::size_t r = 0; told[i] && r < kUnknowns; ++r) {
-            if (r == i) continue;
-            const double factor = A[r][i] / A[i][i];
-            for (std::size_t c = i; c < kUnknowns; ++c) A[r][c] -= factor * A[i][c];
-            b[r] -= factor * b[i];
-        }
-    }
-    for (std::size_t i = 0; i < kUnknowns; ++i) b[i] = told[i] ? b[i] / A[i][i] : 0;
-}
-
 /// Root of the mean square that one step of least squares moves the points by, without what the
 /// noise of the observations would move them by; px. NaN: too few observations.
 double pose_error(std::vector<Residual>& residuals) {
@@ -66,20 +47,21 @@ double pose_error(std::vector<Residual>& residuals) {
     std::erase_if(residuals, [&](const Residual& r) { return squared(r) > most; });
     const auto n = static_cast<double>(residuals.size());
     if (n < kLeast) return NAN;
-    std::array<std::array<double, kUnknowns>, kUnknowns> A{};
-    std::array<double, kUnknowns> x{};
+    Eigen::Matrix<double, kUnknowns, kUnknowns> A = A.Zero();
+    Eigen::Vector<double, kUnknowns> b = b.Zero();
     for (const Residual& r : residuals)
-        for (int row = 0; row < 2; ++row)
-            for (std::size_t i = 0; i < kUnknowns; ++i) {
-                x[i] += r.by[row][i] * r.e[row];
-                for (std::size_t j = 0; j < kUnknowns; ++j) A[i][j] += r.by[row][i] * r.by[row][j];
-            }
-    solve(A, x);
+        for (const int row : {0, 1}) {
+            const Eigen::Map<const Eigen::Vector<double, kUnknowns>> by(r.by[row]);
+            A += by * by.transpose(), b += r.e[row] * by;
+        }
+    Eigen::CompleteOrthogonalDecomposition<decltype(A)> solver;
+    solver.setThreshold(1e-9);  // what no observation tells of stays at 0
+    const Eigen::Vector<double, kUnknowns> x = solver.compute(A).solve(b);
     double moved = 0, left = 0;
     for (const Residual& r : residuals)
         for (int row = 0; row < 2; ++row) {
             double step = 0;
-            for (std::size_t i = 0; i < kUnknowns; ++i) step += r.by[row][i] * x[i];
+            for (int i = 0; i < kUnknowns; ++i) step += r.by[row][i] * x[i];
             moved += step * step;
             left += (r.e[row] - step) * (r.e[row] - step);
         }

@@ -207,13 +207,11 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
             plan.back().reason +=
                 str("; in full ", kIterationsPerView, " per view, ", kIterations, " at least");
     }
-    if (!in.dense)
-        by_cloud("densify",
-                 share >= 1  ? "off"
-                 : share > 0 ? str("in gaps, less by ", number(100 * share), " %")
-                             : "on",
-                 {{"densify.enabled", share < 1 ? "true" : "false"},
-                  {"densify.spare_covered", rounded(share)}});
+    // Whoever asks for growth where the plan has none gets it in full.
+    if (!in.dense && share >= 1) by_cloud("densify", "off", {{"densify.enabled", "false"}});
+    if (!in.dense && share < 1)
+        by_cloud("densify", share > 0 ? str("in gaps, less by ", number(100 * share), " %") : "on",
+                 {{"densify.enabled", "true"}, {"densify.spare_covered", rounded(share)}});
     // Files keep three scales, for the viewers of 3DGS.
     if (!in.dense && in.discs && points >= kCloudForDiscs)
         plan.push_back({"rasteriser",

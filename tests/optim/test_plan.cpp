@@ -192,8 +192,7 @@ struct Slope {
 TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
     for (const auto& [key, bare, covered, step] :
          {Slope{"iterations", 15000, 5000, 35}, Slope{"densify.until", 15000, 4000, 70},
-          Slope{"densify.spare_covered", 0, 1, 0.0034}, Slope{"loss.normal.start", 7001, 1, 40},
-          Slope{"loss.prior_normal.weight", 0, 1, 0.0034},
+          Slope{"loss.normal.start", 7001, 1, 40}, Slope{"loss.prior_normal.weight", 0, 1, 0.0034},
           Slope{"loss.tv_position.weight", 1, 10, 0.031}, Slope{"tv.vote_every", 10, 50, 1},
           Slope{"tv.refresh_every", 100, 500, 2},
           Slope{"loss.multi_view_geometry.weight", 0, 0.03, 0.00011},
@@ -209,6 +208,14 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
             before = now;
         }
     }
+    for (int i = 0; i < 300; ++i) {
+        const Settings on_the_way = by_cloud(0.02 + 0.08 / 300 * i);
+        EXPECT_TRUE(sets(on_the_way, "densify.enabled", "true")) << i;
+        EXPECT_NEAR(value_of(on_the_way, "densify.spare_covered", -1), i / 300., 1e-4);
+    }
+    const Settings full = by_cloud(0.1);
+    EXPECT_TRUE(sets(full, "densify.enabled", "false"));
+    EXPECT_EQ(value_of(full, "densify.spare_covered", -1), -1) << "growth on request is whole";
     // A limit: from none that any splat reaches to 16 pixels.
     double before = 0;
     for (int i = 1; i <= 301; ++i) {
