@@ -292,7 +292,7 @@ int command(int argc, char** argv) {
     if (!a.report.empty()) write_text_file(a.report, json), spdlog::info("{}: report", a.report);
     if (std::filesystem::is_directory(a.input))
         say_next({"tvsgs-view", a.input}, "shows the run in a browser");
-    else
+    else if (!a.output.ends_with(".ply"))
         say_next({"tvsgs-export", a.output, "splats.ply"}, "gives them back as a PLY");
     return 0;
 }

@@ -90,7 +90,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     flags.add("--min-weight", "mesh.min_weight", "views that must have seen a voxel [1]", group);
     flags.add("--clusters", "mesh.clusters", "largest components to keep [0: all]", group);
     flags.add("--error", "mesh.error",
-              "pixels of the nearest view by which simplification may move the surface [0.5]; 0: "
+              "pixels of the nearest view by which simplification may move the surface [0.3]; 0: "
               "every triangle stays",
               group);
     flags.add("--faces", "mesh.faces", "simplify down to that many, whatever the error [0: not]",

@@ -67,9 +67,10 @@ struct MeshOptions {
         field("rims", rims, {0, 100},
               "rims lose their teeth and are smoothed by up to that many pixels of the nearest "
               "view; 0: they stay as they are");
-        field("smooth", smooth, {0, 100},
-              "roughness comes off before simplification, by up to that many pixels of the nearest "
-              "view; creases and rims stay; 0: none");
+        field(
+            "smooth", smooth, {0, 100},
+            "roughness of what is fused comes off before simplification, by up to that many pixels "
+            "of the nearest view; creases and rims stay; 0: none");
         field("memory", memory, "bytes for the volume, as 8G; empty: a share of what is free");
     }
 };

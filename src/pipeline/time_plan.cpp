@@ -42,6 +42,9 @@ std::string duration(double seconds) {
 }  // namespace
 
 std::string TimePlan::text() const {
+    if (steps == 0)
+        return "time: not known: no two iterations ended while it was tried; a training says it on "
+               "its way";
     return str("time: about ", duration(low), " to ", duration(high), " for ", iterations,
                " iterations, by ", steps, " that took ", std::round(1e4 * each) / 10,
                " ms each on this machine now, ",

@@ -96,6 +96,9 @@ struct MeshSource {
     Vec3d origin{};  // see depth_rules
 };
 
+/// A run that ends by more than that below its best has been trained for too long.
+inline constexpr double kClearlyWorse = 0.5;  // dB of PSNR
+
 /// Mean over the views, inside of object masks that are trained with, as what they leave out is
 /// not. Of the whole images where no view's mask has a pixel of the object.
 inline double psnr_trained(const ViewScores& scores, const TrainOptions& options) {

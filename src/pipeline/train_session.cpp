@@ -14,8 +14,6 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kClearlyWorse = 0.5;  // dB of PSNR
-
 template <class Device>
 class TrainSession {
 public:

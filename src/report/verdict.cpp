@@ -6,6 +6,7 @@
 
 #include "core/error.h"
 #include "optim/plan.h"
+#include "pipeline/train_evaluation.h"
 #include "report/figures.h"
 #include "report/plot.h"
 
@@ -18,7 +19,6 @@ constexpr double kGoodF1 = 0.8, kFairF1 = 0.5;    // at the middle threshold
 constexpr double kMuchLone = 0.25;                // share of what is shown, seen by one view only
 constexpr double kFewShared = 0.2;                // share of a view that its best partner sees
 constexpr double kWideGapDeg = 30;                // between neighbours; stereo weakens from there
-constexpr double kWorse = 0.5;                    // dB
 constexpr std::size_t kNames = 3;                 // of views in a sentence
 
 std::string number(const JsonValue& value, int digits = 3) {
@@ -201,6 +201,7 @@ private:
 
     void by_plan() {
         for (const JsonValue& d : report_["plan"].items) {
+            if (!d["kept"].members.empty()) continue;  // somebody else decided
             const std::string name = d["name"].text, choice = d["choice"].text,
                               reason = d["reason"].text;
             const bool below = d["measured"].number_or(0) < d["threshold"].number_or(0);
@@ -218,19 +219,23 @@ private:
         const double most = report_["memory"]["most_splats"].number_or(0),
                      first = report_["memory"]["first_splats"].number_or(0),
                      now = summary_["gaussians"].number_or(0);
-        if (most > first && now >= 0.98 * most)
+        const bool grows = report_["config"]["densify"]["enabled"].number != 0;
+        if (grows && most > first && now >= 0.98 * most)
             limit(str("Growth stopped at ", grouped(static_cast<std::size_t>(now)),
                       " splats, the most that memory, --max-gaussians or "
                       "densify.max_per_pixel allowed."));
     }
 
     void overtrained() {
-        const double end = summary_["psnr"].number_or(NAN);
+        // Where only the object was trained, only the object counts.
+        const bool object = report_["config"]["loss"]["photometric"]["masks"].text == "object";
+        const char* const key = object && summary_["psnr_masked"] ? "psnr_masked" : "psnr";
+        const double end = summary_[key].number_or(NAN);
         double best = end, at = 0;
         for (const JsonValue& e : report_["evaluations"].items)
-            if (const double psnr = e["psnr"].number_or(NAN); psnr > best)
+            if (const double psnr = e[key].number_or(NAN); psnr > best)
                 best = psnr, at = e["iteration"].number_or(0);
-        if (best > end + kWorse)
+        if (best > end + kClearlyWorse)
             limit(str("PSNR was ", short_number(best, 3), " dB after ", short_number(at, 6),
                       " iterations and fell to ", short_number(end, 3), " dB: train for fewer."));
     }
@@ -280,7 +285,7 @@ private:
         if (!report_["plan"]) return;
         std::vector<std::string> off;
         for (const JsonValue& d : report_["plan"].items)
-            if (d["choice"].text == "off")
+            if (d["choice"].text == "off" && d["kept"].members.empty())
                 off.push_back(str(d["name"].text, " (", d["reason"].text, ")"));
         for (const std::string& one : off) v_.left_out += (v_.left_out.empty() ? "" : "; ") + one;
         v_.left_out = off.empty() ? "Nothing." : v_.left_out + ".";

@@ -443,9 +443,14 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
 
     const char* const gaps = R"({"summary": {"event": "done", "psnr": 15, "gaussians": 100},
         "memory": {"first_splats": 10, "most_splats": 100},
+        "config": {"densify": {"enabled": true}},
         "views": [{"name": "near", "psnr": 20}, {"name": "far", "psnr": 10}],
         "evaluations": [{"psnr": 17, "iteration": 50}],
-        "plan": [{"name": "x", "choice": "off", "reason": "1 < 2"}],
+        "plan": [{"name": "x", "choice": "off", "reason": "1 < 2"},
+                 {"name": "densify", "choice": "off", "reason": "thick",
+                  "kept": {"densify.enabled": "true by --set"}},
+                 {"name": "exposure", "choice": "fitted", "reason": "dark",
+                  "kept": {"loss.photometric.exposure": "false by --set"}}],
         "coverage": {"two": 0.6, "gap": {"a": "a", "b": "b", "angle_deg": 45, "shared": 0.5},
             "views": [{"name": "a", "lone": 0.7, "side": "left", "partner": "b", "shared": 0.1},
                       {"name": "b", "lone": 0.1, "side": "", "partner": "a", "shared": 0.5}],
@@ -463,7 +468,14 @@ TEST(Verdicts, RestOnWhatWasMeasured) {
                              "What a alone has seen, 70 % of it, most in "
                              "its left half"})
         EXPECT_NE(next.find(part), std::string::npos) << part << " is not in\n" << next;
-    EXPECT_EQ(found.left_out, "x (1 < 2).");
+    EXPECT_EQ(found.left_out, "x (1 < 2).") << "growth was asked for";
+    EXPECT_EQ(limits.find("exposure"), std::string::npos) << "it was not fitted";
+    const RunVerdict object = verdict(
+        R"({"summary": {"event": "done", "psnr": 9, "psnr_masked": 25, "gaussians": 99},
+            "config": {"densify": {"enabled": false}, "loss": {"photometric": {"masks": "object"}}},
+            "memory": {"first_splats": 99, "most_splats": 100},
+            "evaluations": [{"psnr": 12, "psnr_masked": 24, "iteration": 50}]})");
+    EXPECT_TRUE(object.limits.empty()) << all(object.limits);
     const RunVerdict well = verdict(
         R"({"summary": {"event": "done"}, "coverage": {"two": 0.97, "views": [], "test": [],
             "gap": {"a": "a", "b": "b", "angle_deg": 12, "shared": 0.8}}})");
