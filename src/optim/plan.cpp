@@ -17,7 +17,7 @@ constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
 constexpr int kDenseViews = 40;
 constexpr double kModelCovers = 0.4, kCloudForDiscs = 0.06;  // points per pixel
 constexpr double kDrift = 0.15;
-constexpr double kPoseError = 0.5;  // px
+constexpr double kPoseError = 0.5, kPoseExact = 0.25;  // px
 // A background of one colour: share of the images' borders, and at most of the initial points.
 constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 // Masks: share of the initial points that they leave out; of the images' border that those of an
@@ -76,6 +76,26 @@ Settings schedule_settings(const TrainOptions& options, const TrainOptions& fitt
             settings.emplace_back(key, std::to_string(number));
     });
     return settings;
+}
+
+Decision plan_poses(const SceneLook& look, const CameraOptions& options) {
+    const bool off = look.pose_error >= kPoseError;
+    Decision decision{"poses",
+                      off ? "refined" : "as given",
+                      "no observations of points to measure them by",
+                      look.pose_error,
+                      kPoseError,
+                      {{"cameras.refine", off ? "true" : "false"}}};
+    if (std::isnan(look.pose_error)) return decision;
+    decision.reason =
+        str("off by what their points say, ", compared(look.pose_error, kPoseError, " px"));
+    if (off || !options.refine) return decision;
+    // Asked for by the user. Points that fit as well as that know more of a pose than photographs.
+    const double loose = (look.pose_error - kPoseExact) / (kPoseError - kPoseExact);
+    const double bound = std::max(1e-3, loose * static_cast<double>(options.bound_px));
+    decision.reason += str("; they move by ", rounded(bound), " px at most");
+    decision.settings.emplace_back("cameras.bound_px", rounded(bound));
+    return decision;
 }
 
 Decision plan_exposure(const SceneLook& look) {
@@ -302,15 +322,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                         kBackgroundBorder,
                         {{"loss.photometric.background", one ? color : "none"}}});
     }
-    const bool off = look.pose_error >= kPoseError;
-    plan.push_back({"poses",
-                    off ? "refined" : "as given",
-                    std::isnan(look.pose_error) ? "no observations of points to measure them by"
-                                                : str("off by what their points say, ",
-                                                      compared(look.pose_error, kPoseError, " px")),
-                    look.pose_error,
-                    kPoseError,
-                    {{"cameras.refine", off ? "true" : "false"}}});
+    plan.push_back(plan_poses(look, in.options.cameras));
     plan.push_back(plan_exposure(look));
     return plan;
 }

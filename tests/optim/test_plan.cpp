@@ -117,6 +117,20 @@ TEST(Plan, PosesAreRefinedWhereTheirPointsAskForIt) {
     EXPECT_EQ(look_of(scene).pose_error, 0.7);
 }
 
+TEST(Plan, GoodPosesHardlyMoveThoughAskedTo) {
+    const auto bound = [](double error) {
+        SceneLook look;
+        look.pose_error = error;
+        PlanInputs in;
+        in.options.cameras.refine = true;
+        return std::stod(settings(plan_training(look, in), "poses").at(1).second);
+    };
+    EXPECT_EQ(bound(0), 1e-3);
+    EXPECT_EQ(bound(0.25), 1e-3);
+    EXPECT_NEAR(bound(0.3), 1.6, 1e-4) << "a fifth of 8 px";
+    EXPECT_NEAR(bound(0.4999), 8, 0.01) << "the slope ends where the plan refines";
+}
+
 TEST(Plan, SettingsByTheNumberOfViews) {
     EXPECT_EQ(plan_settings(39, false).choice, "sparse");
     EXPECT_EQ(plan_settings(40, false).choice, "dense");
