@@ -147,8 +147,8 @@ if(suggested)
 endif()
 list(JOIN suggested ", " CPACK_DEBIAN_TVSGS_PACKAGE_SUGGESTS)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS
-    "libeigen3-dev, libnanoflann-dev, libspdlog-dev, libwebp-dev, libzip-dev, nlohmann-json3-dev, pkg-config"
-    "zlib1g-dev")
+    "libeigen3-dev, libnanoflann-dev, libspdlog-dev, libwebp-dev, libzip-dev, libzstd-dev"
+    "nlohmann-json3-dev, pkg-config, zlib1g-dev")
 list(JOIN CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS ", " CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_DEPENDS)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_SHLIBDEPS OFF)
 set(CPACK_DEBIAN_LIBTVSGS-DEV_PACKAGE_SECTION libdevel)

@@ -8,6 +8,7 @@
 #include "core/local_origin.h"
 #include "io/read_file.h"
 #include "io/webp.h"
+#include "io/zstd.h"
 #include "mesh/upright.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -112,8 +113,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--keep-axes", a.keep_axes,
                  "GLB: only the turn of the frame [turned so that a run's scene stands upright]")
         ->group(group);
-    app.add_option("--spz-version", a.spz_version, "2 or 3; 2 for old readers [3]")
-        ->check(CLI::IsMember({2, 3}))
+    app.add_option("--spz-version", a.spz_version, "2 for old readers, 4 for new ones, PlayCanvas among them [3]")
+        ->check(CLI::IsMember({2, 3, 4}))
         ->group(group);
     app.add_option("--spz-sh-bits", a.sh_bits,
                    "1 to 8 each: of harmonics of degree 1, and above [8,8]; 5,4 is what other "
@@ -170,6 +171,7 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
     out.antialiased =
         make_backbone<Cpu>(options.train.backbone, options.train.render)->fades_thin_splats();
     if (a.format() == SplatFormat::sog && !has_webp()) webp_lossless_bytes({});  // which says so
+    if (a.format() == SplatFormat::spz && a.spz_version == 4 && !has_zstd()) zstd_frame({});
     return out;
 }
 

@@ -13,6 +13,7 @@
 #include "io/read_file.h"
 #include "io/splat_checks.h"
 #include "io/spz_math.h"
+#include "io/zstd.h"
 
 namespace tvsgs {
 namespace {
@@ -21,12 +22,25 @@ static_assert(std::endian::native == std::endian::little, "SPZ is little-endian"
 
 struct Header {
     std::uint32_t magic = spz::kMagic, version = 0, count = 0;
-    std::uint8_t degree = 0, fractional_bits = 0, flags = 0, reserved = 0;
+    std::uint8_t degree = 0, fractional_bits = 0, flags = 0;
+    std::uint8_t streams = 0;  // of version 4; else 0
 };
 static_assert(sizeof(Header) == spz::kHeaderBytes);
-constexpr std::uint8_t kAntialiased = 1;
+constexpr std::uint8_t kAntialiased = 1, kExtended = 2;
 
-/// Where the arrays of a file begin, and its end.
+/// Of version 4: what follows the header, and a row of its table, one a stream.
+struct Container {
+    std::uint32_t table = 0, zero[3] = {};  // `table`: where it begins
+};
+struct TableRow {
+    std::uint64_t packed = 0, bytes = 0;
+};
+static_assert(sizeof(Container) == 16 && sizeof(TableRow) == 16);
+constexpr std::size_t kContainerEnd = sizeof(Header) + sizeof(Container);
+/// An extension, which readers skip as they do not know it: by it our files can be told.
+constexpr std::uint32_t kSignature = 0x54560001;
+
+/// Where the arrays of a file begin, and its end: of version 4 as if they were not packed.
 struct Layout {
     std::size_t count, rest;  // `rest`: coefficients per channel beyond the first
     std::size_t rotation_bytes;
@@ -42,6 +56,12 @@ struct Layout {
     std::size_t rotations() const { return scales() + 3 * count; }
     std::size_t sh() const { return rotations() + rotation_bytes * count; }
     std::size_t end() const { return sh() + 3 * rest * count; }
+    /// One array a stream of version 4; an empty one has none.
+    std::vector<std::size_t> stream_ends() const {
+        std::vector<std::size_t> ends{opacities(), colors(), scales(), rotations(), sh()};
+        if (rest > 0) ends.push_back(end());
+        return ends;
+    }
 };
 
 /// zlib's two directions as one object that cleans up.
@@ -125,13 +145,13 @@ private:
 
 Header parse_header(const std::uint8_t* bytes, std::size_t size, const std::string& name) {
     Header h;
-    std::memcpy(&h, bytes, sizeof h);
+    std::memcpy(&h, bytes, std::min(size, sizeof h));
     if (size < sizeof h || h.magic != spz::kMagic)
         throw input_error(name,
-                          ": holds no splats: its gzip stream does not begin with the 16 "
-                          "bytes of an SPZ header");
-    if (h.version != 2 && h.version != 3)
-        throw input_error(name, ": SPZ version ", h.version, "; expected 2 or 3");
+                          ": holds no splats: does not begin, in its gzip stream if there is one, "
+                          "with the 16 bytes of an SPZ header");
+    if (h.version < 2 || h.version > 4)
+        throw input_error(name, ": SPZ version ", h.version, "; expected 2, 3 or 4");
     if (h.degree > spz::kMaxDegree)
         throw input_error(name, ": harmonics of degree ", int{h.degree}, "; SPZ has up to ",
                           spz::kMaxDegree);
@@ -151,6 +171,107 @@ void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
             throw input_error(name, ": goes on for more than ", limit, " bytes after its splats");
 }
 
+constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
+                                        "sizes",     "rotations", "harmonics"};
+
+/// `bytes` as Layout has them, of the header's version 4.
+std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& bytes) {
+    const Layout at(h);
+    const std::vector<std::size_t> ends = at.stream_ends();
+    const std::string signature = kVersion;
+    const std::uint32_t extension[] = {kSignature, static_cast<std::uint32_t>(signature.size())};
+    h.flags |= kExtended, h.streams = static_cast<std::uint8_t>(ends.size());
+    Container c;
+    c.table = static_cast<std::uint32_t>(kContainerEnd + sizeof extension + signature.size());
+    std::vector<TableRow> table;
+    std::vector<std::uint8_t> packed;
+    for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++]) {
+        const auto frame = zstd_frame(std::span(bytes).subspan(begin, ends[i] - begin));
+        table.push_back({frame.size(), ends[i] - begin});
+        packed.insert(packed.end(), frame.begin(), frame.end());
+    }
+    std::vector<std::uint8_t> out;
+    const auto put = [&](const void* from, std::size_t size) {
+        const auto* first = static_cast<const std::uint8_t*>(from);
+        out.insert(out.end(), first, first + size);
+    };
+    put(&h, sizeof h), put(&c, sizeof c);
+    put(extension, sizeof extension), put(signature.data(), signature.size());
+    put(table.data(), table.size() * sizeof(TableRow)), put(packed.data(), packed.size());
+    return out;
+}
+
+/// The arrays as Layout has them, the header in front.
+std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
+                                         const std::string& name) {
+    const Header h = parse_header(file.data(), file.size(), name);
+    if (h.version != 4)
+        throw input_error(name, ": SPZ version ", h.version,
+                          " that is not inside gzip; expected that, or version 4");
+    const Layout at(h);
+    const std::vector<std::size_t> ends = at.stream_ends();
+    if (h.streams != ends.size())
+        throw input_error(name, ": ", int{h.streams}, " arrays; expected ", ends.size(),
+                          " for degree ", int{h.degree});
+    Container c;
+    if (file.size() < kContainerEnd) throw input_error(name, ": ends early, in its header");
+    std::memcpy(&c, file.data() + sizeof h, sizeof c);
+    if (c.table < kContainerEnd || c.table > file.size() ||
+        file.size() - c.table < ends.size() * sizeof(TableRow))
+        throw input_error(name, ": its table of arrays, at byte ", c.table, " of ", file.size(),
+                          ", is not in the file");
+    std::vector<TableRow> table(ends.size());
+    std::memcpy(table.data(), file.data() + c.table, table.size() * sizeof(TableRow));
+    std::size_t from = c.table + table.size() * sizeof(TableRow);
+    std::vector<std::span<const std::uint8_t>> frames;
+    for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++]) {
+        constexpr std::size_t kMostPacked = 1 << 15;  // 128 KiB of one byte are a block of four
+        const std::size_t bytes = ends[i] - begin;
+        if (table[i].bytes != bytes)
+            throw input_error(name, ": ", table[i].bytes, " bytes of ", kStreamNames[i],
+                              "; its header (", h.count, " splats, degree ", int{h.degree},
+                              ") expects ", bytes);
+        if (table[i].packed > file.size() - from)
+            throw input_error(name, ": ends early, in its ", kStreamNames[i]);
+        if (bytes / kMostPacked > table[i].packed)
+            throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
+                              " bytes can hold");
+        frames.push_back(file.subspan(from, table[i].packed));
+        from += table[i].packed;
+    }
+    if (from != file.size())
+        throw input_error(name, ": ", file.size() - from, " bytes after its last array");
+    std::vector<std::uint8_t> bytes(at.end());
+    std::memcpy(bytes.data(), &h, sizeof h);
+    for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++])
+        read_zstd_frame(frames[i], std::span(bytes).subspan(begin, ends[i] - begin),
+                        str(name, ": its ", kStreamNames[i]));
+    return bytes;
+}
+
+/// The same of versions 2 and 3.
+std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const std::string& name) {
+    Gunzip gunzip(file, name);
+    std::uint8_t start[spz::kHeaderBytes] = {};
+    const Header h = parse_header(start, gunzip.read(start, sizeof start), name);
+    if (h.version == 4)
+        throw input_error(name, ": SPZ version 4 inside gzip; expected version 2 or 3 there");
+    const Layout at(h);
+    constexpr std::size_t kMostPacked = 1032;  // bytes of which deflate makes one
+    if (at.end() / kMostPacked > file.size())
+        throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
+                          " bytes can hold");
+    std::vector<std::uint8_t> bytes(at.end());
+    std::memcpy(bytes.data(), start, sizeof start);
+    const std::size_t got =
+        sizeof start + gunzip.read(bytes.data() + sizeof start, bytes.size() - sizeof start);
+    if (got < bytes.size())
+        throw input_error(name, ": ", got, " bytes of splats; its header (", h.count,
+                          " splats, degree ", int{h.degree}, ") expects ", bytes.size());
+    finish(gunzip, bytes.size(), name);
+    return bytes;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
@@ -160,7 +281,7 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
     if (count == 0 || count > spz::kMaxSplats)
         throw input_error(name, ": not written: ", count, " splats; SPZ takes 1 to ",
                           spz::kMaxSplats);
-    if (options.version != 2 && options.version != 3)
+    if (options.version < 2 || options.version > 4)
         throw Error(ExitCode::internal, str(name, ": not written: version ", options.version));
     require_writable(g, name);
     float largest = 0;
@@ -213,7 +334,7 @@ std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& g,
                 sign * g.sh[(k + 1) * count + i]);
         }
     });
-    return gzip(bytes);
+    return options.version == 4 ? container(h, bytes) : gzip(bytes);
 }
 
 void write_spz(const std::string& path, const Gaussians<Cpu>& g, const SpzOptions& options) {
@@ -226,28 +347,14 @@ void write_spz(const std::string& path, const Gaussians<Cpu>& g, const SpzOption
 SpzContents parse_spz(std::span<const std::uint8_t> file,
                       const std::string& name,
                       SplatFrame frame) {
-    if (file.size() >= 4 && std::memcmp(file.data(), &spz::kMagic, 4) == 0)
-        throw input_error(name,
-                          ": SPZ that is not inside gzip, as version 4 has it; expected "
-                          "version 2 or 3");
-    if (file.size() < 2 || file[0] != 0x1f || file[1] != 0x8b)
-        throw input_error(name, ": is no SPZ file: does not begin as gzip does");
-    Gunzip gunzip(file, name);
-    std::uint8_t start[spz::kHeaderBytes] = {};
-    const Header h = parse_header(start, gunzip.read(start, sizeof start), name);
+    const bool plain = file.size() >= 4 && std::memcmp(file.data(), &spz::kMagic, 4) == 0;
+    if (!plain && (file.size() < 2 || file[0] != 0x1f || file[1] != 0x8b))
+        throw input_error(name, ": is no SPZ file: begins neither as gzip nor as SPZ version 4");
+    const std::vector<std::uint8_t> bytes =
+        plain ? open_container(file, name) : open_gzip(file, name);
+    Header h;
+    std::memcpy(&h, bytes.data(), sizeof h);
     const Layout at(h);
-    constexpr std::size_t kMostPacked = 1032;  // bytes of which deflate makes one
-    if (at.end() / kMostPacked > file.size())
-        throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
-                          " bytes can hold");
-    std::vector<std::uint8_t> bytes(at.end());
-    std::memcpy(bytes.data(), start, sizeof start);
-    const std::size_t got =
-        sizeof start + gunzip.read(bytes.data() + sizeof start, bytes.size() - sizeof start);
-    if (got < bytes.size())
-        throw input_error(name, ": ", got, " bytes of splats; its header (", h.count,
-                          " splats, degree ", int{h.degree}, ") expects ", bytes.size());
-    finish(gunzip, bytes.size(), name);
 
     SpzContents out;
     out.version = static_cast<int>(h.version);

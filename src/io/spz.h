@@ -12,7 +12,8 @@
 namespace tvsgs {
 
 struct SpzOptions {
-    /// 2 or 3: rotations of three bytes, off by up to 12 degrees, or of four, by up to 0.27.
+    /// 2: rotations of three bytes, off by up to 12 degrees; 3: of four, by up to 0.27; 4: the same
+    /// numbers, packed by zstd instead of gzip.
     int version = 3;
     SplatFrame frame = SplatFrame::rub;  // of the file; RUB by its specification
     /// 1 to 8: of coefficients of degree 1, of 2 and 3. These are small; 8 are good.
@@ -25,8 +26,9 @@ struct SpzOptions {
 /// farthest one leaves of 24. What bounds the errors is in docs/guide/exporting.md; scales outside
 /// of [exp(-10), exp(5.9375)] and colours outside of [-0.44, 1.44] come to these limits. Opacities
 /// below 1/510 become 0. Throws Error(ExitCode::numerical) for what is not finite,
-/// Error(ExitCode::input) when there is no splat, or one farther than 2^23 from zero. `name` is for
-/// messages; Gaussians::filter has to be empty.
+/// Error(ExitCode::input) when there is no splat, or one farther than 2^23 from zero,
+/// Error(ExitCode::usage) for version 4 without libzstd. `name` is for messages; Gaussians::filter
+/// has to be empty.
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& gaussians,
                                     const SpzOptions& options = {},
                                     const std::string& name = "SPZ");
@@ -43,7 +45,7 @@ struct SpzContents {
     bool antialiased = false;
 };
 
-/// Versions 2 and 3; of degree 4 what is above 3 is left out with a warning. `frame`: the file's,
+/// Versions 2 to 4; of degree 4 what is above 3 is left out with a warning. `frame`: the file's,
 /// which it does not say. Throws Error(ExitCode::input) for anything else, before it takes memory
 /// that the bytes do not bear out; at most 50 million splats.
 SpzContents parse_spz(std::span<const std::uint8_t> bytes,

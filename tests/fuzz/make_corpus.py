@@ -335,6 +335,20 @@ seed("spz", "inside_degree_4", spz(3, 4, 1, 1))
 seed("spz", "inside_v4", spz(4, 0, 1))
 
 
+def spz4(degree, count):
+    """Version 4: a frame of zstd for each array, each of one block that is not packed."""
+    rest = (degree + 1) ** 2 - 1
+    sizes = [count * width for width in (9, 1, 3, 3, 4, 3 * rest) if width]
+    frames = [b"\x28\xb5\x2f\xfd\xa0" + struct.pack("<I", n) + struct.pack("<I", n << 3 | 1)[:3]
+              + bytes(i % 251 for i in range(n)) for n in sizes]
+    head = struct.pack("<4sIIBBBBI12x", b"NGSP", 4, count, degree, 12, 0, len(sizes), 32)
+    return head + b"".join(struct.pack("<QQ", len(f), n) for f, n in zip(frames, sizes)) + b"".join(frames)
+
+
+seed("spz", "frames_v4", spz4(0, 2))
+seed("spz", "frames_v4_degree_3", spz4(3, 2))
+
+
 # Splats in GLB
 def splat_glb(degree, extras):
     columns = [("POSITION", "VEC3", 3), ("KHR_gaussian_splatting:ROTATION", "VEC4", 4),

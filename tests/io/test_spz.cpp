@@ -9,6 +9,7 @@
 #include "io/splat_errors.h"
 #include "io/spz.h"
 #include "io/spz_math.h"
+#include "io/zstd.h"
 #include "io_test.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
@@ -39,6 +40,44 @@ Bytes gunzip(const Bytes& bytes) {
     EXPECT_EQ(inflate(&z, Z_FINISH), Z_STREAM_END);
     out.resize(z.total_out);
     inflateEnd(&z);
+    return out;
+}
+
+void put_number(Bytes& out, std::uint64_t value, int bytes) {
+    for (int b = 0; b < bytes; ++b) out.push_back(std::uint8_t(value >> (8 * b)));
+}
+
+/// A frame of zstd without packing, made by hand: one raw block.
+Bytes raw_frame(const Bytes& bytes) {
+    Bytes out{0x28, 0xb5, 0x2f, 0xfd, 0xa0};  // one segment, its size in four bytes
+    put_number(out, bytes.size(), 4);
+    put_number(out, bytes.size() << 3 | 1, 3);
+    out.insert(out.end(), bytes.begin(), bytes.end());
+    return out;
+}
+
+/// Version 4 by hand, of what version 3 has in its gzip, with something before its table.
+Bytes version_four(const Bytes& three, std::size_t before_table = 0) {
+    std::uint32_t count = 0;
+    std::memcpy(&count, &three[8], 4);
+    const std::size_t rest = std::size_t(three[12] + 1) * std::size_t(three[12] + 1) - 1;
+    std::vector<Bytes> frames;
+    std::vector<std::size_t> sizes;
+    std::size_t at = 16;
+    for (const std::size_t width : {std::size_t{9}, std::size_t{1}, std::size_t{3}, std::size_t{3},
+                                    std::size_t{4}, 3 * rest})
+        if (width > 0) {
+            const auto from = three.begin() + std::ptrdiff_t(at);
+            sizes.push_back(width * count), at += sizes.back();
+            frames.push_back(raw_frame(Bytes(from, three.begin() + std::ptrdiff_t(at))));
+        }
+    Bytes out(three.begin(), three.begin() + 16);
+    out[4] = 4, out[15] = std::uint8_t(frames.size());
+    put_number(out, 32 + before_table, 4);
+    out.resize(32 + before_table);
+    for (std::size_t i = 0; i < frames.size(); ++i)
+        put_number(out, frames[i].size(), 8), put_number(out, sizes[i], 8);
+    for (const Bytes& frame : frames) out.insert(out.end(), frame.begin(), frame.end());
     return out;
 }
 
@@ -89,6 +128,97 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
     EXPECT_EQ(Bytes(three.begin() + 32, three.begin() + 36), (Bytes{0, 2, 8, 0xa0}));
 }
 
+TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
+    if (!has_zstd()) GTEST_SKIP() << "no libzstd in this build";
+    for (const int degree : {0, 3}) {
+        const Gaussians<Cpu> g = test::random_gaussians(300, 4, 0.05, degree);
+        SpzOptions options;
+        options.antialiased = true;
+        const Bytes three = spz_bytes(g, options), inside = gunzip(three);
+        options.version = 4;
+        const Bytes four = spz_bytes(g, options);
+        EXPECT_EQ(four, spz_bytes(g, options));
+        // The header, and a table that ends with the file.
+        const auto number = [&](std::size_t at, int bytes) {
+            std::uint64_t value = 0;
+            std::memcpy(&value, &four.at(at), std::size_t(bytes));
+            return value;
+        };
+        EXPECT_EQ(Bytes(four.begin(), four.begin() + 4), Bytes(inside.begin(), inside.begin() + 4));
+        EXPECT_EQ(four[4], 4);
+        EXPECT_EQ(number(8, 4), 300u);
+        EXPECT_EQ(four[12], degree);
+        EXPECT_EQ(four[14], 3) << "antialiased, and an extension with our name";
+        ASSERT_EQ(four[15], degree == 0 ? 5 : 6);
+        for (std::size_t at = 20; at < 32; ++at) EXPECT_EQ(four[at], 0);
+        const std::size_t table = number(16, 4);
+        EXPECT_EQ(number(36, 4), table - 40) << "of the extension, up to the table";
+        std::size_t end = table + 16u * four[15];
+        const std::size_t widths[] = {9, 1, 3, 3, 4, 45};
+        for (std::size_t i = 0; i < four[15]; ++i) {
+            EXPECT_EQ(number(table + 16 * i + 8, 8), 300 * widths[i]) << i;
+            EXPECT_EQ(number(end, 4), 0xfd2fb528u) << "a frame of zstd";
+            end += number(table + 16 * i, 8);
+        }
+        EXPECT_EQ(end, four.size());
+        // Of whoever wrote it, packed or not, it is the same splats.
+        const SpzContents expected = parse_spz(three, "a.spz");
+        for (const Bytes& file : {four, version_four(inside), version_four(inside, 24)}) {
+            const SpzContents read = parse_spz(file, "a.spz");
+            EXPECT_EQ(read.version, 4);
+            EXPECT_TRUE(read.antialiased);
+            EXPECT_EQ(read.fractional_bits, expected.fractional_bits);
+            const SplatErrors e = errors_of(read.splats, expected.splats);
+            EXPECT_EQ(e.mean + e.log_scale + e.color + e.sh_1 + e.sh_rest + e.opacity, 0);
+            EXPECT_LT(e.degrees, 1e-3);
+        }
+    }
+}
+
+TEST(Spz, RefusesDamagedFilesOfVersionFour) {
+    if (!has_zstd()) GTEST_SKIP() << "no libzstd in this build";
+    SpzOptions options;
+    options.version = 4;
+    const Bytes inside = gunzip(spz_bytes(test::random_gaussians(40, 2))),
+                ours = spz_bytes(test::random_gaussians(40, 2), options),
+                file = version_four(inside);
+    const auto refuses = [](const Bytes& bytes, const char* why) {
+        expect_error(ExitCode::input, why, [&] { parse_spz(bytes, "a.spz"); });
+    };
+    for (const Bytes& good : {ours, file})
+        for (std::size_t size = 4; size < good.size(); size += 1 + size / 16)
+            refuses(Bytes(good.begin(), good.begin() + std::ptrdiff_t(size)),
+                    size < 16 ? "holds no splats" : "");
+    const auto changed = [&](std::size_t at, int value) {
+        Bytes bytes = file;
+        bytes[at] = std::uint8_t(value);
+        return bytes;
+    };
+    Bytes longer = file;
+    longer.push_back(0);
+    refuses(longer, "1 bytes after its last array");
+    refuses(gzip(file), "version 4 inside gzip");
+    refuses(changed(4, 5), "SPZ version 5; expected 2, 3 or 4");
+    refuses(changed(4, 3), "version 3 that is not inside gzip");
+    refuses(changed(8, 41), "360 bytes of positions; its header (41 splats, degree 3) expects 369");
+    refuses(changed(12, 0), "6 arrays; expected 5 for degree 0");
+    refuses(changed(15, 5), "5 arrays; expected 6 for degree 3");
+    refuses(changed(16, 31), "its table of arrays, at byte 31");
+    refuses(changed(19, 0x7f), "is not in the file");
+    refuses(changed(39, 0x7f), "ends early, in its positions");
+    refuses(changed(128, 0), "its positions: damaged: zstd");
+    refuses(changed(133, 0), "its positions: damaged: zstd");  // the size that the frame says
+    Bytes claims = changed(10, 0x80);                          // 8,388,648 splats
+    for (std::size_t i = 0, widths[] = {9, 1, 3, 3, 4, 45}; i < 6; ++i) {
+        const std::uint64_t bytes = 8388648 * widths[i];
+        std::memcpy(&claims[32 + 16 * i + 8], &bytes, 8);
+    }
+    refuses(claims, "more than its");
+    Bytes broken = ours;
+    broken[ours.size() - 2] ^= 1;  // a checksum
+    refuses(broken, "its harmonics: damaged: zstd");
+}
+
 TEST(Spz, RoundsHarmonicsByTheirDegree) {
     SpzOptions options;
     options.sh_bits_1 = 6, options.sh_bits_rest = 3;
@@ -101,7 +231,8 @@ TEST(Spz, RoundsHarmonicsByTheirDegree) {
 }
 
 TEST(Spz, KeepsTheBoundsOfEachAttribute) {
-    for (const int version : {2, 3})
+    for (const int version : {2, 3, 4}) {
+        if (version == 4 && !has_zstd()) continue;
         for (int degree = 0; degree <= 3; ++degree)
             for (const SplatFrame frame : {SplatFrame::rub, SplatFrame::rdf, SplatFrame::luf}) {
                 Gaussians<Cpu> g = test::random_gaussians(1000, 7, 0.05, degree);
@@ -125,6 +256,7 @@ TEST(Spz, KeepsTheBoundsOfEachAttribute) {
                 EXPECT_LT(e.degrees, version == 2 ? 12 : 0.22);
                 EXPECT_GT(e.degrees, version == 2 ? 1 : 0.02);
             }
+    }
 }
 
 TEST(Spz, PositionsGetTheBitsThatTheFarthestLeaves) {
@@ -240,7 +372,7 @@ TEST(Spz, RefusesDamagedFiles) {
     };
     for (std::size_t size = 0; size < file.size(); size += 1 + size / 16) {
         const Bytes cut(file.begin(), file.begin() + std::ptrdiff_t(size));
-        refuses(cut, size < 2 ? "does not begin as gzip" : "ends early");
+        refuses(cut, size < 2 ? "begins neither as gzip" : "ends early");
     }
     refuses(Bytes(file.begin(), file.end() - 1), "ends early");
     const auto changed = [&](std::size_t at, int value) {
@@ -249,11 +381,11 @@ TEST(Spz, RefusesDamagedFiles) {
         return gzip(bytes);
     };
     refuses(good, "not inside gzip");
-    refuses({'P', 'K', 3, 4}, "does not begin as gzip");
-    refuses(changed(0, 'X'), "does not begin with the 16 bytes");
-    refuses(gzip({'N', 'G', 'S', 'P', 3}), "does not begin with the 16 bytes");
-    refuses(changed(4, 1), "SPZ version 1; expected 2 or 3");
-    refuses(changed(4, 4), "SPZ version 4");
+    refuses({'P', 'K', 3, 4}, "begins neither as gzip");
+    refuses(changed(0, 'X'), "with the 16 bytes");
+    refuses(gzip({'N', 'G', 'S', 'P', 3}), "with the 16 bytes");
+    refuses(changed(4, 1), "SPZ version 1; expected 2, 3 or 4");
+    refuses(changed(4, 4), "SPZ version 4 inside gzip");
     refuses(changed(8, 0), "claims 0 splats");
     refuses(changed(11, 0x7f), "expected 1 to 50000000");
     refuses(changed(10, 2), "more than its");  // 131112: none of them are there

@@ -94,44 +94,81 @@ function unpackMesh(bytes, about) {
 }
 
 /**
- * Runs in a worker: the order of splats from back to front, by 24 bits of the range of depths; as
- * in the trainer, splats at one depth keep the order of their numbers.
+ * Runs in a worker: the order of splats from back to front by their depths, in 24 bits of what
+ * depths can be, and while one moves, where it is soon out of date, in 16: that takes half the
+ * time. As in the trainer, splats at one depth keep the order of their numbers.
  */
 function sorter() {
-  const bins = 4096, counts = new Uint32Array(bins), float = new Float32Array(1);
+  const counts = new Uint32Array(1 << 16), float = new Float32Array(1);
   const bits = new Uint32Array(float.buffer);  // of positive floats, in their order
-  let positions, n, keys, order, keysHalf, orderHalf;
+  const bitsOf = z => {
+    float[0] = z;
+    return bits[0];
+  };
+  /** From how many there are to where each begins; returns how many there are together. */
+  const begin = bins => {
+    let sum = 0;
+    for (let b = 0; b < bins; ++b) {
+      const count = counts[b];
+      counts[b] = sum, sum += count;
+    }
+    return sum;
+  };
+  let positions, n, depths, keys, half, order, low, high;
+  const start = () => {
+    n = positions.length / 3;
+    depths = new Float32Array(n), keys = new Uint32Array(depths.buffer);
+    half = new Uint16Array(n), order = new Uint32Array(n);
+    low = [Infinity, Infinity, Infinity], high = [-Infinity, -Infinity, -Infinity];
+    for (let i = 0; i < n; ++i)
+      for (let a = 0; a < 3; ++a) {
+        const p = positions[3 * i + a];
+        if (p < low[a]) low[a] = p;
+        if (p > high[a]) high[a] = p;
+      }
+  };
   onmessage = ({data}) => {
     if (data.positions) {
-      positions = data.positions, n = positions.length / 3;
-      [keys, order, keysHalf, orderHalf] = [1, 2, 3, 4].map(() => new Uint32Array(n));
+      positions = data.positions;
+      start();
       return;
     }
-    const {forward: [fx, fy, fz], offset, near} = data, result = data.buffer || new Uint32Array(n);
-    let kept = 0, least = 0xffffffff, most = 0;
-    for (let i = n - 1, j = 3 * i; i >= 0; --i, j -= 3) {
+    const {forward, offset, near, exactly} = data, [fx, fy, fz] = forward;
+    const result = data.buffer || new Uint32Array(n);
+    let close = offset, far = offset;  // of the box of all centres
+    for (let a = 0; a < 3; ++a) {
+      close += Math.min(forward[a] * low[a], forward[a] * high[a]);
+      far += Math.max(forward[a] * low[a], forward[a] * high[a]);
+    }
+    const spare = 1e-5 * Math.abs(far - close);  // for what rounding adds
+    const most = bitsOf(Math.max(far + spare, near)), least = bitsOf(Math.max(close - spare, near));
+    const shift = Math.max(0, (exactly ? 8 : 16) - Math.clz32(most - least));
+    const mask = exactly ? 0xfff : 0xffff;
+    counts.fill(0);
+    for (let i = 0, j = 0; i < n; ++i, j += 3) {
       const z = fx * positions[j] + fy * positions[j + 1] + fz * positions[j + 2] + offset;
-      if (!(z > near)) continue;
-      float[0] = z;
-      const key = bits[0];
-      if (key < least) least = key;
-      if (key > most) most = key;
-      keys[kept] = key, order[kept++] = i;
+      if (z > near) {
+        depths[i] = z;
+        ++counts[most - keys[i] >>> shift & mask];  // the farthest first
+      } else {
+        keys[i] = 0;
+      }
     }
-    const shift = Math.max(0, 8 - Math.clz32(most - least));
-    for (let k = 0; k < kept; ++k) keys[k] = most - keys[k] >>> shift;  // the farthest first
-    const starts = digit => {
+    const kept = begin(mask + 1);
+    if (!exactly) {
+      for (let i = n - 1; i >= 0; --i)
+        if (keys[i] !== 0) result[counts[most - keys[i] >>> shift]++] = i;
+    } else {
+      for (let i = n - 1; i >= 0; --i) {
+        if (keys[i] === 0) continue;
+        const key = most - keys[i] >>> shift, at = counts[key & mask]++;
+        half[at] = key >>> 12, order[at] = i;
+      }
       counts.fill(0);
-      for (let k = 0; k < kept; ++k) ++counts[keys[k] >>> digit & bins - 1];
-      for (let b = 0, sum = 0; b < bins; ++b) [counts[b], sum] = [sum, sum + counts[b]];
-    };
-    starts(0);
-    for (let k = 0; k < kept; ++k) {
-      const at = counts[keys[k] & bins - 1]++;
-      keysHalf[at] = keys[k] >>> 12, orderHalf[at] = order[k];
+      for (let k = 0; k < kept; ++k) ++counts[half[k]];
+      begin(mask + 1);
+      for (let k = 0; k < kept; ++k) result[counts[half[k]]++] = order[k];
     }
-    starts(12);
-    for (let k = 0; k < kept; ++k) result[counts[keysHalf[k]]++] = orderHalf[k];
     postMessage({order: result, count: kept}, [result.buffer]);
   };
 }

@@ -151,19 +151,20 @@ class Renderer {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.faces, gl.STATIC_DRAW);
   }
 
-  /** Has the splats of a cloud sorted for the view, unless they are, or about. */
+  /** Has the splats of a cloud sorted for the view, unless they are, or about where that does. */
   sort(cloud, near, view, exactly) {
     const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
     const last = cloud.sortedFor;
     if (cloud.sorting || cloud.count === 0) return;
-    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset)
+    if (last && last.fx === fx && last.fy === fy && last.fz === fz && last.offset === offset &&
+        (last.exactly || !exactly))
       return;
     const turned = last ? fx * last.fx + fy * last.fy + fz * last.fz : -1;
     if (last && !exactly && turned > Math.cos(0.5 * Math.PI / 180) &&
         Math.abs(offset - last.offset) < 0.002 * view.distance)
       return;
-    cloud.sortedFor = {fx, fy, fz, offset}, cloud.sorting = true;
-    const message = {forward: [fx, fy, fz], offset, near: near};
+    cloud.sortedFor = {fx, fy, fz, offset, exactly}, cloud.sorting = true;
+    const message = {forward: [fx, fy, fz], offset, near, exactly};
     if (cloud.spare) message.buffer = cloud.spare;
     cloud.worker.postMessage(message, cloud.spare ? [cloud.spare.buffer] : []);
     cloud.spare = null;
