@@ -113,7 +113,8 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     app.add_flag("--keep-axes", a.keep_axes,
                  "GLB: only the turn of the frame [turned so that a run's scene stands upright]")
         ->group(group);
-    app.add_option("--spz-version", a.spz_version, "2 for old readers, 4 for new ones, PlayCanvas among them [3]")
+    app.add_option("--spz-version", a.spz_version,
+                   "2 for old readers, 4 for new ones, PlayCanvas among them [3]")
         ->check(CLI::IsMember({2, 3, 4}))
         ->group(group);
     app.add_option("--spz-sh-bits", a.sh_bits,

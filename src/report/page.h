@@ -4,8 +4,8 @@
 namespace tvsgs {
 
 inline constexpr const char* kPageStyle = R"(
-:root{color-scheme:light dark;--page:#f4f5f7;--card:#fff;--text:#1b1b1b;--quiet:#55585e;--line:#d5d8dd;--link:#005a9c}
-@media (prefers-color-scheme:dark){:root{--page:#0e1013;--card:#16191d;--text:#e8e8e8;--quiet:#aab0b8;--line:#363c44;--link:#7cc4ff}}
+:root{color-scheme:light dark;--page:#f4f5f7;--card:#fff;--text:#1b1b1b;--quiet:#55585e;--line:#d5d8dd;--link:#005a9c;--mark:#b35c00}
+@media (prefers-color-scheme:dark){:root{--page:#0e1013;--card:#16191d;--text:#e8e8e8;--quiet:#aab0b8;--line:#363c44;--link:#7cc4ff;--mark:#e69f00}}
 *{box-sizing:border-box}
 body{margin:0;background:var(--page);color:var(--text);font:16px/1.5 system-ui,-apple-system,"Segoe UI",sans-serif}
 main,header{max-width:1240px;margin:0 auto;padding:0 16px}
@@ -33,7 +33,7 @@ figcaption{font-size:.86rem;color:var(--quiet);padding-top:3px}
 .lead{font-size:1.08rem}.level{display:inline-block}main>ul{margin:4px 0 12px;padding-left:22px;max-width:75ch}li{margin:3px 0;overflow-wrap:anywhere}
 .viewer img{width:100%;max-width:900px;height:auto;display:block;border-radius:4px}
 .viewer iframe{width:100%;height:92vh;min-height:420px;border:0;display:block}
-canvas:focus-visible,.scroll:focus-visible,iframe:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible{outline:3px solid #e69f00;outline-offset:2px}
+canvas:focus-visible,.scroll:focus-visible,iframe:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible,input:focus-visible{outline:3px solid var(--mark);outline-offset:2px}
 .controls{display:flex;flex-wrap:wrap;gap:6px;margin:8px 0}.controls[hidden]{display:none}
 button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:var(--card);color:var(--text);border:1px solid var(--quiet);border-radius:5px;cursor:pointer}
 .scale{display:grid;grid-template-columns:auto minmax(60px,240px) auto;gap:8px;align-items:center;justify-content:start;font-size:.86rem;margin-top:8px}

@@ -202,13 +202,11 @@ private:
         about_.set("start", static_cast<double>(start()));
         about_.set("scene", scene_json(cameras_, runs_));
         parts_ +=
-            str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\" "
-                "style=\"border-color:#0072b2\"></span>training views",
-                any_test ? ", <span class=\"legend\" style=\"border-color:#b35c00;"
-                           "border-top-style:dashed\"></span>test views"
-                         : "",
-                ". A button goes to its camera and lays the photograph over the view.</p>\n"
-                "<ul class=\"cameras\">\n",
+            str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\"></span>training views",
+                any_test ? ", <span class=\"legend test\"></span>test views" : "",
+                ", <span class=\"legend chosen\"></span>the one chosen. A button goes to its "
+                "camera and "
+                "lays the photograph over the view.</p>\n<ul class=\"cameras\">\n",
                 items, "</ul>\n");
     }
 

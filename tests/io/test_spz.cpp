@@ -64,8 +64,8 @@ Bytes version_four(const Bytes& three, std::size_t before_table = 0) {
     std::vector<Bytes> frames;
     std::vector<std::size_t> sizes;
     std::size_t at = 16;
-    for (const std::size_t width : {std::size_t{9}, std::size_t{1}, std::size_t{3}, std::size_t{3},
-                                    std::size_t{4}, 3 * rest})
+    for (const std::size_t width :
+         {std::size_t{9}, std::size_t{1}, std::size_t{3}, std::size_t{3}, std::size_t{4}, 3 * rest})
         if (width > 0) {
             const auto from = three.begin() + std::ptrdiff_t(at);
             sizes.push_back(width * count), at += sizes.back();

@@ -87,6 +87,60 @@ async function drive(viewer) {
     EXPECT_TRUE(seen["mesh"].is(JsonValue::Kind::boolean) && seen["mesh"].number == 0);
 }
 
+TEST_F(ViewInBrowser, SplatsAreOrderedFromBackToFront) {
+    const std::string script = R"JS(<script>
+Viewer.prototype.begin = function() {
+  patiently((async () => {
+    const n = 5000, positions = new Float32Array(3 * n), worker = workerOf(`(${sorter})()`), seen = {};
+    for (let i = 0; i < 3 * n; ++i) positions[i] = 3 * Math.sin(12.9898 * (i + 1)) * (i % 30 < 3 ? 20 : 1);
+    for (let i = 0; i < 30; ++i) positions[i] = 0.5;  // ten in one place
+    const places = positions.slice(), forward = [0.6, 0, 0.8], offset = 4, near = 0.2;
+    const depth = i => Math.fround(forward[0] * places[3 * i] + forward[1] * places[3 * i + 1] + forward[2] * places[3 * i + 2] + offset);
+    worker.postMessage({positions}, [positions.buffer]);
+    for (const exactly of [true, false]) {
+      const {order, count} = await new Promise(done => {
+        worker.onmessage = ({data}) => done(data);
+        worker.postMessage({forward, offset, near, exactly});
+      });
+      const own = [...order.slice(0, count)];
+      let worst = 0, ties = 0;
+      for (let k = 1; k < count; ++k) {
+        worst = Math.max(worst, depth(own[k]) / depth(own[k - 1]) - 1);
+        if (depth(own[k]) === depth(own[k - 1]) && own[k] > own[k - 1]) ++ties;
+      }
+      seen[exactly ? 'rest' : 'move'] = {count, worst, ties, different: new Set(own).size, behind: own.filter(i => !(depth(i) > near)).length,
+          first: own.filter(i => i < 10).join()};
+    }
+    seen.expected = places.filter((_, i) => i % 3 === 0 && depth(i / 3) > near).length;
+    const out = document.createElement('pre');
+    out.id = 'seen';
+    out.textContent = JSON.stringify(seen);
+    document.body.append(out);
+  })());
+};
+</script>)JS";
+    std::vector<ViewRun> runs;
+    runs.push_back(run_of("run", "ewa", test::random_gaussians(50, 4)));
+    std::string page = view_page(std::move(runs), two_cameras()).html;
+    const fs::path file = folder("ordered") / "page.html";
+    write_text_file(file, page.insert(page.rfind("</body>"), script));
+    const std::string html = page_in_browser(file, "?wait"), text = text_of(html, "seen");
+    ASSERT_FALSE(text.empty()) << text_of(html, "status");
+    const JsonValue seen = parse_json_value(text, "seen");
+    for (const char* when : {"rest", "move"}) {
+        const JsonValue& order = seen[when];
+        EXPECT_EQ(order["count"].number, seen["expected"].number) << when;
+        EXPECT_GT(order["count"].number, 1000) << when;
+        EXPECT_LT(order["count"].number, 5000) << when << ": some are behind the camera";
+        EXPECT_EQ(order["different"].number, order["count"].number) << when;
+        EXPECT_EQ(order["behind"].number, 0) << when;
+        EXPECT_EQ(order["first"].text, "9,8,7,6,5,4,3,2,1,0") << when << ": in one place";
+    }
+    EXPECT_LT(seen["rest"]["worst"].number_or(1), 1e-6);
+    EXPECT_LT(seen["move"]["worst"].number_or(1), 3e-4);
+    EXPECT_GT(seen["move"]["worst"].number_or(0), 1e-6) << "not as exact as at rest";
+}
+
 // With answers that a server would give.
 TEST_F(ViewInBrowser, ATrainingIsFollowedToItsEnd) {
     const std::string script = R"JS(<script>

@@ -1,9 +1,13 @@
 // What the page holds: splats as SPZ version 3, meshes, pictures.
 'use strict';
 
-/** Bytes of base64 text, in slices: atob() of 50 MB at once takes three times its memory. */
+/**
+ * Bytes of base64 text; where the browser (of before 2025) has only atob(), in slices: 50 MB at
+ * once would take three times their memory.
+ */
 function decodeBase64(text) {
   text = text.trim();
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
   const padding = text.endsWith('==') ? 2 : text.endsWith('=') ? 1 : 0;
   const bytes = new Uint8Array(text.length / 4 * 3 - padding), slice = 1 << 20;
   for (let from = 0, to = 0; from < text.length; from += slice) {
@@ -21,7 +25,7 @@ async function inflate(bytes, format) {
 }
 
 const kPerRow = 1024;  // splats in a row of a texture
-const kNoSplats = new Uint8Array([0x4e, 0x47, 0x53, 0x50, 3, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
+const noSplats = () => Uint8Array.of(0x4e, 0x47, 0x53, 0x50, 3, ...Array(11).fill(0));
 
 /**
  * SPZ version 3, as rows of textures: `places` has x, y, z as bits of floats, then the bytes of
@@ -71,6 +75,37 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
     shapes,
     sh: new Uint32Array(harmonics.buffer)
   };
+}
+
+/** A worker of that source. */
+function workerOf(source) {
+  const url = URL.createObjectURL(new Blob([source], {type: 'text/javascript'}));
+  const worker = new Worker(url);
+  URL.revokeObjectURL(url);
+  return worker;
+}
+
+/** unpackSplats() in a worker, so that the page answers meanwhile; `bytes` are lost. */
+function unpackSplatsAside(bytes, errors, shift) {
+  const answer = ({data}) => {
+    try {
+      const splats = unpackSplats(...data);
+      postMessage(
+          {splats}, ['positions', 'places', 'shapes', 'sh'].map(name => splats[name].buffer));
+    } catch (error) { postMessage({failed: error.message}); }
+  };
+  const worker = workerOf(`const kPerRow = ${kPerRow};\n${unpackSplats}\nonmessage = ${answer};`);
+  return new Promise((resolve, reject) => {
+    worker.onmessage = ({data}) => {
+      worker.terminate();
+      if (data.splats)
+        resolve(data.splats);
+      else
+        reject(Error(data.failed));
+    };
+    worker.onerror = event => reject(Error(event.message));
+    worker.postMessage([bytes, errors, shift], [bytes.buffer]);
+  });
 }
 
 /** Arrays of a mesh: positions u16, colours u8 (x3), errors u8, indices u32, one after another. */

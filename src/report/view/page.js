@@ -18,21 +18,24 @@ async function readRun(run, index) {
     return inflate(bytes, format);
   };
   const errors = await data('errors', 'deflate'), mesh = await data('mesh', 'deflate');
-  const splats = unpackSplats(await data('splats', 'gzip') || kNoSplats, errors);
+  const splats = await unpackSplatsAside(await data('splats', 'gzip') || noSplats(), errors);
   return {splats, mesh: mesh && unpackMesh(mesh, run.mesh)};
 }
 
 /** Asks the server that this page is from for newer splats while a training goes on. */
 async function follow(viewer) {
-  const run = viewer.renderer.runs[0], note = text => {
-    element('training').textContent = text;
+  // What it says every few seconds is not read aloud; that it has ended is.
+  const run = viewer.renderer.runs[0], line = element('training'), note = (text, aloud) => {
+    if (line.textContent === text) return;
+    line.setAttribute('aria-live', aloud ? 'polite' : 'off');
+    line.textContent = text;
   };
   for (let last = null;;) {
     let pause = document.hidden ? 5000 : 1000;
     try {
       const state = await (await fetch('api/state')).json();
       if (!state.live && last) {
-        note('The training has ended. Reload this page for its results.');
+        note('The training has ended. Reload this page for its results.', true);
         return;
       }
       if (!state.live) {
@@ -40,8 +43,8 @@ async function follow(viewer) {
         pause = 5000;
       } else if (state.tag !== last) {
         const bytes = new Uint8Array(await (await fetch('api/splats')).arrayBuffer());
-        const splats =
-            unpackSplats(await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin));
+        const splats = await unpackSplatsAside(
+            await inflate(bytes, 'gzip'), null, minus(state.origin, about.origin));
         viewer.renderer.sort(
             viewer.renderer.makeCloud(run, splats), run.about.near, viewer.view, true);
         last = state.tag;
@@ -52,7 +55,7 @@ async function follow(viewer) {
             `In training: iteration ${count(state.iteration)} of ${count(state.iterations)}, ` +
             `${count(state.gaussians)} splats, ${count(state.seconds)} s, without harmonics` +
             (state.age > 30 ? `. Nothing new for ${count(state.age)} s.` : '.'));
-    } catch (error) { note(`The server of this page does not answer (${error.message}).`); }
+    } catch (error) { note(`The server of this page does not answer (${error.message}).`, true); }
     await new Promise(resolve => setTimeout(resolve, pause));
   }
 }

@@ -111,9 +111,7 @@ class Renderer {
     gl.vertexAttribDivisor(0, 1);
     gl.bindVertexArray(null);
 
-    const url = URL.createObjectURL(new Blob([`(${sorter})()`], {type: 'text/javascript'}));
-    cloud.worker = new Worker(url);
-    URL.revokeObjectURL(url);
+    cloud.worker = workerOf(`(${sorter})()`);
     cloud.worker.postMessage({positions: splats.positions}, [splats.positions.buffer]);
     cloud.sorting = false, cloud.sortedFor = null, cloud.spare = null;
     cloud.worker.onmessage = ({data}) => {
