@@ -119,11 +119,13 @@ writePly(file('in.ply'));
 const ours = readPly(file('in.ply'));
 run(file('in.ply'), file('v2.spz'), '--spz-version', '2');
 run(file('in.ply'), file('v3.spz'), '--spz-sh-bits', '5,4');  // as the library has it
+run(file('in.ply'), file('v4.spz'), '--spz-sh-bits', '5,4', '--spz-version', '4');
 run(file('in.ply'), file('rdf.spz'), '--frame', 'rdf');
+run(file('in.ply'), file('rdf4.spz'), '--frame', 'rdf', '--spz-version', '4');
 run(file('in.ply'), file('all.sog'));
 run(file('in.ply'), file('all.glb'));
 run(file('in.ply'), file('again.ply'));
-console.log(`     bytes: ${['in.ply', 'v2.spz', 'v3.spz', 'all.sog', 'all.glb'].map((f) => `${f} ${fs.statSync(file(f)).size}`).join(', ')}`);
+console.log(`     bytes: ${['in.ply', 'v2.spz', 'v3.spz', 'v4.spz', 'all.sog', 'all.glb'].map((f) => `${f} ${fs.statSync(file(f)).size}`).join(', ')}`);
 
 await judge('@adobe/spz', async () => {
   const spz = await (await import(pathToFileURL(path.join(modules, '@adobe/spz/dist/spz.js')))).default();
@@ -137,7 +139,7 @@ await judge('@adobe/spz', async () => {
       for (let c = 0; c < 3; ++c) s[`f_rest_${15 * c + k}`] = cloud.sh[3 * (15 * i + k) + c];
     return s;
   });
-  for (const [name, bounds] of [['v2.spz', SPZ2], ['v3.spz', SPZ]])
+  for (const [name, bounds] of [['v2.spz', SPZ2], ['v3.spz', SPZ], ['v4.spz', SPZ]])
     compare(`ours, read by it: ${name}`, ours, splats(spz.loadSpzFromBuffer(fs.readFileSync(file(name)), {to: rdf})), bounds);
   // Its own file, read by us, and byte against byte.
   const sorted = splats(spz.loadSpzFromBuffer(fs.readFileSync(file('v3.spz')), {to: rdf}));
@@ -147,10 +149,13 @@ await judge('@adobe/spz', async () => {
     rotations: Float32Array.from(ours.flatMap((s) => [s.rot_1, s.rot_2, s.rot_3, s.rot_0])), alphas: Float32Array.from(ours.map((s) => s.opacity)),
     colors: Float32Array.from(ours.flatMap((s) => all(s, 'f_dc_', 3))),
     sh: Float32Array.from(ours.flatMap((s) => Array.from({length: 15}, (_, k) => [0, 1, 2].map((c) => s[`f_rest_${15 * c + k}`])).flat()))});
-  const theirs = Buffer.from(spz.saveSpzToBuffer(cloud, {version: 3, from: rdf, sh1Bits: 5, shRestBits: 4}));
-  fs.writeFileSync(file('theirs.spz'), theirs);
-  run(file('theirs.spz'), file('theirs.ply'));
-  compare('its own, read by us', ours, readPly(file('theirs.ply')), {...SPZ, position: 2 ** -13 * 1.01});
+  const saved = (version) => Buffer.from(spz.saveSpzToBuffer(cloud, {version, from: rdf, sh1Bits: 5, shRestBits: 4}));
+  const theirs = saved(3);
+  for (const version of [3, 4]) {
+    fs.writeFileSync(file('theirs.spz'), saved(version));
+    run(file('theirs.spz'), file('theirs.ply'));
+    compare(`its own, read by us: version ${version}`, ours, readPly(file('theirs.ply')), {...SPZ, position: 2 ** -13 * 1.01});
+  }
   // The same splats in the same order: but for positions, whose bits it does not choose, the bytes are to agree.
   const payload = (b) => zlib.gunzipSync(b);
   const kept = ours.filter((s) => sigmoid(s.opacity) >= 0.5 / 255).length;
@@ -170,8 +175,8 @@ await judge('@playcanvas/splat-transform', async () => {
   const bin2 = path.join(modules, '@playcanvas/splat-transform/bin/cli.mjs');
   const convert = (...words) => execFileSync(process.execPath, [bin2, '-w', '-q', '-g', 'cpu', ...words], {stdio: ['ignore', 'ignore', 'inherit']});
   const turns = +version('@playcanvas/splat-transform').split('.')[0] < 3;  // 3 takes SPZ as RDF
-  const spz = turns ? 'v3.spz' : 'rdf.spz';
-  for (const [name, bounds] of [[spz, SPZ], ['all.sog', SOG], ['again.ply', LOSSLESS]]) {
+  const [spz, spz4] = turns ? ['v3.spz', 'v4.spz'] : ['rdf.spz', 'rdf4.spz'];
+  for (const [name, bounds] of [[spz, SPZ], [spz4, SPZ], ['all.sog', SOG], ['again.ply', LOSSLESS]]) {
     convert(file(name), file('judged.ply'));
     compare(`ours, read by it: ${name}`, ours, readPly(file('judged.ply')), bounds);
   }
@@ -206,7 +211,10 @@ await judge('three', async () => {
     console.log(`${good ? 'ok  ' : 'FAIL'} ${what}: ${positions.count} splats, ${most.toPrecision(2)} off`);
   };
   const {SPZLoader} = await load('SPZLoader.js');
-  for (const name of ['v2.spz', 'v3.spz']) check(name, new SPZLoader().parse(buffer(name)).attributes.position, [1, -1, -1], 1e-4);
+  for (const name of ['v2.spz', 'v3.spz', 'v4.spz']) {
+    const geometry = await new Promise((done, failed) => new SPZLoader().parse(buffer(name), done, failed));
+    check(name, geometry.attributes.position, [1, -1, -1], 1e-4);
+  }
   const {GaussianSplatPLYLoader} = await load('GaussianSplatPLYLoader.js');
   check('again.ply', new GaussianSplatPLYLoader().parse(buffer('again.ply')).attributes.position, [1, 1, 1], 1e-5);
   globalThis.self ??= globalThis;  // GLTFLoader is made for browsers

@@ -49,7 +49,7 @@ async function walk(page) {
   for (let step = 0; step < all.length + 60 && reached.size < all.length; ++step) {
     await page.keyboard.press('Tab');
     const here = await page.evaluate(() => {
-      const e = document.activeElement, s = getComputedStyle(e);
+      const e = document.activeElement, s = getComputedStyle(e.id == 'canvas' ? e.parentElement : e);  // the view's stage shows it
       return {i: e.dataset.judged, shows: s.outlineStyle != 'none' && parseFloat(s.outlineWidth) >= 2, what: e.outerHTML.slice(0, 90)};
     });
     if (here.i === undefined) continue;

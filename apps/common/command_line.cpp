@@ -3,6 +3,7 @@
 #include <fcntl.h>
 
 #include <algorithm>
+#include <cctype>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
@@ -99,6 +100,21 @@ std::string words_for_shell(CLI::App& app, int argc, char* const* argv) {
     return completion_words(app);
 }
 
+/// The first word that no flag and no place takes.
+std::string first_extra(const CLI::App& app) {
+    const std::vector<std::string> extras = app.remaining(true);
+    return extras.empty() ? "DIR" : extras.front();
+}
+
+/// What a command without flags before its words expects; empty: it takes none.
+std::string missing_places(const CLI::App& app) {
+    std::string places;
+    for (const CLI::Option* option : app.get_options())
+        if (option->get_positional()) places += " " + option->get_name(true);
+    for (char& c : places) c = static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
+    return places.empty() ? "" : str("; expected ", app.get_name(), places);
+}
+
 /// Prints what was asked for and ends the command.
 [[noreturn]] void answer(const std::string& text) {
     std::fputs(text.c_str(), stdout);
@@ -161,6 +177,11 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
             hint = near.empty() ? str("; unknown flag ", flag)
                                 : str("; unknown flag ", flag, ", did you mean ", near, "?");
         }
+        // A folder without its flag, where no place takes it.
+        if (hint.empty() && error.get_name() == "ExtrasError" &&
+            std::find(known.begin(), known.end(), "--scene") != known.end())
+            hint = str("; did you mean --scene ", first_extra(app), "?");
+        if (error.get_name() == "RequiredError") hint = missing_places(app);
         if (hint.empty() && app.get_subcommands().empty())
             for (const CLI::App* sub : subcommands_of(app))
                 hint += (hint.empty() ? ": " : ", ") + sub->get_name();

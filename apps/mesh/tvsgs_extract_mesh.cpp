@@ -211,8 +211,11 @@ int command(int argc, char** argv) {
         spdlog::info("{}: picture of the mesh", picture);
     }
     refresh_report(arguments.out);
-    say_next({"tvsgs-eval", "geometry", "--pred", arguments.out, "--gt", "SURFACE.ply"},
-             "measures it where the true surface is known");
+    if (fs::is_directory(arguments.model))
+        say_next({"tvsgs-view", arguments.model}, "shows splats, mesh and cameras in a browser");
+    else
+        say_next({"tvsgs-eval", "geometry", "--pred", arguments.out, "--gt", "SURFACE.ply"},
+                 "measures it where the true surface is known");
     return 0;
 }
 

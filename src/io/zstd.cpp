@@ -6,6 +6,7 @@
 #include <new>
 
 #include "core/error.h"
+#include "io/read_file.h"
 
 namespace tvsgs {
 

@@ -1,5 +1,6 @@
 // What a build without libzstd has instead of zstd.cpp.
 #include "core/error.h"
+#include "io/read_file.h"
 #include "io/zstd.h"
 
 namespace tvsgs {

@@ -33,7 +33,7 @@ figcaption{font-size:.86rem;color:var(--quiet);padding-top:3px}
 .lead{font-size:1.08rem}.level{display:inline-block}main>ul{margin:4px 0 12px;padding-left:22px;max-width:75ch}li{margin:3px 0;overflow-wrap:anywhere}
 .viewer img{width:100%;max-width:900px;height:auto;display:block;border-radius:4px}
 .viewer iframe{width:100%;height:92vh;min-height:420px;border:0;display:block}
-canvas:focus-visible,.scroll:focus-visible,iframe:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible,input:focus-visible{outline:3px solid var(--mark);outline-offset:2px}
+.scroll:focus-visible,iframe:focus-visible,button:focus-visible,a:focus-visible,summary:focus-visible,input:focus-visible{outline:3px solid var(--mark);outline-offset:2px}
 .controls{display:flex;flex-wrap:wrap;gap:6px;margin:8px 0}.controls[hidden]{display:none}
 button{font:inherit;min-width:44px;min-height:40px;padding:4px 12px;background:var(--card);color:var(--text);border:1px solid var(--quiet);border-radius:5px;cursor:pointer}
 .scale{display:grid;grid-template-columns:auto minmax(60px,240px) auto;gap:8px;align-items:center;justify-content:start;font-size:.86rem;margin-top:8px}
