@@ -178,10 +178,13 @@ void parse_command_line(CLI::App& app, int argc, char* const* argv) {
                                 : str("; unknown flag ", flag, ", did you mean ", near, "?");
         }
         // A folder without its flag, where no place takes it.
-        if (hint.empty() && error.get_name() == "ExtrasError" &&
+        const auto is = [&](CLI::ExitCodes code) {
+            return hint.empty() && error.get_exit_code() == static_cast<int>(code);
+        };
+        if (is(CLI::ExitCodes::ExtrasError) &&
             std::find(known.begin(), known.end(), "--scene") != known.end())
             hint = str("; did you mean --scene ", first_extra(app), "?");
-        if (error.get_name() == "RequiredError") hint = missing_places(app);
+        if (is(CLI::ExitCodes::RequiredError)) hint = missing_places(app);
         if (hint.empty() && app.get_subcommands().empty())
             for (const CLI::App* sub : subcommands_of(app))
                 hint += (hint.empty() ? ": " : ", ") + sub->get_name();

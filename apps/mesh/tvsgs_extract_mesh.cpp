@@ -42,7 +42,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
     CLI::App app{"Extracts a triangle mesh from trained splats.", "tvsgs-extract-mesh"};
     app.get_formatter()->column_width(46);
     KeyFlags flags(app, table);
-    app.add_option("-m,--model,--model-path", arguments.model, "run folder or splat PLY")
+    app.add_option("model,-m,--model,--model-path", arguments.model, "run folder or splat PLY")
         ->required();
     app.add_option(
         "-o,--out,--output", arguments.out,

@@ -54,10 +54,11 @@ Arguments parse(int argc, char** argv, OptionTable& table) {
               "for in the scene]",
               "Scene");
     const char* group = "Training";
-    flags.add("--iterations", "iterations",
-              "training iterations, to which the plan fits its schedule [by the plan; with --config, "
-              "that of the file]",
-              group);
+    flags.add(
+        "--iterations", "iterations",
+        "training iterations, to which the plan fits its schedule [by the plan; with --config, "
+        "that of the file]",
+        group);
     flags.add("--seed", "seed", "of all random numbers", group);
     flags.add("--max-gaussians", "densify.max_gaussians", "growth stops there", group);
     flags.add("--gpu-memory", "memory.gpu", "GPU memory to use, such as 8G: growth stops before",

@@ -58,8 +58,10 @@ Arguments parse(int argc, char** argv) {
                     str("--crop ", a.input.crop, ": belongs to --gt, which is missing"));
     if (const std::string& last = a.input.runs.back();
         a.out.empty() && std::filesystem::path(last).extension() == ".html")
-        throw Error(ExitCode::usage, str(last, ": is taken for a run folder; the page is named by "
-                                               "--out ", last));
+        throw Error(ExitCode::usage, str(last,
+                                         ": is taken for a run folder; the page is named by "
+                                         "--out ",
+                                         last));
     if (a.out.empty() && a.input.runs.size() > 1)
         throw Error(ExitCode::usage, "two runs: give --out FILE.html; one alone can be served");
     if (!a.out.empty() && a.port > 0)

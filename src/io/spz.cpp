@@ -26,7 +26,7 @@ struct Header {
     std::uint8_t streams = 0;  // of version 4; else 0
 };
 static_assert(sizeof(Header) == spz::kHeaderBytes);
-constexpr std::uint8_t kAntialiased = 1, kExtended = 2;
+constexpr std::uint8_t kAntialiased = 1;
 
 /// Of version 4: what follows the header, and a row of its table, one a stream.
 struct Container {
@@ -37,9 +37,6 @@ struct TableRow {
 };
 static_assert(sizeof(Container) == 16 && sizeof(TableRow) == 16);
 constexpr std::size_t kContainerEnd = sizeof(Header) + sizeof(Container);
-/// An extension, which readers skip as they do not know it: by it our files can be told.
-constexpr std::uint32_t kSignature = 0x54560001;
-
 /// Where the arrays of a file begin, and its end: of version 4 as if they were not packed.
 struct Layout {
     std::size_t count, rest;  // `rest`: coefficients per channel beyond the first
@@ -178,11 +175,12 @@ constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
 std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& bytes) {
     const Layout at(h);
     const std::vector<std::size_t> ends = at.stream_ends();
-    const std::string signature = kVersion;
-    const std::uint32_t extension[] = {kSignature, static_cast<std::uint32_t>(signature.size())};
-    h.flags |= kExtended, h.streams = static_cast<std::uint8_t>(ends.size());
+    // Between header and table, which nobody reads there without the flag of extensions; as one,
+    // readers would warn of it. By it our files can be told.
+    const std::string_view signature = kVersion;
+    h.streams = static_cast<std::uint8_t>(ends.size());
     Container c;
-    c.table = static_cast<std::uint32_t>(kContainerEnd + sizeof extension + signature.size());
+    c.table = static_cast<std::uint32_t>(kContainerEnd + signature.size());
     std::vector<TableRow> table;
     std::vector<std::uint8_t> packed;
     for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++]) {
@@ -196,7 +194,7 @@ std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& b
         out.insert(out.end(), first, first + size);
     };
     put(&h, sizeof h), put(&c, sizeof c);
-    put(extension, sizeof extension), put(signature.data(), signature.size());
+    put(signature.data(), signature.size());
     put(table.data(), table.size() * sizeof(TableRow)), put(packed.data(), packed.size());
     return out;
 }

@@ -197,9 +197,11 @@ TEST_F(Cli, UsageErrorsNameTheNearest) {
     expect_refused("--scene scene --config bad.json", 2, "tv.vote_every");
     expect_refused("--scene scene --set backbone=ewas", 2, "ewa");
     expect_refused("", 2, "--scene");
+    expect_refused("scene", 2, "did you mean --scene scene?");
     const Result help = call("train", "--help"), version = call("train", "-V");
     EXPECT_EQ(help.code, 0);
-    EXPECT_NE(help.out.find("--iterations INT=30000 "), std::string::npos) << help.out;
+    EXPECT_NE(help.out.find("--seed INT=0 "), std::string::npos) << help.out;
+    EXPECT_NE(help.out.find("[by the plan"), std::string::npos) << help.out;
     EXPECT_NE(call("train", "--help-all").out.find("--test-list"), std::string::npos);
     EXPECT_EQ(version.code, 0);
     EXPECT_TRUE(version.out.starts_with(std::string(kVersion) + "\nbuild: ")) << version.out;

@@ -247,6 +247,7 @@ TEST_F(ExportCommand, ItsReportTakesNoNameOfTheSplats) {
 TEST_F(ExportCommand, RefusesWithOneLine) {
     expect_refused("run x.spz --input-frame rub", 2, "run is a run folder");
     expect_refused("nothing x.spz", 3, "nothing: does not exist");
+    expect_refused("some.ply", 2, "expected tvsgs-export INPUT OUTPUT");
     expect_refused("some.ply x.splat", 2, "expected a name that ends in .ply, .spz, .sog or .glb");
     expect_refused("some.ply some.ply", 2, "is the file of the splats");
     expect_refused("some.ply x.spz --spz-version 5", 2, "--spz-version");

@@ -108,6 +108,7 @@ TEST_F(ViewCommand, WhatIsWrongIsSaid) {
     expect_refused("scene --out page.html", 3, "no run folder");
     expect_refused("run run run --out page.html", 2, "expected one, or two");
     expect_refused("run --out page.txt", 2, ".html");
+    expect_refused("run page.html", 2, "is named by --out page.html");
     expect_refused("run --out page.html --gt nothing.ply", 3, "nothing.ply");
     expect_refused("run --out page.html --crop box.json", 2, "--gt");
     std::ofstream(folder_ / "mine.html") << "mine";

@@ -222,11 +222,8 @@ std::string full_report() {
 
 class AccessiblePages : public ViewInBrowser {};
 
-TEST_F(AccessiblePages, ViewsOfOneRunAndOfTwo) {
+TEST_F(AccessiblePages, Views) {
     expect_none(full_view().html, "views");
-    std::vector<ViewRun> runs;
-    runs.push_back(run_of("alone", "ewa", test::random_gaussians(30, 2)));
-    expect_none(view_page(std::move(runs), two_cameras()).html, "alone");
 }
 
 TEST_F(AccessiblePages, Reports) {
