@@ -14,7 +14,12 @@ namespace {
 constexpr double kWidth = 440, kPlotHeight = 240;  // px, of the viewBox
 constexpr double kLeft = 56, kRight = 14, kTop = 56, kBottom = 46;
 constexpr double kCharacter = 7.8;  // width, about, on a phone too
-constexpr int kColors = 7;          // in kPlotStyle
+constexpr std::size_t kColors = 7;  // in kPlotStyle
+
+/// Colour and dashes of a series; those beyond the last colour have dashes of their own.
+std::string class_of(std::size_t series) {
+    return str("s", series % kColors, series < kColors ? "" : " again");
+}
 
 std::string fixed(double value) {
     char text[32];
@@ -170,7 +175,7 @@ std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
     }
     if (in_line == 1 && marks.empty())
         marks = mark(path.substr(1), index);  // a line of one point cannot be seen
-    std::string text = str("<g class=\"s", index % kColors, "\">");
+    std::string text = str("<g class=\"", class_of(index), "\">");
     if (!forth.empty()) text += str("<path class=\"band\" d=\"", forth, back, "Z\"/>");
     return text + str("<path class=\"line\" d=\"", path, "\"/>", marks, "</g>\n");
 }
@@ -194,7 +199,7 @@ std::string legend_svg(const std::vector<Series>& series, double& y) {
         const std::string name = fitting(series[i].name, kLongest);
         const double width = 50 + kCharacter * static_cast<double>(name.size());
         if (x > 8 && x + width > kWidth) x = 8, y += 18;
-        text += str("<g class=\"s", i % kColors, "\"><path class=\"line\" d=\"M", fixed(x), " ",
+        text += str("<g class=\"", class_of(i), "\"><path class=\"line\" d=\"M", fixed(x), " ",
                     fixed(y - 4), "h26\"/>",
                     series[i].marks ? mark(fixed(x + 13) + "," + fixed(y - 4), i) : "",
                     "</g><text x=\"", fixed(x + 31), "\" y=\"", fixed(y), "\">", escaped(name),
@@ -247,6 +252,7 @@ background:var(--bg);font:13px system-ui,-apple-system,"Segoe UI",sans-serif;fil
 .plot .s1 .line{stroke-dasharray:7 3}.plot .s2 .line{stroke-dasharray:2 3}
 .plot .s3 .line{stroke-dasharray:9 3 2 3}.plot .s4 .line{stroke-dasharray:12 4}
 .plot .s5 .line{stroke-dasharray:4 2}.plot .s6 .line{stroke-dasharray:1 2}
+.plot .again .line{stroke-dasharray:14 3 3 3 3 3}
 .plot .bar{fill:var(--c0)}
 )";
 

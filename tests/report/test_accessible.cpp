@@ -86,6 +86,10 @@ function complaints() {
     const c = contrast(line, backdrop(e));
     if (c < 3) complain(`contrast ${c.toFixed(2)} of a line`, e.parentElement);
   }
+  for (const e of all('svg')) {
+    const keys = [...e.querySelectorAll('.line[d$=h26]')].map(getComputedStyle);
+    if (new Set(keys.map(s => s.stroke + s.strokeDasharray)).size < keys.length) complain('lines alike', e);
+  }
   // Keys.
   for (const e of all('a[href], button, input, summary, iframe, [tabindex]')) {
     if (!shown(e) || e.disabled) continue;
@@ -208,7 +212,8 @@ std::string full_report() {
             "evaluations": [{"seconds": 1, "psnr": 20, "ssim": 0.5}, {"seconds": 5, "psnr": 25, "ssim": 0.7}],
             "reports": {"iteration": [50, 100], "seconds": [4, 9], "gaussians": [50, 60], "loss": [2, 1],
                         "bytes": [1e6, 2e6], "peak_bytes": [1e6, 2e6],
-                        "terms": {"a": [1, 2], "b": [1, 2], "c": [1, 2], "d": [1, 2], "e": [1, 2], "f": [1, 2]}},
+                        "terms": {"a": [1, 2], "b": [1, 2], "c": [1, 2], "d": [1, 2], "e": [1, 2], "f": [1, 2],
+                                  "g": [2, 1], "h": [3, 1]}},
             "stages": {"render": 5, "vote": 2},
             "curve": {"tau": [0, 1, 2], "precision": [0, 0.5, 1], "recall": [0, 0.2, 1]},
             "views": [{"name": "a.png", "psnr": 25, "ssim": 0.7}, {"name": "b.png", "psnr": 24, "ssim": 0.6}],
@@ -242,6 +247,7 @@ TEST_F(AccessiblePages, TheCheckFindsWhatIsWrong) {
     spoil("--quiet:#55585e", "--quiet:#85888e");
     spoil("outline:3px solid", "outline:0 solid");
     spoil("--c0:#0072b2", "--c0:#a0d2f2");
+    spoil(".plot .again .line", ".plot .never .line");
     spoil("Look at it from all sides", "");
     spoil("<h3>", "<h5>");
     spoil(" alt=\"", " title=\"");
@@ -250,8 +256,9 @@ TEST_F(AccessiblePages, TheCheckFindsWhatIsWrong) {
     spoil("class=\"scroll\" tabindex=\"0\"", "style=\"height:5px;overflow:auto\" class=\"s\"");
     const auto found = complaints(page, folder("spoilt"), false);
     for (const std::string what :
-         {"no language", "contrast 3", "focus does not show", "of a line", "no name", "heading",
-          "no alternative", "from elsewhere", "wider than the window", "scrolls by mouse alone"})
+         {"no language", "contrast 3", "focus does not show", "of a line", "lines alike", "no name",
+          "heading", "no alternative", "from elsewhere", "wider than the window",
+          "scrolls by mouse alone"})
         EXPECT_TRUE(std::any_of(found.begin(), found.end(), [&](const std::string& one) {
             return one.find(what) != std::string::npos;
         })) << what;
