@@ -19,8 +19,10 @@ constexpr std::int64_t kMiB = 1 << 20;
 // Of a block beside its own splats: those of its margin. Chosen; tvsgs-blocks counts them.
 constexpr double kBlockMargin = 0.2;
 
-// Measured, bytes. Splats of a view, what growth asks of them, and lists of tiles:
-constexpr std::int64_t kPerViewSplat = 190, kPerFragment = 100, kFragmentsPerSplat = 4;
+// Bytes of a view: of each splat its radius, place and statistics; measured, of each in view its
+// records with room to spare, and lists of tiles:
+constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment = 100,
+                       kFragmentsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
@@ -54,6 +56,24 @@ std::int64_t host_bytes(const std::vector<View>& views) {
     for (const View& v : views)
         bytes += photo_bytes(v) + static_cast<std::int64_t>(v.mask.pixels.size());
     return bytes;
+}
+
+/// Of the first splats, in the training view that has most of them; all where nothing is known.
+/// With room for splats that reach in from beside the image, and for growth to be where this view
+/// is.
+double share_in_view(const Scene& scene) {
+    constexpr std::size_t kSample = 1000;
+    constexpr double kSpare = 0.25, kBeside = 0.05;
+    const std::vector<Vec3f>& points = scene.points.positions;
+    if (points.empty()) return 1;
+    double most = 0;
+    for (const View& view : scene.train) {
+        std::size_t in_view = 0, all = 0;
+        for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample)
+            ++all, in_view += is_in_view(view.camera, points[i]);
+        most = std::max(most, static_cast<double>(in_view) / static_cast<double>(all));
+    }
+    return std::min(1.0, (1 + kSpare) * most + kBeside);
 }
 
 std::int64_t largest_view(const Scene& scene) {
@@ -96,6 +116,11 @@ void require(const char* where,
 }
 
 }  // namespace
+
+std::int64_t view_bytes_per_splat(double share_in_view) {
+    return kPerViewSplat +
+           std::llround(share_in_view * (kPerSplatInView + kFragmentsPerSplat * kPerFragment));
+}
 
 MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda) {
     MemoryLimits limits;
@@ -159,8 +184,8 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryNeed& buffers = plan.buffers;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
-    buffers.per_splat =
-        3 * parameters + gradients + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
+    buffers.per_splat = 3 * parameters + gradients +
+                        renders * view_bytes_per_splat(fuses ? share_in_view(scene) : 1);
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
     if (votes)
         buffers.per_splat +=

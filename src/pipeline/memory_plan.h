@@ -50,6 +50,9 @@ struct MemoryPlan {
     std::string json() const;
 };
 
+/// Of what one render keeps for its way back, where a share of the splats is in view.
+std::int64_t view_bytes_per_splat(double share_in_view);
+
 /// How many splats fit into `limits`; INT64_MAX where they take nothing.
 std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits);
 

@@ -3,6 +3,8 @@
 
 #include "optim/loss.h"
 #include "pipeline/machine_plan.h"
+#include "render/backbone.h"
+#include "support/random_gaussians.h"
 
 namespace tvsgs {
 namespace {
@@ -57,6 +59,59 @@ TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
     const MemoryPlan used = fixed();
     EXPECT_EQ(used.buffers.fixed - unused.buffers.fixed, 9 * 200 * 100 * 4);
     EXPECT_EQ(used.host.fixed - unused.host.fixed, 9 * 200 * 100 * 4);
+}
+
+/// Bytes that a view of `g` takes, there and back, beside what it takes without splats.
+std::int64_t bytes_of_view(const char* name, const Gaussians<Cpu>& g) {
+    const auto bytes = [&](const Gaussians<Cpu>& splats) {
+        const std::int64_t before = memory_use(Cpu{}).current_bytes;
+        const auto backbone = make_backbone<Cpu>(name, {});
+        backbone->forward(splats, test::test_camera(160, 120), 3, Maps::color | kGeometryMaps);
+        backbone->blend_backward(splats, {});
+        return memory_use(Cpu{}).current_bytes - before;
+    };
+    return bytes(g) - bytes(test::random_gaussians(0, 1));
+}
+
+TEST(MemoryPlan, OfAViewCountsTheSplatsInView) {
+    constexpr int kCount = 20000;
+    for (const char* name : {"ewa", "rade", "surfel"})
+        for (const double share : {0.0, 0.05, 0.3, 1.0}) {
+            Gaussians<Cpu> g = test::random_gaussians(kCount, 3, 0.04);
+            for (std::size_t i = 0; i < g.means.size(); ++i) {
+                g.opacity_logits[i] = 2;
+                const bool seen = static_cast<double>(i % 1000) < 1000 * share;
+                g.means[i] = seen ? 0.7f * g.means[i] : Vec3f{0, 0, -1000};
+            }
+            const double bytes = static_cast<double>(bytes_of_view(name, g)) / kCount,
+                         planned = static_cast<double>(view_bytes_per_splat(share));
+            EXPECT_LE(bytes, planned) << name << ", share " << share;
+            EXPECT_GT(bytes, 0.5 * planned) << name << ", share " << share;
+        }
+}
+
+TEST(MemoryPlan, GoesByTheViewThatHasMostOfTheSplats) {
+    Scene scene = scene_of(2);
+    for (View& view : scene.train)
+        view.camera.fx_px = view.camera.fy_px = 100, view.camera.cx_px = 100,
+        view.camera.cy_px = 50;
+    scene.train[1].camera.camera_from_world.t = {1000, 0, 0};
+    TrainOptions o;
+    o.densify.enabled = false;
+    const auto per_splat = [&] { return estimate_memory(scene, o, 100, true).buffers.per_splat; };
+    const std::int64_t all = per_splat();
+    for (int i = 0; i < 1000; ++i)  // a fifth in the one view, a tenth in the other
+        scene.points.positions.push_back({i % 5 == 0    ? 0.0f
+                                          : i % 10 == 1 ? -1000.0f
+                                                        : 5000.0f,
+                                          0, 2});
+    EXPECT_EQ(per_splat(), all - view_bytes_per_splat(1) + view_bytes_per_splat(1.25 * 0.2 + 0.05));
+    for (Vec3f& p : scene.points.positions) p = {0, 0, 2};
+    EXPECT_EQ(per_splat(), all) << "no more than all";
+    o.loss.multi_view_geometry.weight = 1;  // of two views
+    const std::int64_t two = per_splat();
+    scene.points.positions.resize(1), scene.points.positions[0] = {5000, 0, 2};
+    EXPECT_EQ(two - per_splat(), 2 * (view_bytes_per_splat(1) - view_bytes_per_splat(0.05)));
 }
 
 /// Bytes that hold `splats` of a training, on device and host.
