@@ -108,11 +108,11 @@ void require(const char* where,
         str("training would need about ", need.at(splats) / kMiB, " MiB of ", where,
             " memory for its first ", splats, " splats, and ", limit / kMiB, " MiB may be used");
     // Where not one splat fits, no fewer of them help.
-    throw out_of_memory(most == 0 ? what
-                                  : str(what, ", which ", most,
-                                        " would fit into: as blocks, one after the other "
-                                        "or on several machines, with ",
-                                        split_command(scene, blocks_for(splats, most))));
+    const std::string remedy =
+        most == 0 ? ""
+                  : str(", which hold ", most, "; ", split_command(scene, blocks_for(splats, most)),
+                        " makes parts that fit");
+    throw out_of_memory(what + remedy);
 }
 
 }  // namespace
