@@ -63,11 +63,9 @@ TEST_F(PlanCommand, SaysMemoryAndTimeThatTheRunKeepsTo) {
     EXPECT_NE(plan.out.find("\nmachines       one CPU "), std::string::npos) << plan.out;
     EXPECT_EQ(json::parse(read("costs/plan.json"))["decisions"].back()["name"], "machines");
     // A little less than what the training takes: compact lists, unless the user wants others.
-    const double gigabytes =
-        number_in(plan.out, "first ones, as none are added\\) of [0-9]+ B:", "<=");
-    ASSERT_GT(gigabytes, 0) << plan.out;
-    const std::string less =
-        flags + "--plan --quiet --host-memory " + std::to_string(0.98 * gigabytes * 1e9);
+    const json host = json::parse(read("costs/memory.json"))["host"];
+    const auto bytes = host["first_bytes"].get<std::int64_t>() - 100 * std::llround(splats);
+    const std::string less = flags + "--plan --quiet --host-memory " + std::to_string(bytes);
     const Result compact = call("train", less),
                  pinned = call("train", less + " --set tv.lists=full");
     EXPECT_EQ(compact.code, 0) << compact;
