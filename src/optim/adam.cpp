@@ -50,8 +50,8 @@ struct KeepShGradient {
 /// Ahead of its use: neighbours' gradients lie wherever their depths put them.
 template <class Gradients>
 void fetch_gradient(const SplatSums<Gradients>& sums, int i) {
-    const auto at = static_cast<std::size_t>(i);
-    if (sums.fragment_counts[at] == 0) return;
+    const std::uint32_t at = sums.places.of(i);
+    if (at == kNoPlace || sums.fragment_counts[at] == 0) return;
     __builtin_prefetch(&sums.drawn[sums.first_fragment[at]]);
     __builtin_prefetch(&sums.fragments[sums.first_fragment[at]]);
 }

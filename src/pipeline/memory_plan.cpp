@@ -16,9 +16,13 @@ namespace {
 
 constexpr double kShareOfFreeMemory = 0.9;  // the rest is the driver's, and of what is not counted
 constexpr std::int64_t kMiB = 1 << 20;
+// Of a block beside its own splats: those of its margin. Chosen; tvsgs-blocks counts them.
+constexpr double kBlockMargin = 0.2;
 
-// Measured, bytes. Splats of a view, what growth asks of them, and lists of tiles:
-constexpr std::int64_t kPerViewSplat = 190, kPerFragment = 100, kFragmentsPerSplat = 4;
+// Bytes of a view: of each splat its radius, place and statistics; measured, of each in view its
+// records with room to spare, and lists of tiles:
+constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment = 100,
+                       kFragmentsPerSplat = 4;
 // Images, their derivatives and scratch of the losses:
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
@@ -54,6 +58,24 @@ std::int64_t host_bytes(const std::vector<View>& views) {
     return bytes;
 }
 
+/// Of the first splats, in the training view that has most of them; all where nothing is known.
+/// With room for splats that reach in from beside the image, and for growth to be where this view
+/// is.
+double share_in_view(const Scene& scene) {
+    constexpr std::size_t kSample = 1000;
+    constexpr double kSpare = 0.25, kBeside = 0.05;
+    const std::vector<Vec3f>& points = scene.points.positions;
+    if (points.empty()) return 1;
+    double most = 0;
+    for (const View& view : scene.train) {
+        std::size_t in_view = 0, all = 0;
+        for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample)
+            ++all, in_view += is_in_view(view.camera, points[i]);
+        most = std::max(most, static_cast<double>(in_view) / static_cast<double>(all));
+    }
+    return std::min(1.0, (1 + kSpare) * most + kBeside);
+}
+
 std::int64_t largest_view(const Scene& scene) {
     std::int64_t pixels = 0;
     for (const auto* views : {&scene.train, &scene.test})
@@ -64,34 +86,89 @@ std::int64_t largest_view(const Scene& scene) {
 
 template <class Device>
 std::int64_t limit_of(Device device, const std::string& key, const std::string& given) {
-    const std::int64_t limit =
-        given.empty() ? static_cast<std::int64_t>(kShareOfFreeMemory *
-                                                  static_cast<double>(free_bytes(device)))
-                      : parse_bytes(key, given);
-    if (!given.empty()) set_memory_limit(device, limit);
-    return limit;
+    return given.empty() ? static_cast<std::int64_t>(kShareOfFreeMemory *
+                                                     static_cast<double>(free_bytes(device)))
+                         : parse_bytes(key, given);
 }
 
-/// How many splats fit; INT64_MAX where they take nothing.
 std::int64_t fitting(const MemoryNeed& need, std::int64_t limit) {
     return std::max<std::int64_t>(limit - need.fixed, 0) /
            std::max<std::int64_t>(need.per_splat, 1);
 }
 
-void require(const char* where, const MemoryNeed& need, std::int64_t splats, std::int64_t limit) {
-    if (need.at(splats) > limit)
-        throw out_of_memory(str("training would need about ", need.at(splats) / kMiB, " MiB of ",
-                                where, " memory for its first ", splats, " splats, and ",
-                                limit / kMiB, " MiB may be used"));
+/// `most`: splats that would fit.
+void require(const char* where,
+             const std::string& scene,
+             const MemoryNeed& need,
+             std::int64_t splats,
+             std::int64_t limit,
+             std::int64_t most) {
+    if (need.at(splats) <= limit) return;
+    const std::string what =
+        str("training would need about ", need.at(splats) / kMiB, " MiB of ", where,
+            " memory for its first ", splats, " splats, and ", limit / kMiB, " MiB may be used");
+    // Where not one splat fits, no fewer of them help.
+    const std::string remedy =
+        most == 0 ? ""
+                  : str(", which hold ", most, "; ", split_command(scene, blocks_for(splats, most)),
+                        " makes parts that fit");
+    throw out_of_memory(what + remedy);
 }
 
 }  // namespace
+
+std::int64_t view_bytes_per_splat(double share_in_view) {
+    return kPerViewSplat +
+           std::llround(share_in_view * (kPerSplatInView + kFragmentsPerSplat * kPerFragment));
+}
+
+MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda) {
+    MemoryLimits limits;
+    limits.host = limits.device = limit_of(Cpu{}, "memory.host", memory.host);
+    if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
+    if constexpr (kHasCuda) {
+        if (cuda) limits.device = limit_of(Cuda{}, "memory.gpu", memory.gpu);
+    }
+    return limits;
+}
+
+std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits) {
+    return std::min(fitting(needs.buffers, limits.device), fitting(needs.host, limits.host));
+}
+
+bool grows(const TrainOptions& o) {
+    return o.densify.enabled && o.iterations > o.densify.from;
+}
+
+std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options) {
+    std::int64_t cap = options.max_gaussians;
+    if (const float share = options.max_per_pixel; share > 0) {
+        double pixels = 0;
+        for (const View& view : scene.train)
+            pixels += double(view.camera.width_px) * view.camera.height_px;
+        cap = std::min(cap, static_cast<std::int64_t>(std::ceil(share * pixels)));
+    }
+    return cap;
+}
+
+bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t device_limit) {
+    return options.photo_bytes == 0 &&
+           device_bytes(scene.train, needs_of(options.loss)) > device_limit / 2;
+}
+
+std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting) {
+    return static_cast<std::int64_t>(
+        std::ceil((1 + kBlockMargin) * static_cast<double>(splats) / static_cast<double>(fitting)));
+}
+
+std::string split_command(const std::string& scene, std::int64_t blocks) {
+    return str("tvsgs-blocks split --scene ", scene, " --blocks ", blocks);
+}
 
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& o,
                            std::int64_t splats,
                            bool cuda) {
-    const bool grows = o.densify.enabled && o.iterations > o.densify.from;
     const LossNeeds needs = needs_of(o.loss);
     const bool plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
@@ -107,13 +184,13 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryNeed& buffers = plan.buffers;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
-    buffers.per_splat =
-        3 * parameters + gradients + renders * (kPerViewSplat + kFragmentsPerSplat * kPerFragment);
+    buffers.per_splat = 3 * parameters + gradients +
+                        renders * view_bytes_per_splat(fuses ? share_in_view(scene) : 1);
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
     if (votes)
         buffers.per_splat +=
             kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);
-    if (grows) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
+    if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = device_bytes(scene.train, needs);
@@ -149,29 +226,20 @@ MemoryPlan plan_memory(const Scene& scene,
                        bool cuda,
                        TrainOptions& options) {
     MemoryPlan plan = estimate_memory(scene, options, splats, cuda);
-    plan.host_limit = limit_of(Cpu{}, "memory.host", memory.host);
-    plan.device_limit = plan.host_limit;
-    if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
+    plan.limits = memory_limits(memory, cuda);
+    if (!memory.host.empty()) set_memory_limit(Cpu{}, plan.limits.host);
     if constexpr (kHasCuda) {
-        if (cuda) plan.device_limit = limit_of(Cuda{}, "memory.gpu", memory.gpu);
+        if (cuda && !memory.gpu.empty()) set_memory_limit(Cuda{}, plan.limits.device);
     }
-    if (cuda && options.photo_bytes == 0 &&
-        device_bytes(scene.train, needs_of(options.loss)) > plan.device_limit / 2) {
-        options.photo_bytes = plan.device_limit / 4;
+    if (cuda && photos_crowd(scene, options, plan.limits.device)) {
+        options.photo_bytes = plan.limits.device / 4;
         plan.buffers = estimate_memory(scene, options, splats, cuda).buffers;
     }
-    if (cuda) require("GPU", plan.buffers, splats, plan.device_limit);
-    require("host", plan.host, splats, plan.host_limit);
+    const std::int64_t fit = fitting(plan, plan.limits);
+    if (cuda) require("GPU", scene.path, plan.buffers, splats, plan.limits.device, fit);
+    require("host", scene.path, plan.host, splats, plan.limits.host, fit);
 
-    plan.most = std::min({std::int64_t{options.densify.max_gaussians},
-                          cuda ? fitting(plan.buffers, plan.device_limit) : INT64_MAX,
-                          fitting(plan.host, plan.host_limit)});
-    if (const float share = options.densify.max_per_pixel; share > 0) {
-        double pixels = 0;
-        for (const View& view : scene.train)
-            pixels += double(view.camera.width_px) * view.camera.height_px;
-        plan.most = std::min(plan.most, static_cast<std::int64_t>(std::ceil(share * pixels)));
-    }
+    plan.most = std::min(growth_cap(scene, options.densify), fit);
     plan.most = std::max(plan.most, std::min<std::int64_t>(splats, options.densify.max_gaussians));
     options.densify.max_gaussians = static_cast<int>(plan.most);
     return plan;
@@ -180,9 +248,9 @@ MemoryPlan plan_memory(const Scene& scene,
 std::string MemoryPlan::text() const {
     const std::int64_t bytes = std::max(buffers.at(first), std::int64_t{1});
     return str("memory: about ", bytes / kMiB, " MiB for ", first, " splats and ",
-               buffers.per_splat, " bytes for each more; ", device_limit / kMiB,
+               buffers.per_splat, " bytes for each more; ", limits.device / kMiB,
                " MiB may be used, and growth stops at ", most, " splats; on the host ",
-               host.at(first) / kMiB, " of ", host_limit / kMiB, " MiB");
+               host.at(first) / kMiB, " of ", limits.host / kMiB, " MiB");
 }
 
 std::string MemoryPlan::json() const {
@@ -197,8 +265,8 @@ std::string MemoryPlan::json() const {
     return JsonLine()
         .add("first_splats", first)
         .add("most_splats", most)
-        .add_json("device", need(buffers, device_limit, first))
-        .add_json("host", need(host, host_limit, first))
+        .add_json("device", need(buffers, limits.device, first))
+        .add_json("host", need(host, limits.host, first))
         .text();
 }
 

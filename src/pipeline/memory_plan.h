@@ -27,20 +27,49 @@ struct MemoryNeed {
     std::int64_t at(std::int64_t splats) const { return fixed + per_splat * splats; }
 };
 
+/// Bytes that may be used; with the CPU as the device both are the host's.
+struct MemoryLimits {
+    std::int64_t device = 0, host = 0;
+};
+/// What `memory` says, else most of what is free. Throws Error(ExitCode::usage) for limits that are
+/// none.
+MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda);
+
 /// An estimate: measured peaks of trainings lie between half of it and all of it
 /// (tests/reliability).
 struct MemoryPlan {
     MemoryNeed buffers;  // of all Buffers on the training device
     MemoryNeed host;     // of all on the host; with the CPU as the device, `buffers` are a part
-    std::int64_t device_limit = 0, host_limit = 0;  // bytes that may be used
-    std::int64_t first = 0;                         // splats at the start
-    std::int64_t most = 0;                          // splats that growth stops at
+    MemoryLimits limits;
+    std::int64_t first = 0;  // splats at the start
+    std::int64_t most = 0;   // splats that growth stops at
 
     /// One line for people.
     std::string text() const;
     /// RUN/memory.json
     std::string json() const;
 };
+
+/// Of what one render keeps for its way back, where a share of the splats is in view.
+std::int64_t view_bytes_per_splat(double share_in_view);
+
+/// How many splats fit into `limits`; INT64_MAX where they take nothing.
+std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits);
+
+/// Whether the number of splats may rise.
+bool grows(const TrainOptions& options);
+
+/// Where growth stops by the options, whatever the memory.
+std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options);
+
+/// Whether photographs and maps take so much of the device that they are to stay on the host, where
+/// options.photo_bytes does not say it.
+bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t device_limit);
+
+/// Blocks that `splats` make where one holds `fitting` of them, its margin included.
+std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting);
+/// What to type for it.
+std::string split_command(const std::string& scene, std::int64_t blocks);
 
 /// The needs alone, for `splats` at the start.
 MemoryPlan estimate_memory(const Scene& scene,

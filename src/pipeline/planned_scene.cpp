@@ -6,6 +6,7 @@
 #include "pipeline/background_plan.h"
 #include "pipeline/built_in_configs.h"
 #include "pipeline/initial_points.h"
+#include "pipeline/machine_plan.h"
 #include "pipeline/view_maps.h"
 
 namespace tvsgs {
@@ -66,6 +67,22 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
         for (const std::string_view map : term.needs.view_maps)
             if (term.weight > 0 && map != "mask") return false;
     return true;
+}
+
+/// Last, as every other decision says what is held.
+void plan_machine(const DeviceChoice& device,
+                  const RunOptions& options,
+                  const Scene& scene,
+                  RunPlan& plan) {
+    MachineInputs in;
+    in.cuda = device.cuda;
+    in.limits = memory_limits(options.memory, device.cuda);
+    in.first = static_cast<std::int64_t>(scene.points.positions.size());
+    in.expected =
+        expected_splats(scene, options.train, in.first, plan.pinned("densify.max_gaussians"));
+    in.may_stream = !plan.pinned("photo_bytes");
+    in.may_compact = !plan.pinned("tv.lists");
+    plan.apply(plan_machines(scene, options.train, in));
 }
 
 /// Chooses the settings to start from; returns whether they are the dense ones.
@@ -242,6 +259,7 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     plan_thickness(options.train, plan);
     check_consistency(options.train);
+    plan_machine(device, options, scene, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     if (!plan_only) provide_maps(device, options, std::move(found), scene);
     plan.finish();

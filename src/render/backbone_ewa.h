@@ -56,8 +56,6 @@ public:
                  options_.cull_alpha,
                  options_.exact_clamp_grad};
         resize_images();
-        splats_.resize(gaussians.means.size());
-        statistics_.radii_px.resize(gaussians.means.size());
         with_channels(channels_, [&]<Channels kChannels>() { forward_as<kChannels>(gaussians); });
         return images_;
     }
@@ -137,23 +135,25 @@ private:
     template <Channels kChannels>
     void forward_as(const Gaussians<Device>& g) {
         auto& clock = this->clock();
-        clock("project", [&] {
-            parallel_for(
-                Device{}, g.size(),
-                ProjectBody<blended(kChannels)>{
-                    view_, g.means.span(), g.log_scales.span(), g.quats.span(),
-                    g.opacity_logits.span(), splats_.shapes.span(), splats_.features.span(),
-                    splats_.depths.span(), splats_.rects.span(), statistics_.radii_px.span()});
+        const auto project = [&](auto& to) {
+            return ProjectBody<blended(kChannels)>{view_,
+                                                   g.means.span(),
+                                                   g.log_scales.span(),
+                                                   g.quats.span(),
+                                                   g.opacity_logits.span(),
+                                                   to.shapes.span(),
+                                                   to.features.span(),
+                                                   to.depths.span(),
+                                                   to.rects.span()};
+        };
+        this->list_splats(g, grid_, project, splats_, [&] {
+            if constexpr (has_color(kChannels))
+                clock("colours", [&] {
+                    parallel_for(Device{}, g.size(),
+                                 ColorBody{view_, g.means.span(), g.sh.span(), this->places(),
+                                           splats_.features.span()});
+                });
         });
-        if constexpr (has_color(kChannels)) {
-            const Span<const float> radii = std::as_const(statistics_.radii_px).span();
-            clock("colours", [&] {
-                parallel_for(
-                    Device{}, g.size(),
-                    ColorBody{view_, g.means.span(), g.sh.span(), radii, splats_.features.span()});
-            });
-        }
-        clock("tile lists", [&] { build_tile_lists(splats_, grid_, lists_); });
         clock("blend", [&] {
             blend_tiles<EwaModel<blended(kChannels)>>(splats_, lists_, grid_,
                                                       {images_, distance_, camera_}, stops_);
@@ -165,12 +165,12 @@ private:
     void find_ray_depth(const Gaussians<Device>& g) {
         const std::size_t pixels = images_.depth.size();
         RayDepth& r = ray_depth_;
-        r.profiles.resize(g.means.size());
+        r.profiles.resize(splats_.shapes.size());
         r.stops.resize(pixels), r.slope.resize(is_median() ? pixels : 0);
-        parallel_for(Device{}, g.size(),
-                     RayProfileBody{view_.camera, g.means.span(), g.log_scales.span(),
-                                    g.quats.span(), std::as_const(statistics_.radii_px).span(),
-                                    view_.camera.cx - camera_.cx_px, r.profiles.span()});
+        parallel_for(
+            Device{}, g.size(),
+            RayProfileBody{view_.camera, g.means.span(), g.log_scales.span(), g.quats.span(),
+                           this->places(), view_.camera.cx - camera_.cx_px, r.profiles.span()});
         const RenderedImages<Device>& images = images_;
         if (is_median())
             find_medians(Device{},
@@ -208,7 +208,7 @@ private:
     Buffer<float, Device> distance_;  // [H W] blended plane distances, world units
     EwaFragmentGradients<Device> fragments_;
     struct RayDepth {
-        Buffer<RayProfile<float>, Device> profiles;  // [N]
+        Buffer<RayProfile<float>, Device> profiles;  // as shapes
         Buffer<std::uint32_t, Device> stops;         // [H W] of the mean or of the median
         Buffer<float, Device> slope;                 // [H W] see MedianView
         Buffer<Crossing, Device> crossings;          // scratch

@@ -19,32 +19,34 @@ struct ProjectBody {
     Span<FeatureRecord> features;
     Span<float> depths;
     Span<TileRect> rects;
-    Span<float> radii;
 
-    TVSGS_HD void operator()(int i) const {
-        rects[i] = {};
-        radii[i] = 0;
-        const Vec3f p = view.camera.camera_from_world * means[i];
-        if (!(p.z > view.near) || !is_finite(p)) return;
+    struct Found {
+        Vec3f p;
+        Mat3f R;
+        ViewEllipse e;
+    };
+    TVSGS_HD bool find(int i, Found& f) const {
+        f.p = view.camera.camera_from_world * means[i];
+        if (!(f.p.z > view.near) || !is_finite(f.p)) return false;
         const float opacity = sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return;  // nowhere visible
-
-        const Mat3f R = rotation(normalize(quats[i]));
-        const ViewEllipse e =
-            view_ellipse(view, p, R, exp(log_scales[i]), opacity, /*least_det=*/0);
-        if (e.rect.count() == 0) return;
-        radii[i] = e.radius;
-        SplatShape<float>& shape = shapes[i];  // as a whole nvcc copies it byte by byte
-        shape.mean = e.shape.mean, shape.root = e.shape.root;
-        shape.opacity = e.shape.opacity, shape.reach = e.shape.reach;
-        depths[i] = p.z;
-        rects[i] = e.rect;
+        if (!(opacity > view.cull_alpha)) return false;  // nowhere visible
+        f.R = rotation(normalize(quats[i]));
+        f.e = view_ellipse(view, f.p, f.R, exp(log_scales[i]), opacity, /*least_det=*/0);
+        return f.e.rect.count() != 0;
+    }
+    TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
+    TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
+        SplatShape<float>& shape = shapes[at];  // as a whole nvcc copies it byte by byte
+        shape.mean = f.e.shape.mean, shape.root = f.e.shape.root;
+        shape.opacity = f.e.shape.opacity, shape.reach = f.e.shape.reach;
+        depths[at] = f.p.z;
+        rects[at] = f.e.rect;
 
         if constexpr (has_plane(kChannels)) {
-            const CameraPlane<float> plane =
-                camera_plane(view.camera.camera_from_world.R, R, smallest_axis(log_scales[i]), p);
-            features[i].f.normal = plane.normal;
-            features[i].f.distance = plane.distance;
+            const CameraPlane<float> plane = camera_plane(view.camera.camera_from_world.R, f.R,
+                                                          smallest_axis(log_scales[i]), f.p);
+            features[at].f.normal = plane.normal;
+            features[at].f.distance = plane.distance;
         }
     }
 };
@@ -53,13 +55,13 @@ struct ProjectBody {
 struct ColorBody {
     ViewParameters view;
     Span<const Vec3f> means, sh;
-    Span<const float> radii;
+    SplatPlaces places;
     Span<FeatureRecord> features;
 
     TVSGS_HD void operator()(int i) const {
-        if (radii[i] > 0)
-            features[i].f.color = sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
-                                                  sh.data, means.count, i);
+        if (const std::uint32_t at = places.of(i); at < features.count)
+            features[at].f.color = sh_color<float>(
+                view.sh_degree, normalize(means[i] - view.centre), sh.data, means.count, i);
     }
 };
 
@@ -82,15 +84,16 @@ struct EwaVjp {
                              SplatGeometry& sum,
                              Visit& visit) const {
         SplatGradients<float> g;
-        if (!finish(i, g)) return false;
+        std::uint32_t at = 0;
+        if (!finish(i, at, g)) return false;
         Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
         if constexpr (kColor)
             dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
-                                           features[i].f.color, g.features.color, visit);
+                                           features[at].f.color, g.features.color, visit);
         const Vec3f p = view.camera.camera_from_world * splat.mean;
         const Mat3f R = rotation(normalize(splat.quat));
         const Vec3f scales = exp(splat.log_scale);
-        const SplatShape<float> shape = shapes[i];
+        const SplatShape<float> shape = shapes[at];
         sum.opacity_logit += sigmoid_slope(splat.opacity_logit) * g.opacity;
 
         auto ellipse =
@@ -111,7 +114,7 @@ struct EwaVjp {
             }
         }
         if constexpr (has_ray(kChannels)) {
-            if (const RayDepthGradients* const by_depth = ray_gradients(i)) {
+            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
                 const auto ray = ray_profile_vjp(view.camera, R, scales, p, by_depth->profile);
                 dL_dp += ray.dL_dp;
                 ellipse.dL_dlog_s += ray.dL_dlog_s;
@@ -127,30 +130,31 @@ struct EwaVjp {
 
     TVSGS_HD void observe(int i) const {
         SplatGradients<float> g;
-        finish(i, g);
+        std::uint32_t at = 0;
+        finish(i, at, g);
     }
 
 private:
-    /// Null if depth says nothing of Gaussian i, which drew something.
-    TVSGS_HD const RayDepthGradients* ray_gradients(int i) const {
-        const std::uint32_t first = sums.first_fragment[i];
+    /// Null if depth says nothing of the Gaussian there, which drew something.
+    TVSGS_HD const RayDepthGradients* ray_gradients(std::uint32_t at) const {
+        const std::uint32_t first = sums.first_fragment[at];
         return ray_fragments.empty() || !ray_drawn[first] ? nullptr : &ray_fragments[first];
     }
 
     /// Completes the sums of Gaussian i and writes its statistics, those of absolute values without
-    /// depth along rays. False if it drew nothing: `g` is then unchanged.
-    TVSGS_HD bool finish(int i, SplatGradients<float>& g) const {
-        const SplatGradients<float>* const blended = sums.of(i);
+    /// depth along rays; `at`: its place. False if it drew nothing: `g` is then unchanged.
+    TVSGS_HD bool finish(int i, std::uint32_t& at, SplatGradients<float>& g) const {
+        const SplatGradients<float>* const blended = sums.of(i, at);
         if (blended == nullptr) return false;
         g = *blended;
         if constexpr (has_ray(kChannels)) {
-            if (const RayDepthGradients* const by_depth = ray_gradients(i)) {
+            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
                 g.mean += by_depth->mean, g.opacity += by_depth->opacity;
                 g.spread.xx += by_depth->spread.xx, g.spread.xy += by_depth->spread.xy;
                 g.spread.yy += by_depth->spread.yy;
             }
         }
-        complete(g, shapes[i]);
+        complete(g, shapes[at]);
         sums.write(i, per_ndc(view.grid, g.mean), per_ndc(view.grid, g.abs_mean), g.front_pixels);
         return true;
     }

@@ -88,19 +88,23 @@ public:
                  options_.cull_alpha,
                  options_.exact_clamp_grad};
         resize_images(camera);
-        splats_.resize(g.means.size());
-        statistics_.radii_px.resize(g.means.size());
-        auto& clock = this->clock();
-        clock("project", [&] {
-            parallel_for(Device{}, g.size(),
-                         ProjectRadeBody{view_, color_, maps_, g.means.span(), g.log_scales.span(),
-                                         g.quats.span(), g.opacity_logits.span(), g.sh.span(),
-                                         g.filter.span(), splats_.shapes.span(),
-                                         splats_.features.span(), splats_.depths.span(),
-                                         splats_.rects.span(), statistics_.radii_px.span()});
-        });
-        clock("tile lists", [&] { build_tile_lists(splats_, view_.grid, lists_); });
-        clock("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
+        const auto project = [&](auto& to) {
+            return ProjectRadeBody{view_,
+                                   color_,
+                                   maps_,
+                                   g.means.span(),
+                                   g.log_scales.span(),
+                                   g.quats.span(),
+                                   g.opacity_logits.span(),
+                                   g.sh.span(),
+                                   g.filter.span(),
+                                   to.shapes.span(),
+                                   to.features.span(),
+                                   to.depths.span(),
+                                   to.rects.span()};
+        };
+        this->list_splats(g, view_.grid, project, splats_, [] {});
+        this->clock()("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
         return images_;
     }
 

@@ -30,31 +30,35 @@ struct ProjectRadeBody {
     Span<RadeRecord> features;
     Span<float> depths;
     Span<TileRect> rects;
-    Span<float> radii;
 
-    TVSGS_HD void operator()(int i) const {
-        rects[i] = {};
-        radii[i] = 0;
-        const Mat3f& to_camera = view.camera.camera_from_world.R;
-        const Vec3f mean = means[i], p = view.camera.camera_from_world * mean;
-        if (!(p.z > view.near) || !is_finite(p)) return;
-        const SmoothedSplat<float> smooth = smoothed_at(filter, i, log_scales[i]);
-        const float opacity = smooth.dimming * sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return;
-
-        const Mat3f R = rotation(normalize(quats[i]));
-        const ViewEllipse e = view_ellipse(view, p, R, smooth.scales, opacity, kLeastRadeDet);
-        if (e.rect.count() == 0) return;
-        shapes[i] = e.shape;
-        depths[i] = p.z;
-        rects[i] = e.rect;
-        radii[i] = e.radius;
-        RadeRecord& out = features[i];
-        out.f.color = color ? sh_color<float>(view.sh_degree, normalize(mean - view.centre),
+    struct Found {
+        Vec3f p;
+        Mat3f R;
+        SmoothedSplat<float> smooth;
+        ViewEllipse e;
+    };
+    TVSGS_HD bool find(int i, Found& f) const {
+        f.p = view.camera.camera_from_world * means[i];
+        if (!(f.p.z > view.near) || !is_finite(f.p)) return false;
+        f.smooth = smoothed_at(filter, i, log_scales[i]);
+        const float opacity = f.smooth.dimming * sigmoid(opacity_logits[i]);
+        if (!(opacity > view.cull_alpha)) return false;
+        f.R = rotation(normalize(quats[i]));
+        f.e = view_ellipse(view, f.p, f.R, f.smooth.scales, opacity, kLeastRadeDet);
+        return f.e.rect.count() != 0;
+    }
+    TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
+    TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
+        shapes[at] = f.e.shape;
+        depths[at] = f.p.z;
+        rects[at] = f.e.rect;
+        RadeRecord& out = features[at];
+        out.f.color = color ? sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
                                               sh.data, means.count, i)
                             : Vec3f{};
         if (!maps) return;
-        const auto plane = rade_plane(view.camera, {to_camera * R, smooth.scales}, p);
+        const Mat3f& to_camera = view.camera.camera_from_world.R;
+        const auto plane = rade_plane(view.camera, {to_camera * f.R, f.smooth.scales}, f.p);
         out.f.normal = plane.normal, out.f.distance = plane.distance;
         out.slope = plane.slope;
     }
@@ -77,13 +81,14 @@ struct RadeVjp {
                              SplatGeometry& sum,
                              Visit& visit) const {
         RadeGradients<float> all;
-        if (!finish(i, all)) return false;
+        std::uint32_t at = 0;
+        if (!finish(i, at, all)) return false;
         const SplatGradients<float>& g = all.of;
         Vec3f dL_dmean{};
         if constexpr (kColor)
             dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
-                                           features[i].f.color, g.features.color, visit);
-        const SplatShape<float> shape = shapes[i];
+                                           features[at].f.color, g.features.color, visit);
+        const SplatShape<float> shape = shapes[at];
         const Vec3f p = view.camera.camera_from_world * splat.mean;
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         const Mat3f R = rotation(normalize(splat.quat));
@@ -112,18 +117,20 @@ struct RadeVjp {
 
     TVSGS_HD void observe(int i) const {
         RadeGradients<float> all;
-        finish(i, all);
+        std::uint32_t at = 0;
+        finish(i, at, all);
     }
 
 private:
-    /// Completes the sums of Gaussian i and writes its statistics. False if it drew nothing.
-    TVSGS_HD bool finish(int i, RadeGradients<float>& all) const {
-        const RadeGradients<float>* const blended = sums.of(i);
+    /// Completes the sums of Gaussian i and writes its statistics; `at`: its place. False if it
+    /// drew nothing.
+    TVSGS_HD bool finish(int i, std::uint32_t& at, RadeGradients<float>& all) const {
+        const RadeGradients<float>* const blended = sums.of(i, at);
         if (blended == nullptr) return false;
         all = *blended;
         SplatGradients<float>& g = all.of;
-        complete(g, shapes[i]);
-        if constexpr (kMaps) g.mean += g.features.distance * features[i].slope;
+        complete(g, shapes[at]);
+        if constexpr (kMaps) g.mean += g.features.distance * features[at].slope;
         sums.write(i, per_ndc(view.grid, g.mean), per_ndc(view.grid, g.abs_mean), g.front_pixels);
         return true;
     }

@@ -47,19 +47,21 @@ public:
                  options_.near,
                  options_.cull_alpha};
         resize_images(camera);
-        splats_.resize(g.means.size());
-        statistics_.radii_px.resize(g.means.size());
-        auto& clock = this->clock();
-        clock("project", [&] {
-            parallel_for(Device{}, g.size(),
-                         ProjectSurfelsBody{view_, color_, g.means.span(), g.log_scales.span(),
-                                            g.quats.span(), g.opacity_logits.span(), g.sh.span(),
-                                            splats_.shapes.span(), splats_.features.span(),
-                                            splats_.depths.span(), splats_.rects.span(),
-                                            statistics_.radii_px.span()});
-        });
-        clock("tile lists", [&] { build_tile_lists(splats_, view_.grid, lists_); });
-        clock("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
+        const auto project = [&](auto& to) {
+            return ProjectSurfelsBody{view_,
+                                      color_,
+                                      g.means.span(),
+                                      g.log_scales.span(),
+                                      g.quats.span(),
+                                      g.opacity_logits.span(),
+                                      g.sh.span(),
+                                      to.shapes.span(),
+                                      to.features.span(),
+                                      to.depths.span(),
+                                      to.rects.span()};
+        };
+        this->list_splats(g, view_.grid, project, splats_, [] {});
+        this->clock()("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
         return images_;
     }
 

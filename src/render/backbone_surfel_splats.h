@@ -51,33 +51,39 @@ struct ProjectSurfelsBody {
     Span<SurfelRecord> features;
     Span<float> depths;
     Span<TileRect> rects;
-    Span<float> radii;
 
-    TVSGS_HD void operator()(int i) const {
-        rects[i] = {};
-        radii[i] = 0;
-        const SurfelPose pose = surfel_pose(view, means[i], log_scales[i], quats[i]);
-        const Vec3f p = pose.axes.centre;
-        if (!(p.z > view.near) || !is_finite(p) || pose.sign == 0) return;
+    struct Found {
+        SurfelPose pose;
+        SurfelShape<float> shape;
+        TileRect rect;
+    };
+    TVSGS_HD bool find(int i, Found& f) const {
+        f.pose = surfel_pose(view, means[i], log_scales[i], quats[i]);
+        const Vec3f p = f.pose.axes.centre;
+        if (!(p.z > view.near) || !is_finite(p) || f.pose.sign == 0) return false;
         const float opacity = sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return;
-        SurfelShape<float> s;
-        if (!surfel_shape(view.camera, pose.axes, opacity, view.cull_alpha, s)) return;
+        if (!(opacity > view.cull_alpha)) return false;
+        SurfelShape<float>& s = f.shape;
+        if (!surfel_shape(view.camera, f.pose.axes, opacity, view.cull_alpha, s)) return false;
         const Vec2f half{0.5f * (s.high.x - s.low.x), 0.5f * (s.high.y - s.low.y)};
-        if (!(half.x < 1e6f) || !(half.y < 1e6f)) return;
-        const TileRect rect =
+        if (!(half.x < 1e6f) || !(half.y < 1e6f)) return false;
+        f.rect =
             tile_rect({s.mean.x + s.low.x + half.x, s.mean.y + s.low.y + half.y}, half, view.grid);
-        if (rect.count() == 0) return;
-
-        shapes[i] = s;
-        depths[i] = p.z;
-        rects[i] = rect;
-        const SurfelBox<float> box = surfel_box(surfel_rows(view.camera, pose.axes), kLowPassReach);
+        return f.rect.count() != 0;
+    }
+    TVSGS_HD float radius(const Found& f) const {
+        const SurfelBox<float> box =
+            surfel_box(surfel_rows(view.camera, f.pose.axes), kLowPassReach);
         const float longer = box.extent.x > box.extent.y ? box.extent.x : box.extent.y;
         const float least = kLowPassReach * 0.70710678f;
-        radii[i] = std::ceil(longer > least ? longer : least);
-        SurfelFeatures<float>& f = features[i].f;
-        f.normal = pose.normal;
+        return std::ceil(longer > least ? longer : least);
+    }
+    TVSGS_HD void store(int i, const Found& found, std::uint32_t at) const {
+        shapes[at] = found.shape;
+        depths[at] = found.pose.axes.centre.z;
+        rects[at] = found.rect;
+        SurfelFeatures<float>& f = features[at].f;
+        f.normal = found.pose.normal;
         f.color = color ? sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
                                           sh.data, means.count, i)
                         : Vec3f{};
@@ -102,14 +108,15 @@ struct SurfelVjp {
                              Visit& visit) const {
         Gradients g;
         SurfelMatrixGradient<float> matrix;
-        if (!finish(i, g, matrix)) return false;
+        std::uint32_t at = 0;
+        if (!finish(i, at, g, matrix)) return false;
         Vec3f dL_dmean{};
         if constexpr (kColor)
             dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
-                                           features[i].f.color, g.color, visit);
+                                           features[at].f.color, g.color, visit);
         if constexpr (kMaps) matrix.row_z.z += g.depth;
         const SurfelPose pose = surfel_pose(view, splat.mean, splat.log_scale, splat.quat);
-        low_pass_vjp(surfel_rows(view.camera, pose.axes), shapes[i].low_pass, g.inverse.low_pass,
+        low_pass_vjp(surfel_rows(view.camera, pose.axes), shapes[at].low_pass, g.inverse.low_pass,
                      matrix);
         const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, pose.axes.centre, matrix);
         if constexpr (requires { visit.dL_dlog_focal; })
@@ -134,17 +141,21 @@ struct SurfelVjp {
     TVSGS_HD void observe(int i) const {
         Gradients g;
         SurfelMatrixGradient<float> matrix;
-        finish(i, g, matrix);
+        std::uint32_t at = 0;
+        finish(i, at, g, matrix);
     }
 
 private:
-    /// The sums of Gaussian i, as they are and by its matrix; writes its statistics. False if it
-    /// drew nothing.
-    TVSGS_HD bool finish(int i, Gradients& g, SurfelMatrixGradient<float>& matrix) const {
-        const Gradients* const blended = sums.of(i);
+    /// The sums of Gaussian i, as they are and by its matrix; writes its statistics. `at`: its
+    /// place. False if it drew nothing.
+    TVSGS_HD bool finish(int i,
+                         std::uint32_t& at,
+                         Gradients& g,
+                         SurfelMatrixGradient<float>& matrix) const {
+        const Gradients* const blended = sums.of(i, at);
         if (blended == nullptr) return false;
         g = *blended;
-        const SurfelShape<float> s = shapes[i];
+        const SurfelShape<float> s = shapes[at];
         matrix = surfel_inverse_vjp(s, g.inverse);
         // A surrogate for the derivative by the centre's place, of what the dot did not draw.
         const Vec2f by_place = per_ndc(view.grid, {matrix.row_x.z, matrix.row_y.z});

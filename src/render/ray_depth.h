@@ -6,6 +6,7 @@
 #include "render/blend_math.h"
 #include "render/median_math.h"
 #include "render/ray_profile_math.h"
+#include "render/splat_places.h"
 
 namespace tvsgs {
 
@@ -14,14 +15,14 @@ struct RayProfileBody {
     Pinhole<float> camera;
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
-    Span<const float> radii;  // 0: not in view
-    float shift;              // of rays, see RayProfile
+    SplatPlaces places;
+    float shift;  // of rays, see RayProfile
     Span<RayProfile<float>> profiles;
 
     TVSGS_HD void operator()(int i) const {
-        if (!(radii[i] > 0)) return;
-        profiles[i] = ray_profile(camera, rotation(normalize(quats[i])), exp(log_scales[i]),
-                                  camera.camera_from_world * means[i], shift);
+        if (const std::uint32_t at = places.of(i); at < profiles.count)
+            profiles[at] = ray_profile(camera, rotation(normalize(quats[i])), exp(log_scales[i]),
+                                       camera.camera_from_world * means[i], shift);
     }
 };
 

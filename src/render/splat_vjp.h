@@ -8,6 +8,7 @@
 #include "render/blend.h"
 #include "render/camera_math.h"
 #include "render/sh_math.h"
+#include "render/splat_places.h"
 
 namespace tvsgs {
 
@@ -38,16 +39,20 @@ TVSGS_HD inline Vec2f per_ndc(const TileGrid& grid, Vec2f per_px) {
 /// What each splat adds up over pixels, as FragmentGradients, and where its statistics go.
 template <class Gradients>
 struct SplatSums {
-    Span<const std::uint32_t> fragment_counts, first_fragment;  // [N]
+    SplatPlaces places;
+    Span<const std::uint32_t> fragment_counts, first_fragment;  // by place
     Span<const Gradients> fragments;
     Span<const std::uint8_t> drawn;
     Span<Vec2f> stat_grad, stat_abs;  // [N], overwritten: ScreenStatistics
     Span<int> stat_front;
 
-    /// Null if splat i drew nothing; its statistics are then written, as zeros.
-    TVSGS_HD const Gradients* of(int i) const {
-        if (fragment_counts[i] != 0 && drawn[first_fragment[i]])
-            return &fragments[first_fragment[i]];
+    /// Null if splat i drew nothing; its statistics are then written, as zeros. Else `place` is
+    /// that of its records.
+    TVSGS_HD const Gradients* of(int i, std::uint32_t& place) const {
+        place = places.of(i);
+        if (place < fragment_counts.count && fragment_counts[place] != 0 &&
+            drawn[first_fragment[place]])
+            return &fragments[first_fragment[place]];
         write(i, {}, {}, 0);
         return nullptr;
     }
@@ -73,7 +78,7 @@ concept SplatVjp = requires(const Vjp& vjp,
     { Vjp::kColor } -> std::convertible_to<bool>;
     { vjp(0, splat, sum, visit) } -> std::same_as<bool>;
     vjp.observe(0);
-    vjp.sums.of(0);
+    vjp.sums.places.of(0);
 };
 
 /// Adds the gradients of the Gaussians to arrays.

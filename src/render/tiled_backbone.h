@@ -57,13 +57,33 @@ public:
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
 protected:
+    /// The first half of forward(): finds the splats in view and lists their tiles. project() as
+    /// PlaceFinder has it; add() writes what `splats` is to have besides.
+    template <class Splats, class Project, class Add>
+    void list_splats(const Gaussians<Device>& g,
+                     const TileGrid& grid,
+                     const Project& project,
+                     Splats& splats,
+                     const Add& add) {
+        auto& clock = this->clock();
+        do {
+            clock("project",
+                  [&] { finder_.find(g.size(), project, statistics_.radii_px, splats); });
+            add();
+            clock("tile lists", [&] { build_tile_lists(splats, grid, lists_); });
+        } while (!finder_.found_room(lists_.in_view));
+    }
+
+    SplatPlaces places() const { return finder_.places(statistics_.radii_px); }
+
     template <class Gradients>
     SplatSums<Gradients> sums(const FragmentGradients<Device, Gradients>& fragments) {
-        const std::size_t n = lists_.fragment_counts.size();
+        const std::size_t n = statistics_.radii_px.size();
         statistics_.dL_dmeans2d.resize(n);
         statistics_.abs_dL_dmeans2d.resize(n);
         statistics_.front_pixels.resize(n);
-        return {std::as_const(lists_.fragment_counts).span(),
+        return {places(),
+                std::as_const(lists_.fragment_counts).span(),
                 std::as_const(lists_.first_fragment).span(),
                 fragments.gradients.span(),
                 fragments.drawn.span(),
@@ -72,13 +92,14 @@ protected:
                 statistics_.front_pixels.span()};
     }
 
-    TileLists<Device> lists_;  // of the last forward(), as the images
+    TileLists<Device> lists_;  // of the last forward(), by place; as the images
     RenderedImages<Device> images_;
     Buffer<std::uint32_t, Device> stops_;  // [H W] see blend_tiles()
     ScreenStatistics<Device> statistics_;
     FusedGradients gradients_;  // of the last blend_backward()
 
 private:
+    PlaceFinder<Device> finder_;
     Buffer<CameraGradient<float>, Device> of_camera_;  // [N] none where no camera moves
     Buffer<double, Device> partial_;
 };
@@ -86,7 +107,7 @@ private:
 template <class Device>
 void write_statistics(Device device, const FusedGradients& gradients) {
     gradients.visit([&]<class Vjp>(const Vjp& vjp) {
-        parallel_for(device, vjp.sums.fragment_counts.size(), ObserveBody<Vjp>{vjp});
+        parallel_for(device, vjp.sums.places.radii.size(), ObserveBody<Vjp>{vjp});
     });
 }
 

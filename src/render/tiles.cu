@@ -91,6 +91,7 @@ void tiles_detail::order_splats(Span<const float> depths, TileLists<Cuda>& lists
     check_fragment_count(total);
     lists.visible_count = static_cast<int>(visible);
     lists.fragment_count = static_cast<int>(total);
+    lists.in_view = static_cast<std::uint32_t>(totals[2]);
     lists.order.resize(visible), lists.first_fragment_by_depth.resize(visible);
     lists.depth_keys.resize(visible);
     lists.depth_keys_sorted.resize(visible);

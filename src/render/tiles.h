@@ -48,15 +48,19 @@ TVSGS_HD inline TileRect tile_rect(Vec2f centre, Vec2f extent, const TileGrid& g
     return rect;
 }
 
-/// Splats as they appear in a view, all [N]. One whose rectangle is empty is not in view; its other
-/// entries are undefined. may_draw(shape, low, high) has to be true where the Shape draws at some
-/// pixel centre in [low, high], px; where it draws at none, true costs time and changes nothing.
+/// Splats as they appear in a view, all [N], N here those that have a place there
+/// (splat_places.h). One whose rectangle is empty is not in view; its other entries are undefined.
+/// may_draw(shape, low, high) has to be true where the Shape draws at some pixel centre in [low,
+/// high], px; where it draws at none, true costs time and changes nothing.
 template <class Device, class Shape, class Features>
 struct ViewSplats {
     Buffer<Shape, Device> shapes;
     Buffer<Features, Device> features;
     Buffer<float, Device> depths;    // z in the camera frame
     Buffer<TileRect, Device> rects;  // tiles that it may meet
+    /// How many splats are in view, perhaps more than have a place; on the device. Null: nobody
+    /// asks.
+    const std::uint32_t* in_view = nullptr;
 
     void resize(std::size_t n) {
         shapes.resize(n), features.resize(n), depths.resize(n), rects.resize(n);
@@ -92,6 +96,7 @@ struct TileLists {
     Buffer<std::uint32_t, Device> splats;       // [fragments] of these fragments
     Buffer<TileSpan, Device> spans;             // [tiles]
     int fragment_count = 0, visible_count = 0;  // visible: splats with fragments
+    std::uint32_t in_view = 0;                  // as ViewSplats has it; 0: null there
 
     // Scratch.
     Buffer<std::uint64_t, Device> totals;

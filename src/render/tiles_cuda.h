@@ -97,13 +97,14 @@ struct KeptTest {
     }
 };
 
-/// `total` gets the sum of all counts added: integers, so in any order.
+/// totals[1] gets the sum of all counts added: integers, so in any order; totals[2] *in_view.
 template <class Shape>
 __global__ void __launch_bounds__(kThreads)
     count_fragments_kernel(Projected<Shape> in,
                            Span<std::uint32_t> fragment_counts,
                            Span<std::uint32_t> hit_masks,
-                           unsigned long long* total) {
+                           const std::uint32_t* in_view,
+                           unsigned long long* totals) {
     __shared__ std::uint32_t block_total;
     if (threadIdx.x == 0) block_total = 0;
     __syncthreads();
@@ -120,7 +121,8 @@ __global__ void __launch_bounds__(kThreads)
     const unsigned of_warp = warp_sum(hits.count);
     if (threadIdx.x % 32 == 0 && of_warp > 0) atomicAdd(&block_total, of_warp);
     __syncthreads();
-    if (threadIdx.x == 0 && block_total > 0) atomicAdd(total, block_total);
+    if (threadIdx.x == 0 && block_total > 0) atomicAdd(totals + 1, block_total);
+    if (i == 0 && in_view != nullptr) totals[2] = *in_view;
 }
 
 /// Fragments of the splats in their order by depth; `first_of` holds the first one of each.
@@ -184,16 +186,16 @@ void build_tile_lists(const ViewSplats<Cuda, Shape, Features>& splats,
     using namespace tiles_detail;
     const int n = static_cast<int>(splats.rects.size());
     lists.fragment_counts.resize(n), lists.first_fragment.resize(n), lists.visible.resize(n);
-    lists.spans.resize(grid.count()), lists.totals.resize(2), lists.hit_masks.resize(n);
+    lists.spans.resize(grid.count()), lists.totals.resize(3), lists.hit_masks.resize(n);
     lists.spans.fill_zero(), lists.totals.fill_zero();
-    lists.fragment_count = lists.visible_count = 0;
+    lists.fragment_count = lists.visible_count = 0, lists.in_view = 0;
     lists.first_fragment_by_depth.resize(0);
     if (n == 0) return;
     const Projected<Shape> in{grid, splats.shapes.span(), splats.rects.span()};
     static_assert(sizeof(unsigned long long) == sizeof(std::uint64_t));
     count_fragments_kernel<<<(n + kThreads - 1) / kThreads, kThreads>>>(
-        in, lists.fragment_counts.span(), lists.hit_masks.span(),
-        reinterpret_cast<unsigned long long*>(lists.totals.data() + 1));
+        in, lists.fragment_counts.span(), lists.hit_masks.span(), splats.in_view,
+        reinterpret_cast<unsigned long long*>(lists.totals.data()));
     check_launch();
     order_splats(splats.depths.span(), lists);
     if (lists.fragment_count == 0) return;

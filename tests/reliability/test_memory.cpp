@@ -140,6 +140,17 @@ TEST_F(Memory, TheFirstSplatsMustFit) {
     expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, "training would need about ");
     expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, " MiB may be used");
     expect_refused("--scene scene --views 0,1 --host-memory 33M", 4, "--max-gaussians");
+    // Half of the splats fit: three blocks, with their margins. The images alone do not: no blocks.
+    const std::string compact = "--scene scene --views 0,1 --iterations 1 --set tv.lists=compact ";
+    const Result whole = train(compact + "--out whole");
+    ASSERT_EQ(whole.code, 0) << whole;
+    const std::int64_t half =
+        at(plan("whole").at("host"), plan("whole").at("first_splats").get<std::int64_t>() / 2);
+    expect_refused(compact + "--host-memory " + std::to_string(half), 4,
+                   "tvsgs-blocks split --scene scene --blocks 3 makes parts that fit");
+    const Result none = train(compact + "--host-memory 1M --out none");
+    EXPECT_EQ(none.code, 4) << none;
+    EXPECT_FALSE(none.says("tvsgs-blocks")) << none;
     for (const char* wrong : {"0", "-1G", "8Q", "lots", "nan", "1e"})
         expect_refused(std::string("--scene scene --views 0,1 --host-memory=") + wrong, 2,
                        "expected a number of bytes such as 8G or 500M");

@@ -60,6 +60,20 @@ TEST_F(PlanCommand, SaysMemoryAndTimeThatTheRunKeepsTo) {
     EXPECT_NE(stereo.out.find("memory and time: not known before stereo"), std::string::npos)
         << stereo.out;
     EXPECT_EQ(stereo.out.find("time: about"), std::string::npos) << stereo.out;
+    EXPECT_NE(plan.out.find("\nmachines       one CPU "), std::string::npos) << plan.out;
+    EXPECT_EQ(json::parse(read("costs/plan.json"))["decisions"].back()["name"], "machines");
+    // A little less than what the training takes: compact lists, unless the user wants others.
+    const json host = json::parse(read("costs/memory.json"))["host"];
+    const auto bytes = host["first_bytes"].get<std::int64_t>() - 100 * std::llround(splats);
+    const std::string less = flags + "--plan --quiet --host-memory " + std::to_string(bytes);
+    const Result compact = call("train", less),
+                 pinned = call("train", less + " --set tv.lists=full");
+    EXPECT_EQ(compact.code, 0) << compact;
+    EXPECT_NE(compact.out.find("machines       compact lists "), std::string::npos) << compact.out;
+    EXPECT_NE(compact.out.find("(tv.lists)"), std::string::npos) << compact.out;
+    EXPECT_EQ(pinned.code, 4) << pinned;
+    EXPECT_NE(pinned.out.find("machines       blocks "), std::string::npos) << pinned.out;
+    EXPECT_TRUE(pinned.says("tvsgs-blocks split --scene scene")) << pinned;
     const Result full = call("train", flags + "--plan --quiet --host-memory 1M");
     EXPECT_EQ(full.code, 4) << full;
     EXPECT_NE(full.out.find("settings"), std::string::npos) << "the plan is said before";
