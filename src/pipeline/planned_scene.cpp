@@ -178,6 +178,7 @@ Scene read_and_plan(const DeviceChoice& device,
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
         read_fixed_points(options, scene);
+        read_fixed_splats(options, scene);
         StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
@@ -243,6 +244,7 @@ Scene read_and_plan(const DeviceChoice& device,
     plan_thickness(options.train, plan);
     check_consistency(options.train);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
+    read_fixed_splats(options, scene);  // as the rasteriser that was chosen draws them
     if (!plan_only) provide_maps(device, options, std::move(found), scene);
     plan.finish();
     return scene;
