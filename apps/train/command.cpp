@@ -1,4 +1,5 @@
-// tvsgs-train: scene in, splats out. Parses, calls the train loop, writes the run folder.
+#include "apps/train/command.h"
+
 #include <filesystem>
 
 #include "apps/common/command_line.h"
@@ -31,7 +32,7 @@ struct Arguments {
 };
 
 /// Defaults < configuration files in order < environment < command line, all in one table.
-Arguments parse(int argc, char** argv, OptionTable& table) {
+Arguments parse(int argc, char* const* argv, OptionTable& table) {
     Arguments arguments;
     CLI::App app{
         "Trains Gaussian splats on calibrated photographs; tensor voting keeps the surface.",
@@ -184,6 +185,7 @@ Scene read_training_scene(const DeviceChoice& device,
     options.scene.points_required = false;
     Scene scene = read_views(options, true, table);
     read_fixed_points(options, scene);
+    read_fixed_splats(options, scene);
     StereoStart stereo{scene.points.positions, {}};
     adopt_scene(*point, scene);
     provide_maps(device, options, std::move(stereo), scene);
@@ -202,7 +204,7 @@ std::string run_info(const DeviceChoice& device,
                      const Resume& resume,
                      const std::string& changed,
                      int argc,
-                     char** argv) {
+                     char* const* argv) {
     std::string line;
     for (int i = 0; i < argc; ++i) line += (i ? " " : "") + std::string(argv[i]);
     JsonLine info;
@@ -261,7 +263,9 @@ void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) 
     }
 }
 
-int command(int argc, char** argv) {
+}  // namespace
+
+int train_command(int argc, char* const* argv) {
     // 1. What is asked for.
     RunOptions options;
     OptionTable table;
@@ -322,9 +326,4 @@ int command(int argc, char** argv) {
     return 0;
 }
 
-}  // namespace
 }  // namespace tvsgs
-
-int main(int argc, char** argv) {
-    return tvsgs::run_command([&] { return tvsgs::command(argc, argv); });
-}
