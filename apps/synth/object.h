@@ -289,12 +289,12 @@ inline float light_reaching(const Shape& shape, Vec3f p, Vec3f direction) {
     return light * light * (3 - 2 * light);
 }
 
-/// Nearness of other surfaces darkens the ambient light.
-inline float openness(const Shape& shape, Vec3f p, Vec3f normal) {
+/// Nearness of other surfaces and of the ground darkens the ambient light.
+inline float openness(const Shape& shape, Vec3f p, Vec3f normal, float ground_z = 0) {
     float occlusion = 0, weight = 1;
     for (const float t : {0.04f, 0.1f, 0.2f, 0.35f}) {
         const Vec3f q = p + t * normal;
-        occlusion += weight * std::max(0.0f, t - std::min(shape.distance(q), q.z)) / t;
+        occlusion += weight * std::max(0.0f, t - std::min(shape.distance(q), q.z - ground_z)) / t;
         weight *= 0.6f;
     }
     return std::clamp(1 - 0.4f * occlusion, 0.15f, 1.0f);

@@ -12,6 +12,7 @@
 #include "apps/synth/photo.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/views.h"
+#include "apps/synth/wide.h"
 #include "core/progress.h"
 #include "core/scene.h"
 #include "io/atomic_file.h"
@@ -239,15 +240,23 @@ std::string info_json(const SynthOptions& options, std::size_t points, std::size
     std::ostringstream out;
     out << "{\n"
         << "  \"generator\": \"tvsgs-synth\",\n"
-        << "  \"shape\": \"" << options.shape << "\",\n"
+        << "  \"shape\": \"" << (options.wide > 0 ? "wide" : options.shape) << "\",\n"
         << "  \"seed\": " << options.seed << ",\n"
-        << "  \"units\": \"1\",\n"
-        << "  \"crop_cylinder\": {\"center_xy\": [0, 0], \"radius\": " << kGroundRadius
-        << ", \"z_min\": -0.1, \"z_max\": 2.2},\n"
-        << "  \"ground_plane_z\": 0,\n"
-        << "  \"thresholds\": [0.01, 0.02, 0.05],\n"
-        << "  \"max_dist\": 0.2,\n"
-        << "  \"points\": " << points << ",\n"
+        << "  \"units\": \"1\",\n";
+    if (options.wide > 0) {
+        const double half = 0.5 * options.wide;
+        out << "  \"box\": [[" << -half << ", " << -half << ", -0.6], [" << half << ", " << half
+            << ", 2.6]],\n"
+            << "  \"thresholds\": [0.02, 0.05, 0.1],\n"
+            << "  \"max_dist\": 0.4,\n";
+    } else {
+        out << "  \"crop_cylinder\": {\"center_xy\": [0, 0], \"radius\": " << kGroundRadius
+            << ", \"z_min\": -0.1, \"z_max\": 2.2},\n"
+            << "  \"ground_plane_z\": 0,\n"
+            << "  \"thresholds\": [0.01, 0.02, 0.05],\n"
+            << "  \"max_dist\": 0.2,\n";
+    }
+    out << "  \"points\": " << points << ",\n"
         << "  \"points_train_3\": " << points_train_3;
     if (options.exposure_drift > 0) {
         out << std::setprecision(9) << ",\n  \"exposure_gains\": [";  // in the order of the names
@@ -268,11 +277,15 @@ std::string info_json(const SynthOptions& options, std::size_t points, std::size
 
 std::string readme(const SynthOptions& options) {
     return str(
-        "# Synthetic scene '", options.shape, "', written by tvsgs-synth\n\n", options.views,
-        " views, ", options.width, "x", options.height, ", arc ", options.arc_deg,
-        " degrees, seed ", options.seed, ", sensor noise ", options.noise, R"( of 255.
-Units: the object is about 2 units high; the ground is the plane z = 0, z up, the object's front looks along +x.
-)",
+        "# Synthetic scene '", options.wide > 0 ? "wide" : options.shape,
+        "', written by tvsgs-synth\n\n", options.views, " views, ", options.width, "x",
+        options.height, ", seed ", options.seed, ", sensor noise ", options.noise, " of 255",
+        options.wide > 0
+            ? str(".\nObjects up to 2 units high on a ground with relief, ", options.wide, " x ",
+                  options.wide, " units around the origin, z up; cameras at two heights.\n")
+            : str(", arc ", options.arc_deg,
+                  " degrees.\nUnits: the object is about 2 units high; the ground is the plane "
+                  "z = 0, z up, the object's front looks along +x.\n"),
         options.shininess > 0
             ? str("Highlights of strength ", options.shininess,
                   " move with the view point; the colours of mesh and points are without.\n")
@@ -283,7 +296,7 @@ Units: the object is about 2 units high; the ground is the plane z = 0, z up, th
         options.texture < 1
             ? str("The contrast of the surface's own colours is ", options.texture, ".\n")
             : "",
-        "\n- `images/`", options.masks ? ", `masks/`" : "", " (object and ground disc against ",
+        "\n- `images/`", options.masks ? ", `masks/`" : "", " (object and ground against ",
         options.background == "sky"     ? "a sky infinitely far away"
         : options.background == "white" ? "overexposed white"
         : options.background == "noise" ? "greys that no two views share"
@@ -296,22 +309,26 @@ Units: the object is about 2 units high; the ground is the plane z = 0, z up, th
             : std::string("exact poses"),
         R"(, pixel centres at .5; points3D.txt are surface samples with a
   little noise (standard deviation 0.003), their tracks the views that see them
-- `splits.json`: `train_3` (around the front), `train_9`, `train_all`, `test`; no test view is in a training list
+- `splits.json`: `train_3` (around the front, or the middle), `train_9`, `train_all`, `test`; no test view is in a training list
 - `gt/mesh.ply`: the exact surface, hidden parts included (under the object)
 - `gt/points.ply`: uniform samples of what at least two views see; `gt/points_train_3.ply`: at least two of `train_3`
-- `gt/info.json`: crop cylinder for `tvsgs-eval geometry --crop`
+- `gt/info.json`: crop volume for `tvsgs-eval geometry --crop`
 )");
 }
 
 void write_scene(const SynthOptions& options, const std::string& out) {
     const Shape shape = make_shape(options.shape);
-    const TriangleMesh mesh = make_scene_mesh(shape, kGroundRadius, kMeshSpacing,
-                                              static_cast<float>(options.texture), options.seed);
+    std::optional<WideScene> wide;
+    if (options.wide > 0) wide.emplace(static_cast<float>(options.wide), options.seed);
+    const auto texture = static_cast<float>(options.texture);
+    const TriangleMesh mesh =
+        wide ? wide->mesh(texture)
+             : make_scene_mesh(shape, kGroundRadius, kMeshSpacing, texture, options.seed);
     std::unique_ptr<Highlights> highlights;
     if (options.shininess > 0)
         highlights =
             std::make_unique<Highlights>(shape, mesh, static_cast<float>(options.shininess));
-    std::vector<SynthView> views = make_views(options);
+    std::vector<SynthView> views = wide ? make_wide_views(options, *wide) : make_views(options);
     const Lens lens(options.lens, views.front().camera, kSupersampling);
     for (SynthView& view : views) view.camera.fy_px = lens.fy_px();
     std::vector<Sample> points = sample_surface(mesh, options.points, options.seed);
@@ -366,6 +383,8 @@ int run(const SynthOptions& options) {
     if (options.lens != "PINHOLE" && !options.priors.format.empty())
         throw Error(ExitCode::usage, "--lens and --priors: priors are made for PINHOLE alone");
     make_shape(options.shape);  // a wrong name is said before anything is touched
+    if (options.wide > 0 && options.shininess > 0)
+        throw Error(ExitCode::usage, "--wide and --shininess: the wide scene has no highlights");
     const fs::path out = fs::path(options.out).lexically_normal();
     std::error_code failure;
     if (fs::exists(out, failure) &&
@@ -434,6 +453,12 @@ int command(int argc, char** argv) {
         "tvsgs-synth");
     app.add_option("-o,--out", options.out, "folder to write")->required();
     app.add_option("--shape", options.shape, "bust, spheres or torus")->capture_default_str();
+    app.add_option("--wide", options.wide,
+                   "in place of one object many, on a ground with relief of so many units a side, "
+                   "seen from two heights [12]")
+        ->expected(0, 1)
+        ->default_str("12")
+        ->check(CLI::Range(4.0, 200.0));
     app.add_option("--views", options.views, "number of views")
         ->check(CLI::Range(2, 9999))
         ->capture_default_str();

@@ -34,6 +34,7 @@ struct SynthOptions {
     int views = 24, width = 160, height = 120, points = 8000;
     std::optional<int> test_views;  // absent: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
+    double wide = 0;  // side of the ground of the wide scene; 0: one object
     double noise = 0, exposure_drift = 0, color_drift = 0, shininess = 0, texture = 1,
            pose_noise = 0;
     std::string background = "empty", lens = "PINHOLE";
@@ -51,40 +52,50 @@ struct SynthView {
     Rigid3d pose() const { return {rotation(quat), translation}; }
 };
 
+constexpr double kDegree = 3.14159265358979323846 / 180;
+
+/// View `i`, at `distance` from what it looks at, seen from there at an azimuth and an elevation.
+inline SynthView make_view(const SynthOptions& options,
+                           int i,
+                           Vec3d look_at,
+                           double distance,
+                           double azimuth_rad,
+                           double elevation_rad) {
+    SynthView view;
+    std::ostringstream name;
+    name << std::setw(4) << std::setfill('0') << i << ".png";
+    view.name = name.str();
+    view.azimuth_rad = azimuth_rad;
+    const Vec3d backward{std::cos(azimuth_rad) * std::cos(elevation_rad),
+                         std::sin(azimuth_rad) * std::cos(elevation_rad), std::sin(elevation_rad)};
+    const Vec3d right = normalize(cross(Vec3d{0, 0, 1}, backward)), down = cross(right, backward);
+    Mat3<double> R;
+    for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
+    view.quat = quaternion(R);
+    R = rotation(view.quat);
+    view.translation = -(R * (look_at + distance * backward));
+    Camera& camera = view.camera;
+    camera.width_px = options.width, camera.height_px = options.height;
+    // Focal lengths and principal point as of a real camera: not quite equal, not quite central.
+    const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
+    camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
+    camera.cx_px = 0.506f * static_cast<float>(options.width);
+    camera.cy_px = 0.493f * static_cast<float>(options.height);
+    camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
+    return view;
+}
+
 /// Cameras around the object at three heights in turn, all looking at its middle; the front is at
 /// azimuth 0.
 inline std::vector<SynthView> make_views(const SynthOptions& options) {
-    constexpr double kDegree = 3.14159265358979323846 / 180;
     const bool ring = options.arc_deg >= 360;
     std::vector<SynthView> views;
     for (int i = 0; i < options.views; ++i) {
-        SynthView view;
-        std::ostringstream name;
-        name << std::setw(4) << std::setfill('0') << i << ".png";
-        view.name = name.str();
         const double fraction =
             static_cast<double>(i) / (ring ? options.views : std::max(1, options.views - 1));
-        view.azimuth_rad = (fraction - 0.5) * options.arc_deg * kDegree;
         const double elevation = (32 + 0.5 * options.elevation_span_deg * (i % 3 - 1)) * kDegree;
-        const Vec3d backward{std::cos(view.azimuth_rad) * std::cos(elevation),
-                             std::sin(view.azimuth_rad) * std::cos(elevation), std::sin(elevation)};
-        const Vec3d right = normalize(cross(Vec3d{0, 0, 1}, backward)),
-                    down = cross(right, backward);
-        Mat3<double> R;
-        for (int c = 0; c < 3; ++c) R[0][c] = right[c], R[1][c] = down[c], R[2][c] = -backward[c];
-        view.quat = quaternion(R);
-        R = rotation(view.quat);
-        view.translation = -(R * (kLookAt + kDistance * backward));
-        Camera& camera = view.camera;
-        camera.width_px = options.width, camera.height_px = options.height;
-        // Focal lengths and principal point as of a real camera: not quite equal, not quite
-        // central.
-        const float size = static_cast<float>(std::min(options.width, options.height * 4 / 3));
-        camera.fx_px = 1.2f * size, camera.fy_px = 1.197f * size;
-        camera.cx_px = 0.506f * static_cast<float>(options.width);
-        camera.cy_px = 0.493f * static_cast<float>(options.height);
-        camera.camera_from_world = {mat_cast<float>(R), vec_cast<float>(view.translation)};
-        views.push_back(view);
+        views.push_back(make_view(options, i, kLookAt, kDistance,
+                                  (fraction - 0.5) * options.arc_deg * kDegree, elevation));
     }
     return views;
 }

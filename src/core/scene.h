@@ -3,10 +3,12 @@
 
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "core/camera.h"
+#include "core/gaussians.h"
 #include "core/image.h"
 
 namespace tvsgs {
@@ -53,6 +55,7 @@ struct Scene {
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud
     PointCloud fixed_voters;        // measured points of tv.fixed_voters; confidences are weights
+    std::shared_ptr<const Gaussians<Cpu>> fixed_splats;  // drawn, never trained; null: none
     float extent = 0;  // 1.1 x the largest distance of a training camera from their mean
 };
 

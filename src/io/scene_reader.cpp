@@ -217,6 +217,16 @@ PointCloud initial_points(const SceneOptions& options,
     return cloud;
 }
 
+/// All images of the model count, so that the frame does not depend on the split.
+Vec3d origin_of(const ColmapModel& model) {
+    std::vector<Vec3d> centres;
+    for (const ColmapImage& image : model.images)
+        centres.push_back(inverse(image.camera_from_world).t);
+    return local_origin(centres);
+}
+
+}  // namespace
+
 float scene_extent(const Scene& scene) {
     if (scene.train.empty()) return 1;
     Vec3d mean;
@@ -239,16 +249,6 @@ float scene_extent(const Scene& scene) {
         scene.path, *middle);
     return *middle;
 }
-
-/// All images of the model count, so that the frame does not depend on the split.
-Vec3d origin_of(const ColmapModel& model) {
-    std::vector<Vec3d> centres;
-    for (const ColmapImage& image : model.images)
-        centres.push_back(inverse(image.camera_from_world).t);
-    return local_origin(centres);
-}
-
-}  // namespace
 
 PixelSize resized_size(int resolution, int width, int height) {
     const double w = width, h = height;

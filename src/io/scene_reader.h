@@ -35,6 +35,9 @@ Scene read_scene(const SceneOptions& options);
 /// Its Scene::origin alone, without the photographs.
 Vec3d read_scene_origin(const SceneOptions& options);
 
+/// What Scene::extent is for these training views.
+float scene_extent(const Scene& scene);
+
 /// Size of the training images for -r.  [docs/method/input.md#sizes-of-photographs]
 struct PixelSize {
     int width_px, height_px;

@@ -1,6 +1,8 @@
 // From a point cloud to the first Gaussians.
 #pragma once
 
+#include <string>
+
 #include "core/gaussians.h"
 #include "core/options.h"
 #include "core/scene.h"
@@ -16,6 +18,7 @@ struct InitOptions {
     float thin = 0;
     int max_points = 1500000, outlier_neighbours = 20;
     float outlier_deviations = 0, min_in_frame = 0.1f;
+    std::string fixed_splats;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -43,6 +46,9 @@ struct InitOptions {
         field("min_in_frame", min_in_frame, {0, 1},
               "scene.init_ply: share of its points that two training views must see, else it is "
               "refused");
+        field("fixed_splats", fixed_splats,
+              "file of splats, in the frame of the scene, that are drawn with those that train and "
+              "stay as they are; they are not saved with the run");
     }
 };
 

@@ -9,6 +9,7 @@
 #include "core/stage_clock.h"
 #include "optim/adam.h"
 #include "optim/device_views.h"
+#include "optim/fixed_splats.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -63,7 +64,8 @@ public:
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
           bounds_(options.bounds),
-          extent_(scene.extent) {
+          extent_(scene.extent),
+          fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->moves_cameras());
         if (options.cameras.refine && peers != nullptr)
             throw Error(ExitCode::usage,
@@ -108,17 +110,18 @@ public:
                    Span<double> by_camera,
                    const Watch& watch) {
         sh_degree_ = sh_degree_at(model_, step);
+        const Gaussians<Device>& drawn = fixed_.join(gaussians);
         OtherViews<Device>* others = nullptr;
         if (needs_at(losses, step, view.index, true).other_views > 0)
             clock("other views", [&] {
                 details("other views, forward", [&] {
-                    others_->begin(step, view.index, views_.views(), gaussians);
+                    others_->begin(step, view.index, views_.views(), drawn);
                     if (others_->count() > 0) others = others_.get();
                 });
             });
         const LossNeeds needs = needs_at(losses, step, view.index, others != nullptr);
         const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
-            return backbone_->forward(gaussians, view.camera, sh_degree_, needs.maps);
+            return backbone_->forward(drawn, view.camera, sh_degree_, needs.maps);
         });
         clock("losses", [&] {
             details("clear gradients", [&] { clear(gaussians, needs, images); });
@@ -131,20 +134,22 @@ public:
                                        backbone_->statistics().radii_px.span(), step, others});
                 });
                 if (!by_camera.empty() && losses[i]->moves_cameras())
-                    details("camera gradient", [&] { find_camera_gradient(gaussians, by_camera); });
+                    details("camera gradient", [&] { find_camera_gradient(drawn, by_camera); });
             }
             mean_over_ranks<double>(peers_, objective_.values);
             details("watch losses", [&] { watch(objective_.values); });
         });
         clock("backward", [&] {
+            Gaussians<Device>& dL_ddrawn =
+                fixed_.none() ? objective_.dL_dgaussians : fixed_.clear_gradients();
             if (others && for_step)
-                details("other views, backward",
-                        [&] { others->backward(gaussians, objective_.dL_dgaussians); });
+                details("other views, backward", [&] { others->backward(drawn, dL_ddrawn); });
             fused_ = nullptr;
             if (fuses())
-                fused_ = backbone_->blend_backward(gaussians, objective_.dL_dimages);
+                fused_ = backbone_->blend_backward(drawn, objective_.dL_dimages);
             else
-                backbone_->backward(gaussians, objective_.dL_dimages, objective_.dL_dgaussians);
+                backbone_->backward(drawn, objective_.dL_dimages, dL_ddrawn);
+            if (!fixed_.none()) fixed_.add_trained_part(objective_.dL_dgaussians);
             for_each_array(
                 [&](const SplatArray&, auto& values) { mean_over_ranks<float>(peers_, values); },
                 objective_.dL_dgaussians);
@@ -192,12 +197,13 @@ public:
         backbone_->prepare(step, changed, cameras_, gaussians);
     }
 
-    /// visit(statistics) of what each training view sees of the splats.
+    /// visit(statistics) of what each training view sees of the splats; fixed ones come last.
     template <class Visit>
     void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
+        const Gaussians<Device>& drawn = fixed_.join(gaussians);
         for (const auto& view : views_.views()) {
-            backbone_->forward(gaussians, view.camera, 0, kGeometryMaps);
-            backbone_->observe(gaussians);
+            backbone_->forward(drawn, view.camera, 0, kGeometryMaps);
+            backbone_->observe(drawn);
             visit(backbone_->statistics());
         }
     }
@@ -210,8 +216,8 @@ public:
     StageClock<Device> clock, details;
 
 private:
-    /// Gradients that are in no memory cannot be shared.
-    bool fuses() const { return peers_ == nullptr && backbone_->fuses(); }
+    /// Gradients that are in no memory cannot be shared, nor parted from those of fixed splats.
+    bool fuses() const { return peers_ == nullptr && fixed_.none() && backbone_->fuses(); }
 
     void copy_bound_cameras() {
         if (bounds_.on()) copy(cameras_, bound_cameras_);
@@ -262,6 +268,7 @@ private:
     BoundOptions bounds_;
     Buffer<Camera, Device> bound_cameras_;  // none where there are no bounds
     float extent_;
+    FixedSplats<Device> fixed_;
     Objective<Device> objective_;
     ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;

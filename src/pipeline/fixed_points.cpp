@@ -13,6 +13,7 @@
 #include "io/mesh_files.h"
 #include "optim/fixed_voters.h"
 #include "optim/init_cloud.h"
+#include "pipeline/run_folder.h"
 
 namespace tvsgs {
 namespace {
@@ -234,6 +235,16 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
                                          "to true, or leave out --fixed-points"));
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
     make_fixed_voters(scene.fixed_voters, tv);  // complains before there is a run
+}
+
+void read_fixed_splats(const RunOptions& options, Scene& scene) {
+    const std::string& file = options.train.init.fixed_splats;
+    if (file.empty()) return;
+    scene.fixed_splats = with_context("reading init.fixed_splats", [&] {
+        return std::make_shared<const Gaussians<Cpu>>(
+            read_splats(file, scene.origin, options.train));
+    });
+    spdlog::info("{}: {} splats are drawn and stay as they are", file, scene.fixed_splats->size());
 }
 
 FixedPointsLook look_at_fixed_points(const Scene& scene) {

@@ -13,6 +13,10 @@ namespace tvsgs {
 /// read_mesh() and make_fixed_voters() do.
 void read_fixed_points(const RunOptions& options, Scene& scene);
 
+/// Fills scene.fixed_splats from init.fixed_splats; nothing where the key is empty. Throws as
+/// read_splats() does.
+void read_fixed_splats(const RunOptions& options, Scene& scene);
+
 /// How measured points lie to the initial cloud: a point agrees that has one of the other cloud
 /// within two pixels, or within twice that cloud's spacing. Asked are the measured points that two
 /// views see, and the initial ones inside of their box; the smaller share counts.

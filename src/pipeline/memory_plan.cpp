@@ -175,7 +175,9 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t geometry = 4 * 11,
                        parameters = geometry + 4 * 3 * sh_count(o.model.sh_degree);
     // A fused step wants in memory what terms give without the image alone.
-    const bool fuses = make_backbone<Cpu>(o.backbone, o.render)->fuses();
+    const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
+    const bool compact = make_backbone<Cpu>(o.backbone, o.render)->fuses(),
+               fuses = compact && fixed == 0;
     const std::int64_t gradients = !fuses ? parameters : needs.splat_gradients ? geometry : 0;
     const std::int64_t renders = 1 + needs.rendered_views;
 
@@ -184,8 +186,10 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryNeed& buffers = plan.buffers;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
-    buffers.per_splat = 3 * parameters + gradients +
-                        renders * view_bytes_per_splat(fuses ? share_in_view(scene) : 1);
+    const std::int64_t drawn = renders * view_bytes_per_splat(compact ? share_in_view(scene) : 1);
+    buffers.per_splat = 3 * parameters + gradients + drawn;
+    // Beside fixed splats: values and gradients of all that is drawn, once more.
+    if (fixed > 0) buffers.per_splat += 2 * parameters;
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
     if (votes)
         buffers.per_splat +=
@@ -204,13 +208,13 @@ MemoryPlan estimate_memory(const Scene& scene,
     }
     // Else those of a few, grey ones beside the colours.
     buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
-                    per_pixel * largest_view(scene) + kept;
+                    per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
     plan.host.per_splat = 2 * state + parameters;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + masks +
-                      2 * kept +
+                      2 * kept + fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
     if (!cuda) {
         buffers.per_splat += 2 * state;

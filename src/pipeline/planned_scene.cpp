@@ -195,6 +195,7 @@ Scene read_and_plan(const DeviceChoice& device,
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
         read_fixed_points(options, scene);
+        read_fixed_splats(options, scene);
         StereoStart found = prepare_points(device, options, scene);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
@@ -261,6 +262,7 @@ Scene read_and_plan(const DeviceChoice& device,
     check_consistency(options.train);
     plan_machine(device, options, scene, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
+    read_fixed_splats(options, scene);  // as the rasteriser that was chosen draws them
     if (!plan_only) provide_maps(device, options, std::move(found), scene);
     plan.finish();
     return scene;

@@ -108,7 +108,7 @@ inline double psnr_trained(const ViewScores& scores, const TrainOptions& options
                : scores.mean_psnr;
 }
 
-/// An evaluation during training.
+/// An evaluation during training, of the splats as `drawn`: with fixed ones after them.
 struct Evaluation {
     std::string line;  // of log.jsonl
     double psnr = 0;   // psnr_trained() of the test views
@@ -117,6 +117,7 @@ template <class Device>
 Evaluation evaluate(int step,
                     double seconds,
                     const Gaussians<Device>& gaussians,
+                    const Gaussians<Device>& drawn,
                     const std::vector<View>& views,
                     const TrainOptions& options,
                     const std::optional<Truth>& truth,
@@ -128,7 +129,7 @@ Evaluation evaluate(int step,
     if (!views.empty()) {
         const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
         const ViewScores scores =
-            score_views(gaussians, views, options, no_pictures, {.masked = have_masks(views)});
+            score_views(drawn, views, options, no_pictures, {.masked = have_masks(views)});
         line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
         if (have_masks(views)) line.add("psnr_masked", scores.mean_masked.psnr);
         result.psnr = psnr_trained(scores, options);
@@ -144,7 +145,7 @@ Evaluation evaluate(int step,
         add("centres", score_points(to_host(gaussians.means), *truth, false));
         if (mesh)
             add("mesh",
-                score_mesh(extract_mesh(mesh->views, gaussians, options, mesh->options,
+                score_mesh(extract_mesh(mesh->views, drawn, options, mesh->options,
                                         mesh->spill_folder, spdlog::level::debug, mesh->origin),
                            *truth, false));
     }

@@ -2,6 +2,7 @@
 
 #include "core/log.h"
 #include "io/ply.h"
+#include "optim/fixed_splats.h"
 #include "optim/time_budget.h"
 #include "pipeline/checkpoints.h"
 #include "pipeline/live_snapshots.h"
@@ -40,7 +41,7 @@ private:
     void save_refined_cameras() const;
     void write_results(const Gaussians<Device>& trained, double seconds);
     void say_what_is_scored() const;
-    void score_test_views(const Gaussians<Device>& trained, JsonLine& summary) const;
+    void score_test_views(const Gaussians<Device>& drawn, JsonLine& summary) const;
 
     /// Of this call: what the run took before it was resumed is past.
     double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
@@ -57,6 +58,7 @@ private:
     LiveSnapshots live_;
     TimeBudget budget_;
     ScoreWatch scores_;                        // of evaluations on the way
+    FixedSplats<Device> fixed_;                // drawn beside those that are trained
     std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
     int done_;                                 // iterations
     SharedState state_;                        // the last one saved; null: the beginning
@@ -74,6 +76,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
           inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
+      fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
       done_(inputs.resume.done()),
       state_(inputs.resume.point ? inputs.resume.point->state : nullptr) {}
 
@@ -208,8 +211,8 @@ void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& sp
     const std::vector<Camera> given = detail::cameras_of(in_.scene.train);
     if (refined_) place_cameras(refined_->cameras());
     const Evaluation evaluation =
-        evaluate(step, progress_.seconds(), splats, in_.scene.test, training_, in_.truth,
-                 in_.options.eval.mesh ? &mesh : nullptr);
+        evaluate(step, progress_.seconds(), splats, fixed_.join(splats), in_.scene.test, training_,
+                 in_.truth, in_.options.eval.mesh ? &mesh : nullptr);
     place_cameras(given);  // what training starts from, should it start again
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
@@ -296,13 +299,13 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
         .add("gaussians", trained.size());
     summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
     if (refined_) summary.add_json("cameras", camera_moves_json(in_.scene, *refined_));
-    if (!in_.scene.test.empty()) score_test_views(trained, summary);
+    if (!in_.scene.test.empty()) score_test_views(fixed_.join(trained), summary);
     if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
     if (in_.options.eval.mesh) {
         const MeshSource source = mesh_source();
         const TriangleMesh mesh =
-            extract_mesh(source.views, trained, training_, source.options, source.spill_folder,
-                         spdlog::level::info, source.origin);
+            extract_mesh(source.views, fixed_.join(trained), training_, source.options,
+                         source.spill_folder, spdlog::level::info, source.origin);
         write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
         add_mesh(summary, mesh, *in_.truth, run_.path());
     }
@@ -310,12 +313,12 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
 }
 
 template <class Device>
-void TrainSession<Device>::score_test_views(const Gaussians<Device>& trained,
+void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
                                             JsonLine& summary) const {
     const std::size_t views = in_.scene.test.size();
     const bool masked = have_masks(in_.scene.test);
     const ViewScores scores =
-        evaluate_views(trained, in_.scene.test, training_, run_.path(), {.masked = masked});
+        evaluate_views(drawn, in_.scene.test, training_, run_.path(), {.masked = masked});
     summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
     if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
     spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",

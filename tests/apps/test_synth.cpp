@@ -10,6 +10,7 @@
 #include <fstream>
 #include <sstream>
 
+#include "io/crop_file.h"
 #include "io/image_file.h"
 #include "io/json_value.h"
 #include "io/ply.h"
@@ -255,6 +256,60 @@ TEST_F(Synth, DefaultsKeepTheirPictures) {
         fields >> value;
         EXPECT_NEAR(value, expected, 1e-12);  // sines and cosines of another C library
     }
+}
+
+// Many objects on a ground with relief, from two heights; the surface explains the photographs, the
+// box holds it, and the views see nearly all of what faces up.
+TEST_F(Synth, WideScenesAreExactAndSeen) {
+    const std::string wide = other("wide");
+    ASSERT_EQ(synth("--quiet --out " + wide + " --wide 5 --views 16 --width 64 --height 48"), 0);
+    const PlyContents ply = read_ply(wide + "/gt/mesh.ply");
+    const TriangleMesh mesh{ply.points.positions, ply.points.colors, ply.faces};
+    SceneOptions options;
+    options.path = wide;
+    options.split = "train_all";
+    const Scene read = read_scene(options);
+    ASSERT_EQ(read.train.size() + read.test.size(), 16u);
+    for (const View& view : {read.train[0], read.train[5], read.test[0]}) {
+        const ImageU8 image = to_8bit(render_mesh(mesh, view.camera, {.supersampling = 3}).color);
+        double difference = 0;
+        for (std::size_t i = 0; i < image.pixels.size(); ++i)
+            difference += std::abs(static_cast<double>(image.pixels[i]) - view.photo.pixels[i]);
+        EXPECT_LT(difference / static_cast<double>(image.pixels.size()), 0.75) << view.name;
+    }
+
+    const Crop box = read_crop(wide + "/gt/info.json");
+    float lowest = 1e9f, highest = -1e9f, rim_low = 1e9f, rim_high = -1e9f;
+    for (const Vec3f v : mesh.vertices) {
+        EXPECT_TRUE(contains(box, vec_cast<double>(v)));
+        lowest = std::min(lowest, v.z), highest = std::max(highest, v.z);
+        if (std::max(std::abs(v.x), std::abs(v.y)) < 2.4999f) continue;
+        rim_low = std::min(rim_low, v.z), rim_high = std::max(rim_high, v.z);
+    }
+    EXPECT_GT(highest - lowest, 0.8f);     // objects
+    EXPECT_GT(rim_high - rim_low, 0.05f);  // relief, of the ground alone
+
+    int low = 0, high = 0;
+    for (const View& view : read.train) (camera_centre(view.camera).z < 4.6f ? low : high) += 1;
+    EXPECT_GE(low, 6);
+    EXPECT_GE(high, 6);
+    int up = 0, seen = 0;
+    for (std::size_t f = 0; f < mesh.faces.size(); f += 97) {
+        const Vec3i face = mesh.faces[f];
+        const Vec3f a = mesh.vertices[static_cast<std::size_t>(face.x)];
+        const Vec3f n = normalize(cross(mesh.vertices[static_cast<std::size_t>(face.y)] - a,
+                                        mesh.vertices[static_cast<std::size_t>(face.z)] - a));
+        if (n.z < 0.9f) continue;
+        int views = 0;
+        for (const View& view : read.train) views += is_in_view(view.camera, a);
+        ++up, seen += views >= 3;
+    }
+    EXPECT_GT(seen, 0.95 * up) << up;
+
+    // Another side, other sizes; with highlights there is none.
+    EXPECT_EQ(synth("--quiet --out " + other("x") + " --wide 5 --views 4 --shininess 1"), 2);
+    EXPECT_EQ(synth("--quiet --out " + other("x") + " --wide 1 --views 4"), 2);
+    EXPECT_FALSE(fs::exists(other("x")));
 }
 
 /// A small scene from in front, with and without switches.

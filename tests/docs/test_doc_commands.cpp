@@ -134,6 +134,7 @@ protected:
 /// Lines of the guide that are not run, and why. Their flags are looked up all the same.
 const std::vector<std::pair<std::string, std::string>> kNotRun = {
     {"tvsgs-prepare ", "needs COLMAP, and minutes"},
+    {"tvsgs-blocks ", "trains five times; test_blocks_command types the same"},
     {"--preset midas", "needs a network that is not ours"},
     {"--model mine.onnx", "needs a network of the reader's"},
     {"tvsgs-view RUN", "serves a browser until it is ended"},  // without --out; see below

@@ -1,0 +1,216 @@
+// tvsgs-blocks merge: the splats of all blocks as one run, and what its seams are like.
+#include <filesystem>
+#include <map>
+#include <memory>
+
+#include "apps/blocks/subcommands.h"
+#include "io/atomic_file.h"
+#include "io/json_value.h"
+#include "io/read_file.h"
+#include "optim/fixed_splats.h"
+#include "optim/splat_order.h"
+#include "pipeline/blocks_seams.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/run_options.h"
+#include "pipeline/splat_selection.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct MergeArguments {
+    std::string folder, out, scene;
+    bool overwrite = false, seam_pass = false;
+};
+
+/// All of them, or the first that is not as it has to be.
+std::vector<BlockResult> require_results(const BlocksManifest& manifest, BlockStage stage) {
+    std::vector<BlockResult> results;
+    for (int block = 1; block <= manifest.count(); ++block)
+        results.push_back(require_block_result(manifest, block, stage));
+    return results;
+}
+
+/// What the whole is made of, in its order.
+class Whole {
+public:
+    explicit Whole(int sh_degree) { resize(splats_, 0, sh_degree); }
+
+    /// In Morton order.
+    void add(const Gaussians<Cpu>& from, const std::vector<int>& places) {
+        Gaussians<Cpu> part;
+        copy(with_sh_degree(from, splats_.sh_degree), part);
+        keep_splats(places, part);
+        if (part.size() == 0) return;
+        sort_by_place(part);
+        const int before = splats_.size(), after = before + part.size();
+        Gaussians<Cpu> both;
+        resize(both, after, splats_.sh_degree);
+        for_each_array(
+            [&](const SplatArray& array, const auto& first, const auto& second, auto& to) {
+                if (array.optional) return;
+                over_planes<CopyPlaneBody>(first, before, to, after, 0, before, array.planes);
+                over_planes<CopyPlaneBody>(second, part.size(), to, after, before, part.size(),
+                                           array.planes);
+            },
+            std::as_const(splats_), std::as_const(part), both);
+        copy(both, splats_);
+    }
+    const Gaussians<Cpu>& splats() const { return splats_; }
+
+private:
+    Gaussians<Cpu> splats_;
+};
+
+/// The splats whose centre is a block's own (0: far), and how many of them reach beyond its margin.
+std::vector<int> own_splats(const BlocksManifest& manifest,
+                            const Gaussians<Cpu>& splats,
+                            int block,
+                            std::int64_t& long_ones) {
+    std::vector<int> places;
+    for (int i = 0; i < splats.size(); ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (manifest.block_of(vec_cast<double>(std::as_const(splats.means).span()[at])) != block)
+            continue;
+        places.push_back(i);
+        const Vec3f l = std::as_const(splats.log_scales).span()[at];
+        long_ones += block > 0 &&
+                     3 * std::exp(std::max({l.x, l.y, l.z})) > static_cast<float>(manifest.margin);
+    }
+    return places;
+}
+
+/// cameras.json of the whole: of each view once, by name.
+std::string cameras_of_blocks(const BlocksManifest& manifest) {
+    std::map<std::string, JsonValue> cameras;
+    for (int block = 1; block <= manifest.count(); ++block) {
+        const std::string file = manifest.block_folder(block) + "/run/cameras.json";
+        const JsonValue list = parse_json_value(read_bytes(file), file);
+        for (const JsonValue& camera : list.items)
+            cameras.emplace(camera["img_name"].text_or(""), camera);
+    }
+    std::string text = "[";
+    int id = 0;
+    for (auto& [name, camera] : cameras) {
+        camera.set("id", static_cast<double>(id));
+        text += (id++ ? ",\n" : "\n") + json_text(camera);
+    }
+    return text + "\n]\n";
+}
+
+void say_seam(const BlocksManifest& manifest, const SeamReport& r) {
+    const std::string where =
+        str("seam of blocks ", r.seam.a + 1, " and ", r.seam.b + 1, " (",
+            r.seam.axis == 0 ? "first" : "second", " ground axis at ", r.seam.at, ")");
+    if (!r.judged) {
+        spdlog::info("{}: {} splats to compare, too few to judge", where, r.across.compared);
+        return;
+    }
+    const std::string numbers = fmt::format(
+        "offset {:.3g} (95 %: {:.3g}), angle {:.1f} degrees; inside of the blocks {:.3g} ({:.3g}), "
+        "{:.1f}",
+        r.across.median_offset, r.across.offset_95, r.across.median_angle, r.inside.median_offset,
+        r.inside.offset_95, r.inside.median_angle);
+    if (r.good)
+        spdlog::info("{}: {}", where, numbers);
+    else
+        spdlog::warn(
+            "{}: {}; the surfaces do not meet as well as elsewhere: look there, or train "
+            "with a larger margin than {:.3g}",
+            where, numbers, manifest.margin);
+}
+
+int merge(const MergeArguments& a) {
+    const BlocksManifest manifest = read_manifest(a.folder);
+    for (const FileRecord& file : manifest.files)
+        if (const auto fault = fault_of(manifest.folder, file);
+            fault && file.name.find('/') == std::string::npos)
+            throw Error(ExitCode::input, str(manifest.folder, "/", file.name, " ", *fault,
+                                             "; run tvsgs-blocks split again, into another "
+                                             "folder"));
+    const std::vector<BlockResult> results =
+        require_results(manifest, a.seam_pass ? BlockStage::seams : BlockStage::training);
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    table.read_file(manifest.folder + "/config.json");
+    if (!a.scene.empty()) table.set("scene.path", a.scene, "--scene");
+    require_free_run_folder(a.out, a.overwrite, false, options.scene);
+
+    // 1. Each block's own splats, then what is far.
+    Whole whole(options.train.model.sh_degree);
+    std::int64_t long_ones = 0, far = 0, peak = 0;
+    double seconds = 0, longest = 0;
+    for (const BlockResult& result : results) {
+        const std::string file =
+            manifest.block_folder(result.block) + "/" + result.files.front().name;
+        const Gaussians<Cpu> splats = with_context(str("merging block ", result.block), [&] {
+            return read_splats(file, manifest.origin, options.train);
+        });
+        whole.add(splats, own_splats(manifest, splats, result.block, long_ones));
+        seconds += result.seconds, longest = std::max(longest, result.seconds);
+        peak = std::max(peak, result.peak_bytes);
+    }
+    const Gaussians<Cpu> coarse =
+        read_splats(manifest.folder + "/coarse.ply", manifest.origin, options.train);
+    std::int64_t none = 0;
+    const std::vector<int> far_ones = own_splats(manifest, coarse, 0, none);
+    far = static_cast<std::int64_t>(far_ones.size());
+    whole.add(coarse, far_ones);
+    if (whole.splats().size() == 0)
+        throw Error(ExitCode::input,
+                    str(manifest.folder, ": no splat of any block lies in its cell"));
+
+    // 2. How the blocks meet.
+    const std::vector<SeamReport> seams =
+        test_seams(manifest.cells, manifest.neighbours, surface_splats(manifest, whole.splats()));
+
+    // 3. An ordinary run.
+    RunFolder run(a.out);
+    run.save_config(
+        table.json(JsonLine().add("version", kVersion).add("merged_from", manifest.folder).text()));
+    write_text_file(run.path() + "/cameras.json", cameras_of_blocks(manifest));
+    const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
+    run.save_splats(whole.splats(), manifest.iterations, manifest.origin,
+                    flat ? PlyScales::two : PlyScales::three);
+    write_text_file(run.path() + "/seams.json", seams_json(seams));
+    run.log(JsonLine()
+                .add("event", "done")
+                .add("iteration", manifest.iterations)
+                .add("seconds", seconds)
+                .add("gaussians", whole.splats().size())
+                .add("peak_bytes", peak)
+                .add("blocks", manifest.count())
+                .add("longest_seconds", longest)
+                .add("far_splats", far)
+                .text());
+    for (const SeamReport& seam : seams) say_seam(manifest, seam);
+    if (long_ones > 0)
+        spdlog::info(
+            "{} splats reach farther than the margin of {:.4g} (three standard "
+            "deviations): what is beyond was not trained with them",
+            long_ones, manifest.margin);
+    spdlog::info(
+        "{}: {} splats of {} blocks, {} of the coarse run far away; {:.1f} s of training "
+        "in all, {:.1f} s the longest block",
+        a.out, whole.splats().size() - far, manifest.count(), far, seconds, longest);
+    say_next({"tvsgs-extract-mesh", "--model", a.out}, "makes the surface");
+    return 0;
+}
+
+}  // namespace
+
+BlocksCommand add_blocks_merge(CLI::App& app) {
+    const auto a = std::make_shared<MergeArguments>();
+    CLI::App* const command = app.add_subcommand(
+        "merge", "put the blocks together to one run, and say how well they meet");
+    add_blocks_folder(*command, a->folder);
+    command->add_option("-o,--out", a->out, "run folder to write")->required();
+    command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
+    command->add_flag("--seam-pass", a->seam_pass, "of what run --seam-pass made of the blocks");
+    command->add_flag("--overwrite", a->overwrite, "replace the run in an occupied folder");
+    return {command, [a](bool) { return merge(*a); }};
+}
+
+}  // namespace tvsgs

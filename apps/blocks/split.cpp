@@ -1,0 +1,322 @@
+// tvsgs-blocks split: a coarse run of the whole, and from it blocks that train by themselves.
+#include <filesystem>
+#include <memory>
+
+#include "apps/blocks/subcommands.h"
+#include "apps/common/key_flags.h"
+#include "core/device_choice.h"
+#include "io/atomic_file.h"
+#include "io/manifest.h"
+#include "pipeline/blocks_split.h"
+#include "pipeline/run_folder.h"
+#include "pipeline/splat_selection.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct SplitArguments {
+    std::string scene, out, coarse, device = "auto";
+    std::vector<std::string> configs, settings;
+    std::vector<double> up;
+    int resolution = -1, coarse_resolution = 4, coarse_splats = 2000000, iterations = 0;
+    bool has_resolution = false;
+    SplitOptions split;
+};
+
+/// A folder that may be written: new, empty, or of a split that did not get to its end.
+void require_free_folder(const std::string& out) {
+    std::error_code code;
+    if (fs::exists(out + "/manifest.json", code))
+        throw Error(ExitCode::usage, str("--out ", out,
+                                         ": holds a scene that was split already; name another "
+                                         "folder, or remove it with all that was trained in it"));
+    if (!fs::exists(out, code) || has_manifest(out)) return;
+    if (!fs::is_directory(out, code) || !fs::is_empty(out, code))
+        throw Error(ExitCode::usage, str("--out ", out,
+                                         ": exists and is not an empty folder; "
+                                         "choose another"));
+}
+
+/// The coarse run in BLOCKS/coarse; goes on where it was stopped.
+std::string train_coarse(const SplitArguments& a, bool quiet) {
+    const std::string run = a.out + "/coarse";
+    spdlog::info("the coarse run, in {}", run);
+    std::vector<std::string> words{"tvsgs-train",
+                                   "--scene",
+                                   a.scene,
+                                   "--out",
+                                   run,
+                                   "-r",
+                                   std::to_string(a.coarse_resolution),
+                                   "--device",
+                                   a.device,
+                                   "--max-gaussians",
+                                   std::to_string(a.coarse_splats)};
+    for (const std::string& config : a.configs) words.insert(words.end(), {"--config", config});
+    for (const std::string& setting : a.settings) words.insert(words.end(), {"--set", setting});
+    if (quiet) words.push_back("--quiet");
+    words.push_back("--resume");
+    with_context("training the coarse run", [&] { run_train(words); });
+    return run;
+}
+
+/// Settings of the whole, from those that the coarse run has resolved.
+void configure(const SplitArguments& a, const std::string& coarse, OptionTable& table) {
+    table.read_file(run_config_path(coarse));
+    if (!a.coarse.empty()) {
+        for (const std::string& config : a.configs) table.read_file(config);
+        table.set_all(a.settings);
+    }
+    const std::string by = "tvsgs-blocks split";
+    if (!a.scene.empty()) table.set("scene.path", a.scene, by);
+    // The plan has been made; all blocks keep it.
+    table.set("plan.enabled", "false", by), table.set("plan.time_budget", "0", by);
+    table.set("plan.until", "iterations", by);
+    if (a.has_resolution || a.coarse.empty())
+        table.set("scene.resolution", std::to_string(a.resolution), by);
+    if (a.iterations > 0) table.set("iterations", std::to_string(a.iterations), by);
+    for (const char* key : {"eval.gt", "eval.at", "init.fixed_splats"}) table.set(key, "", by);
+    table.set("eval.every", "0", by), table.set("eval.mesh", "false", by);
+}
+
+void check_supported(const RunOptions& options) {
+    if (!options.train.tv.fixed_voters.empty())
+        throw Error(ExitCode::usage,
+                    str(options.train.tv.fixed_voters,
+                        ": measured points (tv.fixed_voters) are not divided among blocks yet; "
+                        "leave them out"));
+    if (options.train.cameras.refine)
+        spdlog::warn(
+            "cameras.refine: blocks keep the scene's poses, as each would move shared "
+            "ones elsewhere; for refined ones split the scene with those of a run");
+}
+
+/// Settings of one block: those of the whole without what it says of views, and with rates and
+/// sizes that count in scene extents by the extent of the whole.
+std::string block_config(const RunOptions& options,
+                         const std::string& base,
+                         double whole_over_block,
+                         const SplitOptions& split) {
+    RunOptions block;
+    OptionTable table;
+    block.add_to(table);
+    table.read_text("BLOCKS/config.json", base);
+    const std::string by = "tvsgs-blocks split";
+    for (const char* key : {"scene.split", "scene.views", "scene.held_out", "scene.test_list",
+                            "scene.train_list", "scene.init_ply"})
+        table.set(key, "", by);
+    table.set("scene.num_views", "0", by), table.set("scene.eval", "false", by);
+    table.set("cameras.refine", "false", by);
+    const AdamOptions& lr = options.train.lr;
+    const DensifyOptions& densify = options.train.densify;
+    block.train.lr.position_start = static_cast<float>(lr.position_start * whole_over_block);
+    block.train.lr.position_end = static_cast<float>(lr.position_end * whole_over_block);
+    block.train.densify.percent_dense =
+        static_cast<float>(densify.percent_dense * whole_over_block);
+    block.train.densify.prune_large = static_cast<float>(densify.prune_large * whole_over_block);
+    if (split.max_splats > 0)
+        block.train.densify.max_gaussians = static_cast<int>(split.max_splats);
+    return table.json();
+}
+
+struct Splitting {
+    const SplitArguments& a;
+    const RunOptions& options;
+    const Scene& scene;
+    const Gaussians<Cpu>& coarse;
+    PlyScales scales;
+    const std::string& base;  // settings of the whole
+    double finer;
+};
+
+/// Writes one block; its file in the manifest.
+FileRecord write_block(const Splitting& s,
+                       const BlocksManifest& manifest,
+                       int number,
+                       const BlockContents& block) {
+    const std::string folder = manifest.block_folder(number);
+    Scene part;  // for its extent
+    std::string names;
+    for (const int v : block.views) {
+        const View& view = s.scene.train[static_cast<std::size_t>(v)];
+        part.train.emplace_back().camera = view.camera;
+        names += view.name + "\n";
+    }
+    BlockInputs inputs;
+    inputs.block = number, inputs.split = manifest.split;
+    inputs.views = static_cast<int>(block.views.size());
+    inputs.points = static_cast<std::int64_t>(block.points.positions.size());
+    inputs.expected_splats = static_cast<std::int64_t>(block.expected);
+    inputs.fixed_splats = static_cast<std::int64_t>(block.fixed.size());
+    const double ratio = static_cast<double>(s.scene.extent) / scene_extent(part);
+    write_text_file(folder + "/views.txt", names);
+    write_text_file(folder + "/config.json",
+                    block_config(s.options, s.base, ratio, s.a.split) + "\n");
+    write_cloud_ply(folder + "/points.ply", block.points, manifest.origin);
+    std::vector<std::string> files{"views.txt", "config.json", "points.ply"};
+    if (!block.fixed.empty()) {
+        Gaussians<Cpu> fixed;
+        copy(s.coarse, fixed);
+        keep_splats(block.fixed, fixed);
+        write_splat_ply(folder + "/fixed.ply", fixed, manifest.origin, s.scales);
+        files.push_back("fixed.ply");
+    }
+    for (const std::string& file : files) inputs.files.push_back(record_of(folder, file));
+    write_block_inputs(manifest, inputs);
+    spdlog::info("block {}: {} views, {} points, {} fixed splats around it", number, inputs.views,
+                 inputs.points, inputs.fixed_splats);
+    return record_of(manifest.folder, manifest.block_name(number) + "/block.json");
+}
+
+std::string commands_text(const BlocksManifest& manifest, const std::string& more) {
+    std::string quoted = "'";
+    for (const char c : fs::absolute(manifest.folder).lexically_normal().string())
+        quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    std::string text;
+    for (int block = 1; block <= manifest.count(); ++block)
+        text += str("tvsgs-blocks run --blocks ", quoted, "' --block ", block, more, "\n");
+    return text;
+}
+
+int split_scene(SplitArguments a, bool quiet) {
+    if ((a.split.blocks > 0) == (a.split.max_splats > 0))
+        throw Error(ExitCode::usage, "expected either --blocks N or --max-splats N");
+    if (a.scene.empty() && a.coarse.empty())
+        throw Error(ExitCode::usage,
+                    "expected --scene DIR, or --coarse RUN, which names its scene");
+    if (!a.up.empty()) {
+        const Vec3d up{a.up[0], a.up[1], a.up[2]};
+        if (!(norm(up) > 0))
+            throw Error(ExitCode::usage, "--up: expected a direction, as 0,0,1; found no length");
+        a.split.up = up;
+    }
+    while (a.out.size() > 1 && a.out.back() == '/') a.out.pop_back();
+    require_free_folder(a.out);
+    const DeviceChoice device = choose_device(a.device);
+    if (has_manifest(a.out)) remove_listed_files(a.out);
+    fs::create_directories(a.out);
+    start_manifest(a.out);
+
+    // 1. The coarse run, and the settings of the whole.
+    const std::string run = a.coarse.empty() ? train_coarse(a, quiet) : a.coarse;
+    RunOptions of_coarse;
+    OptionTable coarse_table;
+    of_coarse.add_to(coarse_table);
+    coarse_table.read_file(run_config_path(run));
+    if (!a.scene.empty()) of_coarse.scene.path = a.scene;
+    RunOptions options;
+    OptionTable table;
+    options.add_to(table);
+    configure(a, run, table);
+    check_supported(options);
+    of_coarse.scene.points_required = false;
+    const Scene scene = read_scene_of_run(of_coarse.scene, run);
+    const Gaussians<Cpu> coarse = read_splats(find_splats(run), scene.origin, of_coarse.train);
+
+    // 2. Cells, and what is in them.
+    const View& first = scene.train.front();
+    const auto file_px = [&](int photo_px) {
+        return static_cast<int>(std::lround(first.reduction * photo_px));
+    };
+    const double finer =
+        static_cast<double>(resized_size(options.scene.resolution, file_px(first.camera.width_px),
+                                         file_px(first.camera.height_px))
+                                .width_px) /
+        first.camera.width_px;
+    const bool grows = options.train.densify.enabled && options.train.densify.spare_covered < 1;
+    const double expected =
+        (grows ? 5.0 : 1.0) *
+        static_cast<double>(std::max(scene.points.positions.size(), std::size_t{1}));
+    BlocksManifest manifest;
+    manifest.folder = a.out;
+    manifest.scene = fs::absolute(options.scene.path).lexically_normal().string();
+    manifest.scene_crc = scene_identity(options.scene);
+    manifest.seed = options.train.seed, manifest.iterations = options.train.iterations;
+    plan_cells(scene, coarse, options, a.split, finer, expected, manifest);
+    if (!options.mesh.meshes_background() && !(options.mesh.meshers.tsdf.voxel_size > 0))
+        table.set("mesh.voxel_size", str(static_cast<float>(manifest.voxel_size)),
+                  "tvsgs-blocks split");
+    manifest.split = split_of(manifest);
+    const auto looks = on_device(device, [&](auto tag) {
+        return look_at_blocks<decltype(tag)>(scene, coarse, of_coarse.train, manifest);
+    });
+    const std::vector<BlockContents> blocks =
+        fill_blocks(scene, coarse, manifest, a.split, expected, looks);
+
+    // 3. The files; the manifest last.
+    const PlyScales scales =
+        make_backbone<Cpu>(of_coarse.train.backbone, of_coarse.train.render)->flat()
+            ? PlyScales::two
+            : PlyScales::three;
+    const std::string base =
+        table.json(JsonLine().add("version", kVersion).add("coarse", run).text());
+    write_text_file(a.out + "/config.json", base + "\n");
+    write_splat_ply(a.out + "/coarse.ply", coarse, scene.origin, scales);
+    manifest.files = {record_of(a.out, "config.json"), record_of(a.out, "coarse.ply")};
+    const Splitting splitting{a, options, scene, coarse, scales, base, finer};
+    for (std::size_t b = 0; b < blocks.size(); ++b)
+        manifest.files.push_back(
+            write_block(splitting, manifest, static_cast<int>(b) + 1, blocks[b]));
+    write_text_file(a.out + "/commands.txt", commands_text(manifest, ""));
+    write_text_file(a.out + "/seam_commands.txt", commands_text(manifest, " --seam-pass"));
+    write_manifest(manifest);
+    spdlog::info("{}: {} blocks with margins of {:.4g}, {} seams", a.out, manifest.count(),
+                 manifest.margin, manifest.neighbours.size());
+    say_next({"sh", a.out + "/commands.txt"},
+             "trains one block after the other; a batch system takes a line for each");
+    return 0;
+}
+
+}  // namespace
+
+BlocksCommand add_blocks_split(CLI::App& app) {
+    const auto a = std::make_shared<SplitArguments>();
+    CLI::App* const command = app.add_subcommand(
+        "split",
+        "cut a scene into blocks by a coarse run of the whole, which is trained if absent");
+    command->add_option("-s,--scene", a->scene, "folder of the scene [that of --coarse]");
+    command->add_option("-o,--out", a->out, "folder to write")->required();
+    command->add_option("--coarse", a->coarse,
+                        "finished run of the whole [trained in OUT/coarse on smaller photographs]");
+    command->add_option("--blocks", a->split.blocks, "how many [by --max-splats]")
+        ->check(CLI::Range(1, 4096));
+    command
+        ->add_option("--max-splats", a->split.max_splats,
+                     "as many blocks as keep each, with its margin, below so many splats [any]")
+        ->check(CLI::Range(std::int64_t{1}, std::int64_t{2000000000}));
+    command
+        ->add_option("--margin", a->split.margin,
+                     "that blocks train beyond their cells, world units [by cells, votes and "
+                     "voxels]")
+        ->check(kPositive);
+    command->add_option("--up", a->up, "direction x,y,z [by the cameras]")
+        ->delimiter(',')
+        ->expected(3)
+        ->type_name("X,Y,Z");
+    CLI::Option* const resolution =
+        command->add_option("-r,--resolution", a->resolution,
+                            "of the blocks: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a "
+                            "target width [-1, or that of --coarse]");
+    command->add_option("--iterations", a->iterations, "of each block [those of the coarse run]")
+        ->check(CLI::Range(1, 1000000000));
+    command->add_option("--coarse-resolution", a->coarse_resolution,
+                        "of the coarse run's photographs, as -r");
+    command->add_option("--coarse-splats", a->coarse_splats, "at most, of the coarse run");
+    command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
+    command
+        ->add_option("-c,--config", a->configs,
+                     "JSON file, as tvsgs-train takes it; later ones win")
+        ->expected(1)
+        ->take_all();
+    command->add_option("--set", a->settings, "KEY=VALUE, as tvsgs-train takes it")
+        ->expected(1)
+        ->take_all();
+    return {command, [a, resolution](bool quiet) {
+                a->has_resolution = resolution->count() > 0;
+                return split_scene(*a, quiet);
+            }};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,111 @@
+// tvsgs-blocks status: which blocks wait, train, are done or damaged.
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "apps/blocks/subcommands.h"
+#include "io/json_value.h"
+#include "io/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct StatusArguments {
+    std::string folder;
+    bool missing = false, json = false, seam_pass = false;
+};
+
+/// The iteration of the last whole line of a log; 0: there is none yet.
+int last_iteration(const std::string& log) {
+    std::error_code code;
+    if (!fs::is_regular_file(log, code)) return 0;
+    const std::string text = read_bytes(log);
+    int iteration = 0;
+    for (std::size_t begin = 0, end; (end = text.find('\n', begin)) != std::string::npos;
+         begin = end + 1)
+        try {
+            const JsonValue line =
+                parse_json_value(std::string_view(text).substr(begin, end - begin), log);
+            iteration = static_cast<int>(line["iteration"].number_or(iteration));
+        } catch (const Error&) {  // cut off when the run was killed
+        }
+    return iteration;
+}
+
+struct BlockState {
+    std::string state, text;
+    double splats = 0, seconds = 0;
+    int iteration = 0;
+};
+
+BlockState state_of(const BlocksManifest& manifest, int block, bool seams) {
+    BlockState s;
+    const std::string folder = manifest.block_folder(block);
+    try {
+        read_block_inputs(manifest, block);
+        if (const auto done = read_block_result(manifest, block,
+                                                seams ? BlockStage::seams : BlockStage::training)) {
+            s.splats = static_cast<double>(done->splats), s.seconds = done->seconds;
+            s.state = "done", s.text = str(done->splats, " splats, ", done->seconds, " s");
+            return s;
+        }
+    } catch (const Error& error) {
+        s.state = "damaged", s.text = error.what();
+        return s;
+    }
+    s.iteration = last_iteration(folder + (seams ? "/seam/log.jsonl" : "/run/log.jsonl"));
+    const std::string at = str("iteration ", s.iteration);
+    if (BlockLock(folder).held())
+        s.state = "training", s.text = at;
+    else if (s.iteration > 0)
+        s.state = "stopped", s.text = at;
+    else
+        s.state = "waiting";
+    return s;
+}
+
+int status(const StatusArguments& a) {
+    const BlocksManifest manifest = read_manifest(a.folder);
+    std::vector<int> missing;
+    JsonValue list = JsonValue::list();
+    for (int block = 1; block <= manifest.count(); ++block) {
+        const BlockState s = state_of(manifest, block, a.seam_pass);
+        if (s.state != "done") missing.push_back(block);
+        if (a.json) {
+            JsonValue entry = JsonValue::object();
+            entry.set("block", static_cast<double>(block));
+            entry.set("state", s.state);
+            entry.set("iteration", static_cast<double>(s.iteration));
+            entry.set("splats", s.splats), entry.set("seconds", s.seconds);
+            entry.set("text", s.text);
+            list.items.push_back(std::move(entry));
+        } else if (!a.missing) {
+            const std::string state =
+                s.text.empty() ? s.state : fmt::format("{:9} {}", s.state, s.text);
+            std::printf("block %-4d %s\n", block, state.c_str());
+        }
+    }
+    if (a.json) std::printf("%s\n", json_text(list).c_str());
+    if (a.missing && !missing.empty()) std::printf("%s\n", block_list(missing).c_str());
+    if (missing.empty() && !a.missing && !a.json)
+        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "puts them together");
+    return missing.empty() ? 0 : static_cast<int>(ExitCode::input);
+}
+
+}  // namespace
+
+BlocksCommand add_blocks_status(CLI::App& app) {
+    const auto a = std::make_shared<StatusArguments>();
+    CLI::App* const command = app.add_subcommand(
+        "status", "say of each block whether it waits, trains, was stopped, is done or damaged");
+    add_blocks_folder(*command, a->folder);
+    command->add_flag("--seam-pass", a->seam_pass, "of the seam pass");
+    const auto missing = command->add_flag("--missing", a->missing,
+                                           "print the blocks that are not done alone, as 3,7-9");
+    command->add_flag("--json", a->json, "print JSON")->excludes(missing);
+    return {command, [a](bool) { return status(*a); }};
+}
+
+}  // namespace tvsgs

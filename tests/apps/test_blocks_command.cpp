@@ -1,0 +1,322 @@
+// tvsgs-blocks as a user runs it: a small wide scene, split, trained and merged.
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/file.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <csignal>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+
+#include "io/ply.h"
+#include "pipeline/blocks_folder.h"
+#include "support/command.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+constexpr int kBlocks = 3;
+
+class BlocksCommand : public testing::Test {
+protected:
+    static void SetUpTestSuite() {
+        folder_ = fs::path(testing::TempDir()) / ("tvsgs_blocks_" + std::to_string(::getpid()));
+        fs::create_directories(folder_);
+        ASSERT_EQ(bin("tvsgs-synth --out scene --wide 5 --views 14 --test-views 2 --width 64 "
+                      "--height 48 --points 3000 --quiet")
+                      .code,
+                  0);
+        std::ofstream(folder_ / "config.json") << R"({
+            "scene": {"path": "scene", "split": "train_all"},
+            "iterations": 60, "backbone": "pgsr", "init": {"min_points": 0},
+            "loss": {"tv_normal": {"weight": 0.05}, "tv_position": {"weight": 0.05}},
+            "tv": {"k": 20, "refresh_every": 25},
+            "densify": {"from": 20, "every": 15, "max_gaussians": 4500}})";
+        ASSERT_EQ(bin("tvsgs-train --device cpu --config config.json --out coarse --quiet").code,
+                  0);
+        const Result split =
+            bin("tvsgs-blocks split --coarse coarse --out blocks --blocks 3 "
+                "--margin 0.4 --device cpu");
+        ASSERT_EQ(split.code, 0) << split;
+        for (int block = 1; block <= kBlocks; ++block) {
+            const Result run = train("blocks", block);
+            ASSERT_EQ(run.code, 0) << run;
+        }
+    }
+    static void TearDownTestSuite() { fs::remove_all(folder_); }
+
+    static Result bin(const std::string& line) {
+        return run_script(folder_,
+                          "OMP_NUM_THREADS=2 " TVSGS_BIN_DIR "/" + line + " >out.txt 2>err.txt");
+    }
+    static Result train(const std::string& blocks, int block, const std::string& more = "") {
+        return bin("tvsgs-blocks run --blocks " + blocks + " --block " + std::to_string(block) +
+                   " --device cpu " + more);
+    }
+    /// A copy of the blocks that a test may spoil.
+    static std::string copy(const std::string& name) {
+        fs::remove_all(folder_ / name);
+        fs::copy(folder_ / "blocks", folder_ / name, fs::copy_options::recursive);
+        return name;
+    }
+    static fs::path block(const std::string& blocks, int number) {
+        return folder_ / blocks / BlocksManifest::block_name(number);
+    }
+    static fs::path splats(const std::string& blocks, int number) {
+        return block(blocks, number) / "run/point_cloud/iteration_60/point_cloud.ply";
+    }
+    static std::string output() { return contents(folder_ / "out.txt"); }
+    static void expect_message(const Result& result,
+                               int code,
+                               std::initializer_list<const char*> parts) {
+        EXPECT_EQ(result.code, code) << result;
+        const std::string said = contents(folder_ / "err.txt");
+        for (const char* part : parts)
+            EXPECT_NE(said.find(part), std::string::npos) << said << "\nlacks " << part;
+    }
+
+    static inline fs::path folder_;
+};
+
+TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
+    const BlocksManifest manifest = read_manifest(folder_ / "blocks");
+    ASSERT_EQ(manifest.count(), kBlocks);
+    EXPECT_EQ(manifest.margin, 0.4);
+    EXPECT_GE(manifest.neighbours.size(), 2u);
+    std::istringstream commands(contents(folder_ / "blocks/commands.txt"));
+    int lines = 0;
+    for (std::string line; std::getline(commands, line);)
+        EXPECT_EQ(line, "tvsgs-blocks run --blocks '" + (folder_ / "blocks").string() +
+                            "' --block " + std::to_string(++lines));
+    EXPECT_EQ(lines, kBlocks);
+    for (int b = 1; b <= kBlocks; ++b) {
+        const BlockInputs inputs = read_block_inputs(manifest, b);
+        EXPECT_GE(inputs.views, 2);
+        EXPECT_GT(inputs.points, 100);
+        EXPECT_GT(inputs.fixed_splats, 0);
+        // Points are in cell and margin, fixed splats are not.
+        const Cell& cell = manifest.cells[static_cast<std::size_t>(b - 1)];
+        for (const Vec3f p : read_ply(block("blocks", b) / "points.ply").points.positions)
+            EXPECT_LT(cell.distance(manifest.frame.on_ground(vec_cast<double>(p))), 0.4001);
+        const Gaussians<Cpu> fixed = read_splat_ply(block("blocks", b) / "fixed.ply");
+        for (const Vec3f p : to_host(fixed.means)) {
+            if (manifest.block_of(vec_cast<double>(p)) == 0) continue;
+            EXPECT_GE(cell.distance(manifest.frame.on_ground(vec_cast<double>(p))), 0.3999);
+        }
+    }
+    // The settings of a block are the coarse run's, but for what is of the views.
+    const json config = json::parse(contents(block("blocks", 1) / "config.json"));
+    EXPECT_EQ(config["iterations"], 60);
+    EXPECT_EQ(config["scene"]["split"], "");
+    EXPECT_EQ(config["plan"]["enabled"], false);
+    const double whole =
+        json::parse(contents(folder_ / "blocks/config.json"))["lr"]["position_start"];
+    EXPECT_GT(config["lr"]["position_start"], whole);  // the block's cameras spread less
+}
+
+TEST_F(BlocksCommand, StatusSaysWhatIsLeft) {
+    EXPECT_EQ(bin("tvsgs-blocks status blocks").code, 0);
+    EXPECT_NE(output().find("block 3    done"), std::string::npos) << output();
+    EXPECT_EQ(bin("tvsgs-blocks status --blocks blocks --missing").code, 0);
+    EXPECT_EQ(output(), "");
+    const std::string some = copy("some");
+    fs::remove_all(block(some, 1) / "run");
+    fs::remove(block(some, 1) / "done.json");
+    fs::remove(block(some, 2) / "done.json");
+    EXPECT_EQ(bin("tvsgs-blocks status some").code, 3);
+    EXPECT_NE(output().find("block 1    waiting"), std::string::npos) << output();
+    EXPECT_NE(output().find("block 2    stopped   iteration 60"), std::string::npos) << output();
+    EXPECT_EQ(bin("tvsgs-blocks status some --missing").code, 3);
+    EXPECT_EQ(output(), "1-2\n");
+    EXPECT_EQ(bin("tvsgs-blocks status some --json").code, 3);
+    EXPECT_EQ(json::parse(output())[2]["state"], "done");
+}
+
+TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
+    ASSERT_EQ(bin("tvsgs-blocks merge blocks --out whole").code, 0)
+        << contents(folder_ / "err.txt");
+    const BlocksManifest manifest = read_manifest(folder_ / "blocks");
+    const Gaussians<Cpu> whole =
+        read_splat_ply(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply");
+    int own = 0;
+    for (int b = 1; b <= kBlocks; ++b)
+        for (const Vec3f p : to_host(read_splat_ply(splats("blocks", b)).means))
+            own += manifest.block_of(vec_cast<double>(p)) == b;
+    int far = 0;
+    for (const Vec3f p : to_host(read_splat_ply(folder_ / "blocks/coarse.ply").means))
+        far += manifest.block_of(vec_cast<double>(p)) == 0;
+    EXPECT_EQ(whole.size(), own + far);
+    EXPECT_GT(own, 500);
+    // Ordered by block, far ones last.
+    int last = 1;
+    for (const Vec3f p : to_host(whole.means)) {
+        const int b = manifest.block_of(vec_cast<double>(p));
+        EXPECT_GE(b == 0 ? kBlocks + 1 : b, last);
+        last = b == 0 ? kBlocks + 1 : b;
+    }
+    const json seams = json::parse(contents(folder_ / "whole/seams.json"));
+    EXPECT_EQ(seams["seams"].size(), manifest.neighbours.size());
+    const json cameras = json::parse(contents(folder_ / "whole/cameras.json"));
+    EXPECT_EQ(cameras.size(), 12u);
+
+    // It is a run like any other, also to be replaced only when asked.
+    EXPECT_EQ(bin("tvsgs-extract-mesh --model whole --device cpu --mesh-resolution 64 "
+                  "--voxel-size 0.1 --out whole/mesh/mesh.ply --no-preview")
+                  .code,
+              0)
+        << contents(folder_ / "err.txt");
+    EXPECT_EQ(bin("tvsgs-blocks merge blocks --out whole").code, 2);
+    const std::string before = contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply");
+    EXPECT_EQ(bin("tvsgs-blocks merge blocks --out whole --overwrite").code, 0);
+    EXPECT_EQ(contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply"), before);
+}
+
+TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
+    const std::string bad = copy("bad");
+    const auto merge = [] { return bin("tvsgs-blocks merge bad --out none"); };
+    fs::remove(block(bad, 2) / "done.json");
+    expect_message(merge(), 3, {"block 2", "done.json is missing", "run --block 2"});
+    fs::copy(block("blocks", 2) / "done.json", block(bad, 2) / "done.json");
+    {
+        std::fstream file(splats(bad, 2), std::ios::in | std::ios::out | std::ios::binary);
+        file.seekp(-5, std::ios::end);
+        file.put('x');
+    }
+    expect_message(merge(), 3, {"block 2", "point_cloud.ply is damaged", "--block 2 --again"});
+    fs::resize_file(splats(bad, 2), 100);
+    expect_message(merge(), 3, {"block 2", "100 bytes instead of"});
+    copy("bad");
+    json done = json::parse(contents(block(bad, 3) / "done.json"));
+    done["version"] = 2;
+    std::ofstream(block(bad, 3) / "done.json") << done;
+    expect_message(merge(), 3, {"block_003/done.json", "version 2", "--block 3 --again"});
+    copy("bad");
+    std::ofstream(folder_ / "bad/coarse.ply", std::ios::app) << "x";
+    expect_message(merge(), 3, {"coarse.ply is damaged", "split again"});
+    expect_message(bin("tvsgs-blocks merge scene --out none"), 3, {"manifest.json"});
+    EXPECT_FALSE(fs::exists(folder_ / "none"));
+}
+
+TEST_F(BlocksCommand, SingleBlocksRunAgainWithTheSameBits) {
+    copy("again");
+    const std::string before = contents(splats("again", 2));
+    const auto written = fs::last_write_time(splats("again", 2));
+    expect_message(train("again", 2), 0, {"done already"});
+    EXPECT_EQ(fs::last_write_time(splats("again", 2)), written);
+    EXPECT_EQ(train("again", 2, "--again").code, 0);
+    EXPECT_NE(fs::last_write_time(splats("again", 2)), written);
+    EXPECT_EQ(contents(splats("again", 2)), before);
+
+    // Damaged results are not taken for done; damaged inputs are not trained on.
+    std::ofstream(splats("again", 2), std::ios::app) << "x";
+    expect_message(train("again", 2), 3, {"block 2", "is damaged", "--again"});
+    std::ofstream(block("again", 2) / "points.ply", std::ios::app) << "x";
+    expect_message(train("again", 2, "--again"), 3, {"block 2", "points.ply is damaged"});
+    EXPECT_EQ(train("again", 9).code, 2);
+    EXPECT_EQ(train("again", 0).code, 2);
+}
+
+TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
+    copy("stop");
+    const std::string before = contents(splats("stop", 1));
+    fs::remove_all(block("stop", 1) / "run");
+    fs::remove(block("stop", 1) / "done.json");
+    {
+        const int lock = ::open(block("stop", 1).c_str(), O_RDONLY | O_DIRECTORY);
+        ASSERT_EQ(::flock(lock, LOCK_EX), 0);
+        expect_message(train("stop", 1), 2, {"block 1", "another tvsgs-blocks"});
+        EXPECT_EQ(bin("tvsgs-blocks status stop").code, 3);
+        EXPECT_NE(output().find("block 1    training"), std::string::npos) << output();
+        ::close(lock);
+    }
+    // Stopped on its way, with its checkpoint.
+    const Result stopped = run_script(
+        folder_, "OMP_NUM_THREADS=1 " TVSGS_BIN_DIR
+                 "/tvsgs-blocks run stop --block 1 --device cpu >out.txt 2>err.txt & pid=$!; for i "
+                 "in $(seq 600); do grep -q '\"iteration\": 1,' stop/block_001/run/log.jsonl "
+                 "2>/dev/null && break; sleep 0.05; done; kill -TERM $pid; wait $pid");
+    if (stopped.code != 0) {  // else it was faster than the signal
+        EXPECT_EQ(stopped.code, 143) << stopped;
+        EXPECT_FALSE(fs::exists(block("stop", 1) / "done.json"));
+        EXPECT_EQ(bin("tvsgs-blocks status stop --missing").code, 3);
+        EXPECT_EQ(output(), "1\n");
+    }
+    EXPECT_EQ(train("stop", 1).code, 0) << contents(folder_ / "err.txt");
+    EXPECT_EQ(contents(splats("stop", 1)), before);
+    EXPECT_EQ(bin("tvsgs-blocks status stop").code, 0);
+}
+
+// Beside the same neighbours the same bits, whatever the order; merged on request.
+TEST_F(BlocksCommand, TheSeamPassGoesOnFromAllBlocks) {
+    copy("seams");
+    const auto pass = [](int block) {
+        return bin("tvsgs-blocks run seams --block " + std::to_string(block) +
+                   " --seam-pass --device cpu");
+    };
+    expect_message(bin("tvsgs-blocks merge seams --seam-pass --out none"), 3,
+                   {"block 1", "seam.json is missing", "--block 1 --seam-pass"});
+    for (const int b : {2, 3, 1}) ASSERT_EQ(pass(b).code, 0) << contents(folder_ / "err.txt");
+    expect_message(pass(2), 0, {"done already"});
+    EXPECT_EQ(bin("tvsgs-blocks status seams --seam-pass").code, 0);
+    const fs::path file = block("seams", 2) / "seam/point_cloud/iteration_310/point_cloud.ply";
+    const std::string before = contents(file);
+    ASSERT_FALSE(before.empty());
+    EXPECT_EQ(bin("tvsgs-blocks run seams --block 2 --seam-pass --again --device cpu").code, 0);
+    EXPECT_EQ(contents(file), before);
+    const json config = json::parse(contents(block("seams", 2) / "seam/config.json"));
+    EXPECT_EQ(config["densify"]["enabled"], false);
+    EXPECT_NE(config["tv"]["fixed_voters"], "");
+    EXPECT_EQ(bin("tvsgs-blocks merge seams --seam-pass --out seamed").code, 0)
+        << contents(folder_ / "err.txt");
+    EXPECT_EQ(bin("tvsgs-blocks merge seams --out unseamed").code, 0);
+    const std::string splats_of = "point_cloud/iteration_60/point_cloud.ply";
+    EXPECT_NE(contents(folder_ / "seamed" / splats_of), contents(folder_ / "unseamed" / splats_of));
+
+    fs::remove_all(block("seams", 3) / "run/checkpoints");
+    expect_message(bin("tvsgs-blocks run seams --block 3 --seam-pass --again --device cpu"), 3,
+                   {"block 3", "checkpoints is empty"});
+}
+
+TEST_F(BlocksCommand, RefusesWhatCannotBe) {
+    expect_message(bin("tvsgs-blocks split --coarse coarse --out blocks --blocks 2"), 2,
+                   {"was split already"});
+    expect_message(bin("tvsgs-blocks split --coarse coarse --out scene --blocks 2"), 2,
+                   {"not an empty folder"});
+    expect_message(bin("tvsgs-blocks split --coarse coarse --out x"), 2, {"--max-splats"});
+    expect_message(bin("tvsgs-blocks split --out x --blocks 2"), 2, {"--coarse"});
+    expect_message(bin("tvsgs-blocks split --coarse coarse --out x --blocks 2 --up 0,0"), 2,
+                   {"--up"});
+    EXPECT_EQ(bin("tvsgs-blocks split --coarse none --out x --blocks 2").code, 3);
+    // Another scene than the one that was split.
+    ASSERT_EQ(
+        bin("tvsgs-synth --out other --views 4 --width 32 --height 24 --points 500 --quiet").code,
+        0);
+    copy("moved");
+    fs::remove(block("moved", 1) / "done.json");
+    expect_message(train("moved", 1, "--scene other"), 3, {"are not those of the scene"});
+}
+
+// Without a coarse run one is made; blocks by the splats that each may have.
+TEST_F(BlocksCommand, SplitTrainsTheCoarseRunItself) {
+    const Result split =
+        bin("tvsgs-blocks split --scene scene --out own --max-splats 5000 --margin 0.3 -r 1 "
+            "--coarse-resolution 2 --config config.json --set iterations=30 --device cpu");
+    ASSERT_EQ(split.code, 0) << split;
+    const BlocksManifest manifest = read_manifest(folder_ / "own");
+    EXPECT_GT(manifest.count(), 1);
+    const json config = json::parse(contents(folder_ / "own/config.json"));
+    EXPECT_EQ(config["scene"]["resolution"], 1);
+    const json coarse = json::parse(contents(folder_ / "own/coarse/config.json"));
+    EXPECT_EQ(coarse["scene"]["resolution"], 2);
+    for (int b = 1; b <= manifest.count(); ++b)
+        EXPECT_LE(read_block_inputs(manifest, b).expected_splats, 5000 * 1.2);
+}
+
+}  // namespace
+}  // namespace tvsgs
