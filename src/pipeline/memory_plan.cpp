@@ -162,7 +162,7 @@ std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting) {
 }
 
 std::string split_command(const std::string& scene, std::int64_t blocks) {
-    return str("tvsgs-blocks split --scene ", scene, " --blocks ", blocks);
+    return str("tvsgs-blocks split --scene ", scene, " --blocks ", blocks, " --out BLOCKS");
 }
 
 MemoryPlan estimate_memory(const Scene& scene,

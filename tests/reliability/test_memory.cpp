@@ -147,7 +147,7 @@ TEST_F(Memory, TheFirstSplatsMustFit) {
     const std::int64_t half =
         at(plan("whole").at("host"), plan("whole").at("first_splats").get<std::int64_t>() / 2);
     expect_refused(compact + "--host-memory " + std::to_string(half), 4,
-                   "tvsgs-blocks split --scene scene --blocks 3 makes parts that fit");
+                   "tvsgs-blocks split --scene scene --blocks 3 --out BLOCKS makes parts that fit");
     const Result none = train(compact + "--host-memory 1M --out none");
     EXPECT_EQ(none.code, 4) << none;
     EXPECT_FALSE(none.says("tvsgs-blocks")) << none;
