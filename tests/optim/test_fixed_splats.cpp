@@ -3,6 +3,7 @@
 
 #include "optim/fixed_splats.h"
 #include "optim/train_state.h"
+#include "support/numeric.h"
 #include "support/random_gaussians.h"
 #include "training_scene.h"
 
@@ -87,6 +88,29 @@ TEST(FixedSplats, AreJoinedPlaneByPlaneAndPartedAgain) {
         for (float& g : sum.opacity_logits.span()) g = 1;
         splats.add_trained_part(sum);
         for (const float g : to_host(sum.opacity_logits)) EXPECT_EQ(g, 3);
+    }
+}
+
+template <class Device>
+std::pair<Gaussians<Cpu>, Gaussians<Cpu>> joined_and_parted() {
+    FixedSplats<Device> splats(shared(test::random_gaussians(300, 2, 0.05, 1)), 2);
+    Gaussians<Device> own, sum;
+    copy(test::random_gaussians(700, 1, 0.05, 2), own);
+    copy(test::random_gaussians(700, 3, 0.05, 2), sum);
+    std::pair<Gaussians<Cpu>, Gaussians<Cpu>> out;
+    copy(splats.join(own), out.first);
+    copy(splats.join(own), splats.clear_gradients());
+    splats.add_trained_part(sum);
+    copy(sum, out.second);
+    return out;
+}
+
+TEST(FixedSplatsTwins, CpuAgainstCuda) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const auto cpu = joined_and_parted<Cpu>(), cuda = joined_and_parted<Cuda>();
+        EXPECT_TRUE(same_bits(cpu.first, cuda.first));
+        EXPECT_TRUE(same_bits(cpu.second, cuda.second));
     }
 }
 
