@@ -25,18 +25,22 @@ struct SplitArguments {
     SplitOptions split;
 };
 
-/// A folder that may be written: new, empty, or of a split that did not get to its end.
+/// There while a folder is being split: such a one may be begun again.
+constexpr const char* kUnfinished = "/split-unfinished";
+
+/// A folder that may be written: new, empty, or of a split that did not get to its end. Others are
+/// not ours to empty, be they lists of our files or not.
 void require_free_folder(const std::string& out) {
     std::error_code code;
     if (fs::exists(out + "/manifest.json", code))
-        throw Error(ExitCode::usage, str("--out ", out,
-                                         ": holds a scene that was split already; name another "
-                                         "folder, or remove it with all that was trained in it"));
-    if (!fs::exists(out, code) || has_manifest(out)) return;
+        throw Error(ExitCode::usage,
+                    str("--out ", out,
+                        ": holds a scene that was split already; name another folder, or remove it "
+                        "with all that was trained in it"));
+    if (!fs::exists(out, code) || fs::exists(out + kUnfinished, code)) return;
     if (!fs::is_directory(out, code) || !fs::is_empty(out, code))
-        throw Error(ExitCode::usage, str("--out ", out,
-                                         ": exists and is not an empty folder; "
-                                         "choose another"));
+        throw Error(ExitCode::usage,
+                    str("--out ", out, ": exists and is not an empty folder; choose another"));
 }
 
 /// The coarse run in BLOCKS/coarse; goes on where it was stopped.
@@ -198,6 +202,7 @@ int split_scene(SplitArguments a, bool quiet) {
     if (has_manifest(a.out)) remove_listed_files(a.out);
     fs::create_directories(a.out);
     start_manifest(a.out);
+    write_text_file(a.out + kUnfinished, "tvsgs-blocks split has not come to its end\n");
 
     // 1. The coarse run, and the settings of the whole.
     const std::string run = a.coarse.empty() ? train_coarse(a, quiet) : a.coarse;
@@ -262,6 +267,7 @@ int split_scene(SplitArguments a, bool quiet) {
     write_text_file(a.out + "/commands.txt", commands_text(manifest, ""));
     write_text_file(a.out + "/seam_commands.txt", commands_text(manifest, " --seam-pass"));
     write_manifest(manifest);
+    fs::remove(a.out + kUnfinished);
     spdlog::info("{}: {} blocks with margins of {:.4g}, {} seams", a.out, manifest.count(),
                  manifest.margin, manifest.neighbours.size());
     say_next({"sh", a.out + "/commands.txt"},

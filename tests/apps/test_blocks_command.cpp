@@ -71,6 +71,21 @@ protected:
     static fs::path splats(const std::string& blocks, int number) {
         return block(blocks, number) / "run/point_cloud/iteration_60/point_cloud.ply";
     }
+    /// The largest distance from their mean of the first `most` cameras of a run.
+    static double spread(const std::string& run, std::size_t most) {
+        const json cameras = json::parse(contents(folder_ / run / "cameras.json"));
+        const std::size_t n = std::min(most, cameras.size());
+        std::vector<Vec3d> places;
+        Vec3d mean;
+        for (std::size_t i = 0; i < n; ++i) {
+            const json& p = cameras[i]["position"];
+            places.push_back({p[0], p[1], p[2]});
+            mean += places.back() / static_cast<double>(n);
+        }
+        double largest = 0;
+        for (const Vec3d& p : places) largest = std::max(largest, norm(p - mean));
+        return largest;
+    }
     static std::string output() { return contents(folder_ / "out.txt"); }
     static void expect_message(const Result& result,
                                int code,
@@ -115,9 +130,11 @@ TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
     EXPECT_EQ(config["iterations"], 60);
     EXPECT_EQ(config["scene"]["split"], "");
     EXPECT_EQ(config["plan"]["enabled"], false);
+    // Rates in scene extents are by that of the whole.
     const double whole =
         json::parse(contents(folder_ / "blocks/config.json"))["lr"]["position_start"];
-    EXPECT_GT(config["lr"]["position_start"], whole);  // the block's cameras spread less
+    const double ratio = spread("coarse", 12) / spread("blocks/block_001/run", 1000);
+    EXPECT_NEAR(config["lr"]["position_start"], whole * ratio, 1e-5 * whole);
 }
 
 TEST_F(BlocksCommand, StatusSaysWhatIsLeft) {
@@ -288,6 +305,7 @@ TEST_F(BlocksCommand, RefusesWhatCannotBe) {
                    {"was split already"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --out scene --blocks 2"), 2,
                    {"not an empty folder"});
+    EXPECT_TRUE(fs::exists(folder_ / "scene/sparse/0/images.txt"));  // nothing of it is gone
     expect_message(bin("tvsgs-blocks split --coarse coarse --out x"), 2, {"--max-splats"});
     expect_message(bin("tvsgs-blocks split --out x --blocks 2"), 2, {"--coarse"});
     expect_message(bin("tvsgs-blocks split --coarse coarse --out x --blocks 2 --up 0,0"), 2,
