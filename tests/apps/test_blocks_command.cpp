@@ -254,10 +254,10 @@ TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
     }
     // Stopped on its way, with its checkpoint.
     const Result stopped = run_script(
-        folder_, "OMP_NUM_THREADS=1 " TVSGS_BIN_DIR
+        folder_, "{ OMP_NUM_THREADS=1 " TVSGS_BIN_DIR
                  "/tvsgs-blocks run stop --block 1 --device cpu >out.txt 2>err.txt & pid=$!; for i "
                  "in $(seq 600); do grep -q '\"iteration\": 1,' stop/block_001/run/log.jsonl "
-                 "2>/dev/null && break; sleep 0.05; done; kill -TERM $pid; wait $pid");
+                 "2>/dev/null && break; sleep 0.05; done; kill -TERM $pid; wait $pid; }");
     if (stopped.code != 0) {  // else it was faster than the signal
         EXPECT_EQ(stopped.code, 143) << stopped;
         EXPECT_FALSE(fs::exists(block("stop", 1) / "done.json"));
