@@ -9,6 +9,7 @@
 #include "io/read_file.h"
 #include "optim/fixed_splats.h"
 #include "optim/splat_order.h"
+#include "optim/splat_planes.h"
 #include "pipeline/blocks_seams.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

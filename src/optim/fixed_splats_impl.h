@@ -3,47 +3,10 @@
 
 #include <utility>
 
-#include "core/parallel.h"
 #include "optim/fixed_splats.h"
+#include "optim/splat_planes.h"
 
 namespace tvsgs {
-
-template <class T>
-struct CopyPlaneBody {
-    const T* from;
-    T* to;
-    TVSGS_HD void operator()(int i) const { to[i] = from[i]; }
-};
-
-template <class T>
-struct AddPlaneBody {
-    const T* from;
-    T* to;
-    TVSGS_HD void operator()(int i) const { to[i] += from[i]; }
-};
-template <>
-struct AddPlaneBody<Quatf> {
-    const Quatf* from;
-    Quatf* to;
-    TVSGS_HD void operator()(int i) const {
-        to[i].w += from[i].w, to[i].x += from[i].x, to[i].y += from[i].y, to[i].z += from[i].z;
-    }
-};
-
-/// Plane by plane, `n` elements of each: Body{from, to} on planes of `from_count` and `to_count`.
-template <template <class> class Body, class T, class Device>
-void over_planes(const Buffer<T, Device>& from,
-                 int from_count,
-                 Buffer<T, Device>& to,
-                 int to_count,
-                 int to_first,
-                 int n,
-                 int planes) {
-    for (int p = 0; p < planes; ++p)
-        parallel_for(Device{}, n,
-                     Body<T>{from.data() + static_cast<std::ptrdiff_t>(p) * from_count,
-                             to.data() + static_cast<std::ptrdiff_t>(p) * to_count + to_first});
-}
 
 template <class Device>
 const Gaussians<Device>& FixedSplats<Device>::join(const Gaussians<Device>& trained) {
