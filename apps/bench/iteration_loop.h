@@ -45,9 +45,10 @@ template <class Device>
 void BenchIteration<Device>::run(StageClock<Device>& clock) {
     Parts& p = *parts_;
     std::swap(p.iteration.details, clock);
-    const DeviceView<Device>& view = p.iteration.fetch(p.step, 0, p.losses, [] { return 0; });
-    p.iteration.propagate(p.step, view, p.splats, p.losses, p.field, true, {},
-                          [&](auto& values) { p.guard.watch(p.step, view.index, values); });
+    const DeviceView<Device>& view =
+        p.iteration.fetch(p.step, 0, p.losses, [] { return std::pair(0, 0); });
+    p.iteration.propagate(p.step, p.step, view, p.splats, p.losses, p.field, true, {},
+                          [&](auto& values) { p.guard.watch(p.step, view.index, values.span()); });
     p.iteration.descend(p.step, p.adam, p.splats, true, p.guard.halted());
     std::swap(p.iteration.details, clock);
 }

@@ -31,7 +31,8 @@ CLI::Option* add_output_flag(CLI::App& app,
 void say_next(std::initializer_list<std::string> words, const std::string& what);
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its
-/// kind.
-int run_command(const std::function<int()>& command);
+/// kind. `before_message` is called before what is no signal is said.
+int run_command(
+    const std::function<int()>& command, const std::function<void()>& before_message = [] {});
 
 }  // namespace tvsgs

@@ -19,6 +19,7 @@ enum class ExitCode {
     io = 6,
     numerical = 7,
     bound = 8,
+    peer = 9,
 };
 
 /// Concatenates its arguments as text.

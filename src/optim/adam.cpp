@@ -21,11 +21,12 @@ void step_run(const ShAdam& sh, int k, int begin, int end, const Vec3f* dL, cons
     auto *const m = reinterpret_cast<float*>(sh.m + at), *const v =
                                                              reinterpret_cast<float*>(sh.v + at);
     const float step = k == 0 ? scale.step_dc : scale.step_rest, root = scale.root;
+    const AdamDecay<float> decay = scale.decay;
     const int count = 3 * (end - begin);
     const auto* const gradient = reinterpret_cast<const float*>(dL);
 #pragma omp simd
     for (int j = 0; j < count; ++j)
-        value[j] = adam_update(value[j], gradient[j], m[j], v[j], step, root);
+        value[j] = adam_update(value[j], gradient[j], m[j], v[j], step, root, decay);
 }
 
 /// Keeps the gradients of the harmonics of a chunk, coefficient major.

@@ -47,10 +47,12 @@ struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
     AdamScale scale;
+    AdamDecay<float> decay;
     float least;  // values stay at or above it
 
     TVSGS_HD void operator()(int i) const {
-        const float next = adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root);
+        const float next =
+            adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root, decay);
         values[i] = next < least ? least : next;
     }
 };
@@ -61,7 +63,9 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
 template <class Device>
 class Adam {
 public:
-    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians) : options_(options) {
+    /// Each step stands for `batch` photographs.
+    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians, int batch = 1)
+        : options_(options), batch_(batch), decay_(adam_decay(batch)) {
         resize(m_, gaussians.size(), gaussians.sh_degree);
         resize(v_, gaussians.size(), gaussians.sh_degree);
         fill_zero(m_);
@@ -87,10 +91,13 @@ public:
                 return reinterpret_cast<float*>(data + begin);
             };
             constexpr std::size_t width = sizeof(*values.data()) / sizeof(float);
-            const AdamBody body{
-                floats(values.data()), floats(m.data()),
-                floats(v.data()),      reinterpret_cast<const float*>(dL.data() + begin),
-                {rate(group), root_},  least};
+            const AdamBody body{floats(values.data()),
+                                floats(m.data()),
+                                floats(v.data()),
+                                reinterpret_cast<const float*>(dL.data() + begin),
+                                {rate(group), root_},
+                                decay_,
+                                least};
             update_parameters(Device{}, static_cast<int>((end - begin) * width), body, halted);
         };
         const std::size_t n = g.means.size(), active = n * sh_count(sh_degree);
@@ -123,8 +130,8 @@ public:
                    geometry_spans(v_),
                    geometry_spans(extra),
                    {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)},
-                   {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
-                   {rate(sh_dc), rate(sh_rest), root_},
+                   {rate(means), rate(scales), rate(rotations), rate(opacities), root_, decay_},
+                   {rate(sh_dc), rate(sh_rest), root_, decay_},
                    with_opacity,
                    halted});
     }
@@ -147,7 +154,7 @@ public:
 private:
     void begin_step(int step, float extent) {
         position_rate_ = position_rate(options_, step, extent);
-        root_ = adam_scale(1, ++count_).root;
+        root_ = adam_scale(1, ++count_, batch_).root;
     }
 
     /// With the bias correction of the step in progress.
@@ -155,10 +162,13 @@ private:
         const float rates[] = {position_rate_,   options_.scale, options_.rotation,
                                options_.opacity, options_.sh_dc, options_.sh_rest};
         const auto i = static_cast<std::size_t>(group);
-        return adam_scale(rates[i] * rate_factors_[i], count_).step;
+        const float at_once = std::sqrt(static_cast<float>(batch_));
+        return adam_scale(rates[i] * rate_factors_[i] * at_once, count_, batch_).step;
     }
 
     AdamOptions options_;
+    int batch_;
+    AdamDecay<float> decay_;
     Gaussians<Device> m_, v_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;

@@ -30,6 +30,7 @@ GeometrySpans geometry_spans(Gaussians<Device>& g) {
 /// Rates with bias correction, as AdamScale::step.
 struct GeometryScale {
     float mean, log_scale, quat, opacity_logit, root;
+    AdamDecay<float> decay;
 };
 
 // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
@@ -43,7 +44,7 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
                                    const GeometryScale& scale,
                                    bool with_opacity) {
     const auto step = [&scale](float& value, float dL, float& moment, float& second, float rate) {
-        value = adam_update(value, dL, moment, second, rate, scale.root);
+        value = adam_update(value, dL, moment, second, rate, scale.root, scale.decay);
     };
     for (int k = 0; k < 3; ++k) {
         step(splat.mean[k], gradient.mean[k], m.mean[k], v.mean[k], scale.mean);

@@ -8,6 +8,7 @@
 #include "comm/communicator.h"
 #include "core/options.h"
 #include "core/parallel.h"
+#include "core/periods.h"
 #include "core/rng.h"
 #include "core/scan.h"
 #include "core/smoothing_filter.h"
@@ -210,12 +211,14 @@ struct KeepSeenBody {
 template <class Device>
 class Densifier {
 public:
-    /// `peers`: as TrainCallbacks has them.
+    /// Each step stands for `batch` iterations. `peers`: as TrainCallbacks has them; each counts
+    /// what its share of the views sees.
     Densifier(const DensifyOptions& options,
               float extent,
               std::uint64_t seed,
+              int batch = 1,
               Communicator* peers = nullptr)
-        : options_(options), extent_(extent), seed_(seed), peers_(peers) {}
+        : options_(options), extent_(extent), seed_(seed), batch_(batch), peers_(peers) {}
 
     /// What the cloud leaves open around each splat, [N], where covered ones are spared.
     void set_open(const std::vector<float>& open) { copy(open, open_); }
@@ -226,27 +229,45 @@ public:
         bool opacity_reset = false;
     };
 
-    /// Adds the statistics of the last render and, when due, grows, prunes, trims and resets.
-    /// `observe` renders every training view and calls its argument with the statistics of each.
-    /// [docs/method/pgsr.md#growth]
+    /// Adds the statistics of a render to `sums`, which has an entry for each splat.
+    void count_view(const ScreenStatistics<Device>& screen,
+                    Buffer<GrowthStatistics, Device>& sums) const {
+        parallel_for(Device{}, static_cast<int>(sums.size()),
+                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
+                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
+                                    options_.rule, weights(), sums.span()});
+    }
+
+    /// The sums since the last growth, where views are counted at that step; else null.
+    Buffer<GrowthStatistics, Device>* sums_at(int step, const Gaussians<Device>& g) {
+        if (!acts(step)) return nullptr;
+        if (statistics_.size() != g.means.size()) reset_statistics(g.size());
+        return &statistics_;
+    }
+
+    /// Adds the statistics of the last render and does what is due.
     template <class Observe>
     Event step(int step,
                const ScreenStatistics<Device>& screen,
                Gaussians<Device>& g,
                Adam<Device>& adam,
                const Observe& observe) {
+        if (auto* const sums = sums_at(step, g)) count_view(screen, *sums);
+        return this->step(step, g, adam, observe);
+    }
+
+    /// When due, grows, prunes, trims and resets. `observe` renders this process's share of the
+    /// training views and calls its argument with the statistics of each.
+    /// [docs/method/pgsr.md#growth]
+    template <class Observe>
+    Event step(int step, Gaussians<Device>& g, Adam<Device>& adam, const Observe& observe) {
         Event event;
         if (!acts(step)) return event;
-        if (statistics_.size() != g.means.size()) reset_statistics(g.size());
-        parallel_for(Device{}, g.size(),
-                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
-                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
-                                    options_.rule, weights(), statistics_.span()});
-        if (step > options_.from && step % options_.every == 0) {
+        if (grows(step)) {
             grow_and_prune(step, g);
             event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
         }
-        if (options_.trim_min_views > 0 && step % options_.trim_every == 0) {
+        if (trims(step)) {
             trim(g, observe);
             Buffer<int, Device> before;
             if (event.structure_changed) before.swap(parents_);
@@ -268,13 +289,10 @@ public:
     }
 
     /// Whether step() may add, remove or re-order splats then.
-    bool may_change_structure(int step) const {
-        return acts(step) && ((step > options_.from && step % options_.every == 0) ||
-                              (options_.trim_min_views > 0 && step % options_.trim_every == 0));
-    }
+    bool may_change_structure(int step) const { return acts(step) && (grows(step) || trims(step)); }
 
     bool resets_opacity(int step) const {
-        return acts(step) && step % options_.opacity_reset_every == 0;
+        return acts(step) && passes_multiple(step, batch_, options_.opacity_reset_every);
     }
 
     void state(StateVisitor<Device>& visit) {
@@ -290,6 +308,15 @@ private:
         return options_.enabled && options_.spare_covered < 1 && step < options_.until;
     }
 
+    bool grows(int step) const {
+        return step - step % options_.every > options_.from &&
+               passes_multiple(step, batch_, options_.every);
+    }
+
+    bool trims(int step) const {
+        return options_.trim_min_views > 0 && passes_multiple(step, batch_, options_.trim_every);
+    }
+
     GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
@@ -299,23 +326,8 @@ private:
         statistics_.fill_zero();
     }
 
-    /// What all ranks have seen, from rank 0 on.
-    void share_statistics() {
-        if (peers_ == nullptr) return;
-        const std::vector<GrowthStatistics> all = gather_ranks(peers_, statistics_);
-        std::vector<GrowthStatistics> sum(statistics_.size(), {0, 0, 0, 0});
-        for (std::size_t i = 0; i < all.size(); ++i) {
-            GrowthStatistics& s = sum[i % sum.size()];
-            s.gradient += all[i].gradient, s.abs_gradient += all[i].abs_gradient;
-            s.views += all[i].views;
-            s.max_radius_px = std::max(s.max_radius_px, all[i].max_radius_px);
-        }
-        copy(sum, statistics_);
-    }
-
     /// Fills growth_ and counts_.
     void grow_and_prune(int step, const Gaussians<Device>& g) {
-        share_statistics();
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
         propose_growth<Device>(
@@ -376,6 +388,7 @@ private:
             parallel_for(Device{}, static_cast<int>(n),
                          CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
         });
+        sum_over_ranks(peers_, "trim", front_views_);
         parallel_for(Device{}, g.size(),
                      KeepSeenBody{front_views_.span(), options_.trim_min_views, weights(),
                                   counts_.span(), growth_.span()});
@@ -450,6 +463,7 @@ private:
     DensifyOptions options_;
     float extent_;
     std::uint64_t seed_;
+    int batch_;
     Communicator* peers_;
     Buffer<GrowthStatistics, Device> statistics_;
     Buffer<float, Device> open_;  // [N], or empty

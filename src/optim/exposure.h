@@ -121,24 +121,31 @@ struct ExposurePullTerm {
     }
 };
 
+/// Whether there is something to learn: lesson[count], behind the gradient.
+struct ExposureOpenBody {
+    double* lesson;
+    int count;
+    ExposureGate gate;
+    TVSGS_HD void operator()(int) const { lesson[count] = gate.open(); }
+};
+
 /// Adam, rate 1e-3, betas 0.9 and 0.99, eps 1e-8, over all photographs: those not looked at go on
 /// by their momentum, as in the official code.
 struct ExposureStepBody {
     Span<ExposureState> states;
     int current, count;
-    const double* gradient;  // [count] of the current one, of the L1 term
+    const double* lesson;  // [count] the current one's gradient, of the L1 term; whether to learn
     float pull;
-    ExposureGate gate;
 
     TVSGS_HD void operator()(int i) const {
-        if (!gate.open()) return;
+        if (!(lesson[count] > 0)) return;
         ExposureState& s = states[i];
         ++s.steps;
         const float t = static_cast<float>(s.steps);
         const float correction1 = 1 - std::pow(0.9f, t), correction2 = 1 - std::pow(0.99f, t);
         for (int k = 0; k < count; ++k) {
             const float pulled = k < kGainValues ? 0 : 2 * pull * s.value[k],
-                        g = i == current ? static_cast<float>(gradient[k]) + pulled : 0;
+                        g = i == current ? static_cast<float>(lesson[k]) + pulled : 0;
             s.m[k] = 0.9f * s.m[k] + 0.1f * g;
             s.v[k] = 0.99f * s.v[k] + 0.01f * g * g;
             s.value[k] -=
@@ -151,10 +158,14 @@ template <class Device>
 class Exposure {
 public:
     Exposure(ExposureModel model, float pull)
-        : count_(model == ExposureModel::affine ? kAffineValues : kGainValues), pull_(pull) {}
+        : count_(model == ExposureModel::affine ? kAffineValues : kGainValues), pull_(pull) {
+        if (model == ExposureModel::none) return;
+        lesson_.resize(static_cast<std::size_t>(count_) + 1);
+        lesson_.fill_zero();
+    }
 
-    /// Adds the L1 term with the view's exposure, and `value` what its matrix costs, and improves
-    /// the exposures. `gate.ssim_loss` has to be known.
+    /// Adds the L1 term with the view's exposure, and `value` what its matrix costs, and leaves in
+    /// lesson() what learn() takes. `gate.ssim_loss` has to be known.
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,
@@ -164,12 +175,8 @@ public:
                 Objective<Device>& objective,
                 Span<float> pixel_loss,
                 double* value) {
-        if (static_cast<int>(states_.size()) != views) {
-            states_.resize(static_cast<std::size_t>(views));
-            states_.fill_zero();
-        }
-        gradient_.resize(static_cast<std::size_t>(count_));
-        gradient_.fill_zero();
+        require_states(views);
+        lesson_.fill_zero();
         const std::size_t pixels = in.images.color.size();
         per_pixel_.resize(static_cast<std::size_t>(count_) * pixels);
         const ExposureGate gate{ssim_loss, limit};
@@ -181,25 +188,39 @@ public:
         for (int k = 0; k < count_; ++k) {
             const float* const of_value = per_pixel_.data() + static_cast<std::size_t>(k) * pixels;
             add_sum(Device{}, static_cast<int>(pixels), ReadValue{{of_value, pixels}}, 1,
-                    objective.partial.span(), gradient_.data() + k);
+                    objective.partial.span(), lesson_.data() + k);
         }
         if (count_ > kGainValues)
             add_sum(Device{}, count_ - kGainValues, ExposurePullTerm{own, gate, pull_}, 1,
                     objective.partial.span(), value);
-        parallel_for(
-            Device{}, views,
-            ExposureStepBody{states_.span(), in.view.index, count_, gradient_.data(), pull_, gate});
+        parallel_for(Device{}, 1, ExposureOpenBody{lesson_.data(), count_, gate});
     }
+
+    /// Improves the exposures by a lesson of photograph `view`.
+    void learn(int view, int views, const double* lesson) {
+        require_states(views);
+        parallel_for(Device{}, views,
+                     ExposureStepBody{states_.span(), view, count_, lesson, pull_});
+    }
+
+    /// Of the last photograph; empty where exposures are not fitted.
+    const Buffer<double, Device>& lesson() const { return lesson_; }
 
     void state(StateVisitor<Device>& visit) { visit.optional("exposure", states_); }
 
     const Buffer<ExposureState, Device>& states() const { return states_; }
 
 private:
+    void require_states(int views) {
+        if (static_cast<int>(states_.size()) == views) return;
+        states_.resize(static_cast<std::size_t>(views));
+        states_.fill_zero();
+    }
+
     int count_;
     float pull_;
     Buffer<ExposureState, Device> states_;
-    Buffer<double, Device> gradient_;
+    Buffer<double, Device> lesson_;
     Buffer<float, Device> per_pixel_;
 };
 

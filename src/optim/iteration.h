@@ -5,7 +5,6 @@
 #include <string>
 #include <vector>
 
-#include "comm/communicator.h"
 #include "core/stage_clock.h"
 #include "optim/adam.h"
 #include "optim/device_views.h"
@@ -52,13 +51,9 @@ class Iteration {
 public:
     using Losses = std::vector<std::unique_ptr<Loss<Device>>>;
 
-    /// The scene has to outlive this. `quiet`: says nothing of pairs of views. `peers`: as
-    /// TrainCallbacks has them.
-    Iteration(const Scene& scene,
-              const TrainOptions& options,
-              bool quiet,
-              Communicator* peers = nullptr)
-        : peers_(peers),
+    /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
+    Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
+        : batched_(options.comm.batch > 1),
           backbone_(make_backbone<Device>(options.backbone, options.render)),
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
@@ -67,10 +62,6 @@ public:
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->moves_cameras());
-        if (options.cameras.refine && peers != nullptr)
-            throw Error(ExitCode::usage,
-                        "cameras.refine is true, but poses are refined by one process alone; set "
-                        "it to false");
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
@@ -80,28 +71,32 @@ public:
         objective_.count.resize(1);
     }
 
-    /// The view with its photograph. `next()`: the view of the step after this one, whose
-    /// photographs then come while the device works; asked only where they are not all there.
+    /// The view with its photograph, for iteration `number`. `next()`: number and view of the one
+    /// after it, whose photographs then come while the device works; asked only where they are not
+    /// all there.
     template <class Next>
-    const DeviceView<Device>& fetch(int step, int view, const Losses& losses, const Next& next) {
+    const DeviceView<Device>& fetch(int number, int view, const Losses& losses, const Next& next) {
         const DeviceView<Device>& here = views_.get(view);
         if (views_.all_resident()) return here;
-        const bool looks_around = needs_at(losses, step, view, true).other_views > 0;
+        const bool looks_around = needs_at(losses, number, view, true).other_views > 0;
         if (looks_around)
-            for (const int other : others_->choose(step, view)) views_.get(other);
-        const int after = next();
+            for (const int other : others_->choose(number, view)) views_.get(other);
+        const auto [next_number, after] = next();
         views_.prefetch(after);
         if (looks_around)
-            for (const int other : others_->choose(step + 1, after)) views_.prefetch(other);
+            for (const int other : others_->choose(next_number, after)) views_.prefetch(other);
         return here;
     }
 
-    /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or
-    /// half of the way where the backbone fuses the rest with Adam's step. `watch(values)` is given
-    /// the losses. Without `for_step` only the statistics of the screen are asked for. What moves
-    /// cameras adds its derivatives by this one to `by_camera`, unless that is empty.
+    /// Iteration `number` of the step that ends with iteration `step`: renders the view, adds up
+    /// the losses, and goes back to the splats: into the gradients, or half of the way where the
+    /// backbone fuses the rest with Adam's step. `watch(values)` is given the losses. Terms learn
+    /// at once, unless the step looks at several photographs. Without `for_step` only the
+    /// statistics of the screen are asked for. What moves cameras adds its derivatives by this one
+    /// to `by_camera`, unless that is empty.
     template <class Watch>
-    void propagate(int step,
+    void propagate(int number,
+                   int step,
                    const DeviceView<Device>& view,
                    const Gaussians<Device>& gaussians,
                    const Losses& losses,
@@ -112,14 +107,14 @@ public:
         sh_degree_ = sh_degree_at(model_, step);
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         OtherViews<Device>* others = nullptr;
-        if (needs_at(losses, step, view.index, true).other_views > 0)
+        if (needs_at(losses, number, view.index, true).other_views > 0)
             clock("other views", [&] {
                 details("other views, forward", [&] {
-                    others_->begin(step, view.index, views_.views(), drawn);
+                    others_->begin(number, view.index, views_.views(), drawn);
                     if (others_->count() > 0) others = others_.get();
                 });
             });
-        const LossNeeds needs = needs_at(losses, step, view.index, others != nullptr);
+        const LossNeeds needs = needs_at(losses, number, view.index, others != nullptr);
         const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
             return backbone_->forward(drawn, view.camera, sh_degree_, needs.maps);
         });
@@ -127,16 +122,17 @@ public:
             details("clear gradients", [&] { clear(gaussians, needs, images); });
             if (others) details("compare views", [&] { others->compare(images); });
             for (std::size_t i = 0; i < losses.size(); ++i) {
-                if (!losses[i]->active(step)) continue;
+                if (!losses[i]->active(number)) continue;
                 details(loss_stages_[i].c_str(), [&] {
                     losses[i]->add_to(objective_, objective_.values.data() + i,
                                       {gaussians, images, view, field,
-                                       backbone_->statistics().radii_px.span(), step, others});
+                                       backbone_->statistics().radii_px.span(), number, others});
+                    if (const auto* const lesson = losses[i]->lesson(); lesson && !batched_)
+                        losses[i]->learn(number, view.index, lesson->data());
                 });
                 if (!by_camera.empty() && losses[i]->moves_cameras())
                     details("camera gradient", [&] { find_camera_gradient(drawn, by_camera); });
             }
-            mean_over_ranks<double>(peers_, objective_.values);
             details("watch losses", [&] { watch(objective_.values); });
         });
         clock("backward", [&] {
@@ -150,9 +146,6 @@ public:
             else
                 backbone_->backward(drawn, objective_.dL_dimages, dL_ddrawn);
             if (!fixed_.none()) fixed_.add_trained_part(objective_.dL_dgaussians);
-            for_each_array(
-                [&](const SplatArray&, auto& values) { mean_over_ranks<float>(peers_, values); },
-                objective_.dL_dgaussians);
         });
     }
 
@@ -192,16 +185,19 @@ public:
         copy_bound_cameras();
     }
 
-    /// Before the first step, and after each; see Backbone::prepare().
-    void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
-        backbone_->prepare(step, changed, cameras_, gaussians);
+    /// Before the first step, and after each of iterations [first, step]; see Backbone::prepare().
+    void prepare(int first, int step, bool changed, Gaussians<Device>& gaussians) {
+        for (int number = first; number <= step; ++number)
+            backbone_->prepare(number, changed && number == step, cameras_, gaussians);
     }
 
-    /// visit(statistics) of what each training view sees of the splats; fixed ones come last.
+    /// visit(statistics) of what each training view sees of the splats, fixed ones last: of every
+    /// `ranks`-th view from `rank` on.
     template <class Visit>
-    void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
+    void observe(const Gaussians<Device>& gaussians, int rank, int ranks, const Visit& visit) {
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         for (const auto& view : views_.views()) {
+            if (view.index % ranks != rank) continue;
             backbone_->forward(drawn, view.camera, 0, kGeometryMaps);
             backbone_->observe(drawn);
             visit(backbone_->statistics());
@@ -212,12 +208,19 @@ public:
     OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
     const Objective<Device>& objective() const { return objective_; }
 
+    // Of a step of several photographs: what propagate() gave of one of them, and what the step
+    // goes along in its place.
+    Gaussians<Device>& gradients() { return objective_.dL_dgaussians; }
+    Buffer<double, Device>& values() { return objective_.values; }
+    void replace(Gaussians<Device>& gradients) { std::swap(objective_.dL_dgaussians, gradients); }
+    int sh_degree() const { return sh_degree_; }
+
     // Times, unless switched on not taken: the parts of a training, and the parts of these.
     StageClock<Device> clock, details;
 
 private:
-    /// Gradients that are in no memory cannot be shared, nor parted from those of fixed splats.
-    bool fuses() const { return peers_ == nullptr && fixed_.none() && backbone_->fuses(); }
+    /// Gradients that are in no memory cannot be added up, nor parted from those of fixed splats.
+    bool fuses() const { return !batched_ && fixed_.none() && backbone_->fuses(); }
 
     void copy_bound_cameras() {
         if (bounds_.on()) copy(cameras_, bound_cameras_);
@@ -259,7 +262,7 @@ private:
         objective_.values.fill_zero();
     }
 
-    Communicator* peers_;
+    bool batched_;
     std::unique_ptr<Backbone<Device>> backbone_;
     std::unique_ptr<OtherViews<Device>> others_;
     DeviceViews<Device> views_;

@@ -46,7 +46,7 @@ public:
         ComparedPhoto compared{
             in.images.color.span(), in.view.photo.span(), objective.dL_dimages.color.span(), {}};
         if (masks) compared = mask(in);
-        const bool expose = exposure_start_ > 0 && in.step >= exposure_start_;
+        const bool expose = exposes_at(in.step);
         PhotometricWeights weights = weights_;
         if (expose) weights.l1 = 0;  // SSIM always looks at the render itself
         photometric_loss(compared.color, compared.photo, in.images.width, in.images.height, weights,
@@ -71,11 +71,20 @@ public:
                 value);
     }
 
+    const Buffer<double, Device>* lesson() const override {
+        return exposure_.lesson().empty() ? nullptr : &exposure_.lesson();
+    }
+    void learn(int number, int view, const double* lesson) override {
+        if (exposes_at(number)) exposure_.learn(view, views_, lesson);
+    }
+
     void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }
 
     const Exposure<Device>& exposure() const { return exposure_; }
 
 private:
+    bool exposes_at(int step) const { return exposure_start_ > 0 && step >= exposure_start_; }
+
     /// Whether the render itself has another background than black.
     bool shines_through() const {
         return background_.kind == PhotoBackground::Kind::random || !background_.black();

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "comm/communicator.h"
+#include "comm/options.h"
 #include "core/scene.h"
 #include "core/stage_clock.h"
 #include "core/state.h"
@@ -59,10 +60,11 @@ struct TrainOptions {
     BoundOptions bounds;
     TvOptions tv;
     InitOptions init;
+    CommOptions comm;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("iterations", iterations, {0, 1e9}, "training iterations");
+        field("iterations", iterations, {0, 1e9}, "training iterations, a photograph each");
         field("seed", seed, {0, 9e15}, "of all random numbers");
         field("photo_bytes", photo_bytes, {0, 9e15},
               "photographs to hold on the device, bytes; where there are more, they come from the "
@@ -78,6 +80,7 @@ struct TrainOptions {
         field.group("bounds", bounds, "how large and long splats may get");
         field.group("tv", tv, "tensor voting");
         field.group("init", init, "the first Gaussians");
+        field.group("comm", comm, "photographs of a step, and processes that share them");
     }
 };
 
@@ -122,11 +125,11 @@ struct TrainCallbacks {
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;
 
-    /// The other processes of this training; null: none. All have the same scene, options, start
-    /// and answers of these callbacks. Each step then looks at as many views as there are
-    /// processes, one on each; they share gradients, values of losses and statistics of growth, so
-    /// all have the same splats. Of its own views alone are what a term of a process learns
-    /// (exposures), and the statistics since the last growth in its saved states.
+    /// The other processes of this training, at most TrainOptions::comm.batch in all; null: none.
+    /// All have the same scene, options, start and answers of these callbacks. The photographs of a
+    /// step are dealt to them; gradients, values of losses, statistics of growth and what terms
+    /// learn are gathered and added in the order of the photographs. So all have the same splats,
+    /// those that one process would have.
     Communicator* peers = nullptr;
 };
 
@@ -135,7 +138,12 @@ template <class Device>
 using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
-/// device type give the same bits, also when the training goes on from a saved state, `start`.
+/// device type give the same bits, also when the training goes on from a saved state, `start`, and
+/// for any number of processes.
+///
+/// A step looks at comm.batch photographs, and iterations count these. It goes along the mean of
+/// their gradients; events are due at the step whose photographs they fall among. A round of the
+/// views leaves out, by draw, those that do not fill a step.
 ///
 /// Losses are looked at every step, all parameters every hundred and before anything is reported,
 /// saved, pruned or returned. The first number that is not finite takes the run back to its last
@@ -151,6 +159,14 @@ Gaussians<Device> train(const Scene& scene,
 /// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
 /// have no derivatives by them. train() does so, too.
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
+
+/// Throws Error(ExitCode::usage) where there are more processes than photographs of a step, or a
+/// term keeps what one process alone knows.
+void check_ranks(const TrainOptions& options, int ranks);
+
+/// Throws Error(ExitCode::usage) where a step would look at more photographs than there are,
+/// and as check_ranks(). train() does so, too.
+void check_batch(const Scene& scene, const TrainOptions& options, int ranks);
 
 /// Iterations that a saved state has behind it.
 int iterations_done(const State& state);

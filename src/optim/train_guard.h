@@ -118,8 +118,8 @@ public:
     }
 
     /// Looks at the loss of a step, without waiting for the device.
-    void watch(int step, int view, const Buffer<double, Device>& values) {
-        parallel_for(Device{}, 1, WatchLossBody{values.span(), step, view, fault_.data()});
+    void watch(int step, int view, Span<const double> values) {
+        parallel_for(Device{}, 1, WatchLossBody{values, step, view, fault_.data()});
     }
 
     /// On the device; not 0 from the first loss on that is not finite. Steps must then leave the

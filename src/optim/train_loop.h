@@ -1,6 +1,7 @@
 // The loop itself; included by one file per device.
 #pragma once
 
+#include "optim/batch.h"
 #include "optim/train_state.h"
 
 namespace tvsgs {
@@ -25,8 +26,11 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step,
                         const SharedState& start) {
-    Iteration<Device> iteration(scene, options, callbacks.goes_on, callbacks.peers);
+    check_batch(scene, options, size_of(callbacks.peers));
+    Iteration<Device> iteration(scene, options, callbacks.goes_on);
     Training<Device> t(scene, options, callbacks, start);
+    StepBatch<Device> batch(callbacks.peers);
+    const int each = options.comm.batch;  // photographs of a step
     iteration.clock = StageClock<Device>(callbacks.profile);
     const auto follow_cameras = [&] {
         const CameraRefinement* const moved = t->cameras.take_moved();
@@ -35,28 +39,35 @@ Gaussians<Device> train(const Scene& scene,
         if (callbacks.on_cameras) callbacks.on_cameras(*moved);
     };
 
-    for (int step = t->done + 1; step <= options.iterations; step = t->done + 1) {
+    // A step is the iterations [first, step].
+    while (t->done < options.iterations) {
+        const int first = t->done + 1, step = std::min(t->done + each, options.iterations);
+        if (callbacks.peers != nullptr) callbacks.peers->set_iteration(step);
         if (callbacks.stop_requested && callbacks.stop_requested()) {
             t.stop();
             break;
         }
-        if (callbacks.save_due && callbacks.save_due(step - 1) && !t.save()) continue;
+        if (callbacks.save_due && callbacks.save_due(first - 1) && !t.save()) continue;
         follow_cameras();
-        if (step == 1) iteration.prepare(0, true, t->gaussians);
-        const int drawn = t->sampler.next();
-        const DeviceView<Device>& view =
-            iteration.fetch(step, drawn, t->losses, [&] { return t->sampler.peek(); });
-        if (t->voter.due(step)) iteration.clock("voting", [&] { t.vote(step); });
+        if (first == 1) iteration.prepare(0, 0, true, t->gaussians);
+        if (t->voter.due(step, each)) iteration.clock("voting", [&] { t.vote(step); });
 
         // Where splats come and go, gradients are lost, as in the official codes.
         const bool changes = t->densifier.may_change_structure(step);
         const bool steps = !changes && step < options.iterations;
-        iteration.propagate(step, view, t->gaussians, t->losses, t->field, steps,
-                            t->cameras.gradient_of(step, view.index),
-                            [&](auto& values) { t.watch(step, view.index, values); });
+        if (t.batched()) {
+            batch.propagate(first, step, iteration, t, steps);
+        } else {
+            const DeviceView<Device>& view =
+                iteration.fetch(step, t->sampler.view(step), t->losses,
+                                [&] { return std::pair(step + 1, t->sampler.view(step + 1)); });
+            iteration.propagate(step, step, view, t->gaussians, t->losses, t->field, steps,
+                                t->cameras.gradient_of(step, view.index),
+                                [&](auto& values) { t.watch(step, view.index, values.span()); });
+        }
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
-        const bool look = report || changes || step % kCheckEvery == 0 || !steps;
+        const bool look = report || changes || passes_multiple(step, each, kCheckEvery) || !steps;
         if (look && !t.check(step)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, t.state()));
         if (steps)
@@ -67,7 +78,8 @@ Gaussians<Device> train(const Scene& scene,
         else
             iteration.finish_statistics();
         // What the last iteration grew or faded no other would train.
-        if (step < options.iterations) iteration.clock("densify", [&] { t.grow(step, iteration); });
+        if (step < options.iterations)
+            iteration.clock("densify", [&] { t.grow(first, step, iteration); });
         t->cameras.step_done(step, options.iterations);
         t.step_done(step);
         if (after_step) after_step(step, t->gaussians);

@@ -15,38 +15,26 @@ namespace tvsgs {
 /// Iterations between looks at all parameters.
 inline constexpr int kCheckEvery = 100;
 
-/// Training views without replacement: a new shuffled round whenever one is used up. Each step
-/// draws a view for every process of the training; next() gives the one of this process.
+/// Training views without replacement: a new shuffled round whenever one is used up. A step of
+/// `batch` photographs looks at as many views; a round has so many as fill its steps.
 class ViewSampler {
 public:
-    ViewSampler(int count, std::uint64_t seed, int rank = 0, int ranks = 1)
-        : order_(static_cast<std::size_t>(count)), seed_(seed), rank_(rank), ranks_(ranks) {}
+    ViewSampler(int count, std::uint64_t seed, int batch = 1)
+        : order_(static_cast<std::size_t>(count)),
+          seed_(seed),
+          round_size_(count - count % batch) {}
 
-    int next() {
-        int mine = 0;
-        for (int r = 0; r < ranks_; ++r)
-            if (const int view = draw(); r == rank_) mine = view;
-        return mine;
+    /// The view of an iteration, which count from 1.
+    int view(int iteration) {
+        const int round = (iteration - 1) / round_size_;
+        if (round != round_) shuffle(static_cast<std::uint32_t>(round));
+        round_ = round;
+        return order_[static_cast<std::size_t>((iteration - 1) % round_size_)];
     }
 
-    /// What next() will give.
-    int peek() const { return ViewSampler(*this).next(); }
-
-    /// As after `steps` calls of next().
-    void skip_to(int steps) {
-        drawn_ = static_cast<std::size_t>(steps) * static_cast<std::size_t>(ranks_);
-        if (const std::size_t n = order_.size(); drawn_ % n != 0)
-            shuffle(static_cast<std::uint32_t>(drawn_ / n));
-    }
+    int next() { return view(++drawn_); }
 
 private:
-    int draw() {
-        const std::size_t at = drawn_ % order_.size();
-        if (at == 0) shuffle(static_cast<std::uint32_t>(drawn_ / order_.size()));
-        ++drawn_;
-        return order_[at];
-    }
-
     void shuffle(std::uint32_t round) {
         for (std::size_t i = 0; i < order_.size(); ++i) order_[i] = static_cast<int>(i);
         for (std::size_t i = order_.size(); i > 1; --i) {
@@ -59,8 +47,7 @@ private:
 
     std::vector<int> order_;
     std::uint64_t seed_;
-    int rank_, ranks_;
-    std::size_t drawn_ = 0;
+    int round_size_, round_ = -1, drawn_ = 0;
 };
 
 /// The objective's terms for a scene.
@@ -92,13 +79,13 @@ struct TrainState {
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv),
-          adam(o.lr, gaussians),
-          densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), peers),
-          cameras(scene, o.cameras),
+          adam(o.lr, gaussians, o.comm.batch),
+          densifier(
+              o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
+          cameras(scene, o.cameras, o.comm.batch),
           sampler(static_cast<int>(scene.train.size()),
                   static_cast<std::uint64_t>(o.seed),
-                  rank_of(peers),
-                  size_of(peers)) {
+                  o.comm.batch) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
@@ -155,7 +142,6 @@ private:
                         "cameras.refine = false: the checkpoint's splats go with poses that were "
                         "refined, and a run keeps that to its end");
         visit(visitor);
-        sampler.skip_to(done);
     }
 
     /// Sizes that do not fit together would be read beyond their ends.
@@ -250,23 +236,30 @@ public:
             s.gaussians, s.searched);
     }
 
-    void watch(int step, int view, Buffer<double, Device>& values) {
+    void watch(int step, int view, Span<double> values) {
         if (injected_.term >= 0 && injects_at(step))
-            parallel_for(Device{}, 1, SpoilTermBody{values.data() + injected_.term});
+            parallel_for(Device{}, 1, SpoilTermBody{values.data + injected_.term});
         guard_.watch(step, view, values);
     }
 
     const int* halted() const { return guard_.halted(); }
 
-    /// Growth, trims and resets where they are due, and what follows from them.
-    void grow(int step, Iteration<Device>& iteration) {
+    /// Growth, trims and resets where they are due among iterations [first, step], and what follows
+    /// from them. What a batch has seen has been counted.
+    void grow(int first, int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
-        const auto event = s.densifier.step(
-            step, iteration.backbone().statistics(), s.gaussians, s.adam,
-            [&](const auto& count_views) { iteration.observe(s.gaussians, count_views); });
+        if (auto* const sums = s.densifier.sums_at(step, s.gaussians); sums && !batched())
+            s.densifier.count_view(iteration.backbone().statistics(), *sums);
+        const auto event =
+            s.densifier.step(step, s.gaussians, s.adam, [&](const auto& count_views) {
+                iteration.observe(s.gaussians, rank_of(callbacks_.peers), size_of(callbacks_.peers),
+                                  count_views);
+            });
         if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
-        iteration.prepare(step, event.structure_changed, s.gaussians);
+        iteration.prepare(first, step, event.structure_changed, s.gaussians);
     }
+
+    bool batched() const { return options_.comm.batch > 1; }
 
     void step_done(int step) {
         state_->done = step;

@@ -59,27 +59,6 @@ T value_of(const State& state, const char* name) {
     return value;
 }
 
-/// Names and poses: sizes may change with the resolution.
-std::uint32_t views_id(const Scene& scene) {
-    std::uint32_t id = 0;
-    for (const View& view : scene.train) {
-        id = checksum(view.name.data(), view.name.size(), id);
-        id = checksum(&view.camera.camera_from_world, sizeof view.camera.camera_from_world, id);
-    }
-    return id;
-}
-
-/// Every 16th row is enough to tell photographs apart, and costs nothing.
-std::uint32_t photos_id(const Scene& scene) {
-    std::uint32_t id = 0;
-    for (const View& view : scene.train) {
-        const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
-        for (std::size_t at = 0; at + row <= view.photo.pixels.size(); at += 16 * row)
-            id = checksum(view.photo.pixels.data() + at, row, id);
-    }
-    return id;
-}
-
 ResumePoint read_point(const std::string& file) {
     auto state = std::make_shared<State>(read_checkpoint(file));
     return with_context(str("reading ", file), [&] {
@@ -92,6 +71,31 @@ ResumePoint read_point(const std::string& file) {
 }
 
 }  // namespace
+
+std::uint32_t views_id(const Scene& scene) {
+    std::uint32_t id = 0;
+    for (const View& view : scene.train) {
+        id = checksum(view.name.data(), view.name.size(), id);
+        id = checksum(&view.camera.camera_from_world, sizeof view.camera.camera_from_world, id);
+    }
+    return id;
+}
+
+std::uint32_t photos_id(const Scene& scene) {
+    // Every 16th row is enough to tell photographs apart, and costs nothing.
+    std::uint32_t id = 0;
+    for (const View& view : scene.train) {
+        const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
+        for (std::size_t at = 0; at + row <= view.photo.pixels.size(); at += 16 * row)
+            id = checksum(view.photo.pixels.data() + at, row, id);
+    }
+    return id;
+}
+
+std::uint32_t points_id(const Scene& scene) {
+    const auto& points = scene.points.positions;
+    return checksum(points.data(), points.size() * sizeof(Vec3f), 0);
+}
 
 std::optional<ResumePoint> open_checkpoint(const std::string& place) {
     std::error_code code;

@@ -31,6 +31,12 @@ std::optional<ResumePoint> open_checkpoint(const std::string& place);
 /// Error(ExitCode::input) when its training views are others; warns when its photographs are.
 void adopt_scene(const ResumePoint& point, Scene& scene);
 
+/// Checksums of a scene: names and poses of its training views, which keep them at any resolution;
+/// their photographs; its initial points.
+std::uint32_t views_id(const Scene& scene);
+std::uint32_t photos_id(const Scene& scene);
+std::uint32_t points_id(const Scene& scene);
+
 /// Removes the run's checkpoints of more than `done` iterations, which open_checkpoint() would take
 /// for the newest.
 void remove_checkpoints_after(const std::string& run, int done);

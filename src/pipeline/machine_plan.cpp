@@ -53,7 +53,7 @@ std::vector<Level> levels_of(const Scene& scene,
             o.tv.lists = ListStorage::compact;
             level.settings.emplace_back("tv.lists", "compact");
         }
-        level.needs = estimate_memory(scene, o, in.first, in.cuda);
+        level.needs = estimate_memory(scene, o, in.first, in.cuda, in.processes);
         levels.push_back(std::move(level));
     };
     if (!(streams && crowded)) add(in.cuda ? "one GPU" : "one CPU", false, false);

@@ -25,6 +25,7 @@ ExpectedSplats expected_splats(const Scene& scene,
 struct MachineInputs {
     bool cuda = false;
     MemoryLimits limits;
+    ProcessCount processes;
     std::int64_t first = 0;  // splats at the start
     ExpectedSplats expected;
     bool may_stream = false;   // photo_bytes is the plan's to choose

@@ -122,9 +122,11 @@ std::int64_t view_bytes_per_splat(double share_in_view) {
            std::llround(share_in_view * (kPerSplatInView + kFragmentsPerSplat * kPerFragment));
 }
 
-MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda) {
+MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda, const ProcessCount& processes) {
     MemoryLimits limits;
-    limits.host = limits.device = limit_of(Cpu{}, "memory.host", memory.host);
+    limits.host = limit_of(Cpu{}, "memory.host", memory.host);
+    if (memory.host.empty()) limits.host /= processes.here;
+    limits.device = limits.host;
     if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
     if constexpr (kHasCuda) {
         if (cuda) limits.device = limit_of(Cuda{}, "memory.gpu", memory.gpu);
@@ -168,7 +170,8 @@ std::string split_command(const std::string& scene, std::int64_t blocks) {
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& o,
                            std::int64_t splats,
-                           bool cuda) {
+                           bool cuda,
+                           const ProcessCount& processes) {
     const LossNeeds needs = needs_of(o.loss);
     const bool plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
@@ -178,7 +181,15 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
     const bool compact = make_backbone<Cpu>(o.backbone, o.render)->fuses(),
                fuses = compact && fixed == 0;
-    const std::int64_t gradients = !fuses ? parameters : needs.splat_gradients ? geometry : 0;
+    // A step of several photographs adds up gradients of one at a time; what this process and all
+    // of them have found lies beside both.
+    constexpr std::int64_t kStatistics = 16, kIndex = 12;
+    const std::int64_t exchanged =
+        processes.all > 1 ? (1 + processes.all) * (parameters + kStatistics + kIndex) : 0;
+    const std::int64_t gradients = o.comm.batch > 1 ? 2 * parameters + kStatistics + exchanged
+                                   : !fuses         ? parameters
+                                   : needs.splat_gradients ? geometry
+                                                           : 0;
     const std::int64_t renders = 1 + needs.rendered_views;
 
     MemoryPlan plan;
@@ -212,7 +223,7 @@ MemoryPlan estimate_memory(const Scene& scene,
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
-    plan.host.per_splat = 2 * state + parameters;
+    plan.host.per_splat = 2 * state + parameters + exchanged;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + masks +
                       2 * kept + fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
@@ -228,16 +239,17 @@ MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,
                        bool cuda,
-                       TrainOptions& options) {
-    MemoryPlan plan = estimate_memory(scene, options, splats, cuda);
-    plan.limits = memory_limits(memory, cuda);
+                       TrainOptions& options,
+                       const ProcessCount& processes) {
+    MemoryPlan plan = estimate_memory(scene, options, splats, cuda, processes);
+    plan.limits = memory_limits(memory, cuda, processes);
     if (!memory.host.empty()) set_memory_limit(Cpu{}, plan.limits.host);
     if constexpr (kHasCuda) {
         if (cuda && !memory.gpu.empty()) set_memory_limit(Cuda{}, plan.limits.device);
     }
     if (cuda && photos_crowd(scene, options, plan.limits.device)) {
         options.photo_bytes = plan.limits.device / 4;
-        plan.buffers = estimate_memory(scene, options, splats, cuda).buffers;
+        plan.buffers = estimate_memory(scene, options, splats, cuda, processes).buffers;
     }
     const std::int64_t fit = fitting(plan, plan.limits);
     if (cuda) require("GPU", scene.path, plan.buffers, splats, plan.limits.device, fit);

@@ -73,10 +73,12 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
 void plan_machine(const DeviceChoice& device,
                   const RunOptions& options,
                   const Scene& scene,
+                  const ProcessCount& processes,
                   RunPlan& plan) {
     MachineInputs in;
     in.cuda = device.cuda;
-    in.limits = memory_limits(options.memory, device.cuda);
+    in.limits = memory_limits(options.memory, device.cuda, processes);
+    in.processes = processes;
     in.first = static_cast<std::int64_t>(scene.points.positions.size());
     in.expected =
         expected_splats(scene, options.train, in.first, plan.pinned("densify.max_gaussians"));
@@ -190,7 +192,8 @@ Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
                     OptionTable& table,
-                    RunPlan& plan) {
+                    RunPlan& plan,
+                    const ProcessCount& processes) {
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
@@ -209,6 +212,8 @@ Scene read_and_plan(const DeviceChoice& device,
     Scene scene = load_and_hold_out(chosen, options, false, table);
     read_fixed_points(options, scene);
 
+    if (processes.all > 1)
+        plan.apply(plan_batch(static_cast<int>(scene.train.size()), processes.all));
     for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
         plan.apply(decision);
     const MaskUse use = options.train.loss.photometric.masks;
@@ -260,7 +265,7 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     plan_thickness(options.train, plan);
     check_consistency(options.train);
-    plan_machine(device, options, scene, plan);
+    plan_machine(device, options, scene, processes, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     read_fixed_splats(options, scene);  // as the rasteriser that was chosen draws them
     if (!plan_only) provide_maps(device, options, std::move(found), scene);

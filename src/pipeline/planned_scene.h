@@ -34,6 +34,7 @@ Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
                     OptionTable& table,
-                    RunPlan& plan);
+                    RunPlan& plan,
+                    const ProcessCount& processes = {});
 
 }  // namespace tvsgs

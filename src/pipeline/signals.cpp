@@ -10,6 +10,7 @@ namespace {
 constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
 volatile std::sig_atomic_t first_signal = 0;
+int noted_signal = 0;  // of another process
 
 extern "C" void end_at_once(int signal) {
     remove_temporary_files();
@@ -44,7 +45,7 @@ void end_on_signals() {
 }
 
 SignalGuard::SignalGuard() {
-    first_signal = 0;
+    first_signal = 0, noted_signal = 0;
     on_ending_signals(note_signal);
 }
 
@@ -53,11 +54,15 @@ SignalGuard::~SignalGuard() {
 }
 
 int SignalGuard::received() {
-    return first_signal;
+    return first_signal != 0 ? first_signal : noted_signal;
+}
+
+void SignalGuard::note(int signal) {
+    noted_signal = signal;
 }
 
 void SignalGuard::check() {
-    if (const int signal = first_signal) throw Stopped{signal};
+    if (const int signal = received()) throw Stopped{signal};
 }
 
 }  // namespace tvsgs

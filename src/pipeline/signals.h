@@ -23,6 +23,10 @@ public:
 
     static int received();  ///< the first signal; 0: none
 
+    /// Another process of the run has received `signal`: as if this one had, whose own first one
+    /// may still come.
+    static void note(int signal);
+
     /// Ends the command with the signal's exit code if one has arrived. To be called where nothing
     /// is half done.
     static void check();

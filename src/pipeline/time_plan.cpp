@@ -11,7 +11,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTrial = 40, kWarmUp = 3, kFewest = 8;  // iterations; fewer are a matter of luck
+constexpr int kTrial = 40, kWarmUp = 3, kFewest = 8;  // steps; fewer are a matter of luck
 constexpr double kSeconds = 5, kPatience = 20;        // of the trial; while there are fewer
 constexpr double kLow = 0.6, kHigh = 1.5;             // of the mean: other programs, other views
 constexpr double kUnseen = 2;  // later phases may take that many times as long
@@ -55,7 +55,7 @@ std::string TimePlan::text() const {
 
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options) {
     TrainOptions trial = options;
-    const int iterations = std::min(options.iterations, kTrial);
+    const int batch = options.comm.batch, iterations = std::min(options.iterations, kTrial * batch);
     fit_schedule(trial, iterations);
     const std::vector<double> ends =
         on_device(device, [&](auto tag) { return step_ends<decltype(tag)>(scene, trial); });
@@ -63,8 +63,8 @@ TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOp
     plan.iterations = options.iterations, plan.grows = options.densify.enabled;
     if (ends.size() < 2) return plan;
     const std::size_t first = std::min<std::size_t>(kWarmUp, ends.size() - 1) - 1;
-    plan.steps = static_cast<int>(ends.size() - 1 - first);
-    plan.of = std::max(1, iterations - kWarmUp);
+    plan.steps = static_cast<int>(ends.size() - 1 - first) * batch;
+    plan.of = std::max(1, iterations - kWarmUp * batch);
     plan.each = (ends.back() - ends[first]) / plan.steps;
     plan.low = kLow * plan.each * options.iterations;
     plan.high = kHigh * plan.each * options.iterations * (plan.steps < plan.of ? kUnseen : 1);

@@ -1,12 +1,14 @@
 #include "pipeline/train_session.h"
 
 #include "core/log.h"
+#include "core/periods.h"
 #include "io/ply.h"
 #include "optim/fixed_splats.h"
 #include "optim/time_budget.h"
 #include "pipeline/checkpoints.h"
 #include "pipeline/live_snapshots.h"
 #include "pipeline/progress.h"
+#include "pipeline/ranks.h"
 #include "pipeline/refined_cameras.h"
 #include "pipeline/signals.h"
 #include "pipeline/train_evaluation.h"
@@ -14,6 +16,32 @@
 
 namespace tvsgs {
 namespace {
+
+// What all processes of a run have to do at the same steps.
+
+bool report_due(const SessionInputs& in, const TrainOptions& training, int step) {
+    const int batch = training.comm.batch;
+    return step <= batch || step == training.iterations ||
+           passes_multiple(step, batch, in.session.report_every);
+}
+
+bool save_due(const SessionInputs& in, const TrainOptions& training, int done) {
+    const int every = in.session.checkpoint_every, batch = training.comm.batch;
+    return every > 0 && done > in.resume.done() &&
+           (passes_multiple(done, batch, every) || done + batch >= training.iterations);
+}
+
+/// A process that is asked to end does not wait for long for one that may be gone.
+void heed_signals(const SessionInputs& in) {
+    if (in.peers != nullptr)
+        in.peers->set_asked_to_end([] { return SignalGuard::received() != 0; });
+}
+
+/// Whether rank 0 may have to evaluate after a step.
+bool evaluates_on_the_way(const RunOptions& options) {
+    return !options.eval.at.empty() || options.eval.every > 0 ||
+           options.plan.until == Until::converged;
+}
 
 template <class Device>
 class TrainSession {
@@ -27,10 +55,10 @@ private:
     Gaussians<Device> train_in_budget();
     TrainCallbacks callbacks();
     bool stop_requested();
-    bool save_due(int done) const;
     void save(int done, const SharedState& state);
     void roll_back(int done, const std::string& why);
     void evaluate_if_due(int step, const Gaussians<Device>& splats);
+    void evaluate_now(int step, const Gaussians<Device>& splats);
     void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
 
@@ -52,6 +80,7 @@ private:
     const SignalGuard signals_;  // there is work to save from here on
     const SessionInputs& in_;
     RunFolder& run_;
+    RankTalk talk_;
     TrainOptions training_;  // in_.training with the schedule that it goes by now
     TrainProgress progress_;
     CheckpointWriter checkpoints_;
@@ -69,6 +98,7 @@ template <class Device>
 TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
     : in_(inputs),
       run_(run),
+      talk_(inputs.peers),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
       checkpoints_(run.path(), inputs.config(), inputs.scene),
@@ -78,7 +108,9 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
           inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
       fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
       done_(inputs.resume.done()),
-      state_(inputs.resume.point ? inputs.resume.point->state : nullptr) {}
+      state_(inputs.resume.point ? inputs.resume.point->state : nullptr) {
+    heed_signals(in_);
+}
 
 template <class Device>
 void TrainSession<Device>::run() {
@@ -140,7 +172,7 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
     TrainCallbacks told = callbacks();
     const auto after_step = [this](int step, const Gaussians<Device>& splats) {
         done_ = step;
-        evaluate_if_due(step, splats);
+        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats);
         if (live_.due()) {
             Gaussians<Cpu> now;
             copy(splats, now);
@@ -158,17 +190,16 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
 template <class Device>
 TrainCallbacks TrainSession<Device>::callbacks() {
     TrainCallbacks told;
+    told.peers = in_.peers;
     told.profile = in_.session.profile;
-    told.report_due = [this](int step) {
-        return step == 1 || step == training_.iterations || step % in_.session.report_every == 0;
-    };
+    told.report_due = [this](int step) { return report_due(in_, training_, step); };
     told.on_report = [this](const TrainReport& report) {
         run_.log(progress_.json(report));
         progress_.show(report);
     };
     told.stop_requested = [this] { return stop_requested(); };
     told.on_end = [this](int done) { done_ = done; };
-    told.save_due = [this](int done) { return save_due(done); };
+    told.save_due = [this](int done) { return save_due(in_, training_, done); };
     told.on_save = [this](int done, const SharedState& state) { save(done, state); };
     told.on_cameras = [this](const CameraRefinement& refined) { refined_ = refined; };
     told.on_rollback = [this](int done, const std::string& why) { roll_back(done, why); };
@@ -177,16 +208,11 @@ TrainCallbacks TrainSession<Device>::callbacks() {
 
 template <class Device>
 bool TrainSession<Device>::stop_requested() {
-    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over();
-    fit_now_ = !stop && budget_.due(done_, own_seconds());
-    return stop || fit_now_;
-}
-
-template <class Device>
-bool TrainSession<Device>::save_due(int done) const {
-    const int every = in_.session.checkpoint_every;
-    return every > 0 && done > in_.resume.done() &&
-           (done % every == 0 || done == training_.iterations - 1);
+    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over(),
+               fit = !stop && budget_.due(done_, own_seconds());
+    const NextStep next = talk_.next(stop ? NextStep::stop : fit ? NextStep::fit : NextStep::go_on);
+    fit_now_ = next == NextStep::fit;
+    return next != NextStep::go_on;
 }
 
 template <class Device>
@@ -204,9 +230,16 @@ void TrainSession<Device>::roll_back(int done, const std::string& why) {
 
 template <class Device>
 void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& splats) {
-    if (!scores_.due(step, progress_.seconds()) || step == training_.iterations) return;
+    const bool due = scores_.due(step, progress_.seconds()) && step != training_.iterations;
+    if (!talk_.agree("evaluation", due)) return;
     synchronize(Device{});
     progress_.pause();
+    talk_.alone([&] { evaluate_now(step, splats); });
+    progress_.resume();
+}
+
+template <class Device>
+void TrainSession<Device>::evaluate_now(int step, const Gaussians<Device>& splats) {
     const MeshSource mesh = mesh_source();
     const std::vector<Camera> given = detail::cameras_of(in_.scene.train);
     if (refined_) place_cameras(refined_->cameras());
@@ -216,7 +249,6 @@ void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& sp
     place_cameras(given);  // what training starts from, should it start again
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
-    progress_.resume();
 }
 
 template <class Device>
@@ -227,6 +259,7 @@ void TrainSession<Device>::place_cameras(const std::vector<Camera>& cameras) con
 template <class Device>
 void TrainSession<Device>::fit_to_budget() {
     budget_.fit(done_, own_seconds(), training_);
+    talk_.share_schedule(training_);
     copy_schedule(training_, in_.options.train);
     progress_.set_schedule(training_);
     run_.save_config(in_.config());
@@ -333,7 +366,42 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
             scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
 }
 
+/// The training of a process that follows.
+template <class Device>
+void follow(const SessionInputs& in) {
+    const SignalGuard signals;
+    heed_signals(in);
+    RankTalk talk(in.peers);
+    TrainOptions training = in.training;
+    SharedState state = in.resume.point ? in.resume.point->state : nullptr;
+    bool fit = false;
+    TrainCallbacks told;
+    told.peers = in.peers;
+    told.report_due = [&](int step) { return report_due(in, training, step); };
+    told.on_report = [](const TrainReport&) {};
+    told.stop_requested = [&] {
+        const NextStep next = talk.next(NextStep::go_on);
+        fit = next == NextStep::fit;
+        return next != NextStep::go_on;
+    };
+    told.save_due = [&](int done) { return save_due(in, training, done); };
+    told.on_save = [&](int, const SharedState& saved) { state = saved; };
+    told.goes_on = true;
+    const auto after_step = [&](int, const Gaussians<Device>&) {
+        if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) talk.alone([] {});
+    };
+    for (;;) {
+        train<Device>(in.scene, training, told, after_step, state);
+        if (!fit) return;
+        talk.share_schedule(training);
+    }
+}
+
 }  // namespace
+
+void follow_session(const DeviceChoice& device, const SessionInputs& inputs) {
+    on_device(device, [&](auto tag) { follow<decltype(tag)>(inputs); });
+}
 
 void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run) {
     on_device(device, [&](auto tag) { TrainSession<decltype(tag)>(inputs, run).run(); });

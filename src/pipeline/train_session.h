@@ -31,11 +31,16 @@ struct SessionInputs {
     const std::optional<Truth>& truth;
     std::function<std::string()> config;  // the text of config.json, of `options` as they are
     std::function<void()> write_report;   // when all that it tells of is in the run folder
+    Communicator* peers = nullptr;        // the other processes; null: none
 };
 
 /// Trains, and leaves in `run` what docs/guide/commands.md lists; its first files are there. Where
 /// the training is stopped, the splats so far and a checkpoint are saved. Throws Error, and Stopped
 /// after a signal.
 void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run);
+
+/// What the other processes do while rank 0 is in run_session(): they share its training, and say
+/// and write nothing. Throws Error.
+void follow_session(const DeviceChoice& device, const SessionInputs& inputs);
 
 }  // namespace tvsgs

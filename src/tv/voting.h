@@ -168,8 +168,9 @@ public:
     ~TensorVoter();
 
     /// True at the iterations that vote: `start`, and every `vote_every` after it, and after
-    /// structure_changed().
-    bool due(int step) const;
+    /// structure_changed(). Of steps that stand for `batch` iterations: at those that end with one
+    /// of these or have it behind them.
+    bool due(int step, int batch = 1) const;
 
     /// One voting event on the current splats; searches neighbours when a refresh is due.
     /// With fewer than two splats nothing is valid and the field is cleared. Without `targets`

@@ -1,11 +1,13 @@
-// Several processes at one training, as threads: what they share, and that all end with the same
-// splats.
+// Several photographs in a step, and several processes (here: threads) at one training.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
+#include <set>
 
-#include "optim/train_state.h"
-#include "thread_ranks.h"
+#include "optim/batch.h"
+#include "support/numeric.h"
+#include "support/thread_ranks.h"
 #include "training_scene.h"
 
 namespace tvsgs {
@@ -13,53 +15,77 @@ namespace {
 
 using test::on_ranks;
 
-TEST(Communicator, PartsComeInTheOrderOfTheRanks) {
-    for (const int size : {1, 2, 3})
-        on_ranks(size, [size](Communicator& peers) {
-            Buffer<float, Cpu> values, none;
-            copy(std::vector<float>{static_cast<float>(peers.rank()), 0.25f}, values);
-            const std::vector<float> all = gather_ranks(&peers, values);
-            ASSERT_EQ(all.size(), 2u * static_cast<std::size_t>(size));
-            for (int r = 0; r < size; ++r) {
-                EXPECT_EQ(all[static_cast<std::size_t>(2 * r)], static_cast<float>(r));
-                EXPECT_EQ(all[static_cast<std::size_t>(2 * r + 1)], 0.25f);
-            }
-            mean_over_ranks<float>(&peers, values);
-            EXPECT_FLOAT_EQ(values[0], static_cast<float>(size - 1) / 2);
-            EXPECT_EQ(values[1], 0.25f);
-            mean_over_ranks<float>(&peers, none);
-            EXPECT_TRUE(none.empty());
-        });
-    Buffer<float, Cpu> alone;
-    copy(std::vector<float>{3}, alone);
-    EXPECT_EQ(gather_ranks<float>(nullptr, alone), std::vector<float>{3});
-}
-
-TEST(ViewSampler, RanksShareEachRound) {
-    ViewSampler whole(5, 3), a(5, 3, 0, 2), b(5, 3, 1, 2);
-    for (int step = 0; step < 12; ++step) {
-        ViewSampler resumed(5, 3, 1, 2);
-        resumed.skip_to(step);
-        EXPECT_EQ(resumed.peek(), b.peek()) << step;
-        EXPECT_EQ(a.next(), whole.next()) << step;
-        EXPECT_EQ(b.next(), whole.next()) << step;
+TEST(ViewSampler, AStepLooksAtDifferentViews) {
+    for (const int batch : {1, 2, 3, 5}) {
+        ViewSampler sampler(7, 3, batch);
+        std::set<int> seen;
+        for (int step = 0; step < 40; ++step) {
+            std::set<int> views;
+            for (int b = 1; b <= batch; ++b) views.insert(sampler.view(step * batch + b));
+            EXPECT_EQ(views.size(), static_cast<std::size_t>(batch));
+            seen.merge(views);
+        }
+        EXPECT_EQ(seen.size(), 7u) << "none is left out for good";
+        ViewSampler resumed(7, 3, batch);
+        EXPECT_EQ(resumed.view(33), sampler.view(33));
     }
 }
 
-TrainOptions options_for_ranks(int iterations) {
+TEST(Periods, EventsAreDueWhereTheyFallAmongTheIterationsOfAStep) {
+    for (const int batch : {1, 2, 4, 7})
+        for (const int period : {1, 3, 10})
+            for (int step = batch; step < 60; step += batch) {
+                bool due = false;
+                for (int iteration = step - batch + 1; iteration <= step; ++iteration)
+                    due |= iteration % period == 0;
+                EXPECT_EQ(passes_multiple(step, batch, period), due) << step << " " << batch;
+            }
+}
+
+TEST(Adam, MovesItsMomentsByTheBatchAsOneByOne) {
+    for (const int batch : {1, 2, 4, 10}) {
+        const AdamDecay<float> decay = adam_decay(batch);
+        EXPECT_NEAR(decay.beta1 + decay.share1, 1, 1e-7f);
+        EXPECT_NEAR(decay.beta1, std::pow(0.9, batch), 1e-7);
+        EXPECT_NEAR(decay.share2, 1 - std::pow(0.999, batch), 1e-8);
+        EXPECT_NEAR(decay.eps, 1e-15 / std::sqrt(batch), 1e-21);
+        EXPECT_FLOAT_EQ(adam_scale(1, 3, batch).step, adam_scale(1, 3 * batch).step);
+        EXPECT_FLOAT_EQ(adam_scale(1, 3, batch).root, adam_scale(1, 3 * batch).root);
+    }
+    const AdamDecay<float> one = adam_decay(1);
+    EXPECT_EQ(one.beta1, 0.9f);
+    EXPECT_EQ(one.share2, 0.001f);
+}
+
+TrainOptions options_of_batch(int iterations, int batch) {
     TrainOptions options = test::everything_on(iterations);
-    options.loss.photometric.exposure = ExposureModel::none;
+    options.comm.batch = batch;
     options.densify.max_gaussians = 250;
     return options;
 }
 
-/// Adam's first moments after one step: a tenth of its gradient.
-Gaussians<Cpu> first_moments(const Scene& scene, Communicator* peers) {
-    TrainOptions options = options_for_ranks(2);
+/// As test::rendered_scene(), with twice as many views: each again from a little farther left.
+Scene six_views() {
+    Scene scene = test::rendered_scene();
+    for (int i = 0; i < 3; ++i) {
+        View view;
+        view.camera = scene.train[static_cast<std::size_t>(i)].camera;
+        view.camera.camera_from_world.t += Vec3f{0.05f, 0.02f, 0};
+        view.photo = ImageU8(40, 30, 3);
+        view.photo.pixels = scene.train[static_cast<std::size_t>(i)].photo.pixels;
+        scene.train.push_back(std::move(view));
+    }
+    return scene;
+}
+
+/// Adam's first moments after the first step: shares of its gradient.
+Gaussians<Cpu> first_moments(const Scene& scene, TrainOptions options, Communicator* peers) {
     Gaussians<Cpu> moments;
+    const int batch = options.comm.batch;
+    options.iterations = 2 * batch;
     TrainCallbacks callbacks;
     callbacks.peers = peers;
-    callbacks.save_due = [](int done) { return done == 1; };
+    callbacks.save_due = [batch](int done) { return done == batch; };
     callbacks.on_save = [&](int, const SharedState& state) {
         StateVisitor<Cpu> visit(*state);
         visit_state(visit, "adam.m.", moments);
@@ -68,55 +94,184 @@ Gaussians<Cpu> first_moments(const Scene& scene, Communicator* peers) {
     return moments;
 }
 
-TEST(Ranks, TakeTheMeanOfTheirGradients) {
-    const Scene scene = test::rendered_scene();
-    const int views = static_cast<int>(scene.train.size());
-    ViewSampler sampler(views, 0);
+TEST(Batch, GoesAlongTheMeanOfTheGradients) {
+    const Scene scene = six_views();
+    const int views = static_cast<int>(scene.train.size()), batch = 3;
+    ViewSampler sampler(views, 0, batch);
     std::vector<Gaussians<Cpu>> alone;
-    for (int r = 0; r < 2; ++r) {
-        Scene one = scene;  // whose first view is the one that rank r draws
-        std::swap(one.train[static_cast<std::size_t>(ViewSampler(views, 0).next())],
-                  one.train[static_cast<std::size_t>(sampler.next())]);
-        alone.push_back(first_moments(one, nullptr));
+    for (int b = 0; b < batch; ++b) {
+        Scene one = scene;  // whose first view is the one that the step looks at
+        TrainOptions options = options_of_batch(0, 1);
+        std::swap(one.train[static_cast<std::size_t>(ViewSampler(views, 0).view(1))],
+                  one.train[static_cast<std::size_t>(sampler.view(b + 1))]);
+        // Other views have draws of their own, by iteration.
+        options.loss.multi_view_geometry.weight = options.loss.multi_view_ncc.weight = 0;
+        alone.push_back(first_moments(one, options, nullptr));
     }
-    on_ranks(2, [&](Communicator& peers) {
-        const Gaussians<Cpu> both = first_moments(scene, &peers);
-        ASSERT_EQ(both.size(), alone[0].size());
-        double off = 0, size = 0, apart = 0;
-        for (std::size_t i = 0; i < both.means.size(); ++i) {
-            const Vec3f mean = 0.5f * (alone[0].means[i] + alone[1].means[i]);
-            off += static_cast<double>(norm(both.means[i] - mean));
-            apart += static_cast<double>(norm(alone[0].means[i] - alone[1].means[i]));
-            size += static_cast<double>(norm(mean));
-        }
-        EXPECT_LT(off, 1e-5 * size);
-        EXPECT_GT(apart, 0.1 * size) << "the views differ";
-    });
+    TrainOptions options = options_of_batch(0, batch);
+    options.loss.multi_view_geometry.weight = options.loss.multi_view_ncc.weight = 0;
+    const Gaussians<Cpu> all = first_moments(scene, options, nullptr);
+    const double share = static_cast<double>(adam_decay(batch).share1);
+    for_each_array(
+        [&](const SplatArray& array, const auto& mean, const auto& a, const auto& b,
+            const auto& c) {
+            const auto floats = [](const auto& values) {
+                return reinterpret_cast<const float*>(values.data());
+            };
+            double off = 0, size = 0, apart = 0;
+            for (std::size_t i = 0; i < mean.size() * sizeof(*mean.data()) / sizeof(float); ++i) {
+                const double x = static_cast<double>(floats(a)[i]) / 0.1,
+                             y = static_cast<double>(floats(b)[i]) / 0.1,
+                             z = static_cast<double>(floats(c)[i]) / 0.1,
+                             expected = (x + y + z) / 3;
+                off += std::abs(static_cast<double>(floats(mean)[i]) / share - expected);
+                size += std::abs(expected), apart += std::abs(x - y);
+            }
+            EXPECT_LE(off, 2e-6 * size) << array.name;
+            if (array.name == std::string("means")) {
+                EXPECT_GT(apart, 0.1 * size) << "the views differ";
+            }
+        },
+        all, alone[0], alone[1], alone[2]);
 }
 
-TEST(Ranks, EndWithTheSameSplats) {
-    const Scene scene = test::rendered_scene();
-    const TrainOptions options = options_for_ranks(47);
-    std::vector<Gaussians<Cpu>> ends(2);
-    std::vector<std::vector<double>> losses(2);
-    on_ranks(2, [&](Communicator& peers) {
-        const auto rank = static_cast<std::size_t>(peers.rank());
-        TrainCallbacks callbacks;
-        callbacks.peers = &peers;
-        callbacks.report_due = [](int) { return true; };
-        callbacks.on_report = [&](const TrainReport& r) { losses[rank].push_back(r.loss); };
-        ends[rank] = train<Cpu>(scene, options, callbacks);
-    });
-    EXPECT_EQ(losses[0], losses[1]);
-    EXPECT_EQ(losses[0].size(), 47u);
-    ASSERT_GT(ends[0].size(), static_cast<int>(scene.points.positions.size())) << "it grew";
+struct End {
+    Gaussians<Cpu> splats;
+    SharedState state;  // after half of the iterations
+    std::vector<double> losses;
+};
+
+/// A training that goes on from `start`, on one of the ranks.
+template <class Device = Cpu>
+End train_on(Communicator* peers,
+             const Scene& scene,
+             const TrainOptions& options,
+             const SharedState& start = nullptr) {
+    End end;
+    TrainCallbacks callbacks;
+    callbacks.peers = peers;
+    callbacks.report_due = [](int) { return true; };
+    callbacks.on_report = [&](const TrainReport& r) { end.losses.push_back(r.loss); };
+    callbacks.save_due = [&](int done) { return done == 24 && !start; };
+    callbacks.on_save = [&](int, const SharedState& state) { end.state = state; };
+    copy(train<Device>(scene, options, callbacks, {}, start), end.splats);
+    return end;
+}
+
+void expect_same_bits(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b, const std::string& what) {
     for_each_array(
-        [](const SplatArray& array, const auto& a, const auto& b) {
-            ASSERT_EQ(a.size(), b.size()) << array.name;
-            EXPECT_EQ(std::memcmp(a.data(), b.data(), a.size() * sizeof(*a.data())), 0)
-                << array.name;
+        [&](const SplatArray& array, const auto& x, const auto& y) {
+            ASSERT_EQ(x.size(), y.size()) << array.name << ", " << what;
+            EXPECT_EQ(std::memcmp(x.data(), y.data(), x.size() * sizeof(*x.data())), 0)
+                << array.name << ", " << what;
         },
-        ends[0], ends[1]);
+        a, b);
+}
+
+void expect_same_arrays(const State& a, const State& b) {
+    ASSERT_EQ(a.arrays.size(), b.arrays.size());
+    for (std::size_t i = 0; i < a.arrays.size(); ++i) {
+        ASSERT_EQ(a.arrays[i].name, b.arrays[i].name);
+        ASSERT_EQ(a.arrays[i].bytes.size(), b.arrays[i].bytes.size()) << a.arrays[i].name;
+        EXPECT_EQ(std::memcmp(a.arrays[i].bytes.data(), b.arrays[i].bytes.data(),
+                              a.arrays[i].bytes.size()),
+                  0)
+            << a.arrays[i].name;
+    }
+}
+
+class Ranks : public testing::TestWithParam<const char*> {};
+
+/// Growth, trims, resets, votes, other views and exposures; every array of the checkpoint.
+TEST_P(Ranks, HaveTheBitsOfOneProcess) {
+    const Scene scene = six_views();
+    TrainOptions options = options_of_batch(61, 4);
+    options.backbone = GetParam();
+    if (options.backbone != "ewa") options.loss.flatten.weight = 0;
+    if (options.backbone == "ewa") {
+        options.cameras.refine = true;
+        options.cameras.start = 8;
+    }
+    const End one = train_on(nullptr, scene, options);
+    ASSERT_GT(one.splats.size(), static_cast<int>(scene.points.positions.size())) << "it grew";
+    ASSERT_EQ(one.losses.size(), 16u);
+    for (const int ranks : {2, 3, 4}) {
+        std::vector<End> ends(static_cast<std::size_t>(ranks));
+        on_ranks(ranks, [&](test::ThreadRank* peers) {
+            ends[static_cast<std::size_t>(peers->rank())] = train_on(peers, scene, options);
+        });
+        for (const End& end : ends) {
+            EXPECT_EQ(end.losses, one.losses) << ranks;
+            expect_same_bits(end.splats, one.splats, str(ranks, " ranks"));
+            expect_same_arrays(*end.state, *one.state);
+        }
+    }
+    const End resumed = train_on(nullptr, scene, options, one.state);
+    expect_same_bits(resumed.splats, one.splats, "resumed by one");
+    on_ranks(2, [&](test::ThreadRank* peers) {
+        const End end = train_on(peers, scene, options, one.state);
+        expect_same_bits(end.splats, one.splats, "resumed by two");
+    });
+}
+INSTANTIATE_TEST_SUITE_P(All, Ranks, testing::Values("ewa", "rade", "surfel"));
+
+TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const Scene scene = six_views();
+        const TrainOptions options = options_of_batch(61, 4);
+        const End one = train_on<Cuda>(nullptr, scene, options);
+        for (const int ranks : {2, 4})
+            on_ranks(ranks, [&](test::ThreadRank* peers) {
+                const End end = train_on<Cuda>(peers, scene, options);
+                EXPECT_EQ(end.losses, one.losses) << ranks;
+                expect_same_bits(end.splats, one.splats, str(ranks, " ranks"));
+                expect_same_arrays(*end.state, *one.state);
+            });
+        const End cpu = train_on<Cpu>(nullptr, scene, options);
+        EXPECT_TRUE(test::close(one.losses[0], cpu.losses[0], 1e-4));
+    }
+}
+
+TEST(Batch, ExchangesOnlyWhatAPhotographSees) {
+    Scene scene = six_views();
+    TrainOptions options = options_of_batch(8, 2);
+    options.loss.tv_normal.weight = options.loss.tv_position.weight = 0;
+    options.tv.enabled = options.densify.enabled = false;
+    const auto bytes_with = [&](int far) {
+        Scene with = scene;
+        for (int i = 0; i < far; ++i)  // behind all cameras
+            with.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+        std::size_t bytes = 0;
+        on_ranks(2, [&](test::ThreadRank* peers) {
+            train_on(peers, with, options);
+            if (peers->rank() == 0) bytes = peers->gathered;
+        });
+        return bytes;
+    };
+    const std::size_t near = bytes_with(0);
+    EXPECT_GT(near, 8u * 100 * 64);
+    EXPECT_LT(bytes_with(5000), near + near / 10);
+}
+
+TEST(Batch, NamesWhatCannotBe) {
+    const Scene scene = six_views();
+    const auto refusal = [&](const TrainOptions& options, int ranks) -> std::string {
+        try {
+            check_batch(scene, options, ranks);
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::usage);
+            return error.what();
+        }
+        return "";
+    };
+    EXPECT_EQ(refusal(options_of_batch(10, 6), 4), "");
+    EXPECT_NE(refusal(options_of_batch(10, 7), 1).find("comm.batch = 7"), std::string::npos);
+    EXPECT_NE(refusal(options_of_batch(10, 2), 4).find("comm.batch=4"), std::string::npos);
+    TrainOptions anchored = options_of_batch(10, 2);
+    anchored.loss.anchored_depth.weight = 1;
+    EXPECT_NE(refusal(anchored, 2).find("loss.anchored_depth"), std::string::npos);
+    EXPECT_EQ(refusal(anchored, 1), "");
 }
 
 }  // namespace

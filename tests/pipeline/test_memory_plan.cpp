@@ -46,6 +46,20 @@ TEST(MemoryPlan, CountsMapsOfViewsThatComeAsTheyAreNeeded) {
     EXPECT_EQ(with - without, 2 * 200 * 100 * 4);  // two views at a time
 }
 
+TEST(MemoryPlan, CountsWhatStepsOfSeveralPhotographsHold) {
+    const Scene scene;
+    TrainOptions o;
+    o.densify.enabled = o.tv.enabled = false;
+    const auto per_splat = [&](int batch, int processes) {
+        o.comm.batch = batch;
+        return estimate_memory(scene, o, 100, true, {processes, processes}).buffers.per_splat;
+    };
+    const std::int64_t parameters = 236;
+    EXPECT_GE(per_splat(4, 1), per_splat(1, 1) + parameters) << "the sum beside the gradients";
+    EXPECT_EQ(per_splat(8, 1), per_splat(4, 1)) << "one photograph at a time";
+    EXPECT_GE(per_splat(4, 4), per_splat(4, 1) + 5 * parameters) << "what all of them send";
+}
+
 TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
     Scene scene = scene_of(9);
     TrainOptions o;

@@ -128,9 +128,9 @@ template <class Device>
 TensorVoter<Device>::~TensorVoter() = default;
 
 template <class Device>
-bool TensorVoter<Device>::due(int step) const {
+bool TensorVoter<Device>::due(int step, int batch) const {
     return options_.enabled && step >= options_.start &&
-           ((step - options_.start) % options_.vote_every == 0 || state_->changed);
+           ((step - options_.start) % options_.vote_every < batch || state_->changed);
 }
 
 namespace detail {

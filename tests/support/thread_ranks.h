@@ -2,7 +2,9 @@
 #pragma once
 
 #include <barrier>
+#include <cstdlib>
 #include <cstring>
+#include <exception>
 #include <thread>
 #include <vector>
 
@@ -22,28 +24,38 @@ public:
     ThreadRank(ThreadGroup& group, int rank) : group_(group), rank_(rank) {}
     int rank() const override { return rank_; }
     int size() const override { return static_cast<int>(group_.parts.size()); }
-    void gather(const void* part, std::size_t bytes, void* all) override {
+    int local_rank() const override { return rank_; }
+    int local_size() const override { return size(); }
+    [[noreturn]] void abort(int code) override { std::_Exit(code); }
+    void leave() override { wait_for_all("end"); }
+
+    std::size_t gathered = 0;  // bytes of all
+
+private:
+    void gather(const void* part, const Begins& begins, void* all, bool) override {
         group_.parts[static_cast<std::size_t>(rank_)] = part;
         group_.meet.arrive_and_wait();
         for (std::size_t r = 0; r < group_.parts.size(); ++r)
-            if (bytes > 0) std::memcpy(static_cast<char*>(all) + r * bytes, group_.parts[r], bytes);
+            if (const std::size_t bytes = begins[r + 1] - begins[r]; bytes > 0)
+                std::memcpy(static_cast<char*>(all) + begins[r], group_.parts[r], bytes);
+        gathered += begins.back();
         group_.meet.arrive_and_wait();
     }
 
-private:
     ThreadGroup& group_;
     int rank_;
 };
 
-/// run(communicator) on `size` threads.
+/// run(communicator) on `size` threads; by itself, with null, where that is 1.
 template <class Run>
 void on_ranks(int size, const Run& run) {
+    if (size == 1) return run(static_cast<ThreadRank*>(nullptr));
     ThreadGroup group(size);
     std::vector<std::thread> threads;
     for (int rank = 0; rank < size; ++rank)
         threads.emplace_back([&, rank] {
             ThreadRank communicator(group, rank);
-            run(communicator);
+            run(&communicator);
         });
     for (std::thread& thread : threads) thread.join();
 }

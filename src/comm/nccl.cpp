@@ -1,0 +1,246 @@
+// NCCL: bytes between GPUs. It adds nothing, as the order of its sums is its own affair.
+#include <cuda_runtime_api.h>
+#include <nccl.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <thread>
+
+#include "comm/launch.h"
+#include "comm/rendezvous.h"
+
+#if NCCL_VERSION_CODE < NCCL_VERSION(2, 18, 0)
+#error \
+    "NCCL 2.18 or newer is needed: calls that can be given up; or configure with -DTVSGS_NCCL=OFF"
+#endif
+
+namespace tvsgs {
+namespace {
+
+constexpr double kMeeting = 120;  // seconds within which all have to be there
+
+void check_cuda_call(cudaError_t code, const char* what) {
+    if (code != cudaSuccess)
+        throw Error(ExitCode::device, str(what, ": ", cudaGetErrorString(code)));
+}
+
+[[noreturn]] void fail(ncclResult_t code, const char* what) {
+    const bool ours = code == ncclInvalidUsage || code == ncclInvalidArgument;
+    throw Error(ours ? ExitCode::device : ExitCode::peer,
+                str("NCCL, ", what, ": ", ncclGetErrorString(code), ": ", ncclGetLastError(nullptr),
+                    ours ? "; two processes may not share a GPU"
+                         : "; another process is gone, or cannot be reached"));
+}
+
+/// Multicast through the switches adds as it likes, and was seen to hang; it has to be off before
+/// NCCL looks.
+void switch_multicast_off() {
+    const char* const given = std::getenv("NCCL_NVLS_ENABLE");
+    if (given != nullptr && std::strcmp(given, "0") != 0)
+        throw Error(ExitCode::usage, str("environment: NCCL_NVLS_ENABLE=", given,
+                                         ": expected 0, or that it is not set"));
+    ::setenv("NCCL_NVLS_ENABLE", "0", 1);
+}
+
+/// Memory of the GPU that grows.
+class Staging {
+public:
+    ~Staging() { cudaFree(data_); }
+    Staging() = default;
+    Staging(const Staging&) = delete;
+    Staging& operator=(const Staging&) = delete;
+
+    std::byte* of(std::size_t bytes) {
+        if (bytes > bytes_) {
+            cudaFree(data_);
+            data_ = nullptr, bytes_ = 0;
+            check_cuda_call(cudaMalloc(&data_, bytes), "memory for the exchange of processes");
+            bytes_ = bytes;
+        }
+        return static_cast<std::byte*>(data_);
+    }
+
+private:
+    void* data_ = nullptr;
+    std::size_t bytes_ = 0;
+};
+
+class NcclCommunicator final : public Communicator {
+public:
+    NcclCommunicator(const Launch& launch,
+                     const CommOptions& options,
+                     std::unique_ptr<Communicator> mpi)
+        : mpi_(std::move(mpi)), rank_(launch.rank), size_(launch.size) {
+        set_limit(kMeeting);
+        switch_multicast_off();
+        const std::string file = mpi_ ? "" : rendezvous_file(launch, options);
+        const ncclUniqueId id = meet(file);
+        check_cuda_call(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "a stream");
+        ncclConfig_t config = NCCL_CONFIG_INITIALIZER;
+        config.blocking = 0;
+        settle(ncclCommInitRankConfig(&comm_, size_, id, rank_, &config), "start");
+        std::error_code code;
+        if (rank_ == 0 && !file.empty()) std::filesystem::remove(file, code);
+        find_neighbours();
+        set_limit(options.timeout);
+    }
+
+    int rank() const override { return rank_; }
+    int size() const override { return size_; }
+    int local_rank() const override { return local_rank_; }
+    int local_size() const override { return local_size_; }
+
+    [[noreturn]] void abort(int code) override {
+        // Not waited for: whatever hangs would hang here, too.
+        if (mpi_) mpi_->abort(code);
+        std::_Exit(code);
+    }
+
+    void leave() override {
+        wait_for_all("end");
+        settle(ncclCommFinalize(comm_), "end");
+        ncclCommDestroy(comm_);
+        if (mpi_) mpi_->leave();
+    }
+
+private:
+    /// The id by which all find each other: by MPI, or by a file.
+    ncclUniqueId meet(const std::string& file) {
+        ncclUniqueId id{};
+        if (rank_ == 0)
+            if (const ncclResult_t code = ncclGetUniqueId(&id); code != ncclSuccess)
+                fail(code, "start");
+        if (mpi_) {
+            mpi_->broadcast("NCCL's id", &id, sizeof id, 0);
+        } else if (rank_ == 0) {
+            publish(file, {id.internal, sizeof id.internal});
+        } else {
+            const std::string text = await_text(file, sizeof id.internal, [&](double seconds) {
+                if (seconds > kMeeting)
+                    throw Error(ExitCode::peer,
+                                str("rank ", rank_, " of ", size_, " has waited ", kMeeting,
+                                    " s for rank 0, which writes ", file,
+                                    "; expected it to run, and both to see that file "
+                                    "(comm.rendezvous)"));
+            });
+            std::memcpy(id.internal, text.data(), text.size());
+        }
+        return id;
+    }
+
+    void find_neighbours() {
+        char name[64] = {};
+        ::gethostname(name, sizeof name - 1);
+        std::vector<std::byte> all;
+        all_gather_v("hosts", name, sizeof name, all);
+        local_size_ = 0;
+        for (int r = 0; r < size_; ++r) {
+            const bool here = std::memcmp(all.data() + static_cast<std::size_t>(r) * sizeof name,
+                                          name, sizeof name) == 0;
+            local_size_ += here;
+            if (here && r < rank_) ++local_rank_;
+        }
+    }
+
+    void gather(const void* part, const Begins& begins, void* all, bool calm) override {
+        const auto own = static_cast<std::size_t>(rank_);
+        const std::size_t bytes = begins[own + 1] - begins[own];
+        std::byte* const to = staging_.of(begins.back());
+        // In its place already.
+        check_cuda_call(
+            cudaMemcpyAsync(to + begins[own], part, bytes, cudaMemcpyHostToDevice, stream_),
+            "exchange");
+        exchange(to + begins[own], begins, to, calm);
+        check_cuda_call(cudaMemcpy(all, to, begins.back(), cudaMemcpyDeviceToHost), "exchange");
+    }
+
+    bool reaches_gpu() const override { return true; }
+    void gather_on_gpu(const void* part, const Begins& begins, void* all) override {
+        synchronize(Cuda{});  // what makes the part runs on another stream
+        const auto own = static_cast<std::size_t>(rank_);
+        check_cuda_call(
+            cudaMemcpyAsync(static_cast<std::byte*>(all) + begins[own], part,
+                            begins[own + 1] - begins[own], cudaMemcpyDeviceToDevice, stream_),
+            "exchange");
+        exchange(part, begins, all, false);
+    }
+
+    /// Everybody's part to everybody else.
+    void exchange(const void* part, const Begins& begins, void* all, bool calm) {
+        const auto own = static_cast<std::size_t>(rank_);
+        const std::size_t bytes = begins[own + 1] - begins[own];
+        ncclGroupStart();
+        for (int r = 0; r < size_; ++r) {
+            const auto at = static_cast<std::size_t>(r);
+            if (r == rank_) continue;
+            if (bytes > 0) ncclSend(part, bytes, ncclInt8, r, comm_, stream_);
+            if (const std::size_t theirs = begins[at + 1] - begins[at]; theirs > 0)
+                ncclRecv(static_cast<std::byte*>(all) + begins[at], theirs, ncclInt8, r, comm_,
+                         stream_);
+        }
+        settle(ncclGroupEnd(), "exchange");
+        wait(
+            [&] {
+                const cudaError_t code = cudaStreamQuery(stream_);
+                if (code != cudaErrorNotReady) check_cuda_call(code, "exchange");
+                return code == cudaSuccess;
+            },
+            calm);
+    }
+
+    /// Calls return before they are done.
+    void settle(ncclResult_t code, const char* what) {
+        if (code != ncclSuccess && code != ncclInProgress) fail(code, what);
+        wait(
+            [&] {
+                ncclResult_t state = ncclSuccess;
+                if (const ncclResult_t asked = ncclCommGetAsyncError(comm_, &state);
+                    asked != ncclSuccess)
+                    fail(asked, what);
+                if (state != ncclSuccess && state != ncclInProgress) fail(state, what);
+                return state == ncclSuccess;
+            },
+            false);
+    }
+
+    template <class Done>
+    void wait(const Done& done, bool calm) {
+        using Clock = std::chrono::steady_clock;
+        const Clock::time_point begin = Clock::now();
+        while (!done()) {
+            ncclResult_t state = ncclSuccess;
+            ncclCommGetAsyncError(comm_, &state);
+            if (state != ncclSuccess && state != ncclInProgress) fail(state, "exchange");
+            const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+            keep_waiting(seconds);
+            if (seconds > 0.01)
+                std::this_thread::sleep_for(std::chrono::microseconds(calm ? 2000 : 50));
+            else
+                std::this_thread::yield();
+        }
+    }
+
+    std::unique_ptr<Communicator> mpi_;  // null: by the environment
+    int rank_, size_, local_rank_ = 0, local_size_ = 1;
+    ncclComm_t comm_ = nullptr;
+    cudaStream_t stream_ = nullptr;
+    Staging staging_;
+};
+
+}  // namespace
+
+bool has_nccl() {
+    return true;
+}
+
+std::unique_ptr<Communicator> join_by_nccl(const Launch& launch,
+                                           const CommOptions& options,
+                                           std::unique_ptr<Communicator> mpi) {
+    return std::make_unique<NcclCommunicator>(launch, options, std::move(mpi));
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,134 @@
+// What all backends have in common, on threads.
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <numeric>
+
+#include "support/thread_ranks.h"
+
+namespace tvsgs {
+namespace {
+
+using test::on_ranks;
+using test::ThreadRank;
+
+TEST(Communicator, PartsComeInTheOrderOfTheRanks) {
+    for (const int size : {2, 3, 4})
+        on_ranks(size, [size](ThreadRank* peers) {
+            // Rank 1 has nothing to say, the others each as many numbers as their rank says.
+            const int mine = peers->rank() == 1 ? 0 : peers->rank() + 1;
+            Buffer<float, Cpu> part, all;
+            copy(std::vector<float>(static_cast<std::size_t>(mine),
+                                    0.5f + static_cast<float>(peers->rank())),
+                 part);
+            const auto begins = peers->all_gather_v("parts", part, part.size(), all);
+            ASSERT_EQ(begins.size(), static_cast<std::size_t>(size) + 1);
+            for (int r = 0; r < size; ++r) {
+                const std::size_t begin = begins[static_cast<std::size_t>(r)],
+                                  end = begins[static_cast<std::size_t>(r) + 1];
+                EXPECT_EQ(end - begin, r == 1 ? 0u : static_cast<std::size_t>(r) + 1);
+                for (std::size_t i = begin; i < end; ++i)
+                    EXPECT_EQ(all[i], 0.5f + static_cast<float>(r));
+            }
+            part.resize(0);
+            EXPECT_EQ(peers->all_gather_v("nothing", part, 0, all).back(), 0u);
+            EXPECT_TRUE(all.empty());
+        });
+}
+
+TEST(Communicator, BroadcastsAndReduces) {
+    on_ranks(3, [](ThreadRank* peers) {
+        const int rank = peers->rank();
+        int number = 10 * rank;
+        peers->broadcast("number", &number, sizeof number, 2);
+        EXPECT_EQ(number, 20);
+        EXPECT_EQ(peers->broadcast("text", rank == 1 ? "one" : "another", 1), "one");
+        EXPECT_EQ(peers->broadcast("text", std::string(), 0), "");
+        const std::int64_t large = std::int64_t{1} << 60;
+        using enum Communicator::Reduce;
+        std::vector<std::int64_t> values{rank, -rank, large};
+        auto sums = values, least = values, most = values;
+        peers->all_reduce("sum", sum, sums);
+        peers->all_reduce("min", min, least);
+        peers->all_reduce("max", max, most);
+        EXPECT_EQ(sums, (std::vector<std::int64_t>{3, -3, 3 * large}));
+        EXPECT_EQ(least, (std::vector<std::int64_t>{0, -2, large}));
+        EXPECT_EQ(most, (std::vector<std::int64_t>{2, 0, large}));
+        Buffer<int, Cpu> counts;
+        copy(std::vector<int>{1, rank}, counts);
+        sum_over_ranks(peers, "counts", counts);
+        EXPECT_EQ(to_host(counts), (std::vector<int>{3, 3}));
+    });
+    Buffer<int, Cpu> alone;
+    copy(std::vector<int>{7}, alone);
+    sum_over_ranks(nullptr, "counts", alone);
+    EXPECT_EQ(alone[0], 7);
+}
+
+TEST(Communicator, RanksThatDoNotDoTheSameAreFoundOut) {
+    on_ranks(2, [](ThreadRank* peers) {
+        try {
+            int number = 1;
+            if (peers->rank() == 0)
+                peers->broadcast("number", &number, sizeof number, 0);
+            else
+                peers->wait_for_all("end");
+            ADD_FAILURE();
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::peer);
+            EXPECT_NE(std::string(error.what()).find("number"), std::string::npos);
+            EXPECT_NE(std::string(error.what()).find("end"), std::string::npos);
+        }
+    });
+}
+
+/// A backend whose peers never come.
+class Lonely final : public Communicator {
+public:
+    int rank() const override { return 1; }
+    int size() const override { return 2; }
+    int local_rank() const override { return 1; }
+    int local_size() const override { return 2; }
+    [[noreturn]] void abort(int code) override { std::_Exit(code); }
+    void leave() override {}
+
+    double waited = 0;
+
+private:
+    void gather(const void* part, const Begins& begins, void* all, bool) override {
+        for (waited = 0; waited < 1000; waited += 0.5) keep_waiting(waited);
+        for (std::size_t r = 0; r < 2; ++r)  // late, but the same
+            std::memcpy(static_cast<char*>(all) + begins[r], part, begins[r + 1] - begins[r]);
+    }
+};
+
+std::string why_it_ends(Lonely& peers) {
+    try {
+        std::vector<std::byte> all;
+        peers.all_gather_v("gradients", nullptr, 0, all);
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::peer);
+        return error.what();
+    }
+    return "";
+}
+
+TEST(Communicator, WaitingEnds) {
+    Lonely peers;
+    peers.set_limit(30);
+    peers.set_iteration(4711);
+    const std::string limit = why_it_ends(peers);
+    EXPECT_NEAR(peers.waited, 30, 1);
+    for (const char* part : {"rank 1 of 2", "30 s", "gradients", "4711", "--resume"})
+        EXPECT_NE(limit.find(part), std::string::npos) << limit;
+    // Asked to end after 5 s.
+    peers.set_asked_to_end([&] { return peers.waited >= 5; });
+    EXPECT_NE(why_it_ends(peers).find("asked to end"), std::string::npos);
+    EXPECT_NEAR(peers.waited, 15, 1);
+    // For one that works alone, as long as it takes.
+    peers.wait_for_all("evaluation");
+    EXPECT_GE(peers.waited, 1000);
+}
+
+}  // namespace
+}  // namespace tvsgs
