@@ -151,8 +151,8 @@ TEST(FixedSplats, GradientsAreThoseOfTheWhole) {
         Iteration<Cpu> iteration(of, options, true);
         const auto terms = make_terms<Cpu>(of, options);
         TensorField<Cpu> field;
-        iteration.propagate(1, iteration.fetch(1, 0, terms, [] { return 0; }), splats, terms, field,
-                            false, {}, [](auto&) {});
+        iteration.propagate(1, 1, iteration.fetch(1, 0, terms, [] { return std::pair(0, 0); }),
+                            splats, terms, field, false, {}, [](auto&) {});
         iteration.finish_statistics();
         return to_host(iteration.backbone().statistics().dL_dmeans2d);
     };
