@@ -1,6 +1,7 @@
 # Processes of one training by NCCL, with a GPU each. TVSGS_NCCL = AUTO: where it is found beside CUDA; ON: it has to
-# be; OFF: never. Sets TVSGS_NCCL_FOUND. It comes with NVIDIA's packages (libnccl-dev) or with a toolkit that has it.
-set(TVSGS_NCCL AUTO CACHE STRING "tvsgs-train's processes exchange by NCCL: AUTO, ON or OFF")
+# be; OFF: never, the default until two GPUs have trained by it. Sets TVSGS_NCCL_FOUND. It comes with NVIDIA's packages
+# (libnccl-dev) or with a toolkit that has it.
+set(TVSGS_NCCL OFF CACHE STRING "tvsgs-train's processes exchange by NCCL: AUTO, ON or OFF")
 set_property(CACHE TVSGS_NCCL PROPERTY STRINGS AUTO ON OFF)
 set(TVSGS_NCCL_FOUND OFF)
 if(TVSGS_CUDA AND (TVSGS_NCCL STREQUAL "AUTO" OR TVSGS_NCCL))
