@@ -44,11 +44,16 @@ std::string await_text(const std::string& file,
 
 std::string rendezvous_file(const Launch& launch, const CommOptions& options) {
     if (!options.rendezvous.empty()) return options.rendezvous;
-    const std::string job =
-        launch.job.empty() ? str("parent_", ::getppid()) : str("job_", launch.job);
+    // Nothing else is certain to be alike: parents and sessions differ where a wrapper starts each.
+    if (launch.job.empty())
+        throw Error(ExitCode::usage,
+                    str(launch.launcher,
+                        " name no job by which processes find each other; expected a file that "
+                        "all of them see, the same for all, and new for each start: "
+                        "--set comm.rendezvous=FILE"));
     std::error_code code;
     const fs::path folder = fs::temp_directory_path(code);
-    return (folder / str("tvsgs_", ::getuid(), "_", printable(job))).string();
+    return (folder / str("tvsgs_", ::getuid(), "_", printable("job_" + launch.job))).string();
 }
 
 }  // namespace tvsgs

@@ -17,8 +17,8 @@ std::string await_text(const std::string& file,
                        std::size_t bytes,
                        const std::function<void(double)>& keep_waiting);
 
-/// comm.rendezvous, or a name in the folder for temporary files that the processes of one parent on
-/// one machine share.
+/// comm.rendezvous, or a name in the folder for temporary files by the launcher's job. Throws
+/// Error(ExitCode::usage) where neither is known.
 std::string rendezvous_file(const Launch& launch, const CommOptions& options);
 
 }  // namespace tvsgs

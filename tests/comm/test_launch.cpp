@@ -4,6 +4,7 @@
 #include <map>
 
 #include "comm/launch.h"
+#include "comm/rendezvous.h"
 
 namespace tvsgs {
 namespace {
@@ -64,6 +65,26 @@ TEST(Launch, OneProcessNeedsNobody) {
     Launch one;
     one.by = Launch::By::mpi;
     EXPECT_EQ(join_by_mpi(one), nullptr);
+}
+
+TEST(Rendezvous, ByTheJobOrByAFileThatIsNamed) {
+    Launch launch;
+    launch.launcher = "RANK and WORLD_SIZE";
+    CommOptions options;
+    try {
+        rendezvous_file(launch, options);
+        ADD_FAILURE() << "processes with different parents would wait for each other";
+    } catch (const Error& error) {
+        EXPECT_EQ(error.code(), ExitCode::usage);
+        EXPECT_NE(std::string(error.what()).find("--set comm.rendezvous=FILE"), std::string::npos);
+    }
+    launch.job = "17";
+    const std::string of_17 = rendezvous_file(launch, options);
+    EXPECT_EQ(of_17, rendezvous_file(launch, options));
+    launch.job = "18";
+    EXPECT_NE(of_17, rendezvous_file(launch, options));
+    options.rendezvous = "here";
+    EXPECT_EQ(rendezvous_file(launch, options), "here");
 }
 
 }  // namespace
