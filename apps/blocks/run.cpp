@@ -141,7 +141,7 @@ std::vector<std::string> seam_words(const BlocksManifest& manifest, const std::s
         RunOptions sparse;
         OptionTable table;
         sparse.add_to(table);
-        table.read_text("configs/pgsr_sparse.json", kSparseConfig);
+        table.read_text("the sparse settings", kSparseConfig);
         for (const Option& option : table.options())
             if (!option.source.empty() &&
                 (option.key.starts_with("tv.") || option.key.starts_with("loss.tv_")))

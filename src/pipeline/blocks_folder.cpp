@@ -155,7 +155,7 @@ JsonValue manifest_json(const BlocksManifest& m) {
     root.set("margin", m.margin);
     root.set("vote_reach", m.vote_reach);
     JsonValue cells = JsonValue::list();
-    for (const Cell& cell : m.cells)  // [x0, x1, y0, y1]; null: no end
+    for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: no end
         cells.items.push_back(
             JsonValue(std::vector<double>{cell.low[0], cell.high[0], cell.low[1], cell.high[1]}));
     root.set("cells", std::move(cells));
@@ -262,9 +262,9 @@ BlocksManifest read_manifest(const std::string& folder) {
     for (const JsonValue& item : in.at(in.root(), "cells", Kind::list).items) {
         const std::vector<double> v = in.numbers(item, 4, "cells");
         const auto or_infinite = [](double x, double sign) {
-            return std::isnan(x) ? sign * Cell::kInfinite : x;
+            return std::isnan(x) ? sign * GroundCell::kInfinite : x;
         };
-        Cell cell;
+        GroundCell cell;
         cell.low[0] = or_infinite(v[0], -1), cell.high[0] = or_infinite(v[1], 1);
         cell.low[1] = or_infinite(v[2], -1), cell.high[1] = or_infinite(v[3], 1);
         m.cells.push_back(cell);

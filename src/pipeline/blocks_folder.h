@@ -51,7 +51,7 @@ struct BlocksManifest {
     Box3d near;             // in the axes of `frame`: splats outside are the coarse run's
     double margin = 0;      // of the cells, world units
     double vote_reach = 0;  // 95 % of the splats vote no farther, world units
-    std::vector<Cell> cells;
+    std::vector<GroundCell> cells;
     std::vector<std::pair<int, int>> neighbours;  // indices of cells
     std::vector<FileRecord> files;                // config.json, coarse.ply, each block.json
 

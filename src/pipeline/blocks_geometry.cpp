@@ -16,7 +16,7 @@ double coordinate(Vec2<double> p, int axis) {
 
 /// Points of a cell on their way to smaller ones.
 struct Part {
-    Cell cell;
+    GroundCell cell;
     std::vector<int> points;
     double weight = 0;
 };
@@ -107,16 +107,16 @@ Vec3d up_of(const std::vector<Vec3d>& centres) {
     return column(found.vectors, 2);
 }
 
-double Cell::distance(Vec2<double> p) const {
+double GroundCell::distance(Vec2<double> p) const {
     const double x = std::max({low[0] - p.x, p.x - high[0], 0.0}),
                  y = std::max({low[1] - p.y, p.y - high[1], 0.0});
     return std::hypot(x, y);
 }
 
-std::vector<Cell> split_cells(const std::vector<Vec2<double>>& points,
-                              const std::vector<double>& weights,
-                              int count,
-                              double most_weight) {
+std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
+                                    const std::vector<double>& weights,
+                                    int count,
+                                    double most_weight) {
     Part all;
     all.points.resize(points.size());
     std::iota(all.points.begin(), all.points.end(), 0);
@@ -141,12 +141,12 @@ std::vector<Cell> split_cells(const std::vector<Vec2<double>>& points,
                             parts.size() + 1, " or more splats in each"));
         parts.insert(heaviest + 1, std::move(upper));
     }
-    std::vector<Cell> cells;
+    std::vector<GroundCell> cells;
     for (const Part& part : parts) cells.push_back(part.cell);
     return cells;
 }
 
-int cell_of(const std::vector<Cell>& cells, Vec2<double> p) {
+int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p) {
     for (std::size_t i = 0; i < cells.size(); ++i)
         if (cells[i].holds(p)) return static_cast<int>(i);
     return -1;
@@ -156,7 +156,7 @@ namespace {
 
 /// Where two cells share an edge across `axis`, with the first below; an interval of no length: a
 /// corner, which is none.
-bool shares_edge(const Cell& a, const Cell& b, int axis) {
+bool shares_edge(const GroundCell& a, const GroundCell& b, int axis) {
     const int along = 1 - axis;
     return a.high[axis] == b.low[axis] &&
            std::max(a.low[along], b.low[along]) < std::min(a.high[along], b.high[along]);
@@ -164,13 +164,13 @@ bool shares_edge(const Cell& a, const Cell& b, int axis) {
 
 }  // namespace
 
-std::vector<std::pair<int, int>> neighbours_of(const std::vector<Cell>& cells) {
+std::vector<std::pair<int, int>> neighbours_of(const std::vector<GroundCell>& cells) {
     std::vector<std::pair<int, int>> pairs;
     const int n = static_cast<int>(cells.size());
     for (int i = 0; i < n; ++i)
         for (int j = i + 1; j < n; ++j) {
-            const Cell &a = cells[static_cast<std::size_t>(i)],
-                       &b = cells[static_cast<std::size_t>(j)];
+            const GroundCell &a = cells[static_cast<std::size_t>(i)],
+                             &b = cells[static_cast<std::size_t>(j)];
             bool share = false;
             for (int axis = 0; axis < 2; ++axis)
                 share = share || shares_edge(a, b, axis) || shares_edge(b, a, axis);
@@ -179,11 +179,11 @@ std::vector<std::pair<int, int>> neighbours_of(const std::vector<Cell>& cells) {
     return pairs;
 }
 
-Seam seam_of(const std::vector<Cell>& cells, int i, int j) {
+Seam seam_of(const std::vector<GroundCell>& cells, int i, int j) {
     for (int axis = 0; axis < 2; ++axis)
         for (const auto& [a, b] : {std::pair{i, j}, std::pair{j, i}}) {
-            const Cell &below = cells[static_cast<std::size_t>(a)],
-                       &above = cells[static_cast<std::size_t>(b)];
+            const GroundCell &below = cells[static_cast<std::size_t>(a)],
+                             &above = cells[static_cast<std::size_t>(b)];
             if (!shares_edge(below, above, axis)) continue;
             const int along = 1 - axis;
             return {a,

@@ -30,7 +30,7 @@ GroundFrame ground_frame(Vec3d up);
 Vec3d up_of(const std::vector<Vec3d>& centres);
 
 /// [low, high) along both ground axes, infinite at the rim: cells tile the plane.
-struct Cell {
+struct GroundCell {
     double low[2]{-kInfinite, -kInfinite}, high[2]{kInfinite, kInfinite};
 
     bool holds(Vec2<double> p) const {
@@ -47,16 +47,16 @@ struct Cell {
 /// more, at their weighted median. Ends at `count` cells, or where no cell is too heavy
 /// (`count` = 0). Ties go by index. Throws Error(ExitCode::input) where points are too few or too
 /// much in one place to be cut.
-std::vector<Cell> split_cells(const std::vector<Vec2<double>>& points,
-                              const std::vector<double>& weights,
-                              int count,
-                              double most_weight);
+std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
+                                    const std::vector<double>& weights,
+                                    int count,
+                                    double most_weight);
 
 /// The cell that holds p: always one, where cells tile the plane.
-int cell_of(const std::vector<Cell>& cells, Vec2<double> p);
+int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p);
 
 /// Pairs i < j of cells that share an edge, in order.
-std::vector<std::pair<int, int>> neighbours_of(const std::vector<Cell>& cells);
+std::vector<std::pair<int, int>> neighbours_of(const std::vector<GroundCell>& cells);
 
 /// The seam of two neighbours: the coordinate `at` of `axis`, from `from` to `to` along the other.
 struct Seam {
@@ -65,7 +65,7 @@ struct Seam {
     double at = 0, from = 0, to = 0;
 };
 /// Of cells that share an edge.
-Seam seam_of(const std::vector<Cell>& cells, int i, int j);
+Seam seam_of(const std::vector<GroundCell>& cells, int i, int j);
 
 /// How much of a view is of a block, and what it sees of the cell.
 struct BlockView {

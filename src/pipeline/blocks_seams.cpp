@@ -147,7 +147,7 @@ std::vector<SurfaceSplat> surface_splats(const BlocksManifest& manifest,
 PointCloud seam_voters(const BlocksManifest& manifest,
                        int block,
                        const std::vector<SurfaceSplat>& splats) {
-    const Cell& cell = manifest.cells[static_cast<std::size_t>(block - 1)];
+    const GroundCell& cell = manifest.cells[static_cast<std::size_t>(block - 1)];
     PointCloud voters;
     for (const SurfaceSplat& s : splats) {
         if (s.block == 0 || s.block == block || !(cell.distance(s.place) < 2 * manifest.vote_reach))
@@ -163,7 +163,7 @@ bool is_good_seam(const SeamNumbers& across, const SeamNumbers& inside) {
            across.median_angle <= inside.median_angle + 2;
 }
 
-std::vector<SeamReport> test_seams(const std::vector<Cell>& cells,
+std::vector<SeamReport> test_seams(const std::vector<GroundCell>& cells,
                                    const std::vector<std::pair<int, int>>& neighbours,
                                    const std::vector<SurfaceSplat>& splats) {
     std::vector<Side> of(cells.size());

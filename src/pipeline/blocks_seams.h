@@ -51,7 +51,7 @@ bool is_good_seam(const SeamNumbers& across, const SeamNumbers& inside);
 
 /// Of all neighbours. Splats within two spacings of the seam are compared with those beyond it;
 /// inside, the same at a cut through the middle of what each block has beside the seam.
-std::vector<SeamReport> test_seams(const std::vector<Cell>& cells,
+std::vector<SeamReport> test_seams(const std::vector<GroundCell>& cells,
                                    const std::vector<std::pair<int, int>>& neighbours,
                                    const std::vector<SurfaceSplat>& splats);
 

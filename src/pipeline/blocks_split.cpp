@@ -74,8 +74,8 @@ double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
 }
 
 /// The shortest side of a cell within the near box.
-double shortest_side(const Cell& cell, const Box3d& near) {
-    double side = Cell::kInfinite;
+double shortest_side(const GroundCell& cell, const Box3d& near) {
+    double side = GroundCell::kInfinite;
     for (int axis = 0; axis < 2; ++axis)
         side = std::min(side, std::min(cell.high[axis], near.high[axis]) -
                                   std::max(cell.low[axis], near.low[axis]));
@@ -115,7 +115,7 @@ void plan_cells(const Scene& scene,
     manifest.origin = scene.origin;
     manifest.frame = ground_frame(split.up ? *split.up : up_of(centres));
     manifest.near = near_box(manifest.frame, coarse);
-    manifest.cells = {Cell{}};
+    manifest.cells = {GroundCell{}};
 
     std::vector<Vec2<double>> places;
     std::vector<double> weights(coarse.means.size()), pixels(coarse.means.size());
@@ -147,16 +147,17 @@ void plan_cells(const Scene& scene,
     manifest.vote_reach = vote_reach(near_means, options.train.tv.k, denser);
 
     // Margins count, and are not known before the cells: the cells shrink until they fit.
-    const auto margin_of = [&](const std::vector<Cell>& cells) {
+    const auto margin_of = [&](const std::vector<GroundCell>& cells) {
         if (split.margin > 0) return split.margin;
-        double margin = 4 * 4 * manifest.voxel_size, side = Cell::kInfinite;
-        for (const Cell& cell : cells) side = std::min(side, shortest_side(cell, manifest.near));
+        double margin = 4 * 4 * manifest.voxel_size, side = GroundCell::kInfinite;
+        for (const GroundCell& cell : cells)
+            side = std::min(side, shortest_side(cell, manifest.near));
         if (options.train.tv.enabled) margin = std::max(margin, 3 * manifest.vote_reach);
         return std::max(margin, 0.15 * side);
     };
-    const auto heaviest = [&](const std::vector<Cell>& cells, double margin) {
+    const auto heaviest = [&](const std::vector<GroundCell>& cells, double margin) {
         double most = 0;
-        for (const Cell& cell : cells) {
+        for (const GroundCell& cell : cells) {
             double weight = 0;
             for (std::size_t i = 0; i < places.size(); ++i)
                 if (cell.distance(places[i]) < margin) weight += near_weights[i];
@@ -244,13 +245,13 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
     const auto counted = counted_splats(coarse, manifest);
     const auto means = std::as_const(coarse.means).span();
     const auto scales = std::as_const(coarse.log_scales).span();
-    const auto belongs = [&](const Cell& cell, Vec3d p) {
+    const auto belongs = [&](const GroundCell& cell, Vec3d p) {
         return is_near(manifest, p) && cell.distance(manifest.frame.on_ground(p)) < manifest.margin;
     };
     std::vector<BlockContents> blocks(manifest.cells.size());
     for (std::size_t b = 0; b < blocks.size(); ++b) {
         BlockContents& block = blocks[b];
-        const Cell& cell = manifest.cells[b];
+        const GroundCell& cell = manifest.cells[b];
         block.views =
             choose_block_views(looks[b], static_cast<int>(counted[b].size()), split.least_share);
         if (block.views.size() < 2)

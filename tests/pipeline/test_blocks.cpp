@@ -42,7 +42,7 @@ TEST(BlocksGeometry, EachPlaceHasOneCellAndCellsAreBalanced) {
         std::vector<double> of(cells.size());
         const auto holders = [&](Vec2<double> p) {
             int n = 0;
-            for (const Cell& cell : cells) n += cell.holds(p);
+            for (const GroundCell& cell : cells) n += cell.holds(p);
             return n;
         };
         for (std::size_t i = 0; i < places.size(); ++i) {
@@ -52,7 +52,7 @@ TEST(BlocksGeometry, EachPlaceHasOneCellAndCellsAreBalanced) {
         // Also beyond all points, and on the cuts themselves.
         for (const Vec2<double> far : {Vec2<double>{1e9, 1e9}, {-1e9, 3}, {0, -1e9}})
             EXPECT_EQ(holders(far), 1);
-        for (const Cell& cell : cells)
+        for (const GroundCell& cell : cells)
             for (const double x : {cell.low[0], cell.high[0]})
                 if (std::isfinite(x)) {
                     EXPECT_EQ(holders({x, 0.1}), 1);
@@ -106,7 +106,7 @@ TEST(BlocksGeometry, NeighboursShareAnEdgeAndAreSymmetric) {
     // A step from a cell across its cut, away from corners, comes into a neighbour, and into no
     // other cell than these.
     for (int i = 0; i < 7; ++i) {
-        const Cell& cell = cells[static_cast<std::size_t>(i)];
+        const GroundCell& cell = cells[static_cast<std::size_t>(i)];
         for (int axis = 0; axis < 2; ++axis)
             for (const double at : {cell.low[axis], cell.high[axis]})
                 for (double t = -30; t < 30; t += 0.0371) {
@@ -129,10 +129,10 @@ TEST(BlocksGeometry, NeighboursShareAnEdgeAndAreSymmetric) {
         EXPECT_EQ(cells[static_cast<std::size_t>(seam.b)].low[seam.axis], seam.at);
     }
     // Corners are no edges.
-    const std::vector<Cell> four{{{-Cell::kInfinite, -Cell::kInfinite}, {0, 0}},
-                                 {{0, -Cell::kInfinite}, {Cell::kInfinite, 0}},
-                                 {{-Cell::kInfinite, 0}, {0, Cell::kInfinite}},
-                                 {{0, 0}, {Cell::kInfinite, Cell::kInfinite}}};
+    const std::vector<GroundCell> four{{{-GroundCell::kInfinite, -GroundCell::kInfinite}, {0, 0}},
+                                       {{0, -GroundCell::kInfinite}, {GroundCell::kInfinite, 0}},
+                                       {{-GroundCell::kInfinite, 0}, {0, GroundCell::kInfinite}},
+                                       {{0, 0}, {GroundCell::kInfinite, GroundCell::kInfinite}}};
     EXPECT_EQ(neighbours_of(four),
               (std::vector<std::pair<int, int>>{{0, 1}, {0, 2}, {1, 3}, {2, 3}}));
 }
@@ -177,7 +177,7 @@ TEST(BlocksGeometry, ViewsAreChosenByShareAndThenByNeed) {
 }
 
 TEST(BlocksGeometry, DistanceIsThatOfTheNearestEdge) {
-    Cell cell;
+    GroundCell cell;
     cell.low[0] = 0, cell.high[0] = 2, cell.low[1] = 1;
     EXPECT_EQ(cell.distance({1, 5}), 0);
     EXPECT_EQ(cell.distance({-3, 5}), 3);
@@ -358,7 +358,7 @@ TEST_F(BlocksFiles, SeamPassesGoWithTheTrainingsBefore) {
 // Of the neighbours' surface what lies within reach, and nothing of the block itself or far away.
 TEST_F(BlocksFiles, VotersAreTheNeighboursSurfaceWithinReach) {
     manifest_.frame = ground_frame({0, 0, 1});
-    manifest_.cells = std::vector<Cell>(2);
+    manifest_.cells = std::vector<GroundCell>(2);
     manifest_.cells[0].high[0] = manifest_.cells[1].low[0] = 0;
     manifest_.vote_reach = 0.5;
     Gaussians<Cpu> splats;
@@ -418,7 +418,7 @@ std::vector<SurfaceSplat> surface(double step, double turn_deg, double noise) {
 }
 
 std::vector<SeamReport> judge(double step, double turn_deg) {
-    std::vector<Cell> cells(2);
+    std::vector<GroundCell> cells(2);
     cells[0].high[0] = cells[1].low[0] = 0;
     return test_seams(cells, neighbours_of(cells), surface(step, turn_deg, 0.001));
 }
@@ -445,7 +445,7 @@ TEST(BlocksSeams, AreAsGoodAsTheInsideOrAreNamed) {
 }
 
 TEST(BlocksSeams, WithTooFewSplatsNothingIsJudged) {
-    std::vector<Cell> cells(2);
+    std::vector<GroundCell> cells(2);
     cells[0].high[0] = cells[1].low[0] = 0;
     auto few = surface(1, 0, 0);
     few.resize(12);
