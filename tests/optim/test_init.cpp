@@ -57,7 +57,9 @@ TEST(InitGaussians, Values) {
     for (int i = 0; i < 3; ++i) scene.points.positions.push_back({0.25f, 0.5f, 0.75f});
     for (std::size_t i = 0; i < 54; ++i)
         scene.points.colors.push_back({float(i) / 54, 0.5f, 1 - float(i) / 54});
-    const Gaussians<Cpu> g = init_gaussians(scene, {.opacity = 0.1f, .max_extent = 0}, 2);
+    InitOptions options;
+    options.opacity = 0.1f, options.max_extent = 0;
+    const Gaussians<Cpu> g = init_gaussians(scene, options, 2);
     ASSERT_EQ(g.size(), 54);
     EXPECT_EQ(g.sh_degree, 2);
     const auto squared = mean_squared_neighbour_distance(scene.points.positions, 3);
@@ -119,7 +121,9 @@ TEST(InitGaussians, NoneVeilsAPhotograph) {
         scene.train[0].camera = wide_last ? narrow : wide;
         scene.train[1].camera = wide_last ? wide : narrow;
         for (const float share : {0.f, 0.02f, 0.05f}) {
-            const Gaussians<Cpu> g = init_gaussians(scene, {.max_extent = share}, 0);
+            InitOptions options;
+            options.max_extent = share;
+            const Gaussians<Cpu> g = init_gaussians(scene, options, 0);
             for (std::size_t i = 0; i < 8; ++i) {
                 const double any = std::sqrt(double(squared[i]));
                 ASSERT_GT(any, 4 * 1.5 * 0.05) << "else the bound is not felt";
