@@ -116,7 +116,7 @@ TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
         EXPECT_GT(inputs.points, 100);
         EXPECT_GT(inputs.fixed_splats, 0);
         // Points are in cell and margin, fixed splats are not.
-        const Cell& cell = manifest.cells[static_cast<std::size_t>(b - 1)];
+        const GroundCell& cell = manifest.cells[static_cast<std::size_t>(b - 1)];
         for (const Vec3f p : read_ply(block("blocks", b) / "points.ply").points.positions)
             EXPECT_LT(cell.distance(manifest.frame.on_ground(vec_cast<double>(p))), 0.4001);
         const Gaussians<Cpu> fixed = read_splat_ply(block("blocks", b) / "fixed.ply");
