@@ -51,12 +51,18 @@ struct RunArguments {
     std::vector<std::string> settings;
 };
 
-/// The scene is the one that was split.
-void check_scene(const BlocksManifest& manifest, const std::string& scene) {
+/// Of the whole, as split resolved them.
+RunOptions whole_options(const BlocksManifest& manifest) {
     RunOptions options;
     OptionTable table;
     options.add_to(table);
     table.read_file(manifest.folder + "/config.json");
+    return options;
+}
+
+/// The scene is the one that was split.
+void check_scene(const BlocksManifest& manifest, const std::string& scene) {
+    RunOptions options = whole_options(manifest);
     options.scene.path = scene;
     if (const std::uint32_t found = scene_identity(options.scene); found != manifest.scene_crc)
         throw Error(
@@ -68,11 +74,8 @@ void check_scene(const BlocksManifest& manifest, const std::string& scene) {
 
 /// Seconds, splats and peak of the run, as the last line of its log has them.
 void read_summary(const std::string& log, BlockResult& result) {
-    const std::string text = read_bytes(log);
-    for (std::size_t begin = 0, end; (end = text.find('\n', begin)) != std::string::npos;
-         begin = end + 1) {
-        const JsonValue line =
-            parse_json_value(std::string_view(text).substr(begin, end - begin), log);
+    const auto damaged = [](const std::string& why) { throw Error(ExitCode::input, why); };
+    for (const JsonValue& line : parse_json_lines(read_bytes(log), log, damaged)) {
         if (line["event"].text_or("") != "done") continue;
         result.seconds = line["seconds"].number_or(0);
         result.splats = static_cast<std::int64_t>(line["gaussians"].number_or(0));
@@ -94,15 +97,6 @@ std::vector<std::string> block_words(const std::string& scene,
     if (inputs.fixed_splats > 0)
         words.insert(words.end(), {"--set", "init.fixed_splats=" + folder + "/fixed.ply"});
     return words;
-}
-
-/// Of the whole, as split resolved them.
-RunOptions whole_options(const BlocksManifest& manifest) {
-    RunOptions options;
-    OptionTable table;
-    options.add_to(table);
-    table.read_file(manifest.folder + "/config.json");
-    return options;
 }
 
 /// Splats of the neighbours that vote in the seam pass of a block.

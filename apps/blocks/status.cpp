@@ -17,20 +17,13 @@ struct StatusArguments {
     bool missing = false, json = false, seam_pass = false;
 };
 
-/// The iteration of the last whole line of a log; 0: there is none yet.
+/// The last iteration that a log names; 0: there is none yet.
 int last_iteration(const std::string& log) {
     std::error_code code;
     if (!fs::is_regular_file(log, code)) return 0;
-    const std::string text = read_bytes(log);
     int iteration = 0;
-    for (std::size_t begin = 0, end; (end = text.find('\n', begin)) != std::string::npos;
-         begin = end + 1)
-        try {
-            const JsonValue line =
-                parse_json_value(std::string_view(text).substr(begin, end - begin), log);
-            iteration = static_cast<int>(line["iteration"].number_or(iteration));
-        } catch (const Error&) {  // cut off when the run was killed
-        }
+    for (const JsonValue& line : parse_json_lines(read_bytes(log), log, [](const std::string&) {}))
+        iteration = static_cast<int>(line["iteration"].number_or(iteration));
     return iteration;
 }
 

@@ -119,6 +119,22 @@ JsonValue parse_json_value(std::string_view text, const std::string& where) {
     }
 }
 
+std::vector<JsonValue> parse_json_lines(std::string_view text,
+                                        const std::string& where,
+                                        const std::function<void(const std::string&)>& damaged) {
+    std::vector<JsonValue> lines;
+    std::size_t number = 0;
+    for (std::size_t at = 0, end; (end = text.find('\n', at)) != text.npos; at = end + 1) {
+        try {
+            lines.push_back(
+                parse_json_value(text.substr(at, end - at), str(where, ": line ", ++number)));
+        } catch (const Error& error) {
+            damaged(error.what());
+        }
+    }
+    return lines;
+}
+
 std::string json_text(const JsonValue& value) {
     std::string out;
     append(out, value);

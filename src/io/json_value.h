@@ -1,6 +1,7 @@
 // JSON as a tree, for what reads and rewrites our own reports. Configuration has io/config.h.
 #pragma once
 
+#include <functional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -46,6 +47,12 @@ private:
 
 /// Throws Error(ExitCode::input) that names `where`.
 JsonValue parse_json_value(std::string_view text, const std::string& where);
+
+/// The values of a text with one on each line; a last line without an end, as a killed run leaves
+/// it, does not count. `damaged` is told what is wrong with a line, which is then left out.
+std::vector<JsonValue> parse_json_lines(std::string_view text,
+                                        const std::string& where,
+                                        const std::function<void(const std::string&)>& damaged);
 
 /// On one line; bytes that are not UTF-8 are replaced.
 std::string json_text(const JsonValue& value);

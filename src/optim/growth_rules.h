@@ -9,6 +9,7 @@
 
 #include "core/gaussians.h"
 #include "core/parallel.h"
+#include "core/quantile.h"
 
 namespace tvsgs {
 
@@ -88,18 +89,6 @@ struct QuantileBody {
         score[i] = grows ? gradient : 0;
     }
 };
-
-/// Between the two nearest values, at `share` (N - 1) of them in ascending order; reorders them.
-inline float quantile(std::vector<float>& values, double share) {
-    if (values.empty()) return 0;
-    const double at = share * static_cast<double>(values.size() - 1);
-    const auto below = static_cast<std::ptrdiff_t>(at);
-    std::nth_element(values.begin(), values.begin() + below, values.end());
-    const float low = values[static_cast<std::size_t>(below)];
-    const auto next = std::min_element(values.begin() + below + 1, values.end());
-    if (next == values.end()) return low;
-    return low + static_cast<float>(at - static_cast<double>(below)) * (*next - low);
-}
 
 /// As propose_growth(). The quantile is found on the host: it is rare, and the same on both
 /// devices.

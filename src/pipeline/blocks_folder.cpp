@@ -1,13 +1,12 @@
 #include "pipeline/blocks_folder.h"
 
-#include <zlib.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
 
 #include "io/atomic_file.h"
+#include "io/checkpoint.h"
 #include "io/json_value.h"
 #include "io/read_file.h"
 #include "io/scene_layout.h"
@@ -18,8 +17,7 @@ namespace {
 namespace fs = std::filesystem;
 
 std::uint32_t crc_of(std::string_view bytes, std::uint32_t so_far = 0) {
-    return static_cast<std::uint32_t>(
-        crc32_z(so_far, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
+    return checksum(bytes.data(), bytes.size(), so_far);
 }
 
 std::string hex(std::uint32_t crc) {

@@ -7,6 +7,7 @@
 #include "core/eigen.h"
 #include "core/error.h"
 #include "core/point_tree.h"
+#include "core/quantile.h"
 #include "core/sigmoid.h"
 #include "io/config.h"
 
@@ -17,13 +18,6 @@ constexpr std::size_t kNeighbours = 8;
 constexpr int kLeast = 20;  // splats; fewer say nothing
 
 using Side = std::vector<SurfaceSplat>;
-
-double quantile(std::vector<double> values, double share) {
-    if (values.empty()) return 0;
-    const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), values.begin() + at, values.end());
-    return values[static_cast<std::size_t>(at)];
-}
 
 std::vector<Vec3<double>> means_of(const Side& side) {
     std::vector<Vec3<double>> means;
@@ -45,7 +39,7 @@ double spacing_of(const Side& side) {
         double squared[2];
         if (tree.nearest(mean, 2, index, squared) == 2) distances.push_back(std::sqrt(squared[1]));
     }
-    return quantile(std::move(distances), 0.5);
+    return quantile(distances, 0.5);
 }
 
 /// Where two sides are held against each other.
@@ -114,7 +108,7 @@ void sides_of_cut(const Side& of, const Seam& seam, const Cut& cut, Side& below,
     }
 }
 
-SeamNumbers numbers_of(const std::vector<double>& offsets, const std::vector<double>& angles) {
+SeamNumbers numbers_of(std::vector<double> offsets, std::vector<double> angles) {
     return {static_cast<int>(offsets.size()), quantile(offsets, 0.5), quantile(offsets, 0.95),
             quantile(angles, 0.5)};
 }

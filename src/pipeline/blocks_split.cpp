@@ -5,6 +5,7 @@
 
 #include "core/error.h"
 #include "core/point_tree.h"
+#include "core/quantile.h"
 #include "core/sigmoid.h"
 #include "pipeline/view_evaluation.h"
 #include "render/sh_math.h"
@@ -14,12 +15,9 @@ namespace {
 
 constexpr std::size_t kSample = 2000;  // splats that distances are measured at
 constexpr double kFarBox = 1.5;        // times the box of 1 to 99 % of the coarse splats
-
-double quantile(std::vector<double> values, double share) {
-    const auto at = static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
-    std::nth_element(values.begin(), values.begin() + at, values.end());
-    return values[static_cast<std::size_t>(at)];
-}
+// Margins: of the shortest side of a cell, reaches of votes, voxels of the mesh (four truncations
+// of four).
+constexpr double kMarginSides = 0.15, kMarginReaches = 3, kMarginVoxels = 16;
 
 /// Of `count` things evenly about `most`.
 std::vector<std::size_t> even_choice(std::size_t count, std::size_t most) {
@@ -70,7 +68,7 @@ double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
         const std::size_t found = tree.nearest(means[i], wanted, index.data(), squared.data());
         reach.push_back(std::sqrt(static_cast<double>(squared[found - 1])));
     }
-    return quantile(std::move(reach), 0.95) / std::sqrt(denser);
+    return quantile(reach, 0.95) / std::sqrt(denser);
 }
 
 /// The shortest side of a cell within the near box.
@@ -149,11 +147,12 @@ void plan_cells(const Scene& scene,
     // Margins count, and are not known before the cells: the cells shrink until they fit.
     const auto margin_of = [&](const std::vector<GroundCell>& cells) {
         if (split.margin > 0) return split.margin;
-        double margin = 4 * 4 * manifest.voxel_size, side = GroundCell::kInfinite;
+        double margin = kMarginVoxels * manifest.voxel_size, side = GroundCell::kInfinite;
         for (const GroundCell& cell : cells)
             side = std::min(side, shortest_side(cell, manifest.near));
-        if (options.train.tv.enabled) margin = std::max(margin, 3 * manifest.vote_reach);
-        return std::max(margin, 0.15 * side);
+        if (options.train.tv.enabled)
+            margin = std::max(margin, kMarginReaches * manifest.vote_reach);
+        return std::max(margin, kMarginSides * side);
     };
     const auto heaviest = [&](const std::vector<GroundCell>& cells, double margin) {
         double most = 0;

@@ -35,24 +35,6 @@ JsonValue read_json(const std::string& path) {
     return parse_json_value(read_bytes(path), path);
 }
 
-/// The lines of log.jsonl; a last one that a killed run left unfinished does not count. `damaged`
-/// is told what is wrong with a line that is left out.
-template <class Damaged>
-std::vector<JsonValue> read_log(const std::string& path, const Damaged& damaged) {
-    std::vector<JsonValue> lines;
-    const std::string text = read_bytes(path);
-    std::size_t number = 0;
-    for (std::size_t at = 0, end; (end = text.find('\n', at)) != std::string::npos; at = end + 1) {
-        const std::string where = str(path, ": line ", ++number);
-        try {
-            lines.push_back(parse_json_value(std::string_view(text).substr(at, end - at), where));
-        } catch (const Error& error) {
-            damaged(error.what());
-        }
-    }
-    return lines;
-}
-
 /// One list per column: shorter than one object per line, and what plots need.
 JsonValue columns(const std::vector<const JsonValue*>& reports) {
     JsonValue table = JsonValue::object();
@@ -186,7 +168,8 @@ public:
         add_decisions();
         part("curves", [&] {
             const auto lost = [&](const std::string& why) { missing_.push_back(why); };
-            add_log(report_, read_log(run_ + "/log.jsonl", lost));
+            const std::string log = run_ + "/log.jsonl";
+            add_log(report_, parse_json_lines(read_bytes(log), log, lost));
         });
         part("scores", [&] { add_results(report_, run_); });
         part("pictures",
