@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kTrain = TVSGS_BIN_DIR "/tvsgs-train --device cpu ";
+constexpr const char* kTrain = TVSGS_BIN_DIR "/train_ranks --device cpu ";
 
 class RanksCommand : public testing::Test {
 protected:
@@ -81,7 +81,7 @@ protected:
         for (const auto& entry : fs::directory_iterator("/proc", code)) {
             const pid_t pid = std::atoi(entry.path().filename().c_str());
             if (pid <= 0 || fs::read_symlink(entry.path() / "cwd", code) != folder_) continue;
-            if (fs::read_symlink(entry.path() / "exe", code).filename() != "tvsgs-train") continue;
+            if (fs::read_symlink(entry.path() / "exe", code).filename() != "train_ranks") continue;
             const std::string command = contents(entry.path() / "cmdline"),
                               environment = contents(entry.path() / "environ");
             if (command.find(run) == std::string::npos) continue;
