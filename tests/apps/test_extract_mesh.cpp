@@ -142,7 +142,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     std::string expected;
     for (const std::string out : {"same.ply", "same.glb", "same.obj"}) {
         const Result mesh =
-            extract("--mesh-resolution 200 --truncation 0.15 --texture-format png", out);
+            extract("--mesh-resolution 120 --truncation 0.25 --texture-format png", out);
         ASSERT_EQ(mesh.code, 0) << mesh;
         EXPECT_EQ(mesh.says("info: texture of "), out != "same.ply") << mesh;
         const Result score =
@@ -160,7 +160,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     fs::remove(folder_ / "same.glb");
     ASSERT_EQ(run_tool(folder_, "extract-mesh",
                        "--model splats.ply --scene scene --device cpu --no-masks --out same.glb "
-                       "--mesh-resolution 200 --truncation 0.15 --error 0 --texture-format png "
+                       "--mesh-resolution 120 --truncation 0.25 --error 0 --texture-format png "
                        "--no-preview",
                        4)
                   .code,
@@ -168,7 +168,7 @@ TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     EXPECT_TRUE(contents(folder_ / "same.glb") == glb);
 
     const Result plain =
-        extract("--mesh-resolution 200 --truncation 0.15 --texture none --keep-axes", "plain.glb");
+        extract("--mesh-resolution 120 --truncation 0.25 --texture none --keep-axes", "plain.glb");
     ASSERT_EQ(plain.code, 0) << plain;
     EXPECT_FALSE(plain.says("info: texture of ")) << plain;
     const std::string bytes = contents(folder_ / "plain.glb");
