@@ -7,13 +7,10 @@
 #include "io/atomic_file.h"
 #include "io/json_value.h"
 #include "io/read_file.h"
-#include "optim/fixed_splats.h"
-#include "optim/splat_order.h"
-#include "optim/splat_planes.h"
+#include "pipeline/blocks_merge.h"
 #include "pipeline/blocks_seams.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
-#include "pipeline/splat_selection.h"
 
 namespace tvsgs {
 namespace {
@@ -23,6 +20,7 @@ namespace fs = std::filesystem;
 struct MergeArguments {
     std::string folder, out, scene;
     bool overwrite = false, seam_pass = false;
+    double fade = 3;
 };
 
 /// All of them, or the first that is not as it has to be.
@@ -31,55 +29,6 @@ std::vector<BlockResult> require_results(const BlocksManifest& manifest, BlockSt
     for (int block = 1; block <= manifest.count(); ++block)
         results.push_back(require_block_result(manifest, block, stage));
     return results;
-}
-
-/// What the whole is made of, in its order.
-class Whole {
-public:
-    explicit Whole(int sh_degree) { resize(splats_, 0, sh_degree); }
-
-    /// In Morton order.
-    void add(const Gaussians<Cpu>& from, const std::vector<int>& places) {
-        Gaussians<Cpu> part;
-        copy(with_sh_degree(from, splats_.sh_degree), part);
-        keep_splats(places, part);
-        if (part.size() == 0) return;
-        sort_by_place(part);
-        const int before = splats_.size(), after = before + part.size();
-        Gaussians<Cpu> both;
-        resize(both, after, splats_.sh_degree);
-        for_each_array(
-            [&](const SplatArray& array, const auto& first, const auto& second, auto& to) {
-                if (array.optional) return;
-                over_planes<CopyPlaneBody>(first, before, to, after, 0, before, array.planes);
-                over_planes<CopyPlaneBody>(second, part.size(), to, after, before, part.size(),
-                                           array.planes);
-            },
-            std::as_const(splats_), std::as_const(part), both);
-        copy(both, splats_);
-    }
-    const Gaussians<Cpu>& splats() const { return splats_; }
-
-private:
-    Gaussians<Cpu> splats_;
-};
-
-/// The splats whose centre is a block's own (0: far), and how many of them reach beyond its margin.
-std::vector<int> own_splats(const BlocksManifest& manifest,
-                            const Gaussians<Cpu>& splats,
-                            int block,
-                            std::int64_t& long_ones) {
-    std::vector<int> places;
-    for (int i = 0; i < splats.size(); ++i) {
-        const auto at = static_cast<std::size_t>(i);
-        if (manifest.block_of(vec_cast<double>(std::as_const(splats.means).span()[at])) != block)
-            continue;
-        places.push_back(i);
-        const Vec3f l = std::as_const(splats.log_scales).span()[at];
-        long_ones += block > 0 &&
-                     3 * std::exp(std::max({l.x, l.y, l.z})) > static_cast<float>(manifest.margin);
-    }
-    return places;
 }
 
 /// cameras.json of the whole: of each view once, by name.
@@ -139,9 +88,10 @@ int merge(const MergeArguments& a) {
     if (!a.scene.empty()) table.set("scene.path", a.scene, "--scene");
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
-    // 1. Each block's own splats, then what is far.
-    Whole whole(options.train.model.sh_degree);
-    std::int64_t long_ones = 0, far = 0, peak = 0;
+    // 1. Each block's part, then what is far; and how the blocks meet by themselves.
+    std::vector<Gaussians<Cpu>> parts;
+    std::vector<SurfaceSplat> surface;
+    std::int64_t own = 0, far_reach = 0, peak = 0;
     double seconds = 0, longest = 0;
     for (const BlockResult& result : results) {
         const std::string file =
@@ -149,53 +99,54 @@ int merge(const MergeArguments& a) {
         const Gaussians<Cpu> splats = with_context(str("merging block ", result.block), [&] {
             return read_splats(file, manifest.origin, options.train);
         });
-        whole.add(splats, own_splats(manifest, splats, result.block, long_ones));
+        const auto more = surface_of_block(manifest, splats, result.block);
+        surface.insert(surface.end(), more.begin(), more.end());
+        BlockSplats part = part_of_block(manifest, splats, result.block, a.fade);
+        parts.push_back(std::move(part.splats));
+        own += part.own, far_reach += part.far_reach;
         seconds += result.seconds, longest = std::max(longest, result.seconds);
         peak = std::max(peak, result.peak_bytes);
     }
     const Gaussians<Cpu> coarse =
         read_splats(manifest.folder + "/coarse.ply", manifest.origin, options.train);
-    std::int64_t none = 0;
-    const std::vector<int> far_ones = own_splats(manifest, coarse, 0, none);
-    far = static_cast<std::int64_t>(far_ones.size());
-    whole.add(coarse, far_ones);
-    if (whole.splats().size() == 0)
+    parts.push_back(part_of_block(manifest, coarse, 0, 0).splats);
+    const std::int64_t far = parts.back().size();
+    const Gaussians<Cpu> whole = join_splats(parts, options.train.model.sh_degree);
+    if (whole.size() == 0)
         throw Error(ExitCode::input,
                     str(manifest.folder, ": no splat of any block lies in its cell"));
+    const std::vector<SeamReport> seams = test_seams(manifest.cells, manifest.neighbours, surface);
 
-    // 2. How the blocks meet.
-    const std::vector<SeamReport> seams =
-        test_seams(manifest.cells, manifest.neighbours, surface_splats(manifest, whole.splats()));
-
-    // 3. An ordinary run.
+    // 2. An ordinary run.
     RunFolder run(a.out);
     run.save_config(
         table.json(JsonLine().add("version", kVersion).add("merged_from", manifest.folder).text()));
     write_text_file(run.path() + "/cameras.json", cameras_of_blocks(manifest));
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
-    run.save_splats(whole.splats(), manifest.iterations, manifest.origin,
+    run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);
     write_text_file(run.path() + "/seams.json", seams_json(seams));
     run.log(JsonLine()
                 .add("event", "done")
                 .add("iteration", manifest.iterations)
                 .add("seconds", seconds)
-                .add("gaussians", whole.splats().size())
+                .add("gaussians", whole.size())
                 .add("peak_bytes", peak)
                 .add("blocks", manifest.count())
                 .add("longest_seconds", longest)
                 .add("far_splats", far)
                 .text());
     for (const SeamReport& seam : seams) say_seam(manifest, seam);
-    if (long_ones > 0)
+    if (far_reach > 0)
         spdlog::info(
             "{} splats reach farther than the margin of {:.4g} (three standard "
             "deviations): what is beyond was not trained with them",
-            long_ones, manifest.margin);
+            far_reach, manifest.margin);
     spdlog::info(
-        "{}: {} splats of {} blocks, {} of the coarse run far away; {:.1f} s of training "
-        "in all, {:.1f} s the longest block",
-        a.out, whole.splats().size() - far, manifest.count(), far, seconds, longest);
+        "{}: {} splats of {} blocks, {} more across the cuts, {} of the coarse run far away; "
+        "{:.1f} "
+        "s of training in all, {:.1f} s the longest block",
+        a.out, own, manifest.count(), whole.size() - own - far, far, seconds, longest);
     say_next({"tvsgs-extract-mesh", "--model", a.out}, "makes the surface");
     return 0;
 }
@@ -210,6 +161,12 @@ BlocksCommand add_blocks_merge(CLI::App& app) {
     command->add_option("-o,--out", a->out, "run folder to write")->required();
     command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
     command->add_flag("--seam-pass", a->seam_pass, "of what run --seam-pass made of the blocks");
+    command
+        ->add_option("--fade", a->fade,
+                     "over how many of its standard deviations to either side of a cut a splat "
+                     "fades into the neighbour's; 0: each is of the block that its centre is in")
+        ->check(CLI::Range(0.0, 10.0))
+        ->capture_default_str();
     command->add_flag("--overwrite", a->overwrite, "replace the run in an occupied folder");
     return {command, [a](bool) { return merge(*a); }};
 }

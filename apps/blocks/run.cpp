@@ -108,9 +108,7 @@ PointCloud voters_around(const BlocksManifest& manifest, int block) {
         const Gaussians<Cpu> splats =
             read_splats(manifest.block_folder(b) + "/" + result.files.front().name, manifest.origin,
                         options.train);
-        std::vector<SurfaceSplat> own = surface_splats(manifest, splats);
-        std::erase_if(own, [b](const SurfaceSplat& s) { return s.block != b; });
-        const PointCloud more = seam_voters(manifest, block, own);
+        const PointCloud more = seam_voters(manifest, block, surface_of_block(manifest, splats, b));
         voters.positions.insert(voters.positions.end(), more.positions.begin(),
                                 more.positions.end());
     }

@@ -113,6 +113,15 @@ double GroundCell::distance(Vec2<double> p) const {
     return std::hypot(x, y);
 }
 
+double GroundCell::share(Vec2<double> p, Vec2<double> reach) const {
+    if (!(reach.x > 0 && reach.y > 0)) return holds(p) ? 1 : 0;
+    const auto inside = [](double distance, double by) {
+        return std::clamp(0.5 + distance / (2 * by), 0.0, 1.0);
+    };
+    return inside(p.x - low[0], reach.x) * inside(high[0] - p.x, reach.x) *
+           inside(p.y - low[1], reach.y) * inside(high[1] - p.y, reach.y);
+}
+
 std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
                                     const std::vector<double>& weights,
                                     int count,

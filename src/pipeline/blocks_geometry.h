@@ -38,6 +38,10 @@ struct GroundCell {
     }
     /// The distance of p from the cell; 0 inside.
     double distance(Vec2<double> p) const;
+    /// How much of p is the cell's where cells fade into each other over `reach` (of each axis, 0:
+    /// at once) to either side of their edges: 1 inside, 0 outside, 1/2 at an edge, straight
+    /// between. Over all cells it sums to 1 where none is narrower than twice the reach.
+    double share(Vec2<double> p, Vec2<double> reach) const;
 
     static constexpr double kInfinite = std::numeric_limits<double>::infinity();
 };

@@ -138,6 +138,14 @@ std::vector<SurfaceSplat> surface_splats(const BlocksManifest& manifest,
     return surface;
 }
 
+std::vector<SurfaceSplat> surface_of_block(const BlocksManifest& manifest,
+                                           const Gaussians<Cpu>& splats,
+                                           int block) {
+    std::vector<SurfaceSplat> own = surface_splats(manifest, splats);
+    std::erase_if(own, [block](const SurfaceSplat& s) { return s.block != block; });
+    return own;
+}
+
 PointCloud seam_voters(const BlocksManifest& manifest,
                        int block,
                        const std::vector<SurfaceSplat>& splats) {

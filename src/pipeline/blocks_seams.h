@@ -21,6 +21,11 @@ struct SurfaceSplat {
 std::vector<SurfaceSplat> surface_splats(const BlocksManifest& manifest,
                                          const Gaussians<Cpu>& splats);
 
+/// Of these the ones whose centre is in the cell of `block`.
+std::vector<SurfaceSplat> surface_of_block(const BlocksManifest& manifest,
+                                           const Gaussians<Cpu>& splats,
+                                           int block);
+
 /// What votes for a block in the seam pass, as points, whose normals are those of the planes
 /// through them: of `splats` those that other blocks keep within twice the reach of votes from its
 /// cell.

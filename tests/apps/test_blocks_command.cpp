@@ -156,7 +156,7 @@ TEST_F(BlocksCommand, StatusSaysWhatIsLeft) {
 }
 
 TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
-    ASSERT_EQ(bin("tvsgs-blocks merge blocks --out whole").code, 0)
+    ASSERT_EQ(bin("tvsgs-blocks merge blocks --fade 0 --out whole").code, 0)
         << contents(folder_ / "err.txt");
     const BlocksManifest manifest = read_manifest(folder_ / "blocks");
     const Gaussians<Cpu> whole =
@@ -188,10 +188,16 @@ TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
                   .code,
               0)
         << contents(folder_ / "err.txt");
-    EXPECT_EQ(bin("tvsgs-blocks merge blocks --out whole").code, 2);
+    const std::string again = "tvsgs-blocks merge blocks --fade 0 --out whole";
+    EXPECT_EQ(bin(again).code, 2);
     const std::string before = contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply");
-    EXPECT_EQ(bin("tvsgs-blocks merge blocks --out whole --overwrite").code, 0);
+    EXPECT_EQ(bin(again + " --overwrite").code, 0);
     EXPECT_EQ(contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply"), before);
+    // By default splats of both sides are at the cuts; how seams are judged stays the same.
+    EXPECT_EQ(bin("tvsgs-blocks merge blocks --out faded").code, 0);
+    EXPECT_GT(read_splat_ply(folder_ / "faded/point_cloud/iteration_60/point_cloud.ply").size(),
+              whole.size() + 20);
+    EXPECT_EQ(json::parse(contents(folder_ / "faded/seams.json")), seams);
 }
 
 TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
