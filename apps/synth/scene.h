@@ -1,0 +1,13 @@
+// The scene of tvsgs-synth: photographs, cameras, initial points, masks, priors, the exact surface.
+#pragma once
+
+#include <string>
+
+#include "apps/synth/views.h"
+
+namespace tvsgs::synth {
+
+/// Into the folder `out`, which exists. The same options give the same files.
+void write_scene(const SynthOptions& options, const std::string& out);
+
+}  // namespace tvsgs::synth
