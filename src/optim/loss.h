@@ -120,6 +120,9 @@ enum class LengthUnit { world, depth };
 /// What is fitted per photograph in the L1 term: a gain and an offset, or a colour matrix as well.
 enum class ExposureModel { none, gain, affine };
 
+/// [view][values of its model], see optim/exposure.h.
+using HeldExposures = std::vector<std::vector<float>>;
+
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
     ExposureModel exposure = ExposureModel::none;
@@ -127,7 +130,8 @@ struct PhotometricOptions {
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
-    std::string background = "none";
+    std::string background = "none", exposure_from;
+    std::shared_ptr<const HeldExposures> held{};  // of exposure_from, once it is read
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -139,6 +143,9 @@ struct PhotometricOptions {
         field("exposure_pull", exposure_pull, {0, 1e6},
               "of the squares of that matrix, which pulls it to none");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+        field("exposure_from", exposure_from,
+              "finished run whose fitted exposures are held, from the first iteration on, instead "
+              "of fitting others: so that parts of a scene agree in their colours");
         field.choice("masks", masks, {"auto", "object", "ignore", "none"},
                      "object: nothing is outside of the masks; ignore: what is outside is not "
                      "looked at; auto: the plan decides, without one as none");
