@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-ImageU8 noise(int width, int height, int channels, std::uint64_t seed) {
+ImageU8 noise(int width, int height, int channels, unsigned seed) {
     test::Random random(seed);
     ImageU8 image(width, height, channels);
     for (std::uint8_t& value : image.pixels)
@@ -33,7 +33,7 @@ ImageU8 noise(int width, int height, int channels, std::uint64_t seed) {
 TEST(PixelFile, KeepsWhatManyThreadsGiveIt) {
     std::vector<ImageU8> images(40);
     for (std::size_t i = 0; i < images.size(); ++i)
-        images[i] = noise(31 + static_cast<int>(i), 17, 3, i + 1);
+        images[i] = noise(31 + static_cast<int>(i), 17, 3, static_cast<unsigned>(i));
     const std::vector<ImageU8> before = images;
     {
         PixelFile file(testing::TempDir());
@@ -122,7 +122,7 @@ TEST(SightLimits, NothingInViewIsMissed) {
 
 TEST(Matchable, LooksAtFewViewsAndFindsWhatAllShow) {
     test::Random random(8);
-    std::vector<View> views(60);
+    std::vector<View> views(12);
     for (View& view : views) {
         view.camera = random_camera(random);
         view.photo = noise(60, 40, 3, 3);
@@ -176,8 +176,8 @@ TEST(Evidence, OfRunsThatAViewMissesIsWhatEachSampleSays) {
                 ASSERT_EQ(judged[s].verdict, one.verdict) << v << ' ' << s;
                 ASSERT_EQ(judged[s].pixels, one.pixels);
                 said += one.verdict != Verdict::nothing;
-                expected[s].sees += is_seen(one.verdict);
-                expected[s].surely += one.verdict == Verdict::sees_surely;
+                if (is_seen(one.verdict)) ++expected[s].sees;
+                if (one.verdict == Verdict::sees_surely) ++expected[s].surely;
             }
             ++v;
         });
@@ -198,8 +198,8 @@ TEST(DeviceViews, MasksAndGreysAreThoseThatAreAlwaysThere) {
     for (std::size_t i = 0; i < views.size(); ++i) {
         const int width = 20 + 2 * static_cast<int>(i);
         views[i].camera = test::test_camera(width, 12, 0);
-        views[i].photo = noise(width, 12, 3, i + 1);
-        if (i != 4) views[i].mask = noise(width, 12, 1, i + 50);
+        views[i].photo = noise(width, 12, 3, static_cast<unsigned>(i));
+        if (i != 4) views[i].mask = noise(width, 12, 1, static_cast<unsigned>(i) + 50);
         if (i == 2) views[i].grey = noise(2 * width, 24, 1, 99);
     }
     LossNeeds needs;
@@ -291,6 +291,7 @@ TEST_F(Exposures, AreReadByNameAsTheyWereWritten) {
     std::vector<View> more = scene.train;
     more.emplace_back().name = "d.png";
     expect_refused(more, "has no exposure of d.png");
+    fs::remove(folder_ + "/exposure.json");
     write_exposures(folder_, scene, {{0.1f, 0}, {0.1f}, {0.1f, 0}});
     expect_refused(scene.train, "expected 2 or 14 numbers");
     std::ofstream(folder_ + "/exposure.json")
@@ -322,6 +323,7 @@ double brightness(const Scene& scene,
 
 TEST_F(Exposures, PartsThatHoldThoseOfTheWholeHaveItsColours) {
     Scene scene = test::rendered_scene();
+    scene.train[0] = scene.train[2] = scene.train[1];  // one place, in other light
     const double gains[] = {0.8, 1, 1.2};
     for (std::size_t v = 0; v < 3; ++v) {
         scene.train[v].name = std::to_string(v);
@@ -329,7 +331,7 @@ TEST_F(Exposures, PartsThatHoldThoseOfTheWholeHaveItsColours) {
             value = static_cast<std::uint8_t>(std::min(255.0, 0.7 * gains[v] * value + 0.5));
     }
     TrainOptions o;
-    o.iterations = 900, o.backbone = "ewa", o.model.sh_degree = 0;
+    o.iterations = 2000, o.backbone = "ewa", o.model.sh_degree = 0;
     o.densify.enabled = o.tv.enabled = false;
     o.loss.photometric.ssim = 0;
     o.loss.photometric.exposure = ExposureModel::gain, o.loss.photometric.exposure_start = 1;
@@ -338,6 +340,7 @@ TEST_F(Exposures, PartsThatHoldThoseOfTheWholeHaveItsColours) {
     ASSERT_EQ(fitted.size(), 3u);
     EXPECT_GT(fitted[2][0] - fitted[0][0], 0.2f) << "or there is nothing to hold";
     write_exposures(folder_, scene, fitted);
+    o.iterations = 300;
     double with[2], without[2];
     for (const std::size_t part : {std::size_t{0}, std::size_t{1}}) {
         const std::vector<std::size_t> views{2 * part};
@@ -351,8 +354,8 @@ TEST_F(Exposures, PartsThatHoldThoseOfTheWholeHaveItsColours) {
     }
     std::printf("brightness over the whole's: held %.3f %.3f, fitted alone %.3f %.3f\n", with[0],
                 with[1], without[0], without[1]);
-    EXPECT_LT(std::abs(with[1] / with[0] - 1), 0.06);
-    EXPECT_GT(std::abs(without[1] / without[0] - 1), 0.2);
+    EXPECT_LT(std::abs(with[1] / with[0] - 1), 0.05);
+    EXPECT_GT(std::abs(without[1] / without[0] - 1), 0.3);
 }
 
 }  // namespace
