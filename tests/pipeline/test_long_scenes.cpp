@@ -12,6 +12,7 @@
 #include "core/sight_limits.h"
 #include "mesh/mesh_evidence.h"
 #include "optim/device_views.h"
+#include "optim/init.h"
 #include "optim/matchable.h"
 #include "optim/training_scene.h"
 #include "pipeline/exposures.h"
@@ -191,6 +192,35 @@ TEST(Evidence, OfRunsThatAViewMissesIsWhatEachSampleSays) {
             missed += runs.misses(SightLimits(view.camera), run);
     EXPECT_GT(said, 1000u);
     EXPECT_GT(missed, 60u);
+}
+
+TEST(Init, ScalesAreLimitedByNearCamerasAsByAll) {
+    test::Random random(31);
+    Scene scene;
+    for (int i = 0; i < 40; ++i) scene.train.emplace_back().camera = random_camera(random);
+    for (int i = 0; i < 3000; ++i)
+        scene.points.positions.push_back(vec_cast<float>((i % 2 ? 3.0 : 20.0) * random.normal3()));
+    InitOptions options;
+    options.max_extent = 0.02f;
+    const Gaussians<Cpu> limited = init_gaussians(scene, options, 0);
+    options.max_extent = 0;
+    const Gaussians<Cpu> free = init_gaussians(scene, options, 0);
+    int smaller = 0;
+    for (std::size_t i = 0; i < free.means.size(); ++i) {
+        float most = std::exp(free.log_scales[i].x);
+        for (const View& view : scene.train) {
+            const Camera& c = view.camera;
+            const Vec3f p = c.camera_from_world * free.means[i];
+            const float w = static_cast<float>(c.width_px), h = static_cast<float>(c.height_px);
+            if (std::abs(c.fx_px * p.x + p.z * (c.cx_px - 0.5f * w)) < p.z * w &&
+                std::abs(c.fy_px * p.y + p.z * (c.cy_px - 0.5f * h)) < p.z * h)
+                most = std::min(most, 0.02f * p.z * std::max(w / c.fx_px, h / c.fy_px));
+        }
+        EXPECT_NEAR(std::exp(limited.log_scales[i].x) / most, 1, 1e-4) << i;
+        smaller += limited.log_scales[i].x < free.log_scales[i].x;
+    }
+    EXPECT_GT(smaller, 300);
+    EXPECT_LT(smaller, 2900);
 }
 
 TEST(DeviceViews, MasksAndGreysAreThoseThatAreAlwaysThere) {
