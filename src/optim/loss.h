@@ -66,6 +66,9 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     return a;
 }
 
+/// [view][values of its model], see optim/exposure.h.
+using HeldExposures = std::vector<std::vector<float>>;
+
 /// One term of the objective. It holds its own weight and schedule, and says what it reads.
 template <class Device>
 class Loss {
@@ -102,6 +105,9 @@ public:
     /// A term that keeps something from step to step has to show it here: what is not shown is not
     /// in checkpoints, and resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}
+
+    /// What it has fitted, or holds, of each photograph's exposure; empty: nothing.
+    virtual HeldExposures exposures() const { return {}; }
 };
 
 /// Term of a sum over an array.
@@ -119,9 +125,6 @@ enum class LengthUnit { world, depth };
 
 /// What is fitted per photograph in the L1 term: a gain and an offset, or a colour matrix as well.
 enum class ExposureModel { none, gain, affine };
-
-/// [view][values of its model], see optim/exposure.h.
-using HeldExposures = std::vector<std::vector<float>>;
 
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;

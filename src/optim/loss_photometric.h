@@ -87,6 +87,8 @@ public:
 
     void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }
 
+    HeldExposures exposures() const override { return exposure_.values(); }
+
     const Exposure<Device>& exposure() const { return exposure_; }
 
 private:

@@ -2,7 +2,6 @@
 #pragma once
 
 #include "optim/batch.h"
-#include "optim/loss_photometric.h"
 #include "optim/train_state.h"
 
 namespace tvsgs {
@@ -87,10 +86,8 @@ Gaussians<Device> train(const Scene& scene,
     }
     follow_cameras();
     for (const auto& loss : t->losses)
-        if (const auto* photo = dynamic_cast<const PhotometricLoss<Device>*>(loss.get());
-            photo != nullptr && callbacks.on_exposures)
-            if (const HeldExposures found = photo->exposure().values(); !found.empty())
-                callbacks.on_exposures(found);
+        if (const HeldExposures found = loss->exposures(); !found.empty() && callbacks.on_exposures)
+            callbacks.on_exposures(found);
     if (callbacks.on_end) callbacks.on_end(t->done);
     return std::move(t->gaussians);
 }
