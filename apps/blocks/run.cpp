@@ -15,6 +15,7 @@
 #include "pipeline/blocks_seams.h"
 #include "pipeline/built_in_configs.h"
 #include "pipeline/checkpoints.h"
+#include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 
@@ -83,8 +84,9 @@ void read_summary(const std::string& log, BlockResult& result) {
     }
 }
 
-/// Words for tvsgs-train that say what a block is of.
-std::vector<std::string> block_words(const std::string& scene,
+/// Words for tvsgs-train that say what a block of `blocks` is of.
+std::vector<std::string> block_words(const std::string& blocks,
+                                     const std::string& scene,
                                      const std::string& folder,
                                      const BlockInputs& inputs) {
     std::vector<std::string> words{"tvsgs-train",
@@ -96,6 +98,8 @@ std::vector<std::string> block_words(const std::string& scene,
                                    folder + "/points.ply"};
     if (inputs.fixed_splats > 0)
         words.insert(words.end(), {"--set", "init.fixed_splats=" + folder + "/fixed.ply"});
+    if (has_exposures(blocks))
+        words.insert(words.end(), {"--set", "loss.photometric.exposure_from=" + blocks});
     return words;
 }
 
@@ -174,7 +178,7 @@ int run_block(const RunArguments& a, bool quiet) {
     BlockResult result;
     result.block = a.block, result.split = manifest.split, result.program = kVersion;
 
-    std::vector<std::string> words = block_words(scene, folder, inputs), more;
+    std::vector<std::string> words = block_words(manifest.folder, scene, folder, inputs), more;
     if (seams) {
         const BlockResult trained = require_block_result(manifest, a.block);
         result.from = trained_state(manifest, a.block);

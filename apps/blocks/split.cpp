@@ -7,7 +7,9 @@
 #include "core/device_choice.h"
 #include "io/atomic_file.h"
 #include "io/manifest.h"
+#include "io/read_file.h"
 #include "pipeline/blocks_split.h"
+#include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/splat_selection.h"
 
@@ -260,6 +262,11 @@ int split_scene(SplitArguments a, bool quiet) {
     write_text_file(a.out + "/config.json", base + "\n");
     write_splat_ply(a.out + "/coarse.ply", coarse, scene.origin, scales);
     manifest.files = {record_of(a.out, "config.json"), record_of(a.out, "coarse.ply")};
+    if (has_exposures(run)) {  // one gauge for all blocks
+        write_text_file(a.out + "/exposure.json", read_bytes(run + "/exposure.json"));
+        manifest.files.push_back(record_of(a.out, "exposure.json"));
+        spdlog::info("the exposures that {} has fitted are held in all blocks", run);
+    }
     const Splitting splitting{a, options, scene, coarse, scales, base, finer};
     for (std::size_t b = 0; b < blocks.size(); ++b)
         manifest.files.push_back(

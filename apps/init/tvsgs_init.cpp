@@ -127,6 +127,8 @@ int command(int argc, char** argv) {
     if (!arguments.maps.empty())
         list_results(arguments.maps, {"depth", "confidence", "normal", "pictures", "priors.json"});
     const DeviceChoice device = choose_device(arguments.device);
+    scene_options.scratch =
+        arguments.out.empty() ? "" : fs::absolute(arguments.out).parent_path().string();
     const Scene scene = read_scene(scene_options);
     const Camera& camera = scene.train.front().camera;
     spdlog::info("{}: {} views of {}x{}, {} sparse points, on {}", scene_options.path,

@@ -184,6 +184,16 @@ std::string default_run_folder(const std::string& scene) {
     return "runs/" + std::filesystem::weakly_canonical(scene).filename().string();
 }
 
+/// The folder itself, where there is one.
+std::string existing_folder_above(const std::string& path) {
+    namespace fs = std::filesystem;
+    std::error_code code;
+    fs::path folder = fs::absolute(path, code).lexically_normal();
+    while (!fs::is_directory(folder, code) && folder != folder.parent_path())
+        folder = folder.parent_path();
+    return folder.string();
+}
+
 /// The scene that is trained on, planned unless the run goes on with what it had.
 Scene read_training_scene(const DeviceChoice& device,
                           const Arguments& arguments,
@@ -338,6 +348,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
     if (!arguments.plan && leads)
         require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
                                 options.scene);
+    options.scene.scratch = existing_folder_above(arguments.out);
     require_iterations_left(resume, options.train.iterations);
     require_same_backbone(resume, options.train.backbone);
     require_same_batch(resume, options.train.comm.batch);
@@ -358,7 +369,8 @@ int train_command(int argc, char* const* argv, Processes& job) {
         Facts planned_facts = facts_of(arguments, device, table);
         // By the memory that each has, and of no consequence for results.
         std::erase_if(planned_facts, [](const auto& fact) {
-            return fact.first == "photo_bytes" || fact.first == "tv.lists";
+            return fact.first == "photo_bytes" || fact.first == "scene.photos" ||
+                   fact.first == "tv.lists";
         });
         require_same_facts(peers, "the planned configuration", planned_facts);
     }

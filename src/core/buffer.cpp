@@ -1,8 +1,12 @@
 #include "core/buffer.h"
 
+#include <unistd.h>
+
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
+#include <string>
 
 #include "core/error.h"
 
@@ -54,4 +58,15 @@ void copy(Cpu, const void* from, Cpu, void* to, std::size_t bytes) {
 }
 
 }  // namespace detail
+std::int64_t free_host_bytes() {
+    // MemAvailable counts what the page cache would give back; the C library's figure does not.
+    std::ifstream file("/proc/meminfo");
+    for (std::string name; file >> name;) {
+        std::int64_t kib = 0;
+        if (name == "MemAvailable:" && file >> kib) return kib * 1024;
+        file.ignore(256, '\n');
+    }
+    return static_cast<std::int64_t>(sysconf(_SC_AVPHYS_PAGES)) * sysconf(_SC_PAGESIZE);
+}
+
 }  // namespace tvsgs

@@ -36,6 +36,9 @@ struct MemoryUse {
 MemoryUse memory_use(Cpu);
 MemoryUse memory_use(Cuda);
 
+/// Memory of the host that is free, or would be at once.
+std::int64_t free_host_bytes();
+
 /// Buffers of the device may hold that much together, from now on; at first there is no limit but
 /// the memory.
 void set_memory_limit(Cpu, std::int64_t bytes);

@@ -3,14 +3,19 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 #include <vector>
+
+#include "core/device.h"
+#include "core/pixel_bytes.h"
 
 namespace tvsgs {
 
 template <class T>
 struct Image {
     int width = 0, height = 0, channels = 0;
-    std::vector<T> pixels;  // [height * width * channels]
+    /// [height * width * channels]
+    std::conditional_t<std::is_same_v<T, std::uint8_t>, PixelBytes, std::vector<T>> pixels;
 
     Image() = default;
     Image(int w, int h, int c, T value = T{})
@@ -27,14 +32,16 @@ private:
 };
 using ImageU8 = Image<std::uint8_t>;
 
-/// Of an RGB image, weights of BT.601.
+/// Of red, green and blue, weights of BT.601.
+TVSGS_HD inline std::uint8_t grey_of(const std::uint8_t* rgb) {
+    return static_cast<std::uint8_t>((299 * rgb[0] + 587 * rgb[1] + 114 * rgb[2] + 500) / 1000);
+}
+
+/// Of an RGB image.
 inline ImageU8 grey_of(const ImageU8& rgb) {
     ImageU8 grey(rgb.width, rgb.height, 1);
-    for (std::size_t i = 0; i < grey.pixels.size(); ++i) {
-        const std::uint8_t* p = &rgb.pixels[3 * i];
-        grey.pixels[i] =
-            static_cast<std::uint8_t>((299 * p[0] + 587 * p[1] + 114 * p[2] + 500) / 1000);
-    }
+    std::uint8_t* const to = grey.pixels.data();
+    for (std::size_t i = 0; i < grey.pixels.size(); ++i) to[i] = grey_of(&rgb.pixels[3 * i]);
     return grey;
 }
 using ImageF = Image<float>;

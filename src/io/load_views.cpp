@@ -181,13 +181,16 @@ ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned) {
 
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
-                             Vec3d origin) {
+                             Vec3d origin,
+                             PixelFile* file) {
     std::vector<View> views(sources.size());
     std::atomic<int> turns = 0;
     Progress progress("photographs", double(sources.size()));
     parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
         const auto at = static_cast<std::size_t>(i);
-        views[at] = load_view(sources[at], options, origin, turns);
+        View& view = views[at];
+        view = load_view(sources[at], options, origin, turns);
+        if (file != nullptr) file->keep(view.photo), file->keep(view.mask), file->keep(view.grey);
         progress.advance();
     });
     if (turns > 0)

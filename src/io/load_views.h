@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "core/pixel_file.h"
 #include "core/scene.h"
 #include "io/colmap.h"
 #include "io/scene_options.h"
@@ -25,11 +26,13 @@ struct ViewSource {
 /// Error(ExitCode::input) where the picture cannot be read or has another shape than its camera.
 ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned);
 
-/// In their order; positions count from `origin`. Throws Error(ExitCode::input) where a picture or
+/// In their order; positions count from `origin`. Photographs and masks go into `file`, if there is
+/// one, as soon as they are decoded. Throws Error(ExitCode::input) where a picture or
 /// mask cannot be read, or has another shape than its camera.
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
-                             Vec3d origin);
+                             Vec3d origin,
+                             PixelFile* file = nullptr);
 
 /// One line of the log for each camera model that was undistorted, with what it cost.
 void say_lenses(const std::vector<ViewSource>& sources);

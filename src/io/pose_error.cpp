@@ -76,22 +76,32 @@ void measure_pose_errors(const ColmapPoints& points,
                          std::vector<View>& views) {
     std::map<std::uint32_t, std::size_t> view_of;
     for (std::size_t i = 0; i < sources.size(); ++i) view_of[sources[i].image->id] = i;
-    std::vector<std::vector<Residual>> residuals(views.size());
+    struct Seen {
+        std::uint32_t point, observation;
+    };
+    std::vector<std::vector<Seen>> seen_by(views.size());
     for (std::size_t p = 0; p < points.positions.size(); ++p)
         for (std::size_t j = points.track_begin[p]; j < points.track_begin[p + 1]; ++j) {
             const auto at = view_of.find(points.track[j]);
             if (at == view_of.end()) continue;
-            const ColmapImage& image = *sources[at->second].image;
             const std::size_t seen = points.track_observation[j];
-            if (seen >= image.observations.size()) continue;  // models without them are in use
-            if (const auto r = residual_at(sources[at->second].intrinsics,
-                                           image.camera_from_world * points.positions[p],
-                                           image.observations[seen]))
-                residuals[at->second].push_back(*r);
+            // Models without them are in use.
+            if (seen < sources[at->second].image->observations.size())
+                seen_by[at->second].push_back(
+                    {static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(seen)});
         }
-    for (std::size_t i = 0; i < views.size(); ++i)
+    std::vector<Residual> residuals;  // of one view: of all they would be most of what is held
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        const ColmapImage& image = *sources[i].image;
+        residuals.clear();
+        for (const Seen& s : seen_by[i])
+            if (const auto r = residual_at(sources[i].intrinsics,
+                                           image.camera_from_world * points.positions[s.point],
+                                           image.observations[s.observation]))
+                residuals.push_back(*r);
         views[i].pose_error_px =
-            pose_error(residuals[i]) * views[i].camera.width_px / sources[i].intrinsics.width_px;
+            pose_error(residuals) * views[i].camera.width_px / sources[i].intrinsics.width_px;
+    }
 }
 
 }  // namespace tvsgs

@@ -1,6 +1,7 @@
 // What is asked for of a scene.  [docs/guide/input.md]
 #pragma once
 
+#include <cstdint>
 #include <string>
 
 #include "core/options.h"
@@ -9,6 +10,10 @@ namespace tvsgs {
 
 /// How a scene's folder is laid out; `automatic` takes the first that fits.
 enum class SceneFormat { automatic, colmap, blender, nerfstudio, idr, mvsnet };
+
+/// Where photographs are while they are in use; `automatic`: in a file where they are more than a
+/// share of the memory that is free.
+enum class PhotoPlace { automatic, memory, file };
 
 /// What the user asked for; the names are those of the command line.
 struct SceneOptions {
@@ -34,6 +39,10 @@ struct SceneOptions {
     bool points_required = true;          // false: an empty initial cloud is no error
     bool given_cameras = false;           // of a run that refined its cameras: those it was given
     int min_train_views = 2;
+    PhotoPlace photos = PhotoPlace::automatic;
+    std::string photo_folder;       // for that file; empty: scratch, or here
+    std::string scratch;            // where the command writes
+    std::int64_t photo_memory = 0;  // bytes that `automatic` leaves in memory; 0: by what is free
 
     /// What belongs to a run's configuration.
     template <class Visitor>
@@ -64,6 +73,13 @@ struct SceneOptions {
         field("test_every", test_every, {2, 1e6}, "distance of the test views");
         field("masks", masks, "folder of the masks; empty: mask/, masks/ or the alpha channel");
         field("init_ply", init_ply, "initial cloud instead of the model's points");
+        field.choice("photos", photos, {"auto", "memory", "file"},
+                     "where decoded photographs and masks are: memory; file: an unnamed one, which "
+                     "is mapped, so that there may be more of them than memory holds; auto: file "
+                     "from a quarter of the free memory on");
+        field("photo_folder", photo_folder,
+              "folder of that file, on a disk with room for 3 to 5 bytes per pixel of all views; "
+              "empty: where the results go");
         field("center_principal_point", center_principal_point,
               "principal point at the image centre, as the official codes");
     }

@@ -10,6 +10,7 @@
 #include <set>
 #include <tuple>
 
+#include "core/buffer.h"
 #include "core/local_origin.h"
 #include "core/log.h"
 #include "io/colmap.h"
@@ -308,6 +309,36 @@ ChosenViews choose_views(const SceneOptions& options) {
     });
 }
 
+PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& options) {
+    constexpr std::int64_t kShareOfMemory = 4;
+    // Of a pixel: its colours, the mask where there may be one, the finer grey pixels.
+    const double finer = 1 / static_cast<double>(options.grey_scale),
+                 per_pixel = 3 + 1 + (options.grey_scale < 1 ? finer * finer : 0);
+    double bytes = 0;
+    for (const auto* indices : {&chosen.split.train, &chosen.split.test})
+        for (const int i : *indices) {
+            const ColmapModel& model = chosen.layout.model;
+            const Intrinsics& in =
+                model.cameras.at(model.images[static_cast<std::size_t>(i)].camera_id);
+            const PixelSize size = resized_size(options.resolution, static_cast<int>(in.width_px),
+                                                static_cast<int>(in.height_px));
+            bytes += per_pixel * size.width_px * size.height_px;
+        }
+    PhotoStorage storage;
+    storage.bytes = std::llround(bytes);
+    storage.limit =
+        options.photo_memory > 0 ? options.photo_memory : free_host_bytes() / kShareOfMemory;
+    storage.in_file = options.photos == PhotoPlace::file ||
+                      (options.photos == PhotoPlace::automatic && storage.bytes > storage.limit);
+    return storage;
+}
+
+std::string PhotoStorage::reason() const {
+    return fmt::format("photographs and masks: {:.3g} {} {:.3g} GB, a quarter of the memory",
+                       static_cast<double>(bytes) / 1e9,
+                       bytes > limit ? ">" : "<=", static_cast<double>(limit) / 1e9);
+}
+
 Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
     return with_context(str("reading scene ", options.path), [&] {
         const SceneLayout& layout = chosen.layout;
@@ -338,10 +369,21 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
                 "{}: the cameras stand far from zero, so all is computed in a frame at ({}, {}, "
                 "{}); files have coordinates as given",
                 options.path, scene.origin.x, scene.origin.y, scene.origin.z);
-        scene.train = load_views(train, options, scene.origin);
+        const PhotoStorage storage = photo_storage(chosen, options);
+        std::optional<PixelFile> file;
+        if (storage.in_file) {
+            const std::string folder =
+                options.photo_folder.empty() ? options.scratch : options.photo_folder;
+            file.emplace(folder);
+            spdlog::info(
+                "photographs in a file in {}: {}", folder.empty() ? "." : folder,
+                options.photos == PhotoPlace::file ? "scene.photos=file" : storage.reason());
+        }
+        PixelFile* const to = file ? &*file : nullptr;
+        scene.train = load_views(train, options, scene.origin, to);
         say_lenses(train);
         warn_of_empty_masks(train, scene.train);
-        scene.test = load_views(sources(chosen.split.test), options, scene.origin);
+        scene.test = load_views(sources(chosen.split.test), options, scene.origin, to);
         double offset = 0;
         for (const ViewSource& view : train)
             offset =

@@ -20,6 +20,16 @@ struct ChosenViews {
     ViewSplit split;
 };
 
+/// Where the photographs of these views would be while they are in use.
+struct PhotoStorage {
+    bool in_file = false;
+    std::int64_t bytes = 0, limit = 0;  // of all of them, about; what may be in memory
+
+    /// "4.8 > 2.1 GB, a quarter of the memory that is free".
+    std::string reason() const;
+};
+PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& options);
+
 /// Finds the layout, the cameras, the photographs' files and the split. Throws
 /// Error(ExitCode::input) that names the place, what was found and what to do.
 ChosenViews choose_views(const SceneOptions& options);

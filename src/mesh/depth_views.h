@@ -54,7 +54,7 @@ public:
 
     /// [H W] 255: object; empty: everything.
     std::vector<std::uint8_t> mask(int i) const {
-        return masks_ ? views_[static_cast<std::size_t>(i)].mask.pixels
+        return masks_ ? views_[static_cast<std::size_t>(i)].mask.pixels.to_vector()
                       : std::vector<std::uint8_t>();
     }
 

@@ -1,10 +1,6 @@
 #include "mesh/device_algorithms.h"
 
-#include <unistd.h>
-
 #include <algorithm>
-#include <fstream>
-#include <string>
 
 namespace tvsgs {
 
@@ -26,14 +22,7 @@ std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts) {
 }
 
 std::int64_t free_bytes(Cpu) {
-    // MemAvailable counts what the page cache would give back; the C library's figure does not.
-    std::ifstream file("/proc/meminfo");
-    for (std::string name; file >> name;) {
-        std::int64_t kib = 0;
-        if (name == "MemAvailable:" && file >> kib) return kib * 1024;
-        file.ignore(256, '\n');
-    }
-    return static_cast<std::int64_t>(sysconf(_SC_AVPHYS_PAGES)) * sysconf(_SC_PAGESIZE);
+    return free_host_bytes();
 }
 
 }  // namespace tvsgs

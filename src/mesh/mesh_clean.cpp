@@ -4,6 +4,7 @@
 #include <functional>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_corners.h"
 
@@ -161,16 +162,18 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
                                                   const std::vector<int>& component,
                                                   std::size_t count,
                                                   const EvidenceSource& source) {
-    constexpr std::size_t kChunk = 4096;
     std::vector<ComponentEvidence> evidence(count);
+    const SampleRuns runs(samples);
+    Progress progress("what the views see of the components", source.count);
     std::vector<ComponentPixels> pixels;
     for (int i = 0; count > 0 && i < source.count; ++i) {
+        progress.advance();
         const EvidenceView view = source.view(i);
+        const SightLimits limits(view.camera);
         pixels.assign(count, {});
-        const std::size_t chunks = (samples.size() + kChunk - 1) / kChunk;
-        parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int chunk) {
-            const std::size_t first = std::size_t(chunk) * kChunk,
-                              last = std::min(samples.size(), first + kChunk);
+        parallel_for_heavy(Cpu{}, runs.count(), [&](int number) {
+            if (runs.misses(limits, number)) return;
+            const std::size_t first = runs.begin(number), last = runs.end(number);
             // Neighbours in the list are mostly of one component.
             ComponentPixels run;
             int of = -1;
@@ -202,11 +205,16 @@ std::vector<ComponentEvidence> component_evidence(const std::vector<SurfaceSampl
 std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
                              const EvidenceSource& source) {
     std::vector<char> seen(samples.size());
+    const SampleRuns runs(samples);
+    Progress progress("what the views see of the faces", source.count);
     for (int i = 0; i < source.count; ++i) {
+        progress.advance();
         const EvidenceView view = source.view(i);
-        parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int s) {
-            const auto f = static_cast<std::size_t>(s);
-            if (!seen[f]) seen[f] = is_seen(judge(view, samples[f]).verdict);
+        const SightLimits limits(view.camera);
+        parallel_for_heavy(Cpu{}, runs.count(), [&](int run) {
+            if (runs.misses(limits, run)) return;
+            for (std::size_t f = runs.begin(run); f < runs.end(run); ++f)
+                if (!seen[f]) seen[f] = is_seen(judge(view, samples[f]).verdict);
         });
     }
     return seen;

@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "mesh/mesh_render.h"
 #include "mesh/pixel_trust.h"
 
@@ -50,16 +52,33 @@ std::vector<Evidence> gather_evidence(const EvidenceSource& source,
     std::vector<Evidence> evidence(samples.size());
     if (samples.empty()) return evidence;
     std::vector<Judgement> judgements(samples.size());
+    const SampleRuns runs(samples);
+    std::vector<char> silent(static_cast<std::size_t>(runs.count()), 1);  // says nothing of a run
+    Progress progress("what the views see", source.count);
     for (int i = 0; i < source.count; ++i) {
+        progress.advance();
         const EvidenceView view = source.view(i);
-        parallel_for(Cpu{}, static_cast<int>(samples.size()), [&](int s) {
-            judgements[s] = judge(view, samples[s]);
-            evidence[s].sees += is_seen(judgements[s].verdict);
-            evidence[s].surely += judgements[s].verdict == Verdict::sees_surely;
+        const SightLimits limits(view.camera);
+        parallel_for_heavy(Cpu{}, runs.count(), [&](int run) {
+            const bool missed = runs.misses(limits, run),
+                       was_silent = std::exchange(silent[run], missed);
+            if (missed && was_silent) return;
+            for (std::size_t s = runs.begin(run); s < runs.end(run); ++s) {
+                judgements[s] = missed ? Judgement{} : judge(view, samples[s]);
+                evidence[s].sees += is_seen(judgements[s].verdict);
+                evidence[s].surely += judgements[s].verdict == Verdict::sees_surely;
+            }
         });
         if (on_judged) on_judged(judgements);
     }
     return evidence;
+}
+
+SampleRuns::SampleRuns(const std::vector<SurfaceSample>& samples)
+    : samples_(samples.size()), boxes_((samples.size() + kSize - 1) / kSize) {
+    parallel_for_heavy(Cpu{}, count(), [&](int run) {
+        for (std::size_t s = begin(run); s < end(run); ++s) boxes_[run].add(samples[s].point);
+    });
 }
 
 std::vector<SurfaceSample> face_samples(const TriangleMesh& mesh) {

@@ -1,12 +1,14 @@
 // What the views' depth maps say of a surface: which views see it there, and which look through it.
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 #include <vector>
 
 #include "core/camera.h"
 #include "core/mesh.h"
+#include "core/sight_limits.h"
 
 namespace tvsgs {
 
@@ -70,6 +72,27 @@ using OnJudged = std::function<void(const std::vector<Judgement>&)>;
 std::vector<Evidence> gather_evidence(const EvidenceSource& source,
                                       const std::vector<SurfaceSample>& samples,
                                       const OnJudged& on_judged = {});
+
+/// Runs of samples that follow each other, with the boxes that they lie in: a view of a long scene
+/// sees few of them.
+class SampleRuns {
+public:
+    static constexpr std::size_t kSize = 1024;
+    explicit SampleRuns(const std::vector<SurfaceSample>& samples);
+
+    int count() const { return static_cast<int>(boxes_.size()); }
+    /// Of a run: its first sample, and one past its last.
+    std::size_t begin(int run) const { return static_cast<std::size_t>(run) * kSize; }
+    std::size_t end(int run) const { return std::min(samples_, begin(run + 1)); }
+    /// Whether the view has nothing to say of any sample of the run.
+    bool misses(const SightLimits& view, int run) const {
+        return view.misses(boxes_[static_cast<std::size_t>(run)]);
+    }
+
+private:
+    std::size_t samples_;
+    std::vector<Box3f> boxes_;
+};
 
 /// A sample in the middle of each face.
 std::vector<SurfaceSample> face_samples(const TriangleMesh& mesh);

@@ -131,7 +131,7 @@ FieldView make_view(const FieldSplats<Device>& splats,
                                 scratch.splats.shapes.span(), scratch.splats.features.span(),
                                 scratch.splats.depths.span(), scratch.splats.rects.span()});
     build_tile_lists(scratch.splats, grid, scratch.lists);
-    copy(views.masks ? view.mask.pixels : std::vector<std::uint8_t>(), scratch.mask);
+    copy(views.masks ? view.mask.pixels.to_vector() : std::vector<std::uint8_t>(), scratch.mask);
     return {camera,
             grid,
             views.near,

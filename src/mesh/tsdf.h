@@ -93,7 +93,7 @@ private:
     VoxelBlocks<Device> blocks_;
     // Scratch.
     Buffer<std::uint64_t, Device> view_keys_, merged_keys_, new_keys_;
-    Buffer<int, Device> view_places_, merged_places_;
+    Buffer<int, Device> view_places_, merged_places_, view_blocks_;
     Buffer<std::uint32_t, Device> offsets_;
 };
 

@@ -7,6 +7,7 @@
 
 #include "core/error.h"
 #include "core/parallel.h"
+#include "core/sight_limits.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/pixel_trust.h"
 #include "mesh/tsdf.h"
@@ -134,6 +135,33 @@ struct IntegrateBody {
     }
 };
 
+/// Which blocks a view may see something of.
+struct InViewBody {
+    SightLimits limits;
+    float voxel_size;
+    Span<const std::uint64_t> keys;
+    Span<std::uint32_t> counts;
+
+    TVSGS_HD void operator()(int i) const {
+        const Vec3i block = block_of_key(keys[i]);
+        const float edge = kBlockEdge * voxel_size;
+        const Vec3f low{edge * static_cast<float>(block.x), edge * static_cast<float>(block.y),
+                        edge * static_cast<float>(block.z)};
+        counts[i] = !limits.misses({low, low + Vec3f{edge, edge, edge}});
+    }
+};
+
+struct ListBlocksBody {
+    Span<const std::uint32_t> offsets;
+    std::uint32_t total;
+    Span<int> listed;
+
+    TVSGS_HD void operator()(int i) const {
+        const std::uint32_t next = i + 1 < offsets.size() ? offsets[i + 1] : total;
+        if (next != offsets[i]) listed[static_cast<int>(offsets[i])] = i;
+    }
+};
+
 /// Views that look through what one view alone has put there take it away.
 struct ContradictBody {
     Camera camera;
@@ -141,10 +169,12 @@ struct ContradictBody {
     VoxelSpace space;
     Span<const std::uint64_t> keys;
     Span<const int> places;
+    Span<const int> listed;  // blocks to look at; empty: all
     Span<Voxel* const> chunks;
 
     TVSGS_HD void operator()(int i) const {
-        const int block = i / kBlockVoxels, local = i % kBlockVoxels;
+        const int at = i / kBlockVoxels, local = i % kBlockVoxels;
+        const int block = listed.empty() ? at : listed[at];
         Voxel& voxel = voxel_at(chunks, places[block], local);
         if (voxel.weight != kTrustedWeight) return;
         const Vec3f p =
@@ -336,10 +366,27 @@ void TsdfVolume<Device>::integrate_into(const DepthView<Device>& view,
 
 template <class Device>
 void TsdfVolume<Device>::contradict(const DepthView<Device>& view) {
-    parallel_for(Device{}, blocks_.size() * kBlockVoxels,
+    const int all = blocks_.size();
+    int count = all;
+    view_blocks_.resize(0);
+    if (!options_.contraction.is_on() && all > 0) {  // where blocks are boxes
+        offsets_.resize(static_cast<std::size_t>(all));
+        parallel_for(Device{}, all,
+                     detail::InViewBody{SightLimits(view.camera), options_.voxel_size,
+                                        std::as_const(blocks_.keys).span(), offsets_.span()});
+        count = static_cast<int>(exclusive_scan(offsets_));
+        if (count == 0) return;
+        view_blocks_.resize(static_cast<std::size_t>(count));
+        parallel_for(
+            Device{}, all,
+            detail::ListBlocksBody{std::as_const(offsets_).span(),
+                                   static_cast<std::uint32_t>(count), view_blocks_.span()});
+    }
+    parallel_for(Device{}, count * kBlockVoxels,
                  detail::ContradictBody{view.camera, view.depth, view.weight, options_.space(),
                                         std::as_const(blocks_.keys).span(),
                                         std::as_const(blocks_.places).span(),
+                                        std::as_const(view_blocks_).span(),
                                         std::as_const(blocks_.chunk_table).span()});
 }
 

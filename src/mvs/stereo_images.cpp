@@ -59,7 +59,7 @@ StereoPyramid make_pyramid(const View& view) {
         level.grey[i] = (0.299f * p[0] + 0.587f * p[1] + 0.114f * p[2]) / 255;
         out.colors[i] = static_cast<std::uint32_t>(p[0] | p[1] << 8 | p[2] << 16);
     }
-    out.mask = view.mask.pixels;
+    out.mask = view.mask.pixels.to_vector();
     while (long_side(level.camera) > kFinestSide) {
         const int w = level.camera.width_px, h = level.camera.height_px;
         out.colors = halved(out.colors, w, h, mean_color);

@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "core/copy_lane.h"
+#include "core/parallel.h"
 #include "core/scene.h"
 #include "optim/edge_strength.h"
 #include "optim/loss.h"
@@ -16,6 +18,23 @@ namespace tvsgs {
 inline int views_at_hand(const LossNeeds& needs) {
     return 2 * (1 + needs.other_views);
 }
+
+namespace detail {
+
+struct UnitFloatsBody {
+    Span<const std::uint8_t> bytes;
+    Span<float> out;
+    TVSGS_HD void operator()(int i) const { out[i] = static_cast<float>(bytes[i]) / 255; }
+};
+struct GreyBody {
+    Span<const std::uint8_t> rgb;
+    Span<std::uint8_t> out;
+    TVSGS_HD void operator()(int i) const {
+        out[i] = grey_of(rgb.data + 3 * static_cast<std::size_t>(i));
+    }
+};
+
+}  // namespace detail
 
 /// All photographs and maps are on the device if they fit into `budget` bytes, or if that is 0.
 /// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them.
@@ -32,16 +51,27 @@ public:
             describe(views[i], needs, views_[i], hosts_[i]);
             const auto& arrays = hosts_[i].arrays;
             most.resize(arrays.size());
-            for (std::size_t a = 0; a < arrays.size(); ++a)
-                bytes += arrays[a].bytes, most[a] = std::max(most[a], arrays[a].bytes);
+            for (std::size_t a = 0; a < arrays.size(); ++a) {
+                const std::size_t there = arrays[a].bytes_there();
+                bytes += there, most[a] = std::max(most[a], there);
+            }
         }
         if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
             views.size() <= static_cast<std::size_t>(views_at_hand(needs))) {
+            Buffer<std::uint8_t, Device> raw;
             for (std::size_t i = 0; i < views.size(); ++i)
                 for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
                     const Array& from = hosts_[i].arrays[a];
-                    set_bytes(buffer, from.bytes);
-                    detail::copy(Cpu{}, from.data, Device{}, buffer.data(), from.bytes);
+                    set_bytes(buffer, from.bytes_there());
+                    if (from.how == How::as_is) {
+                        detail::copy(Cpu{}, from.data, Device{}, buffer.data(), from.bytes);
+                        return;
+                    }
+                    if (from.how == How::unit_floats) {
+                        raw.resize(from.bytes);
+                        detail::copy(Cpu{}, from.data, Device{}, raw.data(), from.bytes);
+                    }
+                    make(std::as_const(raw).span(), views_[i], buffer);
                 });
             hosts_.clear();
             return;
@@ -49,6 +79,11 @@ public:
         uploads_.resize(static_cast<std::size_t>(views_at_hand(needs)));
         for (Upload& upload : uploads_) {
             upload.memory.maps.resize(needs_maps(needs));
+            std::size_t raw = 0;  // of a mask
+            for (const Host& host : hosts_)
+                for (const Array& array : host.arrays)
+                    if (array.how == How::unit_floats) raw = std::max(raw, array.bytes);
+            upload.raw.resize(raw);
             for_each_buffer(upload.memory, [&](std::size_t a, auto& buffer) {
                 upload.lanes.emplace_back(most[a]);
                 set_bytes(buffer, most[a]);
@@ -70,8 +105,11 @@ public:
     /// The view with its photographs and maps. They are valid until as many other views have been
     /// asked for as there are uploads (views_at_hand()).
     const DeviceView<Device>& get(int view) {
-        if (!all_resident())
-            for (CopyLane<Device>& lane : bring(view).lanes) lane.wait();
+        if (!all_resident()) {
+            Upload& upload = bring(view);
+            for (CopyLane<Device>& lane : upload.lanes) lane.wait();
+            finish(upload);
+        }
         return views_[static_cast<std::size_t>(view)];
     }
 
@@ -81,21 +119,45 @@ public:
     }
 
 private:
+    /// What is made of an array on the device: of bytes b b / 255; of the photograph its grey
+    /// levels. Made on the host they would be held for all views.
+    enum class How { as_is, unit_floats, grey };
     struct Array {
         const void* data;
         std::size_t bytes;
+        How how = How::as_is;
+
+        std::size_t bytes_there() const {
+            return how == How::unit_floats ? bytes * sizeof(float)
+                   : how == How::grey      ? bytes / 3
+                                           : bytes;
+        }
     };
     struct Host {
         std::vector<Array> arrays;  // in the order of for_each_buffer()
-        std::vector<std::uint8_t> own_grey;
-        std::vector<float> own_mask;
     };
     struct Upload {
         DeviceView<Device> memory;  // its buffers are with the view while it has one
         std::vector<CopyLane<Device>> lanes;
+        Buffer<std::uint8_t, Device> raw;  // the mask's bytes
         int view = -1;
         std::int64_t asked = 0;
+        bool finished = true;  // what is made on the device is there
     };
+
+    /// `raw`: the mask's bytes.
+    static void make(Span<const std::uint8_t> raw,
+                     const DeviceView<Device>& /*view*/,
+                     Buffer<float, Device>& out) {
+        parallel_for(Device{}, static_cast<int>(out.size()),
+                     detail::UnitFloatsBody{raw, out.span()});
+    }
+    static void make(Span<const std::uint8_t> /*raw*/,
+                     const DeviceView<Device>& view,
+                     Buffer<std::uint8_t, Device>& out) {
+        parallel_for(Device{}, static_cast<int>(out.size()),
+                     detail::GreyBody{view.photo.span(), out.span()});
+    }
 
     /// visit(number, buffer) for each buffer that comes from the host.
     template <class Visit>
@@ -112,9 +174,9 @@ private:
         return static_cast<std::size_t>(needs.view_maps.end() - needs.view_maps.begin());
     }
 
-    template <class T>
-    static Array array_of(const std::vector<T>& values) {
-        return {values.data(), values.size() * sizeof(T)};
+    template <class Values>
+    static Array array_of(const Values& values) {
+        return {values.data(), values.size() * sizeof(*values.data())};
     }
 
     static void describe(const View& from,
@@ -139,13 +201,14 @@ private:
 
     static void describe_grey(const View& from, bool needed, DeviceView<Device>& to, Host& host) {
         const bool given = !from.grey.empty();
-        if (needed) {
-            ImageU8 made = given ? ImageU8{} : grey_of(from.photo);
-            const ImageU8& grey = given ? from.grey : made;
-            to.grey_width = grey.width, to.grey_height = grey.height;
-            host.own_grey = std::move(made.pixels);
+        const ImageU8& image = given ? from.grey : from.photo;
+        if (!needed) {
+            host.arrays.push_back({nullptr, 0});
+            return;
         }
-        host.arrays.push_back(array_of(needed && given ? from.grey.pixels : host.own_grey));
+        to.grey_width = image.width, to.grey_height = image.height;
+        host.arrays.push_back(array_of(image.pixels));
+        if (!given) host.arrays.back().how = How::grey;
     }
 
     /// Nothing where the view has no such map.
@@ -157,9 +220,8 @@ private:
         map.name = name;
         if (name == "mask") {
             map.width_px = from.mask.width, map.height_px = from.mask.height;
-            for (const std::uint8_t value : from.mask.pixels)
-                host.own_mask.push_back(static_cast<float>(value) / 255);
-            host.arrays.push_back(array_of(host.own_mask));
+            host.arrays.push_back(array_of(from.mask.pixels));
+            host.arrays.back().how = How::unit_floats;
             return;
         }
         const auto found = std::find_if(from.maps.begin(), from.maps.end(),
@@ -186,17 +248,32 @@ private:
             upload->view = view;
             exchange(*upload);
             const Host& host = hosts_[static_cast<std::size_t>(view)];
-            for_each_buffer(views_[static_cast<std::size_t>(view)],
-                            [&](std::size_t a, auto& buffer) {
-                                // Shrinking keeps the memory, and no view's array is larger than
-                                // it.
-                                const Array& from = host.arrays[a];
-                                set_bytes(buffer, from.bytes);
-                                upload->lanes[a].start(from.data, buffer.data(), from.bytes);
-                            });
+            for_each_buffer(
+                views_[static_cast<std::size_t>(view)], [&](std::size_t a, auto& buffer) {
+                    // Shrinking keeps the memory, and no view's array is larger than
+                    // it.
+                    const Array& from = host.arrays[a];
+                    set_bytes(buffer, from.bytes_there());
+                    if (from.how == How::grey) return;
+                    void* const to = from.how == How::as_is ? static_cast<void*>(buffer.data())
+                                                            : upload->raw.data();
+                    upload->lanes[a].start(from.data, to, from.bytes);
+                });
+            upload->finished = false;
         }
         upload->asked = ++asked_;
         return *upload;
+    }
+
+    /// What is made on the device, once its copies are there.
+    void finish(Upload& upload) {
+        if (std::exchange(upload.finished, true)) return;
+        DeviceView<Device>& view = views_[static_cast<std::size_t>(upload.view)];
+        const Host& host = hosts_[static_cast<std::size_t>(upload.view)];
+        for_each_buffer(view, [&](std::size_t a, auto& buffer) {
+            if (host.arrays[a].how != How::as_is)
+                make(std::as_const(upload.raw).span(), view, buffer);
+        });
     }
 
     void exchange(Upload& upload) {

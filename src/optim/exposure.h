@@ -2,6 +2,7 @@
 // that do as they like. [docs/method/pgsr.md#exposure]
 #pragma once
 
+#include "core/error.h"
 #include "core/parallel.h"
 #include "optim/loss.h"
 #include "optim/photo_background.h"
@@ -157,8 +158,19 @@ struct ExposureStepBody {
 template <class Device>
 class Exposure {
 public:
-    Exposure(ExposureModel model, float pull)
-        : count_(model == ExposureModel::affine ? kAffineValues : kGainValues), pull_(pull) {
+    /// With `held` [view][values] these stay, and nothing is learnt.
+    Exposure(ExposureModel model, float pull, const HeldExposures* held = nullptr)
+        : count_(model == ExposureModel::affine ? kAffineValues : kGainValues),
+          pull_(pull),
+          held_(held != nullptr && !held->empty()) {
+        if (held_) {
+            count_ = static_cast<int>(held->front().size());
+            std::vector<ExposureState> states(held->size(), ExposureState{});
+            for (std::size_t i = 0; i < states.size(); ++i)
+                std::copy((*held)[i].begin(), (*held)[i].end(), states[i].value);
+            copy(states, states_);
+            return;
+        }
         if (model == ExposureModel::none) return;
         lesson_.resize(static_cast<std::size_t>(count_) + 1);
         lesson_.fill_zero();
@@ -176,7 +188,7 @@ public:
                 Span<float> pixel_loss,
                 double* value) {
         require_states(views);
-        lesson_.fill_zero();
+        if (!held_) lesson_.fill_zero();
         const std::size_t pixels = in.images.color.size();
         per_pixel_.resize(static_cast<std::size_t>(count_) * pixels);
         const ExposureGate gate{ssim_loss, limit};
@@ -185,6 +197,7 @@ public:
             Device{}, static_cast<int>(pixels),
             ExposureL1Body{compared, own, count_, gate, weight / (3 * static_cast<float>(pixels)),
                            pixel_loss, per_pixel_.span()});
+        if (held_) return;
         for (int k = 0; k < count_; ++k) {
             const float* const of_value = per_pixel_.data() + static_cast<std::size_t>(k) * pixels;
             add_sum(Device{}, static_cast<int>(pixels), ReadValue{{of_value, pixels}}, 1,
@@ -198,6 +211,7 @@ public:
 
     /// Improves the exposures by a lesson of photograph `view`.
     void learn(int view, int views, const double* lesson) {
+        if (held_) return;
         require_states(views);
         parallel_for(Device{}, views,
                      ExposureStepBody{states_.span(), view, count_, lesson, pull_});
@@ -206,19 +220,34 @@ public:
     /// Of the last photograph; empty where exposures are not fitted.
     const Buffer<double, Device>& lesson() const { return lesson_; }
 
-    void state(StateVisitor<Device>& visit) { visit.optional("exposure", states_); }
+    void state(StateVisitor<Device>& visit) {
+        if (!held_) visit.optional("exposure", states_);
+    }
+
+    bool held() const { return held_; }
+    /// [view][values]; empty before any are fitted.
+    HeldExposures values() const {
+        HeldExposures out;
+        for (const ExposureState& s : to_host(states_)) out.emplace_back(s.value, s.value + count_);
+        return out;
+    }
 
     const Buffer<ExposureState, Device>& states() const { return states_; }
 
 private:
     void require_states(int views) {
         if (static_cast<int>(states_.size()) == views) return;
+        if (held_)
+            throw Error(ExitCode::usage,
+                        str("loss.photometric.exposure_from: exposures of ", states_.size(),
+                            " views are held, and ", views, " train"));
         states_.resize(static_cast<std::size_t>(views));
         states_.fill_zero();
     }
 
     int count_;
     float pull_;
+    bool held_;
     Buffer<ExposureState, Device> states_;
     Buffer<double, Device> lesson_;
     Buffer<float, Device> per_pixel_;

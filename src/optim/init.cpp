@@ -42,6 +42,46 @@ float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     return largest;
 }
 
+/// Whether largest_scale() may be less than a scale: only by cameras near the point, of which
+/// thousands need not be looked at.
+class NearCameras {
+public:
+    NearCameras(const std::vector<View>& views, float share)
+        : centres_(centres_of(views)), tree_(centres_) {
+        float least = std::numeric_limits<float>::infinity(), most = 1;
+        for (const View& view : views) {
+            const Camera& c = view.camera;
+            const float width = static_cast<float>(c.width_px),
+                        height = static_cast<float>(c.height_px),
+                        x = (width + std::abs(c.cx_px - 0.5f * width)) / c.fx_px,
+                        y = (height + std::abs(c.cy_px - 0.5f * height)) / c.fy_px;
+            least = std::min(least, share * std::max(width / c.fx_px, height / c.fy_px));
+            most = std::max(most, std::sqrt(1 + x * x + y * y));  // of distance over depth
+        }
+        per_scale_ = 1.001f * most / least;
+        for (const Vec3f centre : centres_) size_ = std::max(size_, norm(centre));
+    }
+
+    bool may_limit(Vec3f point, float scale) const {
+        const float reach = per_scale_ * scale + 1e-4f * (size_ + norm(point));
+        std::size_t index = 0;
+        float squared = 0;
+        return !std::isfinite(reach) ||
+               tree_.nearest_within(point, reach * reach, &index, &squared);
+    }
+
+private:
+    static std::vector<Vec3f> centres_of(const std::vector<View>& views) {
+        std::vector<Vec3f> centres;
+        for (const View& view : views) centres.push_back(camera_centre(view.camera));
+        return centres;
+    }
+
+    std::vector<Vec3f> centres_;
+    PointTree<float> tree_;
+    float per_scale_ = 0, size_ = 0;  // size_: of the coordinates, for what they round
+};
+
 }  // namespace
 
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
@@ -113,11 +153,12 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
     resize(g, static_cast<int>(positions.size()), sh_degree);
     fill_zero(g);
     const float logit = std::log(options.opacity / (1 - options.opacity));
+    const NearCameras near(scene.train, options.max_extent);
     parallel_for(Cpu{}, g.size(), [&](int splat) {
         const std::size_t i = static_cast<std::size_t>(splat);
         g.means[i] = positions[i];
         float scale = std::sqrt(squared[i]);
-        if (options.max_extent > 0)
+        if (options.max_extent > 0 && near.may_limit(positions[i], scale))
             scale = std::min(scale, largest_scale(scene.train, positions[i], options.max_extent));
         const float log_scale = std::log(std::max(scale, std::sqrt(1e-7f) * unit));
         g.log_scales[i] = {log_scale, log_scale, log_scale};

@@ -66,6 +66,9 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     return a;
 }
 
+/// [view][values of its model], see optim/exposure.h.
+using HeldExposures = std::vector<std::vector<float>>;
+
 /// One term of the objective. It holds its own weight and schedule, and says what it reads.
 template <class Device>
 class Loss {
@@ -102,6 +105,9 @@ public:
     /// A term that keeps something from step to step has to show it here: what is not shown is not
     /// in checkpoints, and resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}
+
+    /// What it has fitted, or holds, of each photograph's exposure; empty: nothing.
+    virtual HeldExposures exposures() const { return {}; }
 };
 
 /// Term of a sum over an array.
@@ -127,7 +133,8 @@ struct PhotometricOptions {
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
-    std::string background = "none";
+    std::string background = "none", exposure_from;
+    std::shared_ptr<const HeldExposures> held{};  // of exposure_from, once it is read
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -139,6 +146,9 @@ struct PhotometricOptions {
         field("exposure_pull", exposure_pull, {0, 1e6},
               "of the squares of that matrix, which pulls it to none");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+        field("exposure_from", exposure_from,
+              "finished run whose fitted exposures are held, from the first iteration on, instead "
+              "of fitting others: so that parts of a scene agree in their colours");
         field.choice("masks", masks, {"auto", "object", "ignore", "none"},
                      "object: nothing is outside of the masks; ignore: what is outside is not "
                      "looked at; auto: the plan decides, without one as none");

@@ -1,6 +1,8 @@
 // The render against its photograph.
 #pragma once
 
+#include <cmath>
+
 #include "core/error.h"
 #include "optim/exposure.h"
 #include "optim/loss.h"
@@ -13,14 +15,16 @@ class PhotometricLoss final : public Loss<Device> {
 public:
     PhotometricLoss(const PhotometricOptions& o, int views, std::uint64_t seed)
         : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
-          exposure_start_(o.exposure != ExposureModel::none ? o.exposure_start : 0),
+          exposure_start_(o.held                              ? 1
+                          : o.exposure != ExposureModel::none ? o.exposure_start
+                                                              : 0),
           views_(views),
           masks_(uses_masks(o.masks)),
           coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
           background_(parse_background(o.background)),
           fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none),
           seed_(seed),
-          exposure_(o.exposure, o.weight * o.exposure_pull) {
+          exposure_(o.exposure, o.weight * o.exposure_pull, o.held.get()) {
         // What the plan will make of `automatic` is not known yet.
         if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
             o.masks != MaskUse::automatic)
@@ -56,10 +60,13 @@ public:
             ssim_loss_.fill_zero();
             add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                     ssim_loss_.data());
-            // Officially from 1 - SSIM < 0.5 on; without an SSIM term always.
-            exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(),
-                             weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim) : 1,
-                             objective, pixel_loss_.span(), value);
+            // Officially from 1 - SSIM < 0.5 on; without an SSIM term, and where it is known,
+            // always.
+            const double limit = exposure_.held()   ? INFINITY
+                                 : weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim)
+                                                    : 1;
+            exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(), limit, objective,
+                             pixel_loss_.span(), value);
         }
         if (masks)
             parallel_for(Device{}, pixels,
@@ -79,6 +86,8 @@ public:
     }
 
     void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }
+
+    HeldExposures exposures() const override { return exposure_.values(); }
 
     const Exposure<Device>& exposure() const { return exposure_; }
 

@@ -6,6 +6,8 @@
 
 #include "core/log.h"
 #include "core/parallel.h"
+#include "core/progress.h"
+#include "core/sight_limits.h"
 #include "optim/plan.h"
 
 namespace tvsgs {
@@ -36,6 +38,21 @@ double median_depth(const std::vector<Sighting>& seen) {
     std::vector<double> depths;
     for (const Sighting& s : seen) depths.push_back(s.depth);
     return lower_median(depths);
+}
+
+Matchable::Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
+    : view_(view), masks_(masks && !view.mask.empty()), depth_(depth) {
+    if (!(depth > 0)) return;
+    // Of thousands of views few look at what this one sees.
+    const Camera& own = view.camera;
+    const Rigid3f world = inverse(own.camera_from_world);
+    std::vector<Vec3f> corners;
+    for (const int x : {-1, own.width_px})
+        for (const int y : {-1, own.height_px})
+            corners.push_back(world * (static_cast<float>(depth) * pixel_ray(own, x, y)));
+    for (const View& other : views)
+        if (&other != &view && !SightLimits(other.camera).misses(corners))
+            others_.push_back(&other.camera);
 }
 
 double Matchable::share() const {
@@ -74,9 +91,8 @@ bool Matchable::is_elsewhere(int x, int y) const {
     if (!(depth_ > 0)) return true;
     const Rigid3f world = inverse(view_.camera.camera_from_world);
     const Vec3f point = world * (static_cast<float>(depth_) * pixel_ray(view_.camera, x, y));
-    return std::any_of(views_.begin(), views_.end(), [&](const View& other) {
-        return &other != &view_ && is_in_view(other.camera, point);
-    });
+    return std::any_of(others_.begin(), others_.end(),
+                       [&](const Camera* other) { return is_in_view(*other, point); });
 }
 
 namespace {
@@ -142,7 +158,9 @@ std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks) {
     std::vector<float> open(points.size(), 0);
+    Progress progress("looking for gaps of the cloud", static_cast<double>(views.size()));
     for (const View& view : views) {
+        progress.advance();
         const std::vector<Sighting> seen = sightings(view.camera, points, 1);
         const Blocks blocks(view, seen, Matchable(view, views, masks, median_depth(seen)));
         for (const Sighting& s : seen)

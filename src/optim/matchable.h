@@ -32,8 +32,7 @@ class Matchable {
 public:
     /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
     /// count.
-    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
-        : view_(view), views_(views), masks_(masks && !view.mask.empty()), depth_(depth) {}
+    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth);
 
     bool at(int x, int y) const {
         if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
@@ -52,9 +51,9 @@ private:
     bool is_elsewhere(int x, int y) const;
 
     const View& view_;
-    const std::vector<View>& views_;
     bool masks_;
     double depth_;
+    std::vector<const Camera*> others_;  // those that may see something of that depth
 };
 
 /// How far points leave open what lies around each of them, 0 to 1: the share of the pixels of a

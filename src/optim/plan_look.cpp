@@ -5,6 +5,7 @@
 #include <numeric>
 #include <optional>
 
+#include "core/progress.h"
 #include "optim/matchable.h"
 #include "optim/plan.h"
 #include "optim/view_pairs.h"
@@ -60,9 +61,9 @@ std::optional<double> log_gain(const Patch& a, const Patch& b) {
 /// What such two see is hidden from few of either.
 std::vector<int> nearest_views(const Scene& scene) {
     const int views = static_cast<int>(scene.train.size());
-    const auto axis = [&](int v) {
-        return optical_axis(scene.train[static_cast<std::size_t>(v)].camera);
-    };
+    std::vector<Vec3d> axes;
+    for (const View& view : scene.train) axes.push_back(optical_axis(view.camera));
+    const auto axis = [&](int v) { return axes[static_cast<std::size_t>(v)]; };
     std::vector<int> nearest(scene.train.size(), -1);
     for (int v = 0; v < views; ++v) {
         double best = 0.866;  // 30 degrees
@@ -162,7 +163,9 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
     const BorderColor border = border_color(scene.train);
     std::size_t sightings_in_all = 0, on_border_color = 0;
     std::vector<double> pixels, matchable, per_pixel, reductions;
+    Progress progress("looking at the views", static_cast<double>(scene.train.size()));
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
+        progress.advance();
         const View& view = scene.train[v];
         const View* const other =
             nearest[v] < 0 ? nullptr : &scene.train[static_cast<std::size_t>(nearest[v])];

@@ -121,6 +121,9 @@ struct TrainCallbacks {
     /// Where the poses are refined: whenever they have changed, and once at first.
     std::function<void(const CameraRefinement&)> on_cameras;
 
+    /// Where exposures are fitted: what they are in the end, of scene.train.
+    std::function<void(const HeldExposures&)> on_exposures;
+
     /// The run was rolled back to where it had `done` iterations; `what` says why.
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;

@@ -85,6 +85,9 @@ Gaussians<Device> train(const Scene& scene,
         if (after_step) after_step(step, t->gaussians);
     }
     follow_cameras();
+    for (const auto& loss : t->losses)
+        if (const HeldExposures found = loss->exposures(); !found.empty() && callbacks.on_exposures)
+            callbacks.on_exposures(found);
     if (callbacks.on_end) callbacks.on_end(t->done);
     return std::move(t->gaussians);
 }

@@ -36,29 +36,38 @@ double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
     return *middle;
 }
 
-/// Angle and distance of the other views, the nearest first.
-std::vector<Candidate> sorted_others(const Scene& scene, int i, double unit) {
-    const auto axis = [&](int j) {
-        return optical_axis(scene.train[static_cast<std::size_t>(j)].camera);
-    };
-    const auto centre = [&](int j) {
-        return vec_cast<double>(camera_centre(scene.train[static_cast<std::size_t>(j)].camera));
-    };
-    std::vector<Candidate> others;
-    for (int j = 0; j < static_cast<int>(scene.train.size()); ++j) {
-        if (j == i) continue;
-        // The official code does not clamp, and loses parallel cameras to the arc cosine of 1 +
-        // eps.
-        const double cosine = std::clamp(dot(axis(i), axis(j)), -1.0, 1.0);
-        others.push_back({norm(centre(j) - centre(i)) / unit,
-                          std::acos(cosine) * 180 / 3.14159265358979323846, j});
-    }
-    std::sort(others.begin(), others.end(), [](const Candidate& a, const Candidate& b) {
-        return std::tie(a.distance, a.angle_deg, a.view) <
-               std::tie(b.distance, b.angle_deg, b.view);
-    });
-    return others;
+bool is_nearer(const Candidate& a, const Candidate& b) {
+    return std::tie(a.distance, a.angle_deg, a.view) < std::tie(b.distance, b.angle_deg, b.view);
 }
+
+struct Stand {
+    Vec3d axis, centre;
+};
+
+/// The other views of a distance between `low` and `high`, the nearest first, and of all others the
+/// nearest, whose view is -1 where there is none. Of thousands of views few are that near.
+struct Others {
+    std::vector<Candidate> within;
+    Candidate nearest{INFINITY, INFINITY, -1};
+
+    Others(const std::vector<Stand>& stands, int i, double unit, double low, double high) {
+        const Stand& own = stands[static_cast<std::size_t>(i)];
+        for (int j = 0; j < static_cast<int>(stands.size()); ++j) {
+            if (j == i) continue;
+            const Stand& other = stands[static_cast<std::size_t>(j)];
+            const double distance = norm(other.centre - own.centre) / unit;
+            const bool candidate = distance > low && distance < high;
+            if (!candidate && distance > nearest.distance) continue;
+            // The official code does not clamp, and loses parallel cameras to the arc cosine of 1 +
+            // eps.
+            const double cosine = std::clamp(dot(own.axis, other.axis), -1.0, 1.0);
+            const Candidate c{distance, std::acos(cosine) * 180 / 3.14159265358979323846, j};
+            if (candidate) within.push_back(c);
+            if (nearest.view < 0 || is_nearer(c, nearest)) nearest = c;
+        }
+        std::sort(within.begin(), within.end(), is_nearer);
+    }
+};
 
 /// The pairs, and what to say of the views that have none.
 struct Found {
@@ -78,6 +87,9 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
     for (const View& view : scene.train)
         depths.push_back(relative ? median_depth_of(view, scene.points.positions) : 1);
 
+    std::vector<Stand> stands;
+    for (const View& view : scene.train)
+        stands.push_back({optical_axis(view.camera), vec_cast<double>(camera_centre(view.camera))});
     for (int i = 0; i < static_cast<int>(scene.train.size()); ++i) {
         const double unit = depths[static_cast<std::size_t>(i)];
         std::vector<int>& chosen = result.of_view[static_cast<std::size_t>(i)];
@@ -85,23 +97,23 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
             ++found.lonely, ++found.without_depth;
             continue;
         }
-        const std::vector<Candidate> others = sorted_others(scene, i, unit);
+        const Others others(stands, i, unit, low, high);
         const auto choose_within = [&](float angle_deg) {
-            for (const Candidate& c : others)
+            for (const Candidate& c : others.within)
                 if (static_cast<int>(chosen.size()) < options.count &&
-                    c.angle_deg < static_cast<double>(angle_deg) && c.distance > low &&
-                    c.distance < high)
+                    c.angle_deg < static_cast<double>(angle_deg))
                     chosen.push_back(c.view);
         };
         choose_within(options.max_angle_deg);
         if (chosen.empty()) choose_within(options.lone_angle_deg);
         if (!chosen.empty()) continue;
         ++found.lonely;
-        if (others.empty()) continue;
-        found.least_distance = std::min(found.least_distance, others[0].distance);
-        found.most_distance = std::max(found.most_distance, others[0].distance);
-        found.least_angle = std::min(found.least_angle, others[0].angle_deg);
-        found.most_angle = std::max(found.most_angle, others[0].angle_deg);
+        const Candidate& nearest = others.nearest;
+        if (nearest.view < 0) continue;
+        found.least_distance = std::min(found.least_distance, nearest.distance);
+        found.most_distance = std::max(found.most_distance, nearest.distance);
+        found.least_angle = std::min(found.least_angle, nearest.angle_deg);
+        found.most_angle = std::max(found.most_angle, nearest.angle_deg);
     }
     if (relative) {
         // Officially 0.1, of depths of about 3.

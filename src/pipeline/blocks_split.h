@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/parallel.h"
+#include "core/progress.h"
 #include "optim/fixed_splats.h"
 #include "pipeline/blocks_folder.h"
 #include "pipeline/run_options.h"
@@ -74,7 +75,9 @@ std::vector<std::vector<BlockView>> look_at_blocks(const Scene& scene,
     const auto backbone = make_backbone<Device>(options.backbone, options.render);
     Gaussians<Device> splats;
     copy(coarse, splats);
+    Progress progress("what the views see of the blocks", static_cast<double>(scene.train.size()));
     for (std::size_t v = 0; v < scene.train.size(); ++v) {
+        progress.advance();
         const auto& images = backbone->forward(splats, scene.train[v].camera, 0, kGeometryMaps);
         look_with_view(coarse, manifest, counted, images.camera, to_host(images.depth), v, looks);
     }

@@ -50,12 +50,21 @@ std::int64_t device_bytes(const std::vector<View>& views, const LossNeeds& needs
     return bytes;
 }
 
-/// As a scene has them.
+/// As a scene has them; what is in a file takes no memory.
 std::int64_t host_bytes(const std::vector<View>& views) {
     std::int64_t bytes = 0;
-    for (const View& v : views)
-        bytes += photo_bytes(v) + static_cast<std::int64_t>(v.mask.pixels.size());
+    for (const View& v : views) {
+        for (const ImageU8* image : {&v.photo, &v.grey, &v.mask})
+            if (!image->pixels.in_file()) bytes += static_cast<std::int64_t>(image->pixels.size());
+        for (const ViewMap& map : v.maps)
+            bytes += static_cast<std::int64_t>(map.values.size() * sizeof(float));
+    }
     return bytes;
+}
+
+/// Whether the photographs are more than memory is to hold.
+bool in_file(const std::vector<View>& views) {
+    return !views.empty() && views.front().photo.pixels.in_file();
 }
 
 /// Of the first splats, in the training view that has most of them; all where nothing is known.
@@ -167,6 +176,11 @@ std::string split_command(const std::string& scene, std::int64_t blocks) {
     return str("tvsgs-blocks split --scene ", scene, " --blocks ", blocks, " --out BLOCKS");
 }
 
+/// A CPU's own copies of photographs in a file would be the memory that the file saves.
+std::int64_t photo_budget(const Scene& scene, const TrainOptions& options, bool cuda) {
+    return !cuda && options.photo_bytes == 0 && in_file(scene.train) ? 1 : options.photo_bytes;
+}
+
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& o,
                            std::int64_t splats,
@@ -208,14 +222,14 @@ MemoryPlan estimate_memory(const Scene& scene,
     if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
-    const std::int64_t photos = device_bytes(scene.train, needs);
-    const bool all = o.photo_bytes == 0 || photos <= o.photo_bytes;
-    // By terms; photographs and maps of one view; masks that are to be copied.
-    std::int64_t kept = 0, most = 0, masks = 0;
+    const std::int64_t photos = device_bytes(scene.train, needs),
+                       hold = photo_budget(scene, o, cuda);
+    const bool all = hold == 0 || photos <= hold;
+    // By terms; photographs and maps of one view.
+    std::int64_t kept = 0, most = 0;
     for (const View& v : scene.train) {
         kept += std::int64_t{4} * needs.kept_per_pixel * v.camera.width_px * v.camera.height_px;
         most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
-        masks += mask_bytes(v, needs);
     }
     // Else those of a few, grey ones beside the colours.
     buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
@@ -224,8 +238,8 @@ MemoryPlan estimate_memory(const Scene& scene,
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
     plan.host.per_splat = 2 * state + parameters + exchanged;
-    plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + masks +
-                      2 * kept + fixed * parameters +
+    plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +
+                      fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
     if (!cuda) {
         buffers.per_splat += 2 * state;
@@ -243,6 +257,7 @@ MemoryPlan plan_memory(const Scene& scene,
                        const ProcessCount& processes) {
     MemoryPlan plan = estimate_memory(scene, options, splats, cuda, processes);
     plan.limits = memory_limits(memory, cuda, processes);
+    options.photo_bytes = photo_budget(scene, options, cuda);
     if (!memory.host.empty()) set_memory_limit(Cpu{}, plan.limits.host);
     if constexpr (kHasCuda) {
         if (cuda && !memory.gpu.empty()) set_memory_limit(Cuda{}, plan.limits.device);

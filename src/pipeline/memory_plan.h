@@ -73,6 +73,9 @@ std::int64_t growth_cap(const Scene& scene, const DensifyOptions& options);
 /// options.photo_bytes does not say it.
 bool photos_crowd(const Scene& scene, const TrainOptions& options, std::int64_t device_limit);
 
+/// options.photo_bytes, or, on a CPU, what it is to be where the photographs are in a file.
+std::int64_t photo_budget(const Scene& scene, const TrainOptions& options, bool cuda);
+
 /// Blocks that `splats` make where one holds `fitting` of them, its margin included.
 std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting);
 /// What to type for it.

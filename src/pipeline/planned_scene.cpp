@@ -5,6 +5,7 @@
 #include "core/device_choice.h"
 #include "pipeline/background_plan.h"
 #include "pipeline/built_in_configs.h"
+#include "pipeline/exposures.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/machine_plan.h"
 #include "pipeline/view_maps.h"
@@ -67,6 +68,13 @@ bool may_take_normals(const RunOptions& options, const RunPlan& plan) {
         for (const std::string_view map : term.needs.view_maps)
             if (term.weight > 0 && map != "mask") return false;
     return true;
+}
+
+/// The decision, but where another run has fitted the exposures.
+Decision held_exposure(const Decision& decision, const RunOptions& options) {
+    const std::string& run = options.train.loss.photometric.exposure_from;
+    if (run.empty()) return decision;
+    return {"exposure", "held", str("as ", run, " has fitted it"), NAN, NAN, {}};
 }
 
 /// Last, as every other decision says what is held.
@@ -143,13 +151,14 @@ namespace {
 
 /// read_views() of views that are chosen. The view that is held out brings no points, so a run
 /// that goes on, which knows it from the start, reads the same ones.
-Scene load_and_hold_out(ChosenViews chosen,
-                        const RunOptions& options,
-                        bool resumed,
-                        OptionTable& table) {
+Scene load_and_hold_out(ChosenViews chosen, RunOptions& options, bool resumed, OptionTable& table) {
     std::vector<int>& train = chosen.split.train;
-    if (options.plan.until != Until::converged || !chosen.split.test.empty())
-        return load_scene(chosen, options.scene);
+    const auto load = [&] {
+        Scene scene = load_scene(chosen, options.scene);
+        read_exposures(options.train.loss.photometric, scene.train);
+        return scene;
+    };
+    if (options.plan.until != Until::converged || !chosen.split.test.empty()) return load();
     constexpr std::size_t kFew = 6;
     if (resumed || train.size() < kFew)
         throw Error(ExitCode::usage,
@@ -164,12 +173,12 @@ Scene load_and_hold_out(ChosenViews chosen,
     table.set("scene.held_out", name, "--until converged");
     chosen.split.test.push_back(*middle);
     train.erase(middle);
-    return load_scene(chosen, options.scene);
+    return load();
 }
 
 }  // namespace
 
-Scene read_views(const RunOptions& options, bool resumed, OptionTable& table) {
+Scene read_views(RunOptions& options, bool resumed, OptionTable& table) {
     Scene scene = load_and_hold_out(choose_views(options.scene), options, resumed, table);
     check_masks(options.train.loss.photometric, scene.train);
     keep_to_object(options.train.loss.photometric.masks, scene.train, scene.points);
@@ -206,6 +215,16 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     options.scene.points_required = false;
     const ChosenViews chosen = choose_views(options.scene);
+    if (options.scene.photo_memory == 0)
+        options.scene.photo_memory = memory_limits(options.memory, device.cuda, processes).host / 4;
+    if (const PhotoStorage photos = photo_storage(chosen, options.scene);
+        photos.in_file && options.scene.photos == PhotoPlace::automatic)
+        plan.apply({"photographs",
+                    "in a file",
+                    photos.reason(),
+                    static_cast<double>(photos.bytes) / 1e9,
+                    static_cast<double>(photos.limit) / 1e9,
+                    {{"scene.photos", "file"}}});
     const bool dense = with_context(str("reading scene ", options.scene.path), [&] {
         return plan_start(static_cast<int>(chosen.split.train.size()), options, plan);
     });
@@ -255,7 +274,7 @@ Scene read_and_plan(const DeviceChoice& device,
                normals = !found.maps.empty() && may_take_normals(options, plan);
     for (const Decision& decision : plan_training(
              seen, {dense, discs, options.train, configured, wanted, normals, multi_view.loss}))
-        plan.apply(decision);
+        plan.apply(decision.name == "exposure" ? held_exposure(decision, options) : decision);
     if (!plan.pinned("mesh.depth_max") && !plan.pinned("mesh.box")) {
         PointCloud meshed = scene.points;
         const bool masked = options.mesh.masks && seen.outside;

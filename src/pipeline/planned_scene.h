@@ -15,7 +15,7 @@ void check_consistency(const TrainOptions& options);
 /// that is held out here and noted in `table`. Throws Error(ExitCode::usage) where a `resumed` run
 /// would have to hold one out, as it has trained on all of its views. Checks the masks, and drops
 /// the points outside of those of an object.
-Scene read_views(const RunOptions& options, bool resumed, OptionTable& table);
+Scene read_views(RunOptions& options, bool resumed, OptionTable& table);
 
 /// Fills the maps that the losses ask for: from files, from `stereo`, descriptors, as
 /// `priors.source` says. A run that is resumed has the points of its checkpoint then, so that the

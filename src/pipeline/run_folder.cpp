@@ -24,10 +24,10 @@ namespace fs = std::filesystem;
 
 namespace {
 
-constexpr std::string_view kEntries[] = {"config.json",  "plan.json",  "memory.json", "log.jsonl",
-                                         "cameras.json", "cameras",    "point_cloud", "checkpoints",
-                                         "mesh",         "eval",       "test",        "live",
-                                         "report.json",  "report.html"};
+constexpr std::string_view kEntries[] = {
+    "config.json",  "exposure.json", "plan.json",   "memory.json", "log.jsonl",
+    "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",
+    "eval",         "test",          "live",        "report.json", "report.html"};
 
 /// Whether there is a file with something in it, there or below. (A run that is killed before it
 /// has a configuration leaves an empty log.)
@@ -363,7 +363,11 @@ std::string run_config_path(const std::string& path) {
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
     return with_context(
         str("looking for the scene of ", path, " (--scene DIR names another place)"), [&] {
-            Scene scene = read_scene(options);
+            SceneOptions of_run = options;
+            std::error_code code;
+            of_run.scratch =
+                fs::is_directory(path, code) ? path : fs::path(path).parent_path().string();
+            Scene scene = read_scene(of_run);
             if (!options.given_cameras) adopt_refined_cameras(path, scene);
             return scene;
         });

@@ -6,6 +6,7 @@
 #include "optim/fixed_splats.h"
 #include "optim/time_budget.h"
 #include "pipeline/checkpoints.h"
+#include "pipeline/exposures.h"
 #include "pipeline/live_snapshots.h"
 #include "pipeline/progress.h"
 #include "pipeline/ranks.h"
@@ -89,6 +90,7 @@ private:
     ScoreWatch scores_;                        // of evaluations on the way
     FixedSplats<Device> fixed_;                // drawn beside those that are trained
     std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
+    HeldExposures exposures_;                  // of the training views; empty: none
     int done_;                                 // iterations
     SharedState state_;                        // the last one saved; null: the beginning
     bool fit_now_ = false;                     // the training pauses for a new schedule
@@ -129,6 +131,7 @@ void TrainSession<Device>::run() {
     live_.finish();
     run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
     if (refined_) save_refined_cameras();
+    if (!exposures_.empty()) write_exposures(run_.path(), in_.scene, exposures_);
     say_how_it_ended(seconds);
     SignalGuard::check();
 
@@ -202,6 +205,7 @@ TrainCallbacks TrainSession<Device>::callbacks() {
     told.save_due = [this](int done) { return save_due(in_, training_, done); };
     told.on_save = [this](int done, const SharedState& state) { save(done, state); };
     told.on_cameras = [this](const CameraRefinement& refined) { refined_ = refined; };
+    told.on_exposures = [this](const HeldExposures& found) { exposures_ = found; };
     told.on_rollback = [this](int done, const std::string& why) { roll_back(done, why); };
     return told;
 }

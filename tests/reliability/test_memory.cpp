@@ -177,6 +177,39 @@ TEST_F(Memory, WhenTheHostHasNoMoreTheRunEndsWithItsCheckpoint) {
         EXPECT_EQ(file.path().string().find(".tmp-"), std::string::npos) << file.path();
 }
 
+TEST_F(Memory, PhotographsInAFileTakeNoneOfIt) {
+    if (kOwnAllocator) GTEST_SKIP() << "the sanitizer's own memory does not fit under a limit";
+    // Eight of 2400 x 1800 pixels: 138 MB with their masks.
+    const auto plan_within = [](const std::string& place) {
+        return shell("ulimit -d 120000; OMP_NUM_THREADS=1 " TVSGS_BIN_DIR
+                     "/tvsgs-train --device cpu --scene scene -r 2400 --plan --set "
+                     "scene.photos=" +
+                     place + " --set init.min_points=0 --out none >out.txt 2>err.txt");
+    };
+    const Result file = plan_within("file"), memory = plan_within("memory");
+    EXPECT_EQ(file.code, 0) << file;
+    EXPECT_TRUE(file.says("photographs in a file in ")) << file;
+    EXPECT_EQ(memory.code, 4) << memory;
+}
+
+TEST_F(Memory, PhotographsInAFileGiveTheSameBits) {
+    for (const std::string config : {"pgsr_sparse", "pgsr_dense"})
+        for (const std::string place : {"file", "memory"})
+            expect_trained("--scene scene --views 0,1,2,3,4,5,6 --config " TVSGS_SOURCE_DIR
+                           "/configs/" +
+                               config +
+                               ".json --set loss.photometric.masks=object --set "
+                               "loss.multi_view_ncc.start=1 --set loss.multi_view.limits=relative "
+                               "--set scene.photos=" +
+                               place,
+                           config + "_" + place);
+    for (const std::string config : {"pgsr_sparse", "pgsr_dense"})
+        EXPECT_TRUE(splats(config + "_file") == splats(config + "_memory")) << config;
+    EXPECT_EQ(plan("pgsr_sparse_memory").at("host").at("fixed_bytes").get<std::int64_t>() >
+                  plan("pgsr_sparse_file").at("host").at("fixed_bytes").get<std::int64_t>(),
+              true);
+}
+
 TEST(Allocation, OnTheGpu) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
