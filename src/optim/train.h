@@ -131,6 +131,7 @@ struct TrainCallbacks {
     /// learn are gathered and added in the order of the photographs. So all have the same splats,
     /// those that one process would have.
     Communicator* peers = nullptr;
+    int records_at_a_time = 1 << 16;  // see StepBatch
 };
 
 /// Called between two steps, with the splats after the step.

@@ -154,7 +154,9 @@ End train_on(Communicator* peers,
     callbacks.on_report = [&](const TrainReport& r) { end.losses.push_back(r.loss); };
     callbacks.save_due = [&](int done) { return done == 24 && !start; };
     callbacks.on_save = [&](int, const SharedState& state) { end.state = state; };
+    callbacks.records_at_a_time = 20;
     copy(train<Device>(scene, options, callbacks, {}, start), end.splats);
+    if (end.state) end.state = std::make_shared<State>(whole_state(peers, *end.state));
     return end;
 }
 
@@ -203,8 +205,8 @@ TEST_P(Ranks, HaveTheBitsOfOneProcess) {
         for (const End& end : ends) {
             EXPECT_EQ(end.losses, one.losses) << ranks;
             expect_same_bits(end.splats, one.splats, str(ranks, " ranks"));
-            expect_same_arrays(*end.state, *one.state);
         }
+        expect_same_arrays(*ends[0].state, *one.state);
     }
     const End resumed = train_on(nullptr, scene, options, one.state);
     expect_same_bits(resumed.splats, one.splats, "resumed by one");
@@ -226,7 +228,7 @@ TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
                 const End end = train_on<Cuda>(peers, scene, options);
                 EXPECT_EQ(end.losses, one.losses) << ranks;
                 expect_same_bits(end.splats, one.splats, str(ranks, " ranks"));
-                expect_same_arrays(*end.state, *one.state);
+                if (peers->rank() == 0) expect_same_arrays(*end.state, *one.state);
             });
         const End cpu = train_on<Cpu>(nullptr, scene, options);
         EXPECT_TRUE(test::close(one.losses[0], cpu.losses[0], 1e-4));

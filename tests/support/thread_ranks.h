@@ -14,8 +14,10 @@ namespace tvsgs::test {
 
 /// What the threads share.
 struct ThreadGroup {
-    explicit ThreadGroup(int size) : parts(static_cast<std::size_t>(size)), meet(size) {}
+    explicit ThreadGroup(int size)
+        : parts(static_cast<std::size_t>(size)), places(parts.size()), meet(size) {}
     std::vector<const void*> parts;
+    std::vector<const std::vector<std::size_t>*> places;
     std::barrier<> meet;
 };
 
@@ -36,9 +38,23 @@ private:
         group_.parts[static_cast<std::size_t>(rank_)] = part;
         group_.meet.arrive_and_wait();
         for (std::size_t r = 0; r < group_.parts.size(); ++r)
-            if (const std::size_t bytes = begins[r + 1] - begins[r]; bytes > 0)
-                std::memcpy(static_cast<char*>(all) + begins[r], group_.parts[r], bytes);
+            if (char* const to = static_cast<char*>(all) + begins[r];
+                begins[r + 1] > begins[r] && to != group_.parts[r])
+                std::memcpy(to, group_.parts[r], begins[r + 1] - begins[r]);
         gathered += begins.back();
+        group_.meet.arrive_and_wait();
+    }
+
+    void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
+        const auto own = static_cast<std::size_t>(rank_);
+        group_.parts[own] = parts, group_.places[own] = &to;
+        group_.meet.arrive_and_wait();
+        for (std::size_t r = 0; r < group_.parts.size(); ++r)
+            if (const std::size_t bytes = from[r + 1] - from[r]; bytes > 0)
+                std::memcpy(static_cast<char*>(got) + from[r],
+                            static_cast<const char*>(group_.parts[r]) + (*group_.places[r])[own],
+                            bytes);
+        gathered += from.back();
         group_.meet.arrive_and_wait();
     }
 
