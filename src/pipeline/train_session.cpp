@@ -101,7 +101,7 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
       talk_(inputs.peers),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
-      checkpoints_(run.path(), inputs.config(), inputs.scene),
+      checkpoints_(run.path(), inputs.config(), inputs.scene, inputs.peers),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
@@ -385,7 +385,10 @@ void follow(const SessionInputs& in) {
         return next != NextStep::go_on;
     };
     told.save_due = [&](int done) { return save_due(in, training, done); };
-    told.on_save = [&](int, const SharedState& saved) { state = saved; };
+    told.on_save = [&](int, const SharedState& saved) {
+        state = saved;
+        if (!fit) send_checkpoint(*in.peers, *saved);
+    };
     told.goes_on = true;
     const auto after_step = [&](int, const Gaussians<Device>&) {
         if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) talk.alone([] {});

@@ -31,7 +31,7 @@ public:
     [[noreturn]] void abort(int code) override { std::_Exit(code); }
     void leave() override { wait_for_all("end"); }
 
-    std::size_t gathered = 0;  // bytes of all
+    std::size_t gathered = 0, dealt = 0;  // bytes of all; bytes of those meant for this rank
 
 private:
     void gather(const void* part, const Begins& begins, void* all, bool) override {
@@ -54,7 +54,7 @@ private:
                 std::memcpy(static_cast<char*>(got) + from[r],
                             static_cast<const char*>(group_.parts[r]) + (*group_.places[r])[own],
                             bytes);
-        gathered += from.back();
+        dealt += from.back();
         group_.meet.arrive_and_wait();
     }
 
