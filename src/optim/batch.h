@@ -147,8 +147,9 @@ struct AddNumbersBody {
 template <class Device>
 class StepBatch {
 public:
-    /// `at_a_time`: splats of each process's part whose records are under way at a time.
-    explicit StepBatch(Communicator* peers, int at_a_time = 1 << 16)
+    /// `at_a_time`: splats of each process's part whose records are under way at a time; 0: as
+    /// kExchangesOfPhotograph has it.
+    explicit StepBatch(Communicator* peers, int at_a_time = 0)
         : peers_(peers), at_a_time_(at_a_time) {}
 
     /// In the place of Iteration::propagate() for iterations [first, last], a photograph each:
@@ -263,11 +264,14 @@ private:
                                              counts_ == nullptr ? nullptr : &seen_, iteration);
         if (peers_ == nullptr) return parallel_for(Device{}, splats, AddFindingsBody{found, sum});
         const auto words = static_cast<std::size_t>(sum.words());
+        constexpr int kLeast = 1 << 14;
         int longest = 0;
         for (int r = 0; r < peers_->size(); ++r)
             longest = std::max(longest, part_of(splats, r, peers_->size()).size());
-        for (int done = 0; done < longest; done += at_a_time_) {
-            const std::vector<std::size_t> to = pack_records(there, done, splats, found);
+        const int at_a_time =
+            at_a_time_ > 0 ? at_a_time_ : std::max(kLeast, longest / kExchangesOfPhotograph + 1);
+        for (int done = 0; done < longest; done += at_a_time) {
+            const std::vector<std::size_t> to = pack_records(there, done, at_a_time, splats, found);
             const std::vector<std::size_t> from =
                 peers_->all_to_all_v("gradients", records_, to, got_);
             for (std::size_t r = 0; r + 1 < from.size(); ++r) {
@@ -278,19 +282,17 @@ private:
         }
     }
 
-    /// records_ <- those of the splats [done, done + at_a_time_) of each part, one part after the
+    /// records_ <- those of the splats [done, done + at_a_time) of each part, one part after the
     /// other; returns where each begins, words.
-    std::vector<std::size_t> pack_records(bool there,
-                                          int done,
-                                          int splats,
-                                          const SplatFindings& found) {
+    std::vector<std::size_t> pack_records(
+        bool there, int done, int at_a_time, int splats, const SplatFindings& found) {
         const int ranks = peers_->size();
         std::vector<Part> pieces;
         std::vector<int> at{0};  // of the pieces in touched_
         for (int r = 0; r < ranks; ++r) {
             const Part part = part_of(splats, r, ranks);
             const int begin = std::min(part.begin + done, part.end),
-                      end = there ? std::min(begin + at_a_time_, part.end) : begin;
+                      end = there ? std::min(begin + at_a_time, part.end) : begin;
             pieces.push_back({begin, end});
             at.push_back(at.back() + end - begin);
         }

@@ -25,10 +25,10 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step,
-                        const SharedState& start) {
+                        SharedState start) {
     check_batch(scene, options, size_of(callbacks.peers));
     Iteration<Device> iteration(scene, options, callbacks.goes_on);
-    Training<Device> t(scene, options, callbacks, start);
+    Training<Device> t(scene, options, callbacks, std::move(start));
     StepBatch<Device> batch(callbacks.peers, callbacks.records_at_a_time);
     const int each = options.comm.batch;  // photographs of a step
     iteration.clock = StageClock<Device>(callbacks.profile);

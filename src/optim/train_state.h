@@ -205,13 +205,13 @@ public:
     Training(const Scene& scene,
              const TrainOptions& options,
              const TrainCallbacks& callbacks,
-             const SharedState& start)
+             SharedState start)
         : scene_(scene),
           options_(options),
           callbacks_(callbacks),
           injected_(callbacks.injected_fault),
-          good_(start) {
-        if (const auto bad = start ? find_not_finite(peers(), *start) : std::nullopt)
+          good_(std::move(start)) {
+        if (const auto bad = good_ ? find_not_finite(peers(), *good_) : std::nullopt)
             throw Error(ExitCode::numerical,
                         str("the checkpoint's '", bad->array, "' is not finite at ", bad->element));
         restart();

@@ -184,7 +184,8 @@ void expect_same_arrays(const State& a, const State& b) {
 
 class Ranks : public testing::TestWithParam<const char*> {};
 
-/// Growth, trims, resets, votes, other views and exposures; every array of the checkpoint.
+/// Growth, trims, resets, votes, other views and exposures; every array of the checkpoint. Splats
+/// are some 200, so parts differ in size, and records go in several exchanges.
 TEST_P(Ranks, HaveTheBitsOfOneProcess) {
     const Scene scene = six_views();
     TrainOptions options = options_of_batch(61, 4);
@@ -193,6 +194,12 @@ TEST_P(Ranks, HaveTheBitsOfOneProcess) {
     if (options.backbone == "ewa") {
         options.cameras.refine = true;
         options.cameras.start = 8;
+    } else if (options.backbone == "rade") {
+        options.densify.rule = GrowthRule::quantile;
+        options.tv.lists = ListStorage::compact;
+    } else {
+        options.tv.strength = VoteStrength::literal;
+        options.densify.spare_covered = 0.3f;
     }
     const End one = train_on(nullptr, scene, options);
     ASSERT_GT(one.splats.size(), static_cast<int>(scene.points.positions.size())) << "it grew";
@@ -210,12 +217,38 @@ TEST_P(Ranks, HaveTheBitsOfOneProcess) {
     }
     const End resumed = train_on(nullptr, scene, options, one.state);
     expect_same_bits(resumed.splats, one.splats, "resumed by one");
-    on_ranks(2, [&](test::ThreadRank* peers) {
-        const End end = train_on(peers, scene, options, one.state);
-        expect_same_bits(end.splats, one.splats, "resumed by two");
-    });
+    for (const int ranks : {2, 3})
+        on_ranks(ranks, [&](test::ThreadRank* peers) {
+            const End end = train_on(peers, scene, options, one.state);
+            expect_same_bits(end.splats, one.splats, str("resumed by ", ranks));
+        });
 }
 INSTANTIATE_TEST_SUITE_P(All, Ranks, testing::Values("ewa", "rade", "surfel"));
+
+/// From the last state saved, of which each has its part, and from the start.
+TEST(RanksRollBack, ToTheSame) {
+    const Scene scene = six_views();
+    const TrainOptions options = options_of_batch(41, 4);
+    for (const int saved_at : {16, 1000}) {
+        const auto run = [&](Communicator* peers) {
+            TrainCallbacks callbacks;
+            callbacks.peers = peers;
+            callbacks.save_due = [&](int done) { return done == saved_at; };
+            callbacks.on_save = [](int, const SharedState&) {};
+            std::vector<int> back;
+            callbacks.on_rollback = [&](int done, const std::string&) { back.push_back(done); };
+            callbacks.injected_fault = {
+                .step = 28, .group = ParameterGroup::opacities, .splat = 70, .times = 1};
+            Gaussians<Cpu> end = train<Cpu>(scene, options, callbacks);
+            EXPECT_EQ(back, std::vector<int>{saved_at == 16 ? 16 : 0});
+            return end;
+        };
+        const Gaussians<Cpu> one = run(nullptr);
+        on_ranks(3, [&](test::ThreadRank* peers) {
+            expect_same_bits(run(peers), one, str("saved at ", saved_at));
+        });
+    }
+}
 
 TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
@@ -233,6 +266,27 @@ TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
         const End cpu = train_on<Cpu>(nullptr, scene, options);
         EXPECT_TRUE(test::close(one.losses[0], cpu.losses[0], 1e-4));
     }
+}
+
+TEST(RanksMemory, EachHoldsItsPart) {
+    Scene scene = six_views();
+    for (int i = 0; i < 3000; ++i)  // where none looks
+        scene.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+    TrainOptions options = options_of_batch(8, 4);
+    options.densify.enabled = false;
+    for (const int ranks : {2, 4})
+        on_ranks(ranks, [&](test::ThreadRank* peers) {
+            TrainCallbacks callbacks;
+            callbacks.peers = peers;
+            std::size_t bytes = 0;
+            callbacks.save_due = [](int done) { return done == 4; };
+            callbacks.on_save = [&](int, const SharedState& state) {
+                for (const StateArray& array : state->arrays) bytes += array.bytes.size();
+            };
+            train<Cpu>(scene, options, callbacks);
+            const double splats = static_cast<double>(scene.points.positions.size());
+            EXPECT_LT(static_cast<double>(bytes), 1.1 * 830 * splats / ranks);
+        });
 }
 
 TEST(Batch, ExchangesOnlyWhatAPhotographSees) {
