@@ -189,6 +189,7 @@ private:
 
 template <class Device>
 void visit_state(StateVisitor<Device>& visit, const std::string& prefix, Gaussians<Device>& g) {
+    if (visit.loading()) visit.value(prefix + "sh_degree", g.sh_degree);  // says how many planes
     for_each_array(
         [&](const SplatArray& array, auto& values) {
             const std::string name = prefix + array.name;
@@ -196,7 +197,7 @@ void visit_state(StateVisitor<Device>& visit, const std::string& prefix, Gaussia
                 visit.splats(name, values, array.planes);
         },
         g);
-    visit.value(prefix + "sh_degree", g.sh_degree);
+    if (!visit.loading()) visit.value(prefix + "sh_degree", g.sh_degree);
 }
 
 }  // namespace tvsgs

@@ -178,12 +178,13 @@ private:
     void visit_moments(StateVisitor<Device>& visit,
                        const std::string& prefix,
                        Gaussians<Device>& moments) {
+        if (visit.loading()) visit.value(prefix + "sh_degree", moments.sh_degree);
         for_each_array(
             [&](const SplatArray& array, auto& values) {
                 if (!array.optional) visit.part(prefix + array.name, values, splats_, array.planes);
             },
             moments);
-        visit.value(prefix + "sh_degree", moments.sh_degree);
+        if (!visit.loading()) visit.value(prefix + "sh_degree", moments.sh_degree);
     }
 
     void begin_step(int step, float extent) {

@@ -200,6 +200,7 @@ TEST_P(Ranks, HaveTheBitsOfOneProcess) {
     } else {
         options.tv.strength = VoteStrength::literal;
         options.densify.spare_covered = 0.3f;
+        options.model.sh_degree = 1;
     }
     const End one = train_on(nullptr, scene, options);
     ASSERT_GT(one.splats.size(), static_cast<int>(scene.points.positions.size())) << "it grew";

@@ -1,6 +1,8 @@
 // Ranks of a training as threads of the test.
 #pragma once
 
+#include <omp.h>
+
 #include <barrier>
 #include <cstdlib>
 #include <cstring>
@@ -70,6 +72,7 @@ void on_ranks(int size, const Run& run) {
     std::vector<std::thread> threads;
     for (int rank = 0; rank < size; ++rank)
         threads.emplace_back([&, rank] {
+            omp_set_num_threads(1);  // more would wait for each other
             ThreadRank communicator(group, rank);
             run(&communicator);
         });
