@@ -137,7 +137,7 @@ TEST(Batch, GoesAlongTheMeanOfTheGradients) {
 
 struct End {
     Gaussians<Cpu> splats;
-    SharedState state;  // after half of the iterations
+    SharedState state;  // after 24 iterations, or 28 of a training that was resumed
     std::vector<double> losses;
 };
 
@@ -152,7 +152,7 @@ End train_on(Communicator* peers,
     callbacks.peers = peers;
     callbacks.report_due = [](int) { return true; };
     callbacks.on_report = [&](const TrainReport& r) { end.losses.push_back(r.loss); };
-    callbacks.save_due = [&](int done) { return done == 24 && !start; };
+    callbacks.save_due = [&](int done) { return done == (start ? 28 : 24); };
     callbacks.on_save = [&](int, const SharedState& state) { end.state = state; };
     callbacks.records_at_a_time = 20;
     copy(train<Device>(scene, options, callbacks, {}, start), end.splats);
@@ -222,9 +222,45 @@ TEST_P(Ranks, HaveTheBitsOfOneProcess) {
         on_ranks(ranks, [&](test::ThreadRank* peers) {
             const End end = train_on(peers, scene, options, one.state);
             expect_same_bits(end.splats, one.splats, str("resumed by ", ranks));
+            if (peers->rank() == 0) expect_same_arrays(*end.state, *resumed.state);
         });
 }
 INSTANTIATE_TEST_SUITE_P(All, Ranks, testing::Values("ewa", "rade", "surfel"));
+
+TEST(RanksGrowth, ProposeGrowthAsOneDoes) {
+    constexpr int kCount = 500;
+    test::Random random(5);
+    std::vector<GrowthStatistics> statistics;
+    std::vector<Vec3f> log_scales;
+    for (int i = 0; i < kCount; ++i) {  // the last ones have more to say
+        const double more = 1 + 3.0 * i / kCount;
+        statistics.push_back({static_cast<float>(random.uniform(0, 1) * more),
+                              static_cast<float>(random.uniform(0, 2) * more), 1, 30});
+        log_scales.push_back({static_cast<float>(random.uniform(-2, 0)), -3, -3});
+    }
+    const auto propose = [&](GrowthRule rule, Communicator* peers) {
+        const Part own = own_part(peers, kCount);
+        Buffer<GrowthStatistics, Cpu> mine;
+        copy(std::vector(statistics.begin() + own.begin, statistics.begin() + own.end), mine);
+        std::vector<Growth> growth(kCount);
+        std::vector<float> score(kCount);
+        const auto first = static_cast<std::size_t>(own.begin),
+                   size = static_cast<std::size_t>(own.size());
+        propose_growth<Cpu>(rule,
+                            {mine, {log_scales.data() + first, size}, 1.5f, 4, 0.4f, 20, peers},
+                            {growth.data() + first, size}, {score.data() + first, size});
+        share_parts(peers, "growth", Cpu{}, growth.data(), kCount);
+        share_parts(peers, "growth", Cpu{}, score.data(), kCount);
+        return std::pair(growth, score);
+    };
+    for (const GrowthRule rule : {GrowthRule::thresholds, GrowthRule::quantile}) {
+        const auto one = propose(rule, nullptr);
+        EXPECT_GT(std::count(one.first.begin(), one.first.end(), Growth::none), kCount / 4);
+        EXPECT_GT(std::count(one.first.begin(), one.first.end(), Growth::split), kCount / 10);
+        for (const int ranks : {2, 4})
+            on_ranks(ranks, [&](test::ThreadRank* peers) { EXPECT_EQ(propose(rule, peers), one); });
+    }
+}
 
 /// From the last state saved, of which each has its part, and from the start.
 TEST(RanksRollBack, ToTheSame) {
