@@ -380,6 +380,8 @@ int train_command(int argc, char* const* argv, Processes& job) {
     const MemoryPlan memory = plan_memory(scene, options.memory, first_splats(resume, scene),
                                           device.cuda, training, count);
     share_memory_limits(peers, training);
+    // Held no longer than it is needed: with several processes it is the state of them all.
+    SharedState start = resume.point ? std::move(arguments.resume.point->state) : nullptr;
     SessionInputs session{.scene = scene,
                           .training = training,
                           .options = options,
@@ -390,7 +392,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
                           .write_report = {},
                           .peers = peers};
     if (!leads) {
-        follow_session(device, session);
+        follow_session(device, session, std::move(start));
         return 0;
     }
 
@@ -410,7 +412,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
         spdlog::info("{} photographs a step, on {} process{}", batch, processes,
                      processes == 1 ? "" : "es");
     session.write_report = [&] { report_if_possible(run.path(), scene); };
-    run_session(device, session, run);
+    run_session(device, session, std::move(start), run);
     spdlog::info("{}: splats", find_splats(run.path()));
     say_next({"tvsgs-extract-mesh", "--model", run.path()}, "makes the surface");
     return 0;

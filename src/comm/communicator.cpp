@@ -55,6 +55,33 @@ Communicator::Begins Communicator::all_gather_v(const char* what,
     return begins;
 }
 
+void Communicator::require_same_parts(const char* what,
+                                      const Begins& said,
+                                      const Begins& expected) const {
+    if (said != expected)
+        throw Error(ExitCode::peer, str("rank ", rank(), ": the processes do not divide alike (",
+                                        what, "): they are not at the same state"));
+}
+
+Communicator::Begins Communicator::exchange_places(const char* what, const Begins& to) {
+    const auto ranks = static_cast<std::size_t>(size()), own = static_cast<std::size_t>(rank());
+    std::vector<std::uint64_t> sizes(ranks);
+    for (std::size_t r = 0; r < ranks; ++r) sizes[r] = to[r + 1] - to[r];
+    std::vector<std::byte> all;
+    all_gather_v(what, sizes.data(), ranks * sizeof sizes[0], all);
+    Begins from{0};
+    for (std::size_t r = 0; r < ranks; ++r) {
+        std::uint64_t bytes = 0;
+        std::memcpy(&bytes, all.data() + (r * ranks + own) * sizeof bytes, sizeof bytes);
+        from.push_back(from.back() + bytes);
+    }
+    return from;
+}
+
+void Communicator::deal_on_gpu(const void*, const Begins&, void*, const Begins&) {
+    throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
+}
+
 void Communicator::gather_on_gpu(const void*, const Begins&, void*) {
     throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
 }

@@ -1,10 +1,11 @@
 // What the processes of one training tell each other.
 //
 // Libraries move bytes and our own loops add: a sum of floats that a library makes depends on how
-// many processes there are. So everything is gathered, in the order of the ranks, and added alike
-// on all of them.
+// many processes there are. So parts are gathered in the order of the ranks, and added in that
+// order by whoever keeps the sum.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <functional>
@@ -14,6 +15,7 @@
 
 #include "core/buffer.h"
 #include "core/error.h"
+#include "core/part.h"
 
 namespace tvsgs {
 
@@ -45,6 +47,19 @@ public:
                                           std::size_t count,
                                           Buffer<T, Device>& all);
 
+    /// Each has written its part of `data` where it belongs; the others' parts <- theirs. `begins`:
+    /// of the parts, elements.
+    template <class T, class Device>
+    void share(const char* what, Device, T* data, const std::vector<std::size_t>& begins);
+
+    /// parts[begins[r], begins[r + 1]) goes to rank r; `got` <- what has come from all, from rank 0
+    /// on. Returns where each one's begins.
+    template <class T, class Device>
+    std::vector<std::size_t> all_to_all_v(const char* what,
+                                          const Buffer<T, Device>& parts,
+                                          const std::vector<std::size_t>& begins,
+                                          Buffer<T, Device>& got);
+
     /// `data` <- that of `root`.
     void broadcast(const char* what, void* data, std::size_t bytes, int root);
     std::string broadcast(const char* what, const std::string& text, int root);
@@ -73,14 +88,19 @@ public:
     void set_limit(double seconds) { limit_ = seconds; }
 
 protected:
-    /// What a backend has to do: all[begins[r], begins[r + 1]) <- part of rank r. `calm`: long
-    /// waits are to be expected, and need not be noticed at once when they end. Calls
-    /// keep_waiting() again and again.
+    /// What a backend has to do: all[begins[r], begins[r + 1]) <- part of rank r. The own part may
+    /// lie there already. `calm`: long waits are to be expected, and need not be noticed at once
+    /// when they end. Calls keep_waiting() again and again.
     virtual void gather(const void* part, const Begins& begins, void* all, bool calm) = 0;
+
+    /// And: got[from[r], from[r + 1]) <- parts[to[own rank], to[own rank + 1]) of rank r, of which
+    /// `to` is that rank's own.
+    virtual void deal(const void* parts, const Begins& to, void* got, const Begins& from) = 0;
 
     /// The same from and to memory of the GPU, for backends that reach it.
     virtual bool reaches_gpu() const { return false; }
     virtual void gather_on_gpu(const void* part, const Begins& begins, void* all);
+    virtual void deal_on_gpu(const void* parts, const Begins& to, void* got, const Begins& from);
 
     /// Throws Error(ExitCode::peer) when that has taken too long.
     void keep_waiting(double seconds);
@@ -88,6 +108,10 @@ protected:
 private:
     /// Sizes of the parts; checks that the ranks are in the same call.
     Begins exchange_sizes(const char* what, std::size_t bytes, bool calm);
+    /// Where the parts begin that come from each, when those for each begin at `to`.
+    Begins exchange_places(const char* what, const Begins& to);
+    /// Throws Error(ExitCode::peer) unless the ranks have parts of the same sizes in mind.
+    void require_same_parts(const char* what, const Begins& said, const Begins& expected) const;
 
     std::uint64_t calls_ = 0;
     const char* what_ = "";
@@ -127,14 +151,83 @@ std::vector<std::size_t> Communicator::all_gather_v(const char* what,
     return elements;
 }
 
+template <class T, class Device>
+void Communicator::share(const char* what,
+                         Device,
+                         T* data,
+                         const std::vector<std::size_t>& begins) {
+    Begins bytes;
+    for (const std::size_t begin : begins) bytes.push_back(begin * sizeof(T));
+    const auto own = static_cast<std::size_t>(rank());
+    require_same_parts(what, exchange_sizes(what, bytes[own + 1] - bytes[own], false), bytes);
+    if (bytes.back() == 0) return;
+    if constexpr (std::is_same_v<Device, Cpu>) {
+        gather(data + begins[own], bytes, data, false);
+    } else if (reaches_gpu()) {
+        gather_on_gpu(data + begins[own], bytes, data);
+    } else {
+        std::vector<T> whole(begins.back());
+        detail::copy(Device{}, data + begins[own], Cpu{}, whole.data() + begins[own],
+                     bytes[own + 1] - bytes[own]);
+        gather(whole.data() + begins[own], bytes, whole.data(), false);
+        detail::copy(Cpu{}, whole.data(), Device{}, data, bytes.back());
+    }
+}
+
+template <class T, class Device>
+std::vector<std::size_t> Communicator::all_to_all_v(const char* what,
+                                                    const Buffer<T, Device>& parts,
+                                                    const std::vector<std::size_t>& begins,
+                                                    Buffer<T, Device>& got) {
+    Begins to;
+    for (const std::size_t begin : begins) to.push_back(begin * sizeof(T));
+    const Begins from = exchange_places(what, to);
+    got.resize(from.back() / sizeof(T));
+    if constexpr (std::is_same_v<Device, Cpu>) {
+        deal(parts.data(), to, got.data(), from);
+    } else if (reaches_gpu()) {
+        deal_on_gpu(parts.data(), to, got.data(), from);
+    } else {
+        std::vector<T> sent(begins.back()), come(got.size());
+        detail::copy(Device{}, parts.data(), Cpu{}, sent.data(), to.back());
+        deal(sent.data(), to, come.data(), from);
+        copy(come, got);
+    }
+    std::vector<std::size_t> elements;
+    for (const std::size_t begin : from) elements.push_back(begin / sizeof(T));
+    return elements;
+}
+
+/// The part of `count` elements that a process has to hold; all of them where there is one.
+inline Part own_part(const Communicator* peers, int count) {
+    return part_of(count, rank_of(peers), size_of(peers));
+}
+
+/// planes[p * count + i], where each process has written those i of its part <- all of them. Does
+/// nothing where there is one.
+template <class T, class Device>
+void share_parts(
+    Communicator* peers, const char* what, Device device, T* data, int count, int planes = 1) {
+    if (peers == nullptr) return;
+    const std::vector<std::size_t> begins = part_begins(count, peers->size());
+    for (int p = 0; p < planes; ++p)
+        peers->share(what, device, data + static_cast<std::size_t>(p) * begins.back(), begins);
+}
+
 /// values <- their sum over the ranks. Does nothing where there is one process.
 template <class Device>
 void sum_over_ranks(Communicator* peers, const char* what, Buffer<int, Device>& values) {
     if (peers == nullptr) return;
-    const std::vector<int> mine = to_host(values);
-    std::vector<std::int64_t> sums(mine.begin(), mine.end());
-    peers->all_reduce(what, Communicator::Reduce::sum, sums);
-    copy(std::vector<int>(sums.begin(), sums.end()), values);
+    constexpr std::size_t kPiece = 1 << 18;  // of each rank, at a time
+    std::vector<int> all = to_host(values);
+    for (std::size_t begin = 0; begin < all.size(); begin += kPiece) {
+        const auto first = all.begin() + static_cast<std::ptrdiff_t>(begin),
+                   last = first + static_cast<std::ptrdiff_t>(std::min(kPiece, all.size() - begin));
+        std::vector<std::int64_t> sums(first, last);
+        peers->all_reduce(what, Communicator::Reduce::sum, sums);
+        std::copy(sums.begin(), sums.end(), first);
+    }
+    copy(all, values);
 }
 
 }  // namespace tvsgs

@@ -89,19 +89,49 @@ private:
                       void* all,
                       bool calm) {
         MPI_Request request;
-        check(MPI_Iallgatherv(part, counts[static_cast<std::size_t>(rank_)], MPI_BYTE, all,
+        const auto own = static_cast<std::size_t>(rank_);
+        const bool in_place = part == static_cast<std::byte*>(all) + displacements[own];
+        check(MPI_Iallgatherv(in_place ? MPI_IN_PLACE : part, counts[own], MPI_BYTE, all,
                               counts.data(), displacements.data(), MPI_BYTE, MPI_COMM_WORLD,
                               &request),
               "MPI_Iallgatherv");
-        wait(request, calm);
+        wait({&request, 1}, calm);
+    }
+
+    /// In pieces whose length fits into an int; those of a pair arrive in the order they were sent.
+    void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
+        const auto own = static_cast<std::size_t>(rank_);
+        std::vector<MPI_Request> requests;
+        const auto for_pieces = [&](const Begins& begins, const auto& start) {
+            for (std::size_t r = 0; r < static_cast<std::size_t>(size_); ++r)
+                for (std::size_t at = begins[r]; r != own && at < begins[r + 1]; at += kMostBytes) {
+                    const auto bytes = static_cast<int>(std::min(begins[r + 1] - at, kMostBytes));
+                    requests.push_back(MPI_REQUEST_NULL);
+                    start(at, bytes, static_cast<int>(r), &requests.back());
+                }
+        };
+        for_pieces(from, [&](std::size_t at, int bytes, int rank, MPI_Request* request) {
+            check(MPI_Irecv(static_cast<std::byte*>(got) + at, bytes, MPI_BYTE, rank, 0,
+                            MPI_COMM_WORLD, request),
+                  "MPI_Irecv");
+        });
+        for_pieces(to, [&](std::size_t at, int bytes, int rank, MPI_Request* request) {
+            check(MPI_Isend(static_cast<const std::byte*>(parts) + at, bytes, MPI_BYTE, rank, 0,
+                            MPI_COMM_WORLD, request),
+                  "MPI_Isend");
+        });
+        std::copy_n(static_cast<const std::byte*>(parts) + to[own], to[own + 1] - to[own],
+                    static_cast<std::byte*>(got) + from[own]);
+        wait({requests.data(), requests.size()}, false);
     }
 
     /// Looks often at first, as most calls are short and data moves only while one looks.
-    void wait(MPI_Request& request, bool calm) {
+    void wait(Span<MPI_Request> requests, bool calm) {
         using Clock = std::chrono::steady_clock;
         const Clock::time_point begin = Clock::now();
         for (int done = 0;;) {
-            check(MPI_Test(&request, &done, MPI_STATUS_IGNORE), "MPI_Test");
+            check(MPI_Testall(requests.size(), requests.data, &done, MPI_STATUSES_IGNORE),
+                  "MPI_Testall");
             if (done) return;
             const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
             keep_waiting(seconds);

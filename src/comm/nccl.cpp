@@ -162,11 +162,36 @@ private:
     void gather_on_gpu(const void* part, const Begins& begins, void* all) override {
         synchronize(Cuda{});  // what makes the part runs on another stream
         const auto own = static_cast<std::size_t>(rank_);
-        check_cuda_call(
-            cudaMemcpyAsync(static_cast<std::byte*>(all) + begins[own], part,
-                            begins[own + 1] - begins[own], cudaMemcpyDeviceToDevice, stream_),
-            "exchange");
+        std::byte* const place = static_cast<std::byte*>(all) + begins[own];
+        if (part != place)
+            check_cuda_call(cudaMemcpyAsync(place, part, begins[own + 1] - begins[own],
+                                            cudaMemcpyDeviceToDevice, stream_),
+                            "exchange");
         exchange(part, begins, all, false);
+    }
+
+    void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
+        // One piece of memory for both, each part as aligned as it was.
+        const std::size_t sent = (to.back() + 255) / 256 * 256;
+        std::byte* const at = staging_.of(sent + from.back());
+        check_cuda_call(cudaMemcpy(at, parts, to.back(), cudaMemcpyHostToDevice), "exchange");
+        deal_on_gpu(at, to, at + sent, from);
+        check_cuda_call(cudaMemcpy(got, at + sent, from.back(), cudaMemcpyDeviceToHost),
+                        "exchange");
+    }
+    void deal_on_gpu(const void* parts, const Begins& to, void* got, const Begins& from) override {
+        synchronize(Cuda{});  // what makes the parts runs on another stream
+        ncclGroupStart();
+        for (int r = 0; r < size_; ++r) {  // to itself, too
+            const auto at = static_cast<std::size_t>(r);
+            if (const std::size_t bytes = to[at + 1] - to[at]; bytes > 0)
+                ncclSend(static_cast<const std::byte*>(parts) + to[at], bytes, ncclInt8, r, comm_,
+                         stream_);
+            if (const std::size_t bytes = from[at + 1] - from[at]; bytes > 0)
+                ncclRecv(static_cast<std::byte*>(got) + from[at], bytes, ncclInt8, r, comm_,
+                         stream_);
+        }
+        finish_group(false);
     }
 
     /// Everybody's part to everybody else.
@@ -182,6 +207,11 @@ private:
                 ncclRecv(static_cast<std::byte*>(all) + begins[at], theirs, ncclInt8, r, comm_,
                          stream_);
         }
+        finish_group(calm);
+    }
+
+    /// Ends a group of calls and waits until their bytes are there.
+    void finish_group(bool calm) {
         settle(ncclGroupEnd(), "exchange");
         wait(
             [&] {

@@ -23,6 +23,7 @@ struct Span {
     TVSGS_HD bool empty() const { return count == 0; }
     TVSGS_HD T* begin() const { return data; }
     TVSGS_HD T* end() const { return data + count; }
+    TVSGS_HD Span sub(std::size_t first, std::size_t size) const { return {data + first, size}; }
     template <class U>
     requires(std::is_same_v<U, const T> && !std::is_const_v<T>) TVSGS_HD operator Span<U>() const {
         return {data, count};

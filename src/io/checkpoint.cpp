@@ -10,7 +10,6 @@
 #include <memory>
 
 #include "core/error.h"
-#include "io/atomic_file.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
@@ -46,25 +45,17 @@ struct Reader {
     }
 };
 
-struct Entry {
-    std::string name;
-    std::uint32_t element_bytes;
-    bool real;
-    std::uint64_t bytes;
-    std::uint32_t crc;
-};
-
-void append(std::string& table, const StateArray& array) {
-    put(table, static_cast<std::uint32_t>(array.name.size()));
-    table += array.name;
-    put(table, array.element_bytes);
-    put(table, static_cast<std::uint8_t>(array.real));
-    put(table, static_cast<std::uint64_t>(array.bytes.size()));
-    put(table, checksum(array.bytes.data(), array.bytes.size()));
+void append(std::string& table, const CheckpointEntry& entry) {
+    put(table, static_cast<std::uint32_t>(entry.name.size()));
+    table += entry.name;
+    put(table, entry.element_bytes);
+    put(table, static_cast<std::uint8_t>(entry.real));
+    put(table, entry.bytes);
+    put(table, entry.crc);
 }
 
-Entry take_entry(Reader& reader) {
-    Entry e;
+CheckpointEntry take_entry(Reader& reader) {
+    CheckpointEntry e;
     e.name = reader.bytes(reader.take<std::uint32_t>());
     e.element_bytes = reader.take<std::uint32_t>();
     e.real = reader.take<std::uint8_t>() != 0;
@@ -108,26 +99,41 @@ std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far
     return static_cast<std::uint32_t>(crc32_z(so_far, static_cast<const Bytef*>(data), bytes));
 }
 
-void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
+std::uint32_t checksum_of_both(std::uint32_t first,
+                               std::uint32_t second,
+                               std::size_t second_bytes) {
+    return static_cast<std::uint32_t>(
+        crc32_combine(first, second, static_cast<z_off_t>(second_bytes)));
+}
+
+CheckpointEntry entry_of(const StateArray& array) {
+    return {array.name, array.element_bytes, array.real, array.bytes.size(),
+            checksum(array.bytes.data(), array.bytes.size())};
+}
+
+CheckpointFile::CheckpointFile(const std::string& path, const std::vector<CheckpointEntry>& entries)
+    : file_(path) {
     std::string table;
-    std::uint32_t arrays = 0;
     std::uint64_t data_bytes = 0;
-    for (const State* part : parts)
-        for (const StateArray& array : part->arrays) {
-            append(table, array);
-            data_bytes += array.bytes.size();
-            ++arrays;
-        }
+    for (const CheckpointEntry& entry : entries) {
+        append(table, entry);
+        data_bytes += entry.bytes;
+    }
     std::string head(kMagic, kMagicBytes);
     put(head, kCheckpointVersion);
     put(head, static_cast<std::uint32_t>(table.size()));
     put(head, static_cast<std::uint64_t>(kFixedBytes + table.size() + 4 + data_bytes));
-    put(head, arrays);
+    put(head, static_cast<std::uint32_t>(entries.size()));
     head += table;
     put(head, checksum(head.data(), head.size()));
+    file_.write(head);
+}
 
-    AtomicFile file(path);
-    file.write(head);
+void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
+    std::vector<CheckpointEntry> entries;
+    for (const State* part : parts)
+        for (const StateArray& array : part->arrays) entries.push_back(entry_of(array));
+    CheckpointFile file(path, entries);
     for (const State* part : parts)
         for (const StateArray& array : part->arrays)
             file.write(array.bytes.data(), array.bytes.size());
@@ -167,7 +173,7 @@ State read_checkpoint(const std::string& path) {
     State state;
     std::uint64_t left = file_bytes - head.size();
     for (std::uint32_t i = 0; i < arrays; ++i) {
-        const Entry entry = take_entry(reader);
+        const CheckpointEntry entry = take_entry(reader);
         if (entry.bytes > left)
             throw input_error(path, ": its table of arrays is damaged at '", shown(entry.name),
                               "'");

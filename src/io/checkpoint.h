@@ -7,8 +7,10 @@
 
 #include <initializer_list>
 #include <string>
+#include <vector>
 
 #include "core/state.h"
+#include "io/atomic_file.h"
 
 namespace tvsgs {
 
@@ -16,6 +18,32 @@ inline constexpr std::uint32_t kCheckpointVersion = 1;
 
 /// CRC-32; `so_far` is that of the bytes before.
 std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far = 0);
+
+/// That of two texts, one after the other, from theirs.
+std::uint32_t checksum_of_both(std::uint32_t first, std::uint32_t second, std::size_t second_bytes);
+
+/// What the table says of an array.
+struct CheckpointEntry {
+    std::string name;
+    std::uint32_t element_bytes;
+    bool real;
+    std::uint64_t bytes;
+    std::uint32_t crc;
+};
+CheckpointEntry entry_of(const StateArray& array);
+
+/// A checkpoint that is written piece by piece: the arrays of the entries, one after the other.
+/// Throws Error(ExitCode::io).
+class CheckpointFile {
+public:
+    CheckpointFile(const std::string& path, const std::vector<CheckpointEntry>& entries);
+    void write(const void* data, std::size_t bytes) { file_.write(data, bytes); }
+    /// The file appears complete or not at all, and has reached the disk.
+    void commit() { file_.commit(); }
+
+private:
+    AtomicFile file_;
+};
 
 /// Writes the arrays of all parts. The file appears complete or not at all, and has reached the
 /// disk. Throws Error(ExitCode::io).

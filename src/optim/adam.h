@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 
+#include "comm/communicator.h"
 #include "core/options.h"
 #include "core/parallel.h"
 #include "core/state.h"
@@ -63,16 +64,21 @@ void update_parameters(Cuda, int count, const AdamBody& body, const int* halted)
 template <class Device>
 class Adam {
 public:
-    /// Each step stands for `batch` photographs.
-    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians, int batch = 1)
-        : options_(options), batch_(batch), decay_(adam_decay(batch)) {
-        resize(m_, gaussians.size(), gaussians.sh_degree);
-        resize(v_, gaussians.size(), gaussians.sh_degree);
+    /// Each step stands for `batch` photographs. Of several processes each has the moments of its
+    /// part of the splats, takes their step, and tells the others.
+    Adam(const AdamOptions& options,
+         const Gaussians<Device>& gaussians,
+         int batch = 1,
+         Communicator* peers = nullptr)
+        : options_(options), batch_(batch), decay_(adam_decay(batch)), peers_(peers) {
+        set_splats(gaussians.size());
+        resize(m_, part().size(), gaussians.sh_degree);
+        resize(v_, part().size(), gaussians.sh_degree);
         fill_zero(m_);
         fill_zero(v_);
     }
 
-    /// One step of all parameters along gradients in memory: the plain way.
+    /// One step of all parameters along gradients in memory, of this process's part: the plain way.
     /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
     /// moments are zero. Where *halted (on the device; may be null) is not 0, nothing changes.
     void step(int step,
@@ -85,35 +91,47 @@ public:
         using enum ParameterGroup;
         begin_step(step, extent);
         const float none = -INFINITY;  // a bound would hide what is not finite
+        const Part own = part();
+        const std::size_t n = g.means.size();
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
-                                auto& v, float least, std::size_t begin, std::size_t end) {
-            const auto floats = [begin](auto* data) {
-                return reinterpret_cast<float*>(data + begin);
-            };
+                                auto& v, float least, std::size_t plane, std::size_t planes) {
             constexpr std::size_t width = sizeof(*values.data()) / sizeof(float);
-            const AdamBody body{floats(values.data()),
-                                floats(m.data()),
-                                floats(v.data()),
-                                reinterpret_cast<const float*>(dL.data() + begin),
-                                {rate(group), root_},
-                                decay_,
-                                least};
-            update_parameters(Device{}, static_cast<int>((end - begin) * width), body, halted);
+            // Planes of all splats lie one after the other.
+            const bool whole = peers_ == nullptr;
+            const std::size_t count = static_cast<std::size_t>(own.size()),
+                              length = whole ? planes * n : count;
+            for (std::size_t p = plane; p < plane + planes; p += whole ? planes : 1) {
+                const auto floats = [at = p * count](auto* data) {
+                    return reinterpret_cast<float*>(data + at);
+                };
+                const AdamBody body{reinterpret_cast<float*>(values.data() + p * n +
+                                                             static_cast<std::size_t>(own.begin)),
+                                    floats(m.data()),
+                                    floats(v.data()),
+                                    reinterpret_cast<const float*>(dL.data() + p * count),
+                                    {rate(group), root_},
+                                    decay_,
+                                    least};
+                update_parameters(Device{}, static_cast<int>(length * width), body, halted);
+            }
+            share_parts(peers_, "parameters", Device{}, values.data() + plane * n,
+                        static_cast<int>(n), static_cast<int>(planes));
         };
-        const std::size_t n = g.means.size(), active = n * sh_count(sh_degree);
-        update(means, g.means, gradients.means, m_.means, v_.means, none, 0, n);
+        update(means, g.means, gradients.means, m_.means, v_.means, none, 0, 1);
         update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
-               kLeastLogScale, 0, n);
-        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, none, 0, n);
+               kLeastLogScale, 0, 1);
+        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, none, 0, 1);
         if (with_opacity)
             update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
-                   v_.opacity_logits, none, 0, n);
-        update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, n);
-        update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, n, active);
+                   v_.opacity_logits, none, 0, 1);
+        update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, 1);
+        update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, 1,
+               static_cast<std::size_t>(sh_count(sh_degree)) - 1);
     }
 
     /// The same from what the splats add up over pixels, and what losses add to the geometry
-    /// (`extra`; empty: nothing), without gradients of parameters in memory.
+    /// (`extra`; empty: nothing), without gradients of parameters in memory. Of one process, as
+    /// gradients of several photographs have to be added up.
     void step(int step,
               float extent,
               int sh_degree,
@@ -144,14 +162,31 @@ public:
     void state(StateVisitor<Device>& visit) {
         visit.value("adam.count", count_);
         visit.value("adam.rate_factors", rate_factors_);
-        visit_state(visit, "adam.m.", m_);
-        visit_state(visit, "adam.v.", v_);
+        visit_moments(visit, "adam.m.", m_);
+        visit_moments(visit, "adam.v.", v_);
     }
+
+    /// After the number of splats has changed, and with it the parts of the processes.
+    void set_splats(int count) { splats_ = count; }
+    /// The splats whose moments are held here, in order.
+    Part part() const { return own_part(peers_, splats_); }
 
     Gaussians<Device>& first_moments() { return m_; }
     Gaussians<Device>& second_moments() { return v_; }
 
 private:
+    void visit_moments(StateVisitor<Device>& visit,
+                       const std::string& prefix,
+                       Gaussians<Device>& moments) {
+        if (visit.loading()) visit.value(prefix + "sh_degree", moments.sh_degree);
+        for_each_array(
+            [&](const SplatArray& array, auto& values) {
+                if (!array.optional) visit.part(prefix + array.name, values, splats_, array.planes);
+            },
+            moments);
+        if (!visit.loading()) visit.value(prefix + "sh_degree", moments.sh_degree);
+    }
+
     void begin_step(int step, float extent) {
         position_rate_ = position_rate(options_, step, extent);
         root_ = adam_scale(1, ++count_, batch_).root;
@@ -169,7 +204,9 @@ private:
     AdamOptions options_;
     int batch_;
     AdamDecay<float> decay_;
-    Gaussians<Device> m_, v_;
+    Communicator* peers_;
+    int splats_ = 0;
+    Gaussians<Device> m_, v_;  // of the part
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;
     float position_rate_ = 0, root_ = 1;  // of the step in progress

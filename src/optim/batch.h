@@ -18,7 +18,8 @@ struct SplatFindings {
     int coefficients;              // in use
     GrowthStatistics* statistics;  // null: not asked for
 
-    /// Words of a record: the splat's index, its geometry, its statistics, its harmonics.
+    /// Words of a record: the splat's place in its part, its geometry, its statistics, its
+    /// harmonics.
     static constexpr int kFixedWords = 16;
     TVSGS_HD int words() const { return kFixedWords + 3 * coefficients; }
 };
@@ -44,31 +45,37 @@ TVSGS_HD inline void add(GrowthStatistics& sum, const GrowthStatistics& s) {
     sum.max_radius_px = sum.max_radius_px < s.max_radius_px ? s.max_radius_px : sum.max_radius_px;
 }
 
-/// Whether the photograph says anything of a splat; what is not finite, too.
+/// Whether the photograph says anything of a splat; what is not finite, too. Splats count from
+/// `begin` on.
 struct TouchedBody {
     SplatFindings found;
+    int begin;
     Span<int> touched;
-    TVSGS_HD void operator()(int i) const {
+    TVSGS_HD void operator()(int j) const {
+        const int i = begin + j;
         bool any = found.statistics != nullptr && found.statistics[i].views > 0;
         visit_floats(found, i, [&any](int, float value) { any |= !(value == 0); });
-        touched[i] = any;
+        touched[j] = any;
     }
 };
 
 /// Records, word major: records[word * count + j].
 struct PackBody {
     SplatFindings found;
+    int begin, part_begin;  // of these splats, and of the part that they belong to
     Span<const int> touched, first;
+    int before;  // what first[] begins with
     std::uint32_t* records;
     std::size_t count;
-    TVSGS_HD void operator()(int i) const {
-        if (!touched[i]) return;
-        std::uint32_t* const at = records + first[i];
+    TVSGS_HD void operator()(int j) const {
+        if (!touched[j]) return;
+        const int i = begin + j;
+        std::uint32_t* const at = records + (first[j] - before);
         const auto put = [at, n = count](int word, const auto& value) {
             static_assert(sizeof value == sizeof *at);
             memcpy(at + static_cast<std::size_t>(word) * n, &value, sizeof value);
         };
-        put(0, i);
+        put(0, i - part_begin);
         visit_floats(found, i, put);
         const GrowthStatistics none{0, 0, 0, 0},
             &s = found.statistics == nullptr ? none : found.statistics[i];
@@ -140,17 +147,21 @@ struct AddNumbersBody {
 template <class Device>
 class StepBatch {
 public:
-    explicit StepBatch(Communicator* peers) : peers_(peers) {}
+    /// `at_a_time`: splats of each process's part whose records are under way at a time; 0: as
+    /// kExchangesOfPhotograph has it.
+    explicit StepBatch(Communicator* peers, int at_a_time = 0)
+        : peers_(peers), at_a_time_(at_a_time) {}
 
     /// In the place of Iteration::propagate() for iterations [first, last], a photograph each:
-    /// leaves the mean of their gradients and of their losses in the iteration, adds up what they
-    /// say about growth, and lets the terms learn from each.
+    /// leaves the mean of their gradients in gradients() and that of their losses in the iteration,
+    /// adds up what they say about growth, and lets the terms learn from each.
     void propagate(
         int first, int last, Iteration<Device>& iteration, Training<Device>& t, bool for_step) {
         const Gaussians<Device>& g = t->gaussians;
         const int count = last - first + 1, ranks = size_of(peers_);
         measure(t);
-        resize(sum_, g.size(), g.sh_degree);
+        const int own = own_part(peers_, g.size()).size();
+        resize(sum_, own, g.sh_degree);
         fill_zero(sum_);
         counts_ = t->densifier.sums_at(last, g);
         numbers_.resize(static_cast<std::size_t>(count * width_));
@@ -167,13 +178,15 @@ public:
             });
         }
         parallel_for(
-            Device{}, g.size(),
+            Device{}, own,
             StepMeanBody{findings(sum_, nullptr, iteration), 1 / static_cast<float>(count)});
-        iteration.replace(sum_);
         parallel_for(Device{}, static_cast<int>(t->losses.size()),
                      MeanNumbersBody{numbers_.data(), width_, count, iteration.values().data()});
         for (int b = 0; b < count; ++b) tell(first + b, numbers_.data() + b * width_, t);
     }
+
+    /// Of the step, of this process's part of the splats.
+    Gaussians<Device>& gradients() { return sum_; }
 
 private:
     /// What a photograph says in numbers: values of the terms, their lessons, the derivatives by
@@ -242,32 +255,76 @@ private:
                 statistics == nullptr ? nullptr : statistics->data()};
     }
 
-    /// Adds the photographs of this round. Of most splats a photograph says nothing, so processes
-    /// exchange records of those of which it does.
+    /// Adds the photographs of this round. Of most splats a photograph says nothing, so records of
+    /// those of which it does go to the processes whose part these are. Some splats of each part
+    /// at a time: what is under way stays small beside the gradients.
     void add_splats(bool there, Iteration<Device>& iteration, int splats) {
         const SplatFindings sum = findings(sum_, counts_, iteration),
                             found = findings(iteration.gradients(),
                                              counts_ == nullptr ? nullptr : &seen_, iteration);
         if (peers_ == nullptr) return parallel_for(Device{}, splats, AddFindingsBody{found, sum});
-        int own = 0;
         const auto words = static_cast<std::size_t>(sum.words());
-        if (there) {
-            touched_.resize(static_cast<std::size_t>(splats));
-            parallel_for(Device{}, splats, TouchedBody{found, touched_.span()});
-            own = exclusive_scan(touched_, first_);
-            records_.resize(static_cast<std::size_t>(own) * words);
-            parallel_for(
-                Device{}, splats,
-                PackBody{found, std::as_const(touched_).span(), std::as_const(first_).span(),
-                         records_.data(), static_cast<std::size_t>(own)});
+        constexpr int kLeast = 1 << 14;
+        int longest = 0;
+        for (int r = 0; r < peers_->size(); ++r)
+            longest = std::max(longest, part_of(splats, r, peers_->size()).size());
+        const int at_a_time =
+            at_a_time_ > 0 ? at_a_time_ : std::max(kLeast, longest / kExchangesOfPhotograph + 1);
+        for (int done = 0; done < longest; done += at_a_time) {
+            const std::vector<std::size_t> to = pack_records(there, done, at_a_time, splats, found);
+            const std::vector<std::size_t> from =
+                peers_->all_to_all_v("gradients", records_, to, got_);
+            for (std::size_t r = 0; r + 1 < from.size(); ++r) {
+                const std::size_t count = (from[r + 1] - from[r]) / words;
+                parallel_for(Device{}, static_cast<int>(count),
+                             AddRecordsBody{got_.data() + from[r], count, sum});
+            }
         }
-        const std::vector<std::size_t> begins = peers_->all_gather_v(
-            "gradients", records_, static_cast<std::size_t>(own) * words, all_records_);
-        for (std::size_t r = 0; r + 1 < begins.size(); ++r) {
-            const std::size_t count = (begins[r + 1] - begins[r]) / words;
-            parallel_for(Device{}, static_cast<int>(count),
-                         AddRecordsBody{all_records_.data() + begins[r], count, sum});
+    }
+
+    /// records_ <- those of the splats [done, done + at_a_time) of each part, one part after the
+    /// other; returns where each begins, words.
+    std::vector<std::size_t> pack_records(
+        bool there, int done, int at_a_time, int splats, const SplatFindings& found) {
+        const int ranks = peers_->size();
+        std::vector<Part> pieces;
+        std::vector<int> at{0};  // of the pieces in touched_
+        for (int r = 0; r < ranks; ++r) {
+            const Part part = part_of(splats, r, ranks);
+            const int begin = std::min(part.begin + done, part.end),
+                      end = there ? std::min(begin + at_a_time, part.end) : begin;
+            pieces.push_back({begin, end});
+            at.push_back(at.back() + end - begin);
         }
+        std::vector<std::size_t> begins(pieces.size() + 1, 0);
+        if (at.back() == 0) return begins;
+        touched_.resize(static_cast<std::size_t>(at.back()));
+        const auto touched = [&](std::size_t r) {
+            return touched_.span().sub(static_cast<std::size_t>(at[r]),
+                                       static_cast<std::size_t>(pieces[r].size()));
+        };
+        for (std::size_t r = 0; r < pieces.size(); ++r)
+            parallel_for(Device{}, pieces[r].size(),
+                         TouchedBody{found, pieces[r].begin, touched(r)});
+        const int total = exclusive_scan(touched_, first_);
+        std::vector<int> before(pieces.size() + 1, total);
+        for (std::size_t r = 0; r < pieces.size(); ++r)
+            if (at[r] < at.back())
+                detail::copy(Device{}, first_.data() + at[r], Cpu{}, &before[r], sizeof(int));
+        const auto words = static_cast<std::size_t>(found.words());
+        for (std::size_t r = 0; r <= pieces.size(); ++r)
+            begins[r] = words * static_cast<std::size_t>(before[r]);
+        records_.resize(begins.back());
+        for (std::size_t r = 0; r < pieces.size(); ++r)
+            parallel_for(Device{}, pieces[r].size(),
+                         PackBody{found, pieces[r].begin,
+                                  part_of(splats, static_cast<int>(r), ranks).begin, touched(r),
+                                  std::as_const(first_).span().sub(
+                                      static_cast<std::size_t>(at[r]),
+                                      static_cast<std::size_t>(pieces[r].size())),
+                                  before[r], records_.data() + begins[r],
+                                  static_cast<std::size_t>(before[r + 1] - before[r])});
+        return begins;
     }
 
     /// The training hears of a photograph, on every process alike.
@@ -282,6 +339,7 @@ private:
     }
 
     Communicator* peers_;
+    int at_a_time_;
     Gaussians<Device> sum_;
     Buffer<GrowthStatistics, Device>* counts_ = nullptr;  // of this step; null: not asked for
     Buffer<GrowthStatistics, Device> seen_;               // of this process's photograph
@@ -289,7 +347,7 @@ private:
     std::vector<int> lessons_;                            // where those of a term begin
     Buffer<double, Device> mine_, gathered_, numbers_;    // [photographs width]
     Buffer<int, Device> touched_, first_;
-    Buffer<std::uint32_t, Device> records_, all_records_;
+    Buffer<std::uint32_t, Device> records_, got_;
 };
 
 }  // namespace tvsgs

@@ -170,7 +170,9 @@ struct ResetOpacityBody {
     Span<const Vec3f> log_scales;
     Span<const float> filter;  // or empty
     GrowthWeights weights;
-    Span<float> logits, m, v;
+    Span<float> logits;
+    Part part;
+    Span<float> m, v;  // of these splats
     TVSGS_HD void operator()(int i) const {
         const float weight = weights(i), most = reset + (1 - weight) * (1 - reset);
         if (!(most < 1)) return;
@@ -180,7 +182,7 @@ struct ResetOpacityBody {
             limit = own < 1 ? std::log(own / (1 - own)) : logits[i];
         }
         logits[i] = logits[i] < limit ? logits[i] : limit;
-        m[i] = v[i] = 0;
+        if (part.holds(i)) m[i - part.begin] = v[i - part.begin] = 0;
     }
 };
 
@@ -211,8 +213,8 @@ struct KeepSeenBody {
 template <class Device>
 class Densifier {
 public:
-    /// Each step stands for `batch` iterations. `peers`: as TrainCallbacks has them; each counts
-    /// what its share of the views sees.
+    /// Each step stands for `batch` iterations. `peers`: as TrainCallbacks has them; each keeps the
+    /// statistics of its part of the splats, and counts for trims what its share of the views sees.
     Densifier(const DensifyOptions& options,
               float extent,
               std::uint64_t seed,
@@ -238,10 +240,11 @@ public:
                                     options_.rule, weights(), sums.span()});
     }
 
-    /// The sums since the last growth, where views are counted at that step; else null.
+    /// The sums since the last growth, of this process's part of the splats, where views are
+    /// counted at that step; else null.
     Buffer<GrowthStatistics, Device>* sums_at(int step, const Gaussians<Device>& g) {
         if (!acts(step)) return nullptr;
-        if (statistics_.size() != g.means.size()) reset_statistics(g.size());
+        if (counted_ != g.size()) reset_statistics(g.size());
         return &statistics_;
     }
 
@@ -280,7 +283,7 @@ public:
                 Device{}, g.size(),
                 ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
                                  std::as_const(g.log_scales).span(), std::as_const(g.filter).span(),
-                                 weights(), g.opacity_logits.span(),
+                                 weights(), g.opacity_logits.span(), adam.part(),
                                  adam.first_moments().opacity_logits.span(),
                                  adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
@@ -296,8 +299,9 @@ public:
     }
 
     void state(StateVisitor<Device>& visit) {
-        visit("densify.statistics", statistics_);
-        if (visit.loading() || !open_.empty()) visit.optional("densify.open", open_);
+        visit.part("densify.statistics", statistics_, counted_);
+        if (visit.loading() ? visit.has("densify.open") : !open_.empty())
+            visit.splats("densify.open", open_);
     }
 
     /// Old index of each splat after a step that changed the structure.
@@ -322,7 +326,8 @@ private:
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
     void reset_statistics(int count) {
-        statistics_.resize(static_cast<std::size_t>(count));
+        counted_ = count;
+        statistics_.resize(static_cast<std::size_t>(own_part(peers_, count).size()));
         statistics_.fill_zero();
     }
 
@@ -330,12 +335,19 @@ private:
     void grow_and_prune(int step, const Gaussians<Device>& g) {
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
+        const Part own = own_part(peers_, g.size());
+        const auto part = [&own](auto span) {
+            return span.sub(static_cast<std::size_t>(own.begin),
+                            static_cast<std::size_t>(own.size()));
+        };
         propose_growth<Device>(
             options_.rule,
-            {statistics_, g, options_.gradient_threshold,
+            {statistics_, part(g.log_scales.span()), options_.gradient_threshold,
              options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-             options_.percent_dense * extent_, options_.abs_radius_px},
-            growth_.span(), score_.span());
+             options_.percent_dense * extent_, options_.abs_radius_px, peers_},
+            part(growth_.span()), part(score_.span()));
+        share_parts(peers_, "growth", Device{}, growth_.data(), g.size());
+        share_parts(peers_, "growth", Device{}, score_.data(), g.size());
         apply_quotas(g.size());
         const float infinite = 3e38f;
         parallel_for(
@@ -399,6 +411,7 @@ private:
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
+        const int before = g.size();
         const std::size_t n = static_cast<std::size_t>(total);
         parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
         parallel_for(Device{}, g.size(),
@@ -419,10 +432,42 @@ private:
         gather_rest({}, g);
         if (!open_.empty()) gather(parents_.span(), {}, open_, scratch1_);
         for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
-            gather_shapes(parents_.span(), is_new_.span(), *moments),
-                gather_rest(is_new_.span(), *moments);
-        if (!statistics_.empty()) reset_statistics(0);
+            inherit(before, *moments);
+        adam.set_splats(total);
+        reset_statistics(0);
         return true;
+    }
+
+    /// The moments of new splats, of which there were `before`. They lie with whoever had the
+    /// parents; array by array, all get them for as long as they take out those of their part.
+    void inherit(int before, Gaussians<Device>& moments) {
+        if (peers_ == nullptr) {
+            gather_shapes(parents_.span(), is_new_.span(), moments);
+            return gather_rest(is_new_.span(), moments);
+        }
+        const int after = static_cast<int>(parents_.size());
+        const Part from = own_part(peers_, before), to = own_part(peers_, after);
+        const auto had = static_cast<std::size_t>(from.size()),
+                   has = static_cast<std::size_t>(to.size()),
+                   first = static_cast<std::size_t>(to.begin);
+        for_each_array(
+            [&]<class T>(const SplatArray& array, Buffer<T, Device>& values) {
+                if (values.empty() && array.optional) return;
+                Buffer<T, Device> mine(static_cast<std::size_t>(array.planes) * has);
+                auto& all = scratch_of({.name = array.name}, values);
+                all.resize(static_cast<std::size_t>(before));
+                for (std::size_t p = 0; p < static_cast<std::size_t>(array.planes); ++p) {
+                    detail::copy(Device{}, values.data() + p * had, Device{},
+                                 all.data() + from.begin, had * sizeof(T));
+                    share_parts(peers_, "moments", Device{}, all.data(), before);
+                    parallel_for(Device{}, to.size(),
+                                 GatherBody<T>{std::as_const(parents_).span().sub(first, has),
+                                               std::as_const(is_new_).span().sub(first, has),
+                                               all.data(), mine.data() + p * has});
+                }
+                values.swap(mine);
+            },
+            moments);
     }
 
     void gather_shapes(Span<const int> from,
@@ -465,8 +510,9 @@ private:
     std::uint64_t seed_;
     int batch_;
     Communicator* peers_;
-    Buffer<GrowthStatistics, Device> statistics_;
-    Buffer<float, Device> open_;  // [N], or empty
+    int counted_ = 0;                              // splats with statistics: all, or none
+    Buffer<GrowthStatistics, Device> statistics_;  // of this process's part of them
+    Buffer<float, Device> open_;                   // [N], or empty
     Buffer<Growth, Device> growth_;
     Buffer<float, Device> score_;
     Buffer<int, Device> counts_, first_, parents_, front_views_;

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "comm/communicator.h"
 #include "core/gaussians.h"
 #include "core/parallel.h"
 #include "core/quantile.h"
@@ -23,14 +24,17 @@ struct GrowthStatistics {
 
 enum class Growth : std::uint8_t { none, clone, split, abs_split };
 
-/// What a rule goes by.
+/// What a rule goes by: of the splats of this process's part.
 template <class Device>
 struct GrowthInputs {
-    const Buffer<GrowthStatistics, Device>& statistics;  // [N]
-    const Gaussians<Device>& gaussians;
+    const Buffer<GrowthStatistics, Device>& statistics;
+    Span<const Vec3f> log_scales;
     float gradient_threshold, abs_gradient_threshold;  // per NDC unit
     float size_threshold;                              // of the largest scale, world units
     float abs_radius_px;
+    Communicator* peers = nullptr;
+
+    int size() const { return log_scales.size(); }
 };
 
 TVSGS_HD inline float largest_scale(Vec3f log_scales) {
@@ -62,10 +66,10 @@ struct ThresholdsBody {
 /// As propose_growth().
 template <class Device>
 void grow_by_thresholds(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
-    parallel_for(Device{}, in.gaussians.size(),
-                 ThresholdsBody{in.statistics.span(), in.gaussians.log_scales.span(),
-                                in.gradient_threshold, in.abs_gradient_threshold, in.size_threshold,
-                                in.abs_radius_px, growth, score});
+    parallel_for(Device{}, in.size(),
+                 ThresholdsBody{in.statistics.span(), in.log_scales, in.gradient_threshold,
+                                in.abs_gradient_threshold, in.size_threshold, in.abs_radius_px,
+                                growth, score});
 }
 
 /// Splats of mean screen gradients above a threshold grow, and all whose mean absolute gradient is
@@ -90,22 +94,28 @@ struct QuantileBody {
     }
 };
 
-/// As propose_growth(). The quantile is found on the host: it is rare, and the same on both
-/// devices.
+/// As propose_growth(). The quantile, over the splats of all processes, is found on the host: it is
+/// rare, and the same on both devices.
 template <class Device>
 void grow_by_quantile(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     std::vector<float> abs;
-    std::size_t above = 0;
+    std::vector<std::int64_t> above{0};
     for (const GrowthStatistics& s : to_host(in.statistics)) {
         abs.push_back(s.mean_abs_gradient());
-        above += s.mean_gradient() >= in.gradient_threshold;
+        above[0] += s.mean_gradient() >= in.gradient_threshold;
+    }
+    if (in.peers != nullptr) {
+        Buffer<float, Cpu> mine, all;
+        copy(abs, mine);
+        in.peers->all_gather_v("growth", mine, mine.size(), all);
+        abs = to_host(all);
+        in.peers->all_reduce("growth", Communicator::Reduce::sum, above);
     }
     const double share =
-        abs.empty() ? 0 : static_cast<double>(above) / static_cast<double>(abs.size());
-    parallel_for(
-        Device{}, in.gaussians.size(),
-        QuantileBody{in.statistics.span(), in.gaussians.log_scales.span(), in.gradient_threshold,
-                     quantile(abs, 1 - share), in.size_threshold, growth, score});
+        abs.empty() ? 0 : static_cast<double>(above[0]) / static_cast<double>(abs.size());
+    parallel_for(Device{}, in.size(),
+                 QuantileBody{in.statistics.span(), in.log_scales, in.gradient_threshold,
+                              quantile(abs, 1 - share), in.size_threshold, growth, score});
 }
 
 enum class GrowthRule { thresholds, quantile };
@@ -116,8 +126,8 @@ TVSGS_HD inline float abs_gradient_of_view(GrowthRule rule, Vec2f sums) {
     return rule == GrowthRule::quantile ? sums.x + sums.y : std::sqrt(dot(sums, sums));
 }
 
-/// Overwrites the growth that a rule proposes for each splat, and the score by which a quota would
-/// choose, both [N].
+/// Overwrites the growth that a rule proposes for each splat of the part, and the score by which a
+/// quota would choose.
 template <class Device>
 void propose_growth(GrowthRule rule,
                     const GrowthInputs<Device>& in,

@@ -149,13 +149,14 @@ public:
         });
     }
 
-    /// Adam's step along what propagate() gave.
+    /// Adam's step along what propagate() gave, or along `mean`, of several photographs.
     void descend(int step,
                  Adam<Device>& adam,
                  Gaussians<Device>& gaussians,
                  bool with_opacity,
-                 const int* halted) {
-        Gaussians<Device>& gradients = objective_.dL_dgaussians;
+                 const int* halted,
+                 Gaussians<Device>* mean = nullptr) {
+        Gaussians<Device>& gradients = mean == nullptr ? objective_.dL_dgaussians : *mean;
         clock("adam", [&] {
             details("project backward and Adam", [&] {
                 if (fused_ != nullptr)
@@ -208,11 +209,9 @@ public:
     OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
     const Objective<Device>& objective() const { return objective_; }
 
-    // Of a step of several photographs: what propagate() gave of one of them, and what the step
-    // goes along in its place.
+    // Of a step of several photographs: what propagate() gave of one of them.
     Gaussians<Device>& gradients() { return objective_.dL_dgaussians; }
     Buffer<double, Device>& values() { return objective_.values; }
-    void replace(Gaussians<Device>& gradients) { std::swap(objective_.dL_dgaussians, gradients); }
     int sh_degree() const { return sh_degree_; }
 
     // Times, unless switched on not taken: the parts of a training, and the parts of these.

@@ -67,10 +67,7 @@ LossNeeds needs_of(const LossOptions& options) {
 }
 
 template void add_loss<Cpu>(const TermOnList&, MakeLoss<Cpu>);
-template Gaussians<Cpu> train<Cpu>(const Scene&,
-                                   const TrainOptions&,
-                                   const TrainCallbacks&,
-                                   const AfterStep<Cpu>&,
-                                   const SharedState&);
+template Gaussians<Cpu> train<Cpu>(
+    const Scene&, const TrainOptions&, const TrainCallbacks&, const AfterStep<Cpu>&, SharedState);
 
 }  // namespace tvsgs

@@ -4,10 +4,7 @@
 namespace tvsgs {
 
 template void add_loss<Cuda>(const TermOnList&, MakeLoss<Cuda>);
-template Gaussians<Cuda> train<Cuda>(const Scene&,
-                                     const TrainOptions&,
-                                     const TrainCallbacks&,
-                                     const AfterStep<Cuda>&,
-                                     const SharedState&);
+template Gaussians<Cuda> train<Cuda>(
+    const Scene&, const TrainOptions&, const TrainCallbacks&, const AfterStep<Cuda>&, SharedState);
 
 }  // namespace tvsgs

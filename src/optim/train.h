@@ -101,6 +101,10 @@ struct TrainReport {
 
 using SharedState = std::shared_ptr<const State>;
 
+/// What a photograph says goes to the other processes in so many exchanges, fewer where there is
+/// little to say.
+inline constexpr int kExchangesOfPhotograph = 8;
+
 /// How the loop talks to its caller; it never touches files.
 struct TrainCallbacks {
     std::function<bool(int step)>
@@ -134,6 +138,7 @@ struct TrainCallbacks {
     /// learn are gathered and added in the order of the photographs. So all have the same splats,
     /// those that one process would have.
     Communicator* peers = nullptr;
+    int records_at_a_time = 0;  // see StepBatch
 };
 
 /// Called between two steps, with the splats after the step.
@@ -142,7 +147,9 @@ using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
 /// device type give the same bits, also when the training goes on from a saved state, `start`, and
-/// for any number of processes.
+/// for any number of processes. Of these each keeps its part of what changes from step to step but
+/// for the parameters: on_save gives it its part of the state (comm/state_parts.h), and `start` may
+/// be such a part or the whole.
 ///
 /// A step looks at comm.batch photographs, and iterations count these. It goes along the mean of
 /// their gradients; events are due at the step whose photographs they fall among. A round of the
@@ -157,7 +164,7 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step = {},
-                        const SharedState& start = nullptr);
+                        SharedState start = nullptr);
 
 /// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
 /// have no derivatives by them. train() does so, too.

@@ -25,11 +25,11 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step,
-                        const SharedState& start) {
+                        SharedState start) {
     check_batch(scene, options, size_of(callbacks.peers));
     Iteration<Device> iteration(scene, options, callbacks.goes_on);
-    Training<Device> t(scene, options, callbacks, start);
-    StepBatch<Device> batch(callbacks.peers);
+    Training<Device> t(scene, options, callbacks, std::move(start));
+    StepBatch<Device> batch(callbacks.peers, callbacks.records_at_a_time);
     const int each = options.comm.batch;  // photographs of a step
     iteration.clock = StageClock<Device>(callbacks.profile);
     const auto follow_cameras = [&] {
@@ -74,7 +74,7 @@ Gaussians<Device> train(const Scene& scene,
             iteration.descend(
                 step, t->adam, t->gaussians,
                 !(options.optim.skip_step_on_structure_change && t->densifier.resets_opacity(step)),
-                t.halted());
+                t.halted(), t.batched() ? &batch.gradients() : nullptr);
         else
             iteration.finish_statistics();
         // What the last iteration grew or faded no other would train.

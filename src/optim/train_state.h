@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "comm/state_parts.h"
 #include "core/error.h"
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
@@ -78,8 +79,8 @@ struct TrainState {
     TrainState(const Scene& scene, const TrainOptions& o, const State* from, Communicator* peers)
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
-          voter(o.tv),
-          adam(o.lr, gaussians, o.comm.batch),
+          voter(o.tv, peers),
+          adam(o.lr, gaussians, o.comm.batch, peers),
           densifier(
               o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
           cameras(scene, o.cameras, o.comm.batch),
@@ -89,7 +90,7 @@ struct TrainState {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
-            load(*from, o);
+            load(*from, o, peers);
         else if (spares(o.densify))
             densifier.set_open(open_shares(scene.train, to_host(gaussians.means),
                                            uses_masks(o.loss.photometric.masks)));
@@ -102,11 +103,11 @@ struct TrainState {
         densifier.state(visit);
         for (const auto& term : losses) term->state(visit);
         cameras.state(visit);
-        visit("tv.tensors", field.tensors);
-        visit("tv.eigenvalues", field.eigenvalues);
-        visit("tv.normals", field.normals);
-        visit("tv.targets", field.targets);
-        visit("tv.flags", field.flags);
+        visit.splats("tv.tensors", field.tensors);
+        visit.splats("tv.eigenvalues", field.eigenvalues);
+        visit.splats("tv.normals", field.normals);
+        visit.splats("tv.targets", field.targets);
+        visit.splats("tv.flags", field.flags);
         typename TensorVoter<Device>::Progress progress = voter.progress();
         visit.value("tv.searched_at", progress.searched_at);
         visit.value("tv.changed", progress.changed);
@@ -114,7 +115,7 @@ struct TrainState {
         // The lists are a pure function of the splats searched, and many times as large.
         for_each_array(
             [&](const SplatArray& array, auto& values) {
-                if (array.shape) visit(str("tv.searched.", array.name), values);
+                if (array.shape) visit.splats(str("tv.searched.", array.name), values);
             },
             searched);
         if (visit.loading()) voter.restore(progress, searched);
@@ -134,9 +135,9 @@ private:
 
     static bool spares(const DensifyOptions& o) { return o.enabled && o.spare_covered > 0; }
 
-    void load(const State& from, const TrainOptions& o) {
-        check_shapes(from, o);
-        StateVisitor<Device> visitor(from);
+    void load(const State& from, const TrainOptions& o, Communicator* peers) {
+        if (!from.in_parts) check_shapes(from, o);  // else it has never been a file
+        StateVisitor<Device> visitor(from, state_parts(peers));
         if (from.find("cameras.numbers") != nullptr && !o.cameras.refine)
             throw Error(ExitCode::usage,
                         "cameras.refine = false: the checkpoint's splats go with poses that were "
@@ -204,16 +205,17 @@ public:
     Training(const Scene& scene,
              const TrainOptions& options,
              const TrainCallbacks& callbacks,
-             const SharedState& start)
+             SharedState start)
         : scene_(scene),
           options_(options),
           callbacks_(callbacks),
           injected_(callbacks.injected_fault),
-          good_(start) {
-        if (const auto bad = start ? find_not_finite(*start) : std::nullopt)
+          good_(std::move(start)) {
+        if (const auto bad = good_ ? find_not_finite(peers(), *good_) : std::nullopt)
             throw Error(ExitCode::numerical,
                         str("the checkpoint's '", bad->array, "' is not finite at ", bad->element));
         restart();
+        if (good_ && peers() != nullptr) good_ = capture();  // the own part of it
         if (const auto fault = look(0))
             throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
     }
@@ -252,8 +254,7 @@ public:
             s.densifier.count_view(iteration.backbone().statistics(), *sums);
         const auto event =
             s.densifier.step(step, s.gaussians, s.adam, [&](const auto& count_views) {
-                iteration.observe(s.gaussians, rank_of(callbacks_.peers), size_of(callbacks_.peers),
-                                  count_views);
+                iteration.observe(s.gaussians, rank_of(peers()), size_of(peers()), count_views);
             });
         if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
         iteration.prepare(first, step, event.structure_changed, s.gaussians);
@@ -280,7 +281,7 @@ public:
         const int done = state_->done;
         if (!check(done)) return false;
         SharedState state = capture();
-        if (const auto bad = find_not_finite(*state)) {
+        if (const auto bad = find_not_finite(peers(), *state)) {
             roll_back({str("iteration ", done, ": element ", bad->element, " of '", bad->array,
                            "' is not finite"),
                        {}});
@@ -300,6 +301,8 @@ public:
     }
 
 private:
+    Communicator* peers() const { return callbacks_.peers; }
+
     void restart() {
         state_.reset();  // first, so that the device never holds two
         state_ =
@@ -313,7 +316,7 @@ private:
 
     SharedState capture() {
         auto state = std::make_shared<State>();
-        StateVisitor<Device> visitor(*state);
+        StateVisitor<Device> visitor(*state, state_parts(peers()));
         state_->visit(visitor);
         return state;
     }

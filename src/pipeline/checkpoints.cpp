@@ -5,6 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "comm/state_parts.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "io/checkpoint.h"
@@ -57,6 +58,83 @@ T value_of(const State& state, const char* name) {
     T value;
     std::memcpy(&value, state.get_one(name, sizeof(T)).bytes.data(), sizeof(T));
     return value;
+}
+
+/// Removes all but the newest.
+void keep_newest(const std::string& run) {
+    const auto all = checkpoints_of(run);
+    std::error_code code;
+    for (std::size_t i = kKept; i < all.size(); ++i) fs::remove(all[i].second, code);
+}
+
+/// What the table says of the whole arrays, on rank 0.
+std::vector<CheckpointEntry> entries_of_all(Communicator& peers, const State& part) {
+    const auto planes_of = [](const StateArray& array) {
+        return static_cast<std::size_t>(array.planes);
+    };
+    // 1. Checksums of the planes of the parts.
+    std::vector<std::uint32_t> mine;
+    for (const StateArray& array : part.arrays)
+        for (std::size_t p = 0; p < planes_of(array); ++p) {
+            const std::size_t bytes = array.bytes.size() / planes_of(array);
+            mine.push_back(checksum(array.bytes.data() + p * bytes, bytes));
+        }
+    std::vector<std::byte> all;
+    peers.all_gather_v("checksums", mine.data(), mine.size() * sizeof mine[0], all);
+    // 2. Those of the whole.
+    std::vector<CheckpointEntry> entries;
+    std::size_t plane = 0;
+    for (const StateArray& array : part.arrays) {
+        if (array.planes == 0) {
+            entries.push_back(entry_of(array));
+            continue;
+        }
+        CheckpointEntry entry{array.name, array.element_bytes, array.real,
+                              array.all * array.element_bytes, 0};
+        const auto splats = static_cast<int>(array.all / planes_of(array));
+        for (std::size_t p = 0; p < planes_of(array); ++p, ++plane)
+            for (int r = 0; r < peers.size(); ++r) {
+                std::uint32_t crc = 0;
+                std::memcpy(
+                    &crc,
+                    all.data() + (static_cast<std::size_t>(r) * mine.size() + plane) * sizeof crc,
+                    sizeof crc);
+                const Part of_rank = part_of(splats, r, peers.size());
+                entry.crc = checksum_of_both(
+                    entry.crc, crc, static_cast<std::size_t>(of_rank.size()) * array.element_bytes);
+            }
+        entries.push_back(entry);
+    }
+    return entries;
+}
+
+/// Rank 0 writes `about` and the parts of all into `file`; returns why it could not. The others are
+/// done with when all has been sent, also where it cannot be written.
+std::string write_parts(Communicator& peers,
+                        const std::string& file,
+                        const State& about,
+                        const State& part) {
+    std::string failure;
+    const auto try_to = [&](const auto& act) {
+        if (peers.rank() != 0 || !failure.empty()) return;
+        try {
+            act();
+        } catch (const std::exception& error) {
+            failure = error.what();
+        }
+    };
+    std::vector<CheckpointEntry> entries;
+    for (const StateArray& array : about.arrays) entries.push_back(entry_of(array));
+    for (CheckpointEntry& entry : entries_of_all(peers, part)) entries.push_back(std::move(entry));
+    std::optional<CheckpointFile> to;
+    try_to([&] { to.emplace(file, entries); });
+    const auto write = [&](const std::byte* bytes, std::size_t count) {
+        try_to([&] { to->write(bytes, count); });
+    };
+    for (const StateArray& array : about.arrays) write(array.bytes.data(), array.bytes.size());
+    for (const StateArray& array : part.arrays) for_whole_array(&peers, array, write);
+    try_to([&] { to->commit(); });
+    return failure;
 }
 
 ResumePoint read_point(const std::string& file) {
@@ -171,6 +249,11 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
     add_values(*about, "run.points", scene_.points.positions.data(),
                scene_.points.positions.size());
     file_ = str(folder_of(run_), "/iteration_", done, ".ckpt");
+    if (peers_ != nullptr) {
+        failure_ = write_parts(*peers_, file_, *about, *state);
+        if (failure_.empty()) keep_newest(run_);
+        return warn_of_failure();
+    }
     writing_ =
         std::async(std::launch::async, [about, state, file = file_, run = run_]() -> std::string {
             try {
@@ -178,18 +261,23 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
             } catch (const std::exception& error) {
                 return error.what();
             }
-            const auto all = checkpoints_of(run);
-            std::error_code code;
-            for (std::size_t i = kKept; i < all.size(); ++i) fs::remove(all[i].second, code);
+            keep_newest(run);
             return {};
         });
+}
+
+void send_checkpoint(Communicator& peers, const State& part) {
+    write_parts(peers, "", {}, part);
+}
+
+void CheckpointWriter::warn_of_failure() const {
+    if (!failure_.empty()) spdlog::warn("checkpoint not saved: {}; those before it stay", failure_);
 }
 
 std::optional<std::string> CheckpointWriter::finish() {
     if (writing_.valid()) {
         failure_ = writing_.get();
-        if (!failure_.empty())
-            spdlog::warn("checkpoint not saved: {}; those before it stay", failure_);
+        warn_of_failure();
     }
     if (file_.empty() || !failure_.empty()) return std::nullopt;
     return file_;

@@ -48,13 +48,17 @@ std::vector<std::pair<std::string, std::string>> config_values(const OptionTable
 std::string changed_values(const std::vector<std::pair<std::string, std::string>>& before,
                            const OptionTable& table);
 
-/// Writes checkpoints in the background and keeps the newest two of a run. One that cannot be
-/// written is a warning: the ones before stay, and the training goes on.
+/// Writes checkpoints and keeps the newest two of a run. One that cannot be written is a warning:
+/// the ones before stay, and the training goes on. By itself a process writes in the background; of
+/// several, all come by when rank 0 writes the parts of them all.
 class CheckpointWriter {
 public:
     /// `scene` must outlive it.
-    CheckpointWriter(std::string run, std::string config, const Scene& scene)
-        : run_(std::move(run)), config_(std::move(config)), scene_(scene) {}
+    CheckpointWriter(std::string run,
+                     std::string config,
+                     const Scene& scene,
+                     Communicator* peers = nullptr)
+        : run_(std::move(run)), config_(std::move(config)), scene_(scene), peers_(peers) {}
     CheckpointWriter(const CheckpointWriter&) = delete;
     CheckpointWriter& operator=(const CheckpointWriter&) = delete;
     ~CheckpointWriter() { finish(); }
@@ -71,11 +75,17 @@ public:
     const std::string& failure() const { return failure_; }
 
 private:
+    void warn_of_failure() const;
+
     std::string run_, config_;
     const Scene& scene_;
+    Communicator* peers_;
     std::optional<std::uint32_t> photos_;
     std::string file_, failure_;
     std::future<std::string> writing_;  // the failure
 };
+
+/// What the other processes do while rank 0 is in CheckpointWriter::save().
+void send_checkpoint(Communicator& peers, const State& part);
 
 }  // namespace tvsgs

@@ -25,10 +25,11 @@ double gigabytes(std::int64_t bytes) {
     return static_cast<double>(bytes) / 1e9;
 }
 
-/// A way to hold a training on one machine.
+/// A way to hold a training on the processes that there are.
 struct Level {
-    const char* choice;
+    std::string choice;
     Settings settings;
+    TrainOptions options;
     MemoryPlan needs;
 };
 
@@ -42,9 +43,13 @@ std::vector<Level> levels_of(const Scene& scene,
                    in.may_compact && options.tv.enabled && options.tv.lists == ListStorage::full,
                crowded = in.cuda && photos_crowd(scene, options, in.limits.device);
     std::vector<Level> levels;
-    const auto add = [&](const char* choice, bool stream, bool compact) {
-        Level level{choice, {}, {}};
-        TrainOptions o = options;
+    const int processes = in.processes.all;
+    const std::string plain = processes > 1 ? str(processes, in.cuda ? " GPUs" : " processes")
+                              : in.cuda     ? "one GPU"
+                                            : "one CPU";
+    const auto add = [&](const std::string& choice, bool stream, bool compact) {
+        Level level{choice, {}, options, {}};
+        TrainOptions& o = level.options;
         if (stream) {
             o.photo_bytes = 1;
             level.settings.emplace_back("photo_bytes", "1");
@@ -56,11 +61,27 @@ std::vector<Level> levels_of(const Scene& scene,
         level.needs = estimate_memory(scene, o, in.first, in.cuda, in.processes);
         levels.push_back(std::move(level));
     };
-    if (!(streams && crowded)) add(in.cuda ? "one GPU" : "one CPU", false, false);
+    if (!(streams && crowded)) add(plain, false, false);
     if (streams) add("photographs on the host", true, false);
     if (compacts && !(streams && crowded)) add("compact lists", false, true);
     if (streams && compacts) add("compact lists, photographs on the host", true, true);
     return levels;
+}
+
+/// How many processes, with a GPU like this each, would hold the expected splats where one does
+/// not; 0: not so few as are tried. A step then looks at as many photographs.
+int processes_that_hold(const Scene& scene, const Level& level, const MachineInputs& in) {
+    if (!in.cuda || in.processes.all > 1) return 0;
+    for (const int processes : {2, 4, 8}) {
+        TrainOptions o = level.options;
+        o.comm.batch = std::max(o.comm.batch, processes);
+        if (o.comm.batch > static_cast<int>(scene.train.size())) break;
+        const MemoryLimits limits{in.limits.device, in.limits.host / processes};
+        const MemoryPlan needs =
+            estimate_memory(scene, o, in.first, in.cuda, {processes, processes});
+        if (fitting(needs, limits) >= in.expected.count) return processes;
+    }
+    return 0;
 }
 
 }  // namespace
@@ -118,6 +139,10 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
             reason +=
                 str("; ", splats_text(most), " fit", most < in.first ? "" : ", where growth stops",
                     "; all: ", split_command(scene.path, blocks_for(splats, most)));
+        if (const int processes = processes_that_hold(scene, *taken, in); processes > 0)
+            reason +=
+                str(", or ", processes, " GPUs: mpirun -n ", processes,
+                    " tvsgs-train ... --set comm.batch=", std::max(options.comm.batch, processes));
     }
     return {"machines", choice, reason, measured, threshold, taken->settings};
 }

@@ -33,9 +33,9 @@ struct MachineInputs {
 };
 
 /// The first of these that holds the expected splats: all on the device; photographs on the host;
-/// compact lists of votes; both; blocks. Where none does, training takes what holds most splats if
-/// the first ones fit into it, and stops growing there; else it cannot start, and plan_memory()
-/// says so.
+/// compact lists of votes; both; blocks, or more GPUs, of which it only speaks. Where none does,
+/// training takes what holds most splats if the first ones fit into it, and stops growing there;
+/// else it cannot start, and plan_memory() says so. Of several processes each holds its share.
 Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -27,6 +27,9 @@ constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment =
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
+// Of these, what of several processes each has for its part alone: sums and scales of votes; and
+// beside them tiles of lists on their way to the processes of their receivers.
+constexpr std::int64_t kPerVoterPart = 60, kPerVoterOnItsWay = 150;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
 /// What DeviceViews makes of a mask that terms look at.
@@ -195,13 +198,20 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
     const bool compact = make_backbone<Cpu>(o.backbone, o.render)->fuses(),
                fuses = compact && fixed == 0;
-    // A step of several photographs adds up gradients of one at a time; what this process and all
-    // of them have found lies beside both.
+    // Of several processes each holds the parameters, and what else is but for its part.
+    const auto part = [&](std::int64_t bytes) {
+        return (bytes + processes.all - 1) / processes.all;
+    };
+    // A step of several photographs adds up gradients of one at a time. Records of them, sent and
+    // received, are under way for some of the splats at a time.
     constexpr std::int64_t kStatistics = 16, kIndex = 12;
     const std::int64_t exchanged =
-        processes.all > 1 ? (1 + processes.all) * (parameters + kStatistics + kIndex) : 0;
-    const std::int64_t gradients = o.comm.batch > 1 ? 2 * parameters + kStatistics + exchanged
-                                   : !fuses         ? parameters
+        processes.all > 1
+            ? 2 * (parameters + kStatistics + kIndex) / kExchangesOfPhotograph + kStatistics
+            : 0;
+    const std::int64_t gradients = o.comm.batch > 1
+                                       ? parameters + part(parameters + kStatistics) + exchanged
+                                   : !fuses                ? parameters
                                    : needs.splat_gradients ? geometry
                                                            : 0;
     const std::int64_t renders = 1 + needs.rendered_views;
@@ -212,13 +222,15 @@ MemoryPlan estimate_memory(const Scene& scene,
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
     const std::int64_t drawn = renders * view_bytes_per_splat(compact ? share_in_view(scene) : 1);
-    buffers.per_splat = 3 * parameters + gradients + drawn;
+    buffers.per_splat = parameters + part(2 * parameters) + gradients + drawn;
     // Beside fixed splats: values and gradients of all that is drawn, once more.
     if (fixed > 0) buffers.per_splat += 2 * parameters;
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
-    if (votes)
-        buffers.per_splat +=
-            kPerVoter + (o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k);
+    if (votes) {
+        const std::int64_t lists = o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k,
+                           on_its_way = processes.all > 1 ? kPerVoterOnItsWay : 0;
+        buffers.per_splat += kPerVoter - kPerVoterPart + part(kPerVoterPart + lists + on_its_way);
+    }
     if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
@@ -236,8 +248,8 @@ MemoryPlan estimate_memory(const Scene& scene,
                     per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
 
     // A checkpoint is held until the next one is, and both meanwhile.
-    const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
-    plan.host.per_splat = 2 * state + parameters + exchanged;
+    const std::int64_t state = part(3 * parameters + (votes ? kPerVoterState : 0));
+    plan.host.per_splat = 2 * state + parameters;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +
                       fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));

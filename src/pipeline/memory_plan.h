@@ -81,7 +81,7 @@ std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting);
 /// What to type for it.
 std::string split_command(const std::string& scene, std::int64_t blocks);
 
-/// The needs of one process alone, for `splats` at the start.
+/// The needs of one of the processes, for `splats` at the start.
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& options,
                            std::int64_t splats,

@@ -47,7 +47,7 @@ bool evaluates_on_the_way(const RunOptions& options) {
 template <class Device>
 class TrainSession {
 public:
-    TrainSession(const SessionInputs& inputs, RunFolder& run);
+    TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run);
     void run();
 
 private:
@@ -92,25 +92,25 @@ private:
     std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
     HeldExposures exposures_;                  // of the training views; empty: none
     int done_;                                 // iterations
-    SharedState state_;                        // the last one saved; null: the beginning
+    SharedState state_;                        // where the next training begins; null: as a new one
     bool fit_now_ = false;                     // the training pauses for a new schedule
 };
 
 template <class Device>
-TrainSession<Device>::TrainSession(const SessionInputs& inputs, RunFolder& run)
+TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run)
     : in_(inputs),
       run_(run),
       talk_(inputs.peers),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
-      checkpoints_(run.path(), inputs.config(), inputs.scene),
+      checkpoints_(run.path(), inputs.config(), inputs.scene, inputs.peers),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
           inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
       fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
       done_(inputs.resume.done()),
-      state_(inputs.resume.point ? inputs.resume.point->state : nullptr) {
+      state_(std::move(start)) {
     heed_signals(in_);
 }
 
@@ -183,7 +183,8 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
         }
     };
     for (;;) {
-        Gaussians<Device> trained = train<Device>(in_.scene, training_, told, after_step, state_);
+        Gaussians<Device> trained =
+            train<Device>(in_.scene, training_, told, after_step, std::exchange(state_, nullptr));
         if (!fit_now_) return trained;
         fit_to_budget();
         told.goes_on = true;
@@ -372,12 +373,11 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
 
 /// The training of a process that follows.
 template <class Device>
-void follow(const SessionInputs& in) {
+void follow(const SessionInputs& in, SharedState state) {
     const SignalGuard signals;
     heed_signals(in);
     RankTalk talk(in.peers);
     TrainOptions training = in.training;
-    SharedState state = in.resume.point ? in.resume.point->state : nullptr;
     bool fit = false;
     TrainCallbacks told;
     told.peers = in.peers;
@@ -389,13 +389,16 @@ void follow(const SessionInputs& in) {
         return next != NextStep::go_on;
     };
     told.save_due = [&](int done) { return save_due(in, training, done); };
-    told.on_save = [&](int, const SharedState& saved) { state = saved; };
+    told.on_save = [&](int, const SharedState& saved) {
+        state = saved;
+        if (!fit) send_checkpoint(*in.peers, *saved);
+    };
     told.goes_on = true;
     const auto after_step = [&](int, const Gaussians<Device>&) {
         if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) talk.alone([] {});
     };
     for (;;) {
-        train<Device>(in.scene, training, told, after_step, state);
+        train<Device>(in.scene, training, told, after_step, std::exchange(state, nullptr));
         if (!fit) return;
         talk.share_schedule(training);
     }
@@ -403,12 +406,16 @@ void follow(const SessionInputs& in) {
 
 }  // namespace
 
-void follow_session(const DeviceChoice& device, const SessionInputs& inputs) {
-    on_device(device, [&](auto tag) { follow<decltype(tag)>(inputs); });
+void follow_session(const DeviceChoice& device, const SessionInputs& inputs, SharedState start) {
+    on_device(device, [&](auto tag) { follow<decltype(tag)>(inputs, std::move(start)); });
 }
 
-void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run) {
-    on_device(device, [&](auto tag) { TrainSession<decltype(tag)>(inputs, run).run(); });
+void run_session(const DeviceChoice& device,
+                 const SessionInputs& inputs,
+                 SharedState start,
+                 RunFolder& run) {
+    on_device(device,
+              [&](auto tag) { TrainSession<decltype(tag)>(inputs, std::move(start), run).run(); });
 }
 
 }  // namespace tvsgs

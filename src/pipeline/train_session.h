@@ -36,11 +36,15 @@ struct SessionInputs {
 
 /// Trains, and leaves in `run` what docs/guide/commands.md lists; its first files are there. Where
 /// the training is stopped, the splats so far and a checkpoint are saved. Throws Error, and Stopped
-/// after a signal.
-void run_session(const DeviceChoice& device, const SessionInputs& inputs, RunFolder& run);
+/// after a signal. `start`: what a resumed training goes on from; given away, it is held no longer
+/// than it is needed.
+void run_session(const DeviceChoice& device,
+                 const SessionInputs& inputs,
+                 SharedState start,
+                 RunFolder& run);
 
 /// What the other processes do while rank 0 is in run_session(): they share its training, and say
 /// and write nothing. Throws Error.
-void follow_session(const DeviceChoice& device, const SessionInputs& inputs);
+void follow_session(const DeviceChoice& device, const SessionInputs& inputs, SharedState start);
 
 }  // namespace tvsgs

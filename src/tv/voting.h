@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "comm/communicator.h"
 #include "core/gaussians.h"
 #include "core/options.h"
 #include "tv/internal/neighbour_lists.h"
@@ -164,7 +165,9 @@ struct SplatSpans;
 template <class Device>
 class TensorVoter {
 public:
-    explicit TensorVoter(const TvOptions& options);
+    /// Of several processes, which all hold the splats and the field, each keeps the lists of its
+    /// part of them, and finds their votes; all call the same.
+    explicit TensorVoter(const TvOptions& options, Communicator* peers = nullptr);
     ~TensorVoter();
 
     /// True at the iterations that vote: `start`, and every `vote_every` after it, and after
@@ -202,6 +205,7 @@ public:
     void set_profiling(bool on);
     VotingProfile profile() const;
 
+    /// Of all processes, which all call it.
     VotingDetails details() const;
 
     /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next
@@ -221,7 +225,17 @@ private:
     template <class Ballot>
     void count_votes(const Ballot& ballot);
 
+    /// values[i] <- what the process has found whose part splat i is, by its rank.
+    template <class T>
+    void share_field(Buffer<T, Device>& values, Buffer<T, Device>& scratch);
+    /// data[r] <- what the process has found whose part rank r is.
+    template <class T>
+    void share_ranks(T* data);
+    /// all[r] <- those of the parts, in order.
+    void gather_ranks(const Buffer<float, Device>& part, Buffer<float, Device>& all);
+
     TvOptions options_;
+    Communicator* peers_;
     std::unique_ptr<State> state_;
 };
 

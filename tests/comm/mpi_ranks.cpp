@@ -33,6 +33,37 @@ void gather_uneven(Communicator& peers) {
     }
 }
 
+void share_and_deal(Communicator& peers) {
+    const int ranks = peers.size(), own = peers.rank();
+    for (const int count : {1, 70, 1000003}) {
+        std::vector<int> values(static_cast<std::size_t>(count), -1);
+        const Part part = own_part(&peers, count);
+        for (int i = part.begin; i < part.end; ++i) values[static_cast<std::size_t>(i)] = 3 * i;
+        share_parts(&peers, "array", Cpu{}, values.data(), count);
+        for (int i = 0; i < count; ++i)
+            require(values[static_cast<std::size_t>(i)] == 3 * i, "shared");
+
+        // Rank r gets r x count numbers from each.
+        Buffer<int, Cpu> parts, got;
+        std::vector<int> sent;
+        std::vector<std::size_t> begins{0};
+        for (int r = 0; r < ranks; ++r) {
+            for (int i = 0; i < r * count; ++i) sent.push_back(i + 7 * own + r);
+            begins.push_back(sent.size());
+        }
+        copy(sent, parts);
+        const auto came = peers.all_to_all_v("dealt", parts, begins, got);
+        require(
+            got.size() == static_cast<std::size_t>(ranks * own) * static_cast<std::size_t>(count),
+            "dealt sizes");
+        for (int r = 0; r < ranks; ++r)
+            for (int i = 0; i < own * count; ++i)
+                require(got[came[static_cast<std::size_t>(r)] + static_cast<std::size_t>(i)] ==
+                            i + 7 * r + own,
+                        "dealt");
+    }
+}
+
 int run(Communicator& peers, bool alone) {
     std::vector<std::int64_t> sum{peers.rank() + 1};
     peers.all_reduce("sum", Communicator::Reduce::sum, sum);
@@ -40,6 +71,7 @@ int run(Communicator& peers, bool alone) {
     require(peers.local_size() == peers.size() && peers.local_rank() == peers.rank(),
             "all are on this machine");
     gather_uneven(peers);
+    share_and_deal(peers);
     if (alone) {
         peers.set_limit(1);
         peers.set_iteration(7);

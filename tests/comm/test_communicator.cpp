@@ -36,6 +36,74 @@ TEST(Communicator, PartsComeInTheOrderOfTheRanks) {
         });
 }
 
+TEST(Parts, AreWholeGrainsInOrder) {
+    for (const int count : {0, 1, 31, 32, 33, 100, 1000, 4097})
+        for (const int ranks : {1, 2, 3, 4, 7}) {
+            int end = 0, most = 0, least = count;
+            for (int r = 0; r < ranks; ++r) {
+                const Part part = part_of(count, r, ranks);
+                EXPECT_EQ(part.begin, end);
+                EXPECT_TRUE(part.begin % kPartGrain == 0 || part.size() == 0);
+                end = part.end;
+                most = std::max(most, part.size()), least = std::min(least, part.size());
+            }
+            EXPECT_EQ(end, count);
+            EXPECT_LE(most - least, 2 * kPartGrain - 1);
+        }
+    EXPECT_EQ(part_of(40000000, 2, 4).begin, 20000000);
+}
+
+TEST(Communicator, EachSharesItsPartOfAnArray) {
+    for (const int size : {2, 3, 4})
+        for (const int count : {1, 40, 130, 1000})
+            on_ranks(size, [&](ThreadRank* peers) {
+                constexpr int kPlanes = 3;
+                const auto expected = [](int i) { return 1.5f * static_cast<float>(i); };
+                std::vector<float> values(static_cast<std::size_t>(kPlanes * count), -1);
+                const Part own = own_part(peers, count);
+                for (int p = 0; p < kPlanes; ++p)
+                    for (int i = own.begin; i < own.end; ++i)
+                        values[static_cast<std::size_t>(p * count + i)] = expected(p * count + i);
+                share_parts(peers, "array", Cpu{}, values.data(), count, kPlanes);
+                for (int i = 0; i < kPlanes * count; ++i)
+                    ASSERT_EQ(values[static_cast<std::size_t>(i)], expected(i)) << count;
+            });
+    on_ranks(2, [](ThreadRank* peers) {  // which of them is wrong, nobody knows
+        std::vector<int> values(200);
+        EXPECT_THROW(
+            share_parts(peers, "array", Cpu{}, values.data(), peers->rank() == 0 ? 200 : 100),
+            Error);
+    });
+}
+
+TEST(Communicator, EachSendsEachItsOwn) {
+    for (const int size : {2, 3, 4})
+        on_ranks(size, [size](ThreadRank* peers) {
+            // For rank r as many numbers as the ranks' product says, none for the next one.
+            const auto count = [size](int from, int to) {
+                return to == (from + 1) % size ? 0 : 1 + from * to;
+            };
+            const int own = peers->rank();
+            std::vector<int> sent;
+            std::vector<std::size_t> begins{0};
+            for (int to = 0; to < size; ++to) {
+                for (int i = 0; i < count(own, to); ++i) sent.push_back(100 * own + 10 * to + i);
+                begins.push_back(sent.size());
+            }
+            Buffer<int, Cpu> parts, got;
+            copy(sent, parts);
+            const auto came = peers->all_to_all_v("own", parts, begins, got);
+            ASSERT_EQ(came.size(), static_cast<std::size_t>(size) + 1);
+            for (int from = 0; from < size; ++from) {
+                const std::size_t begin = came[static_cast<std::size_t>(from)];
+                ASSERT_EQ(came[static_cast<std::size_t>(from) + 1] - begin,
+                          static_cast<std::size_t>(count(from, own)));
+                for (int i = 0; i < count(from, own); ++i)
+                    EXPECT_EQ(got[begin + static_cast<std::size_t>(i)], 100 * from + 10 * own + i);
+            }
+        });
+}
+
 TEST(Communicator, BroadcastsAndReduces) {
     on_ranks(3, [](ThreadRank* peers) {
         const int rank = peers->rank();
@@ -100,6 +168,7 @@ private:
         for (std::size_t r = 0; r < 2; ++r)  // late, but the same
             std::memcpy(static_cast<char*>(all) + begins[r], part, begins[r + 1] - begins[r]);
     }
+    void deal(const void*, const Begins&, void*, const Begins&) override {}
 };
 
 std::string why_it_ends(Lonely& peers) {

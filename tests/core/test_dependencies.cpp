@@ -18,7 +18,7 @@ const std::map<std::string, std::set<std::string>> kMayUse{
     {"core", {}},
     {"comm", {"core"}},
     {"io", {"core"}},
-    {"tv", {"core"}},
+    {"tv", {"core", "comm"}},
     {"render", {"core"}},
     {"mvs", {"core"}},
     {"optim", {"core", "comm", "tv", "render"}},

@@ -57,7 +57,19 @@ TEST(MemoryPlan, CountsWhatStepsOfSeveralPhotographsHold) {
     const std::int64_t parameters = 236;
     EXPECT_GE(per_splat(4, 1), per_splat(1, 1) + parameters) << "the sum beside the gradients";
     EXPECT_EQ(per_splat(8, 1), per_splat(4, 1)) << "one photograph at a time";
-    EXPECT_GE(per_splat(4, 4), per_splat(4, 1) + 5 * parameters) << "what all of them send";
+    // Of the rest each of them has its share: two moments and the sum.
+    EXPECT_LE(per_splat(4, 4), per_splat(4, 1) - 3 * parameters / 2);
+    EXPECT_GE(per_splat(4, 4), per_splat(4, 1) - 3 * parameters) << "the parameters all of them";
+    EXPECT_LT(per_splat(8, 8), per_splat(8, 4));
+    o.tv.enabled = true, o.tv.k = 100;
+    o.tv.lists = ListStorage::full;
+    const std::int64_t lists = 800, voting = per_splat(4, 1) - per_splat(4, 4);
+    o.tv.enabled = false;
+    EXPECT_GE(voting, per_splat(4, 1) - per_splat(4, 4) + lists / 2);
+    const auto on_host = [&](int processes) {
+        return estimate_memory(scene, o, 100, true, {processes, processes}).host.per_splat;
+    };
+    EXPECT_LE(on_host(4), on_host(1) - 2 * 3 * parameters / 2) << "two states";
 }
 
 TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
@@ -192,6 +204,28 @@ TEST(Machines, WhatTheUserSetsIsNotTheirs) {
     silent.tv.enabled = false;
     in = inputs(200000, limits_for(scene, silent, 200000, -100000000));
     EXPECT_EQ(plan_machines(scene, silent, in).choice, "blocks") << "no votes, no lists";
+}
+
+TEST(Machines, SeveralProcessesHoldMore) {
+    const Scene scene = scene_of(9);
+    const std::int64_t splats = 200000;
+    TrainOptions options = voting();
+    options.comm.batch = 4;
+    MachineInputs in = inputs(splats, limits_for(scene, options, splats, 0));
+    in.limits.device = in.limits.device * 3 / 4;
+    in.may_stream = in.may_compact = false;
+    const Decision alone = plan_machines(scene, options, in);
+    EXPECT_EQ(alone.choice, "blocks");
+    EXPECT_NE(alone.reason.find(", or 4 GPUs: mpirun -n 4 tvsgs-train ... --set comm.batch=4"),
+              std::string::npos)
+        << alone.reason;
+    in.processes = {4, 4};
+    const Decision four = plan_machines(scene, options, in);
+    EXPECT_EQ(four.choice, "4 GPUs");
+    EXPECT_LT(four.measured, alone.measured);
+    in.processes = {1, 1};
+    in.limits.device /= 10;
+    EXPECT_EQ(plan_machines(scene, options, in).reason.find("mpirun"), std::string::npos);
 }
 
 TEST(Machines, GrowthStopsWhereNoMoreFit) {

@@ -1,6 +1,8 @@
 // Ranks of a training as threads of the test.
 #pragma once
 
+#include <omp.h>
+
 #include <barrier>
 #include <cstdlib>
 #include <cstring>
@@ -14,8 +16,10 @@ namespace tvsgs::test {
 
 /// What the threads share.
 struct ThreadGroup {
-    explicit ThreadGroup(int size) : parts(static_cast<std::size_t>(size)), meet(size) {}
+    explicit ThreadGroup(int size)
+        : parts(static_cast<std::size_t>(size)), places(parts.size()), meet(size) {}
     std::vector<const void*> parts;
+    std::vector<const std::vector<std::size_t>*> places;
     std::barrier<> meet;
 };
 
@@ -29,16 +33,30 @@ public:
     [[noreturn]] void abort(int code) override { std::_Exit(code); }
     void leave() override { wait_for_all("end"); }
 
-    std::size_t gathered = 0;  // bytes of all
+    std::size_t gathered = 0, dealt = 0;  // bytes of all; bytes of those meant for this rank
 
 private:
     void gather(const void* part, const Begins& begins, void* all, bool) override {
         group_.parts[static_cast<std::size_t>(rank_)] = part;
         group_.meet.arrive_and_wait();
         for (std::size_t r = 0; r < group_.parts.size(); ++r)
-            if (const std::size_t bytes = begins[r + 1] - begins[r]; bytes > 0)
-                std::memcpy(static_cast<char*>(all) + begins[r], group_.parts[r], bytes);
+            if (char* const to = static_cast<char*>(all) + begins[r];
+                begins[r + 1] > begins[r] && to != group_.parts[r])
+                std::memcpy(to, group_.parts[r], begins[r + 1] - begins[r]);
         gathered += begins.back();
+        group_.meet.arrive_and_wait();
+    }
+
+    void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
+        const auto own = static_cast<std::size_t>(rank_);
+        group_.parts[own] = parts, group_.places[own] = &to;
+        group_.meet.arrive_and_wait();
+        for (std::size_t r = 0; r < group_.parts.size(); ++r)
+            if (const std::size_t bytes = from[r + 1] - from[r]; bytes > 0)
+                std::memcpy(static_cast<char*>(got) + from[r],
+                            static_cast<const char*>(group_.parts[r]) + (*group_.places[r])[own],
+                            bytes);
+        dealt += from.back();
         group_.meet.arrive_and_wait();
     }
 
@@ -54,6 +72,7 @@ void on_ranks(int size, const Run& run) {
     std::vector<std::thread> threads;
     for (int rank = 0; rank < size; ++rank)
         threads.emplace_back([&, rank] {
+            omp_set_num_threads(1);  // more would wait for each other
             ThreadRank communicator(group, rank);
             run(&communicator);
         });

@@ -15,10 +15,11 @@ enum class ListStorage { full, compact };
 
 /// Plain lists.
 struct FullLists {
-    int k;                                // receivers of each voter
-    Span<const std::uint32_t> receivers;  // [voters, k] ascending for each voter
-    Span<const std::int64_t> begin;       // [usable + 1] where receiver i's voters begin
-    Span<const std::uint32_t> voters;     // ascending for each receiver
+    int k;                                    // receivers of each voter
+    Span<const std::uint32_t> receivers;      // [voters, k] ascending for each voter
+    Span<const std::int64_t> begin;           // [usable + 1] where receiver i's voters begin
+    Span<const std::uint32_t> voters;         // ascending for each receiver
+    int first_voter = 0, first_receiver = 0;  // of those whose lists are here
 
     /// Of one warp, for receivers_of().
     static std::size_t scratch_bytes(int /*k*/) { return 0; }
@@ -26,12 +27,13 @@ struct FullLists {
     /// The voter's k receivers.
     template <class Warp>
     TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
-        return receivers.data + std::size_t(voter) * k;
+        return receivers.data + std::size_t(voter - first_voter) * k;
     }
     /// action(voter) for this lane's share of the voters of the splat at `rank`: number e goes to
     /// the lanes of number e modulo kStride.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
+        rank -= first_receiver;
         const std::int64_t end = begin[rank + 1];
         for (std::int64_t e = begin[rank] + warp.lane() % kStride; e < end; e += kStride)
             action(voters[e]);
@@ -79,16 +81,19 @@ struct CompactLists {
     Span<const std::uint32_t> receiver_block;  // of each tile
     Span<const std::int64_t> voter_begin;      // [blocks of voters + 1]
     // The other way: ordered by block of receivers, then of voters.
-    Span<const std::uint32_t> place;  // in `tiles`
+    Span<const EdgeTile> received;    // the same tiles; of several processes those of its receivers
+    Span<const std::uint32_t> place;  // in `received`
     Span<const std::uint32_t> voter_block;
     Span<const std::int64_t> receiver_begin;  // [blocks of receivers + 1]
+    int first_voter = 0, first_receiver = 0;  // of those whose lists are here
 
     static std::size_t scratch_bytes(int k) { return std::size_t(k) * sizeof(std::uint32_t); }
 
     template <class Warp>
     TVSGS_HD const std::uint32_t* receivers_of(const Warp& warp, int voter, void* scratch) const {
         auto* list = static_cast<std::uint32_t*>(scratch);
-        const int block = voter / EdgeTile::kVoters, bit = voter % EdgeTile::kVoters;
+        const int block = (voter - first_voter) / EdgeTile::kVoters,
+                  bit = voter % EdgeTile::kVoters;
         const std::int64_t end = voter_begin[block + 1];
         int count = 0;
         for (std::int64_t first = voter_begin[block]; first < end; first += Warp::kLanes) {
@@ -108,12 +113,12 @@ struct CompactLists {
 
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
-        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
-        std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers];
+        std::int64_t end = 0, first = range_of(rank, end);
         if constexpr (Warp::kLanes == 1) {
             for (; first < end; ++first)
                 for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
-                    action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
+                    action(voter_of_tile(first) +
+                           static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
             // 32 tiles at a time, a lane each, then the voters in them, number e to lane e % 32.
             // Those of an incomplete 32 wait in their lanes for the next tiles.
@@ -122,7 +127,7 @@ struct CompactLists {
             for (bool last = false; !last;) {
                 const std::int64_t t = first + warp.lane();
                 const std::uint32_t mask = t < end ? voters_in(t, rank) : 0;
-                const std::uint32_t base = t < end ? first_voter(t) : 0;
+                const std::uint32_t base = t < end ? voter_of_tile(t) : 0;
                 const int count = std::popcount(mask), before = warp.sum_before(count);
                 const int known = found;
                 found += warp.from_lane(before + count, Warp::kLanes - 1);
@@ -147,21 +152,26 @@ struct CompactLists {
     /// The voters of the splat at `rank` to `out`, for which it takes a whole warp.
     template <class Warp>
     TVSGS_HD void write_voters(const Warp& warp, int rank, std::uint32_t* out) const {
-        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
-        for (std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers]; first < end;
-             first += Warp::kLanes) {
+        std::int64_t end = 0;
+        for (std::int64_t first = range_of(rank, end); first < end; first += Warp::kLanes) {
             const std::int64_t t = first + warp.lane();
             out += write_members(warp, t < end ? voters_in(t, rank) : 0,
-                                 t < end ? first_voter(t) : 0, out);
+                                 t < end ? voter_of_tile(t) : 0, out);
         }
     }
 
     TVSGS_HD std::uint32_t voters_in(std::int64_t t, int rank) const {
-        return tiles[place[t]].voters[rank % EdgeTile::kReceivers];
+        return received[place[t]].voters[rank % EdgeTile::kReceivers];
     }
 
 private:
-    TVSGS_HD std::uint32_t first_voter(std::int64_t t) const {
+    /// The tiles of the receivers around `rank`: the first, and the end.
+    TVSGS_HD std::int64_t range_of(int rank, std::int64_t& end) const {
+        const int block = (rank - first_receiver) / EdgeTile::kReceivers;
+        end = receiver_begin[block + 1];
+        return receiver_begin[block];
+    }
+    TVSGS_HD std::uint32_t voter_of_tile(std::int64_t t) const {
         return voter_block[t] * EdgeTile::kVoters;
     }
     /// Number e of the members of the lanes' sets, `before` of which are in lower lanes.
@@ -184,11 +194,23 @@ struct EdgeTiles {
     Buffer<EdgeTile, Device> tiles;
     Buffer<std::uint32_t, Device> receiver_block, place, voter_block;
     Buffer<std::int64_t, Device> voter_begin, receiver_begin;
-
-    CompactLists lists() const {
-        return {{tiles.data(), count}, {receiver_block.data(), count}, voter_begin.span(),
-                {place.data(), count}, {voter_block.data(), count},    receiver_begin.span()};
-    }
 };
+
+/// Lists by voters and by receivers: of one process the same tiles.
+template <class Device>
+CompactLists compact_lists(const EdgeTiles<Device>& cast,
+                           const EdgeTiles<Device>& received,
+                           int first_voter,
+                           int first_receiver) {
+    return {{cast.tiles.data(), cast.count},
+            {cast.receiver_block.data(), cast.count},
+            cast.voter_begin.span(),
+            {received.tiles.data(), received.count},
+            {received.place.data(), received.count},
+            {received.voter_block.data(), received.count},
+            received.receiver_begin.span(),
+            first_voter,
+            first_receiver};
+}
 
 }  // namespace tvsgs

@@ -98,31 +98,75 @@ struct ReceiverBeginBody {
     }
 };
 
+/// The last entry of [0, size - 1) that is not above `value`; the very last one is above it.
+template <class T>
+TVSGS_HD int last_not_above(Span<const T> ascending, std::int64_t value) {
+    int low = 0, high = ascending.size() - 1;
+    while (high - low > 1) {
+        const int middle = (low + high) / 2;
+        (std::int64_t(ascending[middle]) <= value ? low : high) = middle;
+    }
+    return low;
+}
+
 /// The block of voters that a tile is of: the last that begins at or before it.
 struct VoterBlockBody {
     Span<const std::uint32_t> place;
     Span<const std::int64_t> voter_begin;
     Span<std::uint32_t> voter_block;
     TVSGS_HD void operator()(int t) const {
-        int low = 0, high = voter_begin.size() - 1;  // voter_begin[high] is above all places
-        while (high - low > 1) {
-            const int middle = (low + high) / 2;
-            (voter_begin[middle] <= std::int64_t(place[t]) ? low : high) = middle;
-        }
-        voter_block[t] = static_cast<std::uint32_t>(low);
+        voter_block[t] = static_cast<std::uint32_t>(last_not_above(voter_begin, place[t]));
     }
+};
+
+/// The process that a tile's receivers belong to.
+struct OwnerBody {
+    Span<const std::uint32_t> receiver_block;
+    Span<const int> begins;  // of the processes' parts
+    Span<std::uint32_t> owners;
+    TVSGS_HD void operator()(int t) const {
+        owners[t] = static_cast<std::uint32_t>(
+            last_not_above(begins, std::int64_t{receiver_block[t]} * EdgeTile::kReceivers));
+    }
+};
+
+/// Tiles in the order of their owners, with blocks of voters as in the whole, and of receivers as
+/// the owner counts them.
+struct SendTileBody {
+    Span<const EdgeTile> tiles;
+    Span<const std::uint32_t> receiver_block;
+    Span<const std::int64_t> voter_begin;
+    int first_voter_block;
+    Span<const int> begins;
+    Span<const std::uint32_t> order, owners;  // owners: sorted
+    Span<EdgeTile> sent;
+    Span<std::uint32_t> sent_receivers, sent_voters;
+    TVSGS_HD void operator()(int t) const {
+        const std::uint32_t from = order[t];
+        sent[t] = tiles[from];
+        sent_receivers[t] = receiver_block[from] -
+                            static_cast<std::uint32_t>(begins[owners[t]] / EdgeTile::kReceivers);
+        sent_voters[t] =
+            static_cast<std::uint32_t>(first_voter_block + last_not_above(voter_begin, from));
+    }
+};
+
+struct TakeBody {
+    Span<const std::uint32_t> from, place;
+    Span<std::uint32_t> to;
+    TVSGS_HD void operator()(int t) const { to[t] = from[place[t]]; }
 };
 
 /// Numbers of voters of one block of receivers.
 struct DegreeBody {
     CompactLists lists;
-    Span<int> degrees;  // [usable]
+    Span<int> degrees;  // [own receivers]
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int block, void*) const {
         int sums[EdgeTile::kReceivers] = {};
         for (std::int64_t t = lists.receiver_begin[block] + warp.lane();
              t < lists.receiver_begin[block + 1]; t += Warp::kLanes) {
-            const EdgeTile tile = lists.tiles[lists.place[t]];
+            const EdgeTile tile = lists.received[lists.place[t]];
             for (int r = 0; r < EdgeTile::kReceivers; ++r) sums[r] += std::popcount(tile.voters[r]);
         }
         for (int r = 0; r < EdgeTile::kReceivers; ++r) {
@@ -137,17 +181,17 @@ struct WriteVotersBody {
     Span<const std::int64_t> begin;
     Span<std::uint32_t> voters;
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
-        lists.write_voters(warp, rank, voters.data + begin[rank]);
+    TVSGS_HD void operator()(const Warp& warp, int i, void*) const {
+        lists.write_voters(warp, lists.first_receiver + i, voters.data + begin[i]);
     }
 };
 
-/// Lists on the host, whatever form they are stored in.
+/// Lists on the host, whatever form they are stored in: those that are here.
 struct HostLists {
     std::vector<std::uint32_t> receivers, voters;
     std::vector<std::int64_t> begin;
 };
-HostLists unpacked(const CompactLists& lists, int voters, int k, int usable);
+HostLists unpacked(const CompactLists& lists, Part voters, int k, Part receivers);
 
 template <class Device>
 HostLists host_lists(const Neighbours<Device>& near) {
@@ -159,16 +203,17 @@ HostLists host_lists(const Neighbours<Device>& near) {
         copy(Device{}, span.data, Cpu{}, values.data(), span.count * sizeof(T));
         return values;
     };
-    const auto tiles = here(there.tiles);
+    const auto tiles = here(there.tiles), received = here(there.received);
     const auto receiver_block = here(there.receiver_block), place = here(there.place),
                voter_block = here(there.voter_block);
     const auto voter_begin = here(there.voter_begin), receiver_begin = here(there.receiver_begin);
     const auto span = []<class T>(const std::vector<T>& values) {
         return Span<const T>{values.data(), values.size()};
     };
-    const CompactLists lists{span(tiles), span(receiver_block), span(voter_begin),
-                             span(place), span(voter_block),    span(receiver_begin)};
-    return unpacked(lists, near.voters_count, near.k, near.usable);
+    const CompactLists lists{span(tiles),          span(receiver_block), span(voter_begin),
+                             span(received),       span(place),          span(voter_block),
+                             span(receiver_begin), there.first_voter,    there.first_receiver};
+    return unpacked(lists, near.own_voters, near.k, near.own_receivers);
 }
 
 template <class... Buffers>
@@ -246,14 +291,58 @@ void add_tiles(NeighbourScratch<Device>& s,
     tiles.count = needed;
 }
 
-/// The order by receivers. `scratch` grows to two numbers per tile.
+/// Tiles of own voters go to the processes of their receivers; those of own receivers come, ordered
+/// by voters, as rank after rank has the voters in order. Returns the voters' blocks of these.
+template <class Device>
+Buffer<std::uint32_t, Device> exchange_tiles(Communicator& peers,
+                                             NeighbourScratch<Device>& s,
+                                             Neighbours<Device>& out) {
+    const EdgeTiles<Device>& tiles = out.tiles;
+    const int count = static_cast<int>(tiles.count), ranks = peers.size();
+    std::vector<int> begins;
+    for (const std::size_t begin : part_begins(out.voters_count, ranks))
+        begins.push_back(static_cast<int>(begin));
+    const auto parts = to_device<Device>(begins);
+    Buffer<std::uint32_t, Device> owners(tiles.count), sorted(tiles.count), order(tiles.count),
+        spare, sent_receivers(tiles.count), sent_voters(tiles.count), voter_block;
+    Buffer<EdgeTile, Device> sent(tiles.count);
+    const Span<const std::uint32_t> receiver_block{tiles.receiver_block.data(), tiles.count};
+    parallel_for(Device{}, count, OwnerBody{receiver_block, parts.span(), owners.span()});
+    stable_order(std::as_const(owners).span(), ranks, sorted.span(), order.span(), spare, s.sort);
+    Buffer<std::int64_t, Device> sent_begin(static_cast<std::size_t>(ranks) + 1);
+    parallel_for(Device{}, ranks + 1,
+                 ReceiverBeginBody{std::as_const(sorted).span(), sent_begin.span()});
+    parallel_for(Device{}, count,
+                 SendTileBody{{tiles.tiles.data(), tiles.count},
+                              receiver_block,
+                              tiles.voter_begin.span(),
+                              out.own_voters.begin / EdgeTile::kVoters,
+                              parts.span(),
+                              std::as_const(order).span(),
+                              std::as_const(sorted).span(),
+                              sent.span(),
+                              sent_receivers.span(),
+                              sent_voters.span()});
+    std::vector<std::size_t> to;
+    for (const std::int64_t begin : to_host(sent_begin))
+        to.push_back(static_cast<std::size_t>(begin));
+    EdgeTiles<Device>& received = out.received;
+    received.count = peers.all_to_all_v("lists of votes", sent, to, received.tiles).back();
+    peers.all_to_all_v("lists of votes", sent_receivers, to, received.receiver_block);
+    peers.all_to_all_v("lists of votes", sent_voters, to, voter_block);
+    return voter_block;
+}
+
+/// The order by receivers. `scratch` grows to two numbers per tile. `voter_block`: of each tile,
+/// where they are not those of tiles.voter_begin.
 template <class Device>
 void index_tiles(NeighbourScratch<Device>& s,
-                 int usable,
+                 int receivers,
                  Buffer<std::uint32_t, Device>& scratch,
-                 EdgeTiles<Device>& tiles) {
+                 EdgeTiles<Device>& tiles,
+                 const Buffer<std::uint32_t, Device>* block_of_voters = nullptr) {
     const int count = static_cast<int>(tiles.count);
-    const int blocks = blocks_of(usable, EdgeTile::kReceivers);
+    const int blocks = blocks_of(receivers, EdgeTile::kReceivers);
     if (tiles.tiles.size() > tiles.count + tiles.count / 8) resize_tiles(tiles, tiles.count);
     reserve(tiles.place, tiles.count), reserve(tiles.voter_block, tiles.count);
     tiles.receiver_begin.resize(std::size_t(blocks) + 1);
@@ -262,52 +351,70 @@ void index_tiles(NeighbourScratch<Device>& s,
     stable_order({tiles.receiver_block.data(), tiles.count}, blocks, voter_block, place, scratch,
                  s.sort);
     parallel_for(Device{}, blocks + 1, ReceiverBeginBody{voter_block, tiles.receiver_begin.span()});
-    parallel_for(Device{}, count, VoterBlockBody{place, tiles.voter_begin.span(), voter_block});
+    if (block_of_voters == nullptr)
+        parallel_for(Device{}, count, VoterBlockBody{place, tiles.voter_begin.span(), voter_block});
+    else
+        parallel_for(Device{}, count, TakeBody{block_of_voters->span(), place, voter_block});
 }
 
-/// Fills out.begin and out.voters from out.tiles.
+/// Fills out.begin and out.voters from the tiles.
 template <class Device>
 void write_full_lists(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
-    s.cursors.resize(out.usable);
-    out.begin.resize(std::size_t(out.usable) + 1);
-    out.voters.resize(std::size_t(out.voters_count) * out.k);
-    const CompactLists lists = out.tiles.lists();
-    for_each_warp(Device{}, blocks_of(out.usable, EdgeTile::kReceivers), 0,
+    const int receivers = out.own_receivers.size();
+    s.cursors.resize(receivers);
+    out.begin.resize(std::size_t(receivers) + 1);
+    const CompactLists lists = out.compact_lists();
+    for_each_warp(Device{}, blocks_of(receivers, EdgeTile::kReceivers), 0,
                   DegreeBody{lists, s.cursors.span()});
     exclusive_scan(CountTerm{s.cursors.span()}, out.begin, s.sort);
-    for_each_warp(Device{}, out.usable, 0,
+    std::int64_t edges = std::int64_t{out.voters_count} * out.k;  // how many of them come here?
+    if (out.in_parts) copy(Device{}, out.begin.data() + receivers, Cpu{}, &edges, sizeof edges);
+    out.voters.resize(static_cast<std::size_t>(edges));
+    for_each_warp(Device{}, receivers, 0,
                   WriteVotersBody{lists, out.begin.span(), out.voters.span()});
 }
 
+inline constexpr int kChunkEdges = 8 << 20;  // 32 MB in the compact form
+
 /// Calls search(first, count, rows) for consecutive voters, which writes their ascending lists,
-/// and stores them in the form asked for.
+/// and stores them in the form asked for. Of several processes each asks for its part of them.
 template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,
                  const Search& search,
                  const StageDone& done = {},
-                 int chunk_edges = 8 << 20) {  // 32 MB in the compact form
+                 int chunk_edges = kChunkEdges,
+                 Communicator* peers = nullptr) {
     const auto finish = [&](const char* stage) {
         if (done) done(stage);
     };
+    out.divide(peers);
+    const Part own = out.own_voters;
     const bool full = out.storage == ListStorage::full;
     const int chunk =
-        full ? out.voters_count
+        full ? own.size()
              : std::max(chunk_edges / out.k / EdgeTile::kVoters, 1) * EdgeTile::kVoters;
     Buffer<std::uint32_t, Device>& rows = full ? out.receivers : s.rows;
-    begin_tiles(out.tiles, out.voters_count);
-    for (int first = 0; first < out.voters_count; first += chunk) {
-        const int count = std::min(chunk, out.voters_count - first);
+    begin_tiles(out.tiles, own.size());
+    if (own.size() == 0) rows.resize(0);
+    for (int first = own.begin; first < own.end; first += chunk) {
+        const int count = std::min(chunk, own.end - first);
         rows.resize(std::size_t(count) * out.k);
         search(first, count, rows);
         finish("search");
-        add_tiles(s, rows, first, out.k, out.tiles);
+        add_tiles(s, rows, first - own.begin, out.k, out.tiles);
         finish("reverse");
     }
-    index_tiles(s, out.usable, s.rows, out.tiles);
+    if (peers == nullptr) {
+        index_tiles(s, out.usable, s.rows, out.tiles);
+    } else {
+        const auto block_of_voters = exchange_tiles(*peers, s, out);
+        if (!full) resize_tiles(out.tiles, out.tiles.count);
+        index_tiles(s, out.own_receivers.size(), s.rows, out.received, &block_of_voters);
+    }
     if (full) {
         write_full_lists(s, out);
-        free_memory(out.tiles, s.rows);
+        free_memory(out.tiles, out.received, s.rows);
     }
     finish("reverse");
 }

@@ -1,9 +1,11 @@
 // Who votes for whom.  [docs/method/voting.md#neighbours]
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <functional>
 
+#include "comm/communicator.h"
 #include "core/buffer.h"
 #include "tv/internal/morton_tree.h"
 #include "tv/internal/neighbour_lists.h"
@@ -22,17 +24,38 @@ struct Neighbours {
     int voters_count = 0;
     ListStorage storage = ListStorage::full;
     Buffer<TreePoint, Device> points;  // [usable] the splats by rank, as searched
-    EdgeTiles<Device> tiles;           // the lists in the compact form; of full lists a step
+    /// Whose lists are here; of one process all of them. A process that has the list of receivers
+    /// of a splat also has that of its voters.
+    Part own_voters, own_receivers;
+    EdgeTiles<Device> tiles;     // the lists in the compact form; of full lists a step
+    EdgeTiles<Device> received;  // of several processes: the tiles of own receivers, of all voters
+    bool in_parts = false;
     // Of full lists only.
-    Buffer<std::uint32_t, Device> receivers;  // [voters_count, k] ranks, ascending for each voter
-    Buffer<std::int64_t, Device> begin;       // [usable + 1] where receiver i's voters begin
-    Buffer<std::uint32_t, Device> voters;     // [voters_count * k] ascending for each receiver
+    Buffer<std::uint32_t, Device> receivers;  // [own voters, k] ranks, ascending for each voter
+    Buffer<std::int64_t, Device> begin;       // [own receivers + 1] where their voters begin
+    Buffer<std::uint32_t, Device> voters;     // ascending for each receiver
     float median_trace = 0;                   // of the usable splats' covariances
     double noise = 0;                         // that of the query, where it names one
     std::int64_t candidates = 0, leaves = 0;  // looked at; only counted on request
 
-    FullLists full_lists() const { return {k, receivers.span(), begin.span(), voters.span()}; }
-    CompactLists compact_lists() const { return tiles.lists(); }
+    FullLists full_lists() const {
+        return {k,
+                receivers.span(),
+                begin.span(),
+                voters.span(),
+                own_voters.begin,
+                own_receivers.begin};
+    }
+    CompactLists compact_lists() const {
+        return tvsgs::compact_lists(tiles, in_parts ? received : tiles, own_voters.begin,
+                                    own_receivers.begin);
+    }
+    /// Deals voters and receivers to the processes.
+    void divide(const Communicator* peers) {
+        in_parts = peers != nullptr;
+        own_voters = own_part(peers, voters_count);
+        own_receivers = {std::min(own_voters.begin, usable), std::min(own_voters.end, usable)};
+    }
 };
 
 /// Scratch memory of the search, kept between calls.
@@ -60,6 +83,7 @@ struct NeighbourQuery {
     const double* noise = nullptr;  // global regulariser of the whitening, on the device
     bool count_work = false;
     ListStorage storage = ListStorage::full;
+    Communicator* peers = nullptr;  // each searches for its part of the voters
 };
 
 /// Called with the name of each stage when it is done: "keys", "tree", "search", "reverse".

@@ -260,6 +260,7 @@ void find_neighbours(const NeighbourQuery& query,
     out.voters_count = out.usable + query.fixed.size();
     out.storage = query.storage;
     s.counts.resize(query.count_work ? out.voters_count : 0);
+    s.counts.fill_zero();
     store_lists(
         s, out,
         [&](int first, int count, Buffer<std::uint32_t, Device>& rows) {
@@ -268,7 +269,7 @@ void find_neighbours(const NeighbourQuery& query,
                                     CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k,
                                     capacity, first, rows.span(), s.counts.span()});
         },
-        done);
+        done, kChunkEdges, query.peers);
 
     if (query.count_work) {
         out.candidates = static_cast<std::int64_t>(
@@ -276,7 +277,8 @@ void find_neighbours(const NeighbourQuery& query,
         out.leaves =
             static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
     }
-    if (out.storage == ListStorage::compact)  // the event needs none of it
+    // The event needs none of it.
+    if (out.storage == ListStorage::compact || query.peers != nullptr)
         free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);
 }
 

@@ -16,8 +16,8 @@ struct CentreRoundBody {
     bool ball_round;  // only splats without a tensor cast and receive
     Ranks ranks;
     Span<const std::uint8_t> flags;
-    Span<Sym3f> sums;  // by rank, as the next two
-    Span<float> strengths, strong_votes;
+    PartSpan<Sym3f> sums;  // by rank, as the next two
+    PartSpan<float> strengths, strong_votes;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
@@ -49,7 +49,7 @@ struct VoteCountBody {
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    Span<float> votes, culled;  // by rank
+    PartSpan<float> votes, culled;  // by rank
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
@@ -86,7 +86,7 @@ inline constexpr std::uint8_t kValidNow =
 struct EigenBody {
     bool ball_round;
     Ranks ranks;
-    Span<const Sym3f> sums;
+    PartSpan<const Sym3f> sums;
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
@@ -122,7 +122,7 @@ struct VariabilityBody {
     Ranks ranks;
     Span<const RankVector> rank_normals;
     Span<const std::uint8_t> flags;
-    Span<float> variability, strengths;
+    PartSpan<float> variability, strengths;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void* scratch) const {
@@ -160,8 +160,10 @@ struct MaskBody {
     Ranks ranks;
     float min_votes;
     const double* valid_count;
-    Span<const float> variability, strengths, sorted_variability, sorted_strengths, strong_votes;
-    Span<std::uint8_t> flags, left_out;  // left_out: by rank
+    PartSpan<const float> variability, strengths, strong_votes;
+    Span<const float> sorted_variability, sorted_strengths;
+    Span<std::uint8_t> flags;
+    PartSpan<std::uint8_t> left_out;  // by rank
 
     TVSGS_HD void operator()(int rank) const {
         const int i = ranks.splat(rank);

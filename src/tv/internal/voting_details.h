@@ -6,17 +6,43 @@
 namespace tvsgs {
 namespace detail {
 
+/// Values of the processes' parts, one after the other, on the host.
+template <class T>
+std::vector<T> of_all(Communicator* peers, const std::vector<T>& part) {
+    if (peers == nullptr) return part;
+    Buffer<T, Cpu> mine, all;
+    copy(part, mine);
+    peers->all_gather_v("details", mine, mine.size(), all);
+    return to_host(all);
+}
+
+/// The lists of all processes.
+template <class Device>
+HostLists all_lists(const Neighbours<Device>& near, Communicator* peers) {
+    HostLists lists = host_lists(near);
+    if (peers == nullptr) return lists;
+    std::vector<int> counts;
+    for (std::size_t i = 0; i + 1 < lists.begin.size(); ++i)
+        counts.push_back(static_cast<int>(lists.begin[i + 1] - lists.begin[i]));
+    lists.receivers = of_all(peers, lists.receivers);
+    lists.voters = of_all(peers, lists.voters);
+    lists.begin.assign(1, 0);
+    for (const int count : of_all(peers, counts)) lists.begin.push_back(lists.begin.back() + count);
+    return lists;
+}
+
 /// Lists of ranks as lists of splats, on the host.
 template <class Device>
 VotingDetails lists_by_splat(const Neighbours<Device>& near,
                              int count,
-                             const std::vector<int>& fixed_order = {}) {
+                             const std::vector<int>& fixed_order = {},
+                             Communicator* peers = nullptr) {
     VotingDetails result;
     result.k = near.k;
     result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
     if (near.k == 0) return result;
     const auto points = to_host(near.points);
-    const HostLists lists = host_lists(near);
+    const HostLists lists = all_lists(near, peers);
     const auto splat = [&](std::uint32_t voter) {
         if (voter < points.size()) return points[voter].index;
         return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
@@ -69,12 +95,12 @@ template <class Device>
 VotingDetails TensorVoter<Device>::details() const {
     const State& s = *state_;
     VotingDetails result =
-        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
+        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order, peers_);
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
         out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
-        if (values.size() < points.size()) return;  // no event yet
-        const std::vector<T> host = to_host(values);
+        const std::vector<T> host = detail::of_all(peers_, to_host(values));
+        if (host.size() < points.size()) return;  // no event yet
         for (std::size_t rank = 0; rank < points.size(); ++rank)
             out[points[rank].index] = host[rank];
     };

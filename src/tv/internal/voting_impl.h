@@ -68,17 +68,19 @@ struct TensorVoter<Device>::State {
     // Of the voters: splats by rank, then fixed voters.
     Buffer<VoterRecord<float>, Device> records;
     Buffer<VoterRecord<double>, Device> double_records;
+    // Of those whose lists are here.
     Buffer<float, Device> tau, position_tau, voter_strengths;
     Buffer<Vec3f, Device> voter_normals;
     // Of the splats that take part, by rank.
     Buffer<detail::RankVector, Device> means, normals;
+    Buffer<float, Device> sorted_strengths, sorted_variability;
+    // Of those whose lists are here.
     Buffer<Sym3f, Device> sums;
     Buffer<float, Device> strengths, variability, strong_votes;
-    Buffer<float, Device> sorted_strengths, sorted_variability;
     Buffer<std::uint8_t, Device> left_out;
     Buffer<double, Device> partial, totals;
 
-    // Scratch of structure_changed().
+    // Scratch of structure_changed() and share_field().
     Buffer<Sym3f, Device> tensors;
     Buffer<Vec3f, Device> vectors;
     Buffer<std::uint8_t, Device> flags;
@@ -109,9 +111,11 @@ struct TensorVoter<Device>::State {
     std::size_t bytes() const {
         const auto& n = neighbours;
         const auto& s = scratch;
-        const auto& t = neighbours.tiles;
-        return bytes_of(n.points, n.receivers, n.begin, n.voters, t.tiles, t.receiver_block,
-                        t.place, t.voter_block, t.voter_begin, t.receiver_begin) +
+        std::size_t tiles = 0;
+        for (const auto* t : {&neighbours.tiles, &neighbours.received})
+            tiles += bytes_of(t->tiles, t->receiver_block, t->place, t->voter_block, t->voter_begin,
+                              t->receiver_begin);
+        return tiles + bytes_of(n.points, n.receivers, n.begin, n.voters) +
                bytes_of(s.sort.temporary, s.sort.keys, s.sort.values, s.sort.floats, s.values,
                         s.codes, s.order, s.nodes, s.cursors, s.begin, s.rows, s.counts) +
                bytes_of(fixed_means, fixed_normals, fixed_scales, fixed_weights) +
@@ -122,7 +126,8 @@ struct TensorVoter<Device>::State {
 };
 
 template <class Device>
-TensorVoter<Device>::TensorVoter(const TvOptions& options) : options_(options), state_(new State) {}
+TensorVoter<Device>::TensorVoter(const TvOptions& options, Communicator* peers)
+    : options_(options), peers_(peers), state_(new State) {}
 
 template <class Device>
 TensorVoter<Device>::~TensorVoter() = default;
@@ -153,15 +158,6 @@ inline VoteRule vote_rule(const TvOptions& o) {
             o.max_vote_angle_deg < 90 ? static_cast<float>(sine * sine) : 2.0f};
 }
 
-/// Copies without another allocation per call, then sorts.
-template <class Device>
-void sorted_copy(const Buffer<float, Device>& from,
-                 Buffer<float, Device>& to,
-                 SortScratch<Device>& scratch) {
-    tvsgs::copy(from, to);
-    sort(to, scratch);
-}
-
 }  // namespace detail
 
 template <class Device>
@@ -171,7 +167,7 @@ void TensorVoter<Device>::refresh(int step, const SplatSpans& splats) {
     if (options_.lists == ListStorage::compact) detail::free_memory(s.records, s.double_records);
     find_neighbours(
         {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
-         s.totals.data() + detail::kNoise, s.times.on, options_.lists},
+         s.totals.data() + detail::kNoise, s.times.on, options_.lists, peers_},
         s.scratch, s.neighbours, [&s](const char* stage) { s.times.done(stage); });
     s.refreshed_at = step;
     s.listed = splats.size();
@@ -269,31 +265,41 @@ void TensorVoter<Device>::event(const Lists& lists,
     const Neighbours<Device>& near = s.neighbours;
     const Ranks ranks{near.points.span(), splats, s.fixed()};
     const int usable = ranks.usable(), voters = ranks.size();
+    // Each process has lists of these, and shares what it finds by them.
+    const Part own_voters = near.own_voters, own = near.own_receivers;
     auto& records = s.template records_of<Real>();
-    records.resize(voters), s.tau.resize(voters);
-    s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
-    s.means.resize(usable), s.normals.resize(usable), s.sums.resize(usable);
-    s.strengths.resize(usable), s.strong_votes.resize(usable);
+    records.resize(voters), s.means.resize(usable), s.normals.resize(usable);
+    s.tau.resize(own_voters.size());
+    s.voter_strengths.resize(own_voters.size()), s.voter_normals.resize(own_voters.size());
+    s.sums.resize(own.size()), s.strengths.resize(own.size()), s.strong_votes.resize(own.size());
+    const auto by_voter = [&](auto& values) { return PartSpan{values.span(), own_voters.begin}; };
+    const auto by_rank = [&](auto& values) { return PartSpan{values.span(), own.begin}; };
+    const auto for_voters = [&](const auto& body) {
+        parallel_for(Device{}, own_voters.size(), from(own_voters.begin, body));
+    };
+    const auto for_own_warps = [&](std::size_t scratch_bytes, const auto& body) {
+        for_each_warp(Device{}, own.size(), scratch_bytes, from(own.begin, body));
+    };
 
     const double tau_per_median =
         options_.scale_rule == ScaleRule::median ? 1 : 1 / std::sqrt(kLn10);
     const auto find_tau = [&](float flatness_limit, Sum noise, Buffer<float, Device>& tau) {
-        parallel_for(Device{}, voters,
-                     WhiteningBody<Real>{ranks, whiten_rule(options_, flatness_limit),
-                                         s.totals.data() + noise, records.span()});
-        for_each_warp(Device{}, voters,
+        for_voters(WhiteningBody<Real>{ranks, whiten_rule(options_, flatness_limit),
+                                       s.totals.data() + noise, records.span()});
+        for_each_warp(Device{}, own_voters.size(),
                       median_scratch<Device>(near.k) * sizeof(float) + Lists::scratch_bytes(near.k),
-                      TauBody<Real, Lists>{static_cast<float>(tau_per_median), near.k, lists,
-                                           s.means.span(), records.span(), tau.span()});
+                      from(own_voters.begin,
+                           TauBody<Real, Lists>{static_cast<float>(tau_per_median), near.k, lists,
+                                                s.means.span(), records.span(), by_voter(tau)}));
     };
     const auto make_records = [&](bool ball_round, float flatness_limit, Sum noise,
                                   Buffer<float, Device>& tau) {
-        parallel_for(
-            Device{}, voters,
-            RecordBody<Real>{ball_round, ranks, whiten_rule(options_, flatness_limit),
-                             s.totals.data() + noise, options_.curvature == Curvature::scale_free,
-                             tau_per_median, tau.span(), s.voter_normals.span(),
-                             s.voter_strengths.span(), records.span()});
+        for_voters(RecordBody<Real>{
+            ball_round, ranks, whiten_rule(options_, flatness_limit), s.totals.data() + noise,
+            options_.curvature == Curvature::scale_free, tau_per_median,
+            by_voter(std::as_const(tau)), by_voter(std::as_const(s.voter_normals)),
+            by_voter(std::as_const(s.voter_strengths)), records.span()});
+        share_parts(peers_, "voters", Device{}, records.data(), voters);
     };
 
     // 1. What holds for all rounds: centres, and scales of voting.
@@ -312,22 +318,25 @@ void TensorVoter<Device>::event(const Lists& lists,
                     SaliencyTerm{field.eigenvalues.span(), field.flags.span()});
             s.total(kTensorCount, splats.size(), FlagTerm{kHasTensor, field.flags.span()});
         }
-        parallel_for(Device{}, voters,
-                     OrientationBody{ranks, options_.strength == VoteStrength::literal,
-                                     s.totals.data() + kSaliency, field.eigenvalues.span(),
-                                     field.normals.span(), field.flags.span(),
-                                     s.voter_normals.span(), s.voter_strengths.span()});
+        for_voters(OrientationBody{ranks, options_.strength == VoteStrength::literal,
+                                   s.totals.data() + kSaliency, field.eigenvalues.span(),
+                                   field.normals.span(), field.flags.span(),
+                                   by_voter(s.voter_normals), by_voter(s.voter_strengths)});
         make_records(ball_round, options_.flatness_limit, kNoise, s.tau);
         s.times.done("records");
-        for_each_warp(
-            Device{}, usable, 0,
-            CentreRoundBody<Real, Lists>{ballot, ball_round, ranks, field.flags.span(),
-                                         s.sums.span(), s.strengths.span(), s.strong_votes.span()});
+        for_own_warps(0, CentreRoundBody<Real, Lists>{ballot, ball_round, ranks, field.flags.span(),
+                                                      by_rank(s.sums), by_rank(s.strengths),
+                                                      by_rank(s.strong_votes)});
         s.times.done("centres");
-        parallel_for(Device{}, usable,
-                     EigenBody{ball_round, ranks, s.sums.span(), field.tensors.span(),
-                               field.eigenvalues.span(), field.normals.span(), field.flags.span(),
-                               s.normals.span()});
+        parallel_for(
+            Device{}, own.size(),
+            from(own.begin, EigenBody{ball_round, ranks, by_rank(std::as_const(s.sums)),
+                                      field.tensors.span(), field.eigenvalues.span(),
+                                      field.normals.span(), field.flags.span(), s.normals.span()}));
+        share_field(field.tensors, s.tensors);
+        share_field(field.eigenvalues, s.vectors);
+        share_field(field.normals, s.vectors);
+        share_field(field.flags, s.flags);
         s.times.done("eigen");
     }
     if (s.times.on) count_votes(ballot);
@@ -337,21 +346,27 @@ void TensorVoter<Device>::event(const Lists& lists,
     }
 
     // 3. Masks of the position loss.
-    s.variability.resize(usable), s.left_out.resize(usable);
-    for_each_warp(Device{}, usable, Lists::scratch_bytes(near.k),
+    s.variability.resize(own.size()), s.left_out.resize(own.size());
+    share_ranks(s.normals.data());
+    for_own_warps(Lists::scratch_bytes(near.k),
                   VariabilityBody<Lists>{near.k, lists, ranks, s.normals.span(), field.flags.span(),
-                                         s.variability.span(), s.strengths.span()});
+                                         by_rank(s.variability), by_rank(s.strengths)});
     s.total(kValidCount, splats.size(), FlagTerm{kNormalValid, field.flags.span()});
-    sorted_copy(s.variability, s.sorted_variability, s.scratch.sort);
-    sorted_copy(s.strengths, s.sorted_strengths, s.scratch.sort);
-    parallel_for(Device{}, usable,
-                 MaskBody{ranks, static_cast<float>(options_.min_votes),
-                          s.totals.data() + kValidCount, s.variability.span(), s.strengths.span(),
-                          s.sorted_variability.span(), s.sorted_strengths.span(),
-                          s.strong_votes.span(), field.flags.span(), s.left_out.span()});
+    gather_ranks(s.variability, s.sorted_variability);
+    gather_ranks(s.strengths, s.sorted_strengths);
+    sort(s.sorted_variability, s.scratch.sort);
+    sort(s.sorted_strengths, s.scratch.sort);
+    parallel_for(
+        Device{}, own.size(),
+        from(own.begin,
+             MaskBody{ranks, static_cast<float>(options_.min_votes), s.totals.data() + kValidCount,
+                      by_rank(std::as_const(s.variability)), by_rank(std::as_const(s.strengths)),
+                      by_rank(std::as_const(s.strong_votes)), s.sorted_variability.span(),
+                      s.sorted_strengths.span(), field.flags.span(), by_rank(s.left_out)}));
     s.times.done("masks");
 
     if (options_.targets == Targets::anchor) {
+        share_field(field.flags, s.flags);
         parallel_for(Device{}, splats.size(), AnchorBody{field.flags.span()});
         return;
     }
@@ -359,24 +374,61 @@ void TensorVoter<Device>::event(const Lists& lists,
     // 4. Virtual receivers, by the voters of the plate round just done.
     const bool same_voters = options_.flatness_limit_position == options_.flatness_limit;
     if (!same_voters) {
-        s.position_tau.resize(voters);
+        s.position_tau.resize(own_voters.size());
         find_tau(options_.flatness_limit_position, kPositionNoise, s.position_tau);
         make_records(false, options_.flatness_limit_position, kPositionNoise, s.position_tau);
         s.times.done("records");
     }
     const auto vote_at_virtual_receivers = [&]<bool kUnitVotes>() {
-        for_each_warp(
-            Device{}, usable, 0,
-            VirtualBody<Real, Lists, kUnitVotes>{
-                ballot, same_voters, options_.virtual_range,
-                std::max(options_.target_margin, kRoundingMargin), ranks, field.eigenvalues.span(),
-                field.normals.span(), field.targets.span(), field.flags.span()});
+        for_own_warps(0, VirtualBody<Real, Lists, kUnitVotes>{
+                             ballot, same_voters, options_.virtual_range,
+                             std::max(options_.target_margin, kRoundingMargin), ranks,
+                             field.eigenvalues.span(), field.normals.span(), field.targets.span(),
+                             field.flags.span()});
     };
     if (options_.vote_map == VoteMap::unit)
         vote_at_virtual_receivers.template operator()<true>();
     else
         vote_at_virtual_receivers.template operator()<false>();
+    share_field(field.targets, s.vectors);
+    share_field(field.flags, s.flags);
     s.times.done("virtual");
+}
+
+template <class Device>
+template <class T>
+void TensorVoter<Device>::share_ranks(T* data) {
+    if (peers_ == nullptr) return;
+    const Neighbours<Device>& near = state_->neighbours;
+    std::vector<std::size_t> begins = part_begins(near.voters_count, peers_->size());
+    for (std::size_t& begin : begins) begin = std::min(begin, std::size_t(near.usable));
+    peers_->share("votes", Device{}, data, begins);
+}
+
+template <class Device>
+template <class T>
+void TensorVoter<Device>::share_field(Buffer<T, Device>& values, Buffer<T, Device>& scratch) {
+    if (peers_ == nullptr) return;
+    State& s = *state_;
+    const Part own = s.neighbours.own_receivers;
+    // Of the splats only the places of their ranks are asked for.
+    const detail::Ranks ranks{s.neighbours.points.span(), {}, {}};
+    scratch.resize(ranks.usable());
+    parallel_for(Device{}, own.size(),
+                 from(own.begin, detail::ToRanksBody<T>{ranks, values.span(), scratch.span()}));
+    share_ranks(scratch.data());
+    parallel_for(Device{}, ranks.usable(),
+                 detail::ToSplatsBody<T>{ranks, scratch.span(), values.span()});
+}
+
+template <class Device>
+void TensorVoter<Device>::gather_ranks(const Buffer<float, Device>& part,
+                                       Buffer<float, Device>& all) {
+    const Neighbours<Device>& near = state_->neighbours;
+    all.resize(near.usable);
+    tvsgs::detail::copy(Device{}, part.data(), Device{}, all.data() + near.own_receivers.begin,
+                        part.size() * sizeof(float));
+    share_ranks(all.data());
 }
 
 /// Counters of the round just done, for the profile.
@@ -384,13 +436,15 @@ template <class Device>
 template <class Ballot>
 void TensorVoter<Device>::count_votes(const Ballot& ballot) {
     State& s = *state_;
-    const int usable = s.neighbours.usable;
-    s.sorted_strengths.resize(usable), s.sorted_variability.resize(usable);
-    for_each_warp(
-        Device{}, usable, 0,
-        detail::VoteCountBody{ballot, s.sorted_strengths.span(), s.sorted_variability.span()});
-    s.profile.votes = s.total_now(usable, detail::ValueTerm{s.sorted_strengths.span()});
-    s.profile.culled_votes = s.total_now(usable, detail::ValueTerm{s.sorted_variability.span()});
+    const Part own = s.neighbours.own_receivers;
+    s.sorted_strengths.resize(own.size()), s.sorted_variability.resize(own.size());
+    for_each_warp(Device{}, own.size(), 0,
+                  from(own.begin,
+                       detail::VoteCountBody{ballot, PartSpan{s.sorted_strengths.span(), own.begin},
+                                             PartSpan{s.sorted_variability.span(), own.begin}}));
+    s.profile.votes = s.total_now(own.size(), detail::ValueTerm{s.sorted_strengths.span()});
+    s.profile.culled_votes =
+        s.total_now(own.size(), detail::ValueTerm{s.sorted_variability.span()});
     s.profile.silent_voters =
         s.total_now(static_cast<int>(s.tau.size()), detail::SilentTerm{s.tau.span()});
     s.times.skip();

@@ -105,6 +105,22 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 #endif
 }
 
+/// by_rank[r] <- by_splat[the splat of rank r], and back.
+template <class T>
+struct ToRanksBody {
+    Ranks ranks;
+    Span<const T> by_splat;
+    Span<T> by_rank;
+    TVSGS_HD void operator()(int rank) const { by_rank[rank] = by_splat[ranks.splat(rank)]; }
+};
+template <class T>
+struct ToSplatsBody {
+    Ranks ranks;
+    Span<const T> by_rank;
+    Span<T> by_splat;
+    TVSGS_HD void operator()(int rank) const { by_splat[ranks.splat(rank)] = by_rank[rank]; }
+};
+
 /// The part of the records that TauBody reads: W, and inverse_tau2, 0 where the voter cannot vote.
 template <class Real>
 struct WhiteningBody {
@@ -134,7 +150,7 @@ struct TauBody {
     Lists lists;
     Span<const RankVector> means;
     Span<const VoterRecord<Real>> records;
-    Span<float> tau;
+    PartSpan<float> tau;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
@@ -184,8 +200,8 @@ struct OrientationBody {
     const double* saliency_sum;  // and the number of terms after it
     Span<const Vec3f> eigenvalues, normals;
     Span<const std::uint8_t> flags;
-    Span<Vec3f> voter_normals;
-    Span<float> voter_strengths;
+    PartSpan<Vec3f> voter_normals;
+    PartSpan<float> voter_strengths;
 
     TVSGS_HD void operator()(int voter) const {
         if (voter >= ranks.usable()) {
@@ -218,9 +234,9 @@ struct RecordBody {
     const double* noise;
     bool scale_free;
     double tau_per_median;
-    Span<const float> tau;
-    Span<const Vec3f> voter_normals;
-    Span<const float> voter_strengths;
+    PartSpan<const float> tau;
+    PartSpan<const Vec3f> voter_normals;
+    PartSpan<const float> voter_strengths;
     Span<VoterRecord<Real>> records;
 
     TVSGS_HD void operator()(int voter) const {
