@@ -35,7 +35,7 @@ TEST_F(ImageFile, PngRoundTrip) {
 
 TEST_F(ImageFile, GreyIsExpandedAndSixteenBitsAreRounded) {
     ImageU8 grey(2, 1, 1);
-    grey.pixels = {16, 128};
+    grey.pixels = std::vector<std::uint8_t>{16, 128};
     write_png((folder / "grey.png").string(), grey);
     EXPECT_EQ(read_image((folder / "grey.png").string(), 3).pixels,
               (std::vector<std::uint8_t>{16, 16, 16, 128, 128, 128}));
@@ -183,7 +183,7 @@ TEST(Resize, HalvingIsTransposedTogetherWithTheImage) {
 
 TEST(Resize, Nearest) {
     ImageU8 image(4, 1, 1);
-    image.pixels = {1, 2, 3, 4};
+    image.pixels = std::vector<std::uint8_t>{1, 2, 3, 4};
     EXPECT_EQ(resize_nearest(image, 2, 1).pixels, (std::vector<std::uint8_t>{2, 4}));
     EXPECT_EQ(resize_nearest(image, 8, 1).pixels,
               (std::vector<std::uint8_t>{1, 1, 2, 2, 3, 3, 4, 4}));

@@ -14,7 +14,7 @@ using Bytes = std::vector<std::uint8_t>;
 class OddImages : public IoTest {
 protected:
     Bytes pixels(const std::string& name, const std::string& bytes, int channels = 3) const {
-        return read_image(write(name, bytes), channels).pixels;
+        return read_image(write(name, bytes), channels).pixels.to_vector();
     }
 };
 
