@@ -144,8 +144,7 @@ int merge(const MergeArguments& a) {
             far_reach, manifest.margin);
     spdlog::info(
         "{}: {} splats of {} blocks, {} more across the cuts, {} of the coarse run far away; "
-        "{:.1f} "
-        "s of training in all, {:.1f} s the longest block",
+        "{:.1f} s of training in all, {:.1f} s the longest block",
         a.out, own, manifest.count(), whole.size() - own - far, far, seconds, longest);
     say_next({"tvsgs-extract-mesh", "--model", a.out}, "makes the surface");
     return 0;

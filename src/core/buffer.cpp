@@ -58,6 +58,7 @@ void copy(Cpu, const void* from, Cpu, void* to, std::size_t bytes) {
 }
 
 }  // namespace detail
+
 std::int64_t free_host_bytes() {
     // MemAvailable counts what the page cache would give back; the C library's figure does not.
     std::ifstream file("/proc/meminfo");

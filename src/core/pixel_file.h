@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// A file in `folder` that has no name, so that nothing of it is left however the program ends; it
-/// lasts as long as what is kept in it. All throw Error(ExitCode::io).
+/// A scratch file in `folder`, which lasts as long as what is kept in it. All throw
+/// Error(ExitCode::io).
 class PixelFile {
 public:
     explicit PixelFile(const std::string& folder);

@@ -4,16 +4,16 @@
 #include <string>
 #include <vector>
 
+#include "core/scratch_file.h"
+
 namespace tvsgs {
 
-/// Memory on disk: a file in `folder` that has no name, so that nothing of it is left however the
-/// program ends. The folder is made where it is missing. All throw Error(ExitCode::io).
+/// Arrays that do not fit into memory, one after the other in a scratch file. All throw
+/// Error(ExitCode::io).
 class SpillFile {
 public:
+    /// The folder is made where it is missing.
     explicit SpillFile(const std::string& folder);
-    SpillFile(const SpillFile&) = delete;
-    SpillFile& operator=(const SpillFile&) = delete;
-    ~SpillFile();
 
     struct Place {
         std::int64_t offset = 0;
@@ -22,21 +22,20 @@ public:
 
     template <class T>
     Place append(const T* values, std::size_t count) {
-        return {append_bytes(values, count * sizeof(T)), count};
+        const Place place{bytes_, count};
+        file_.write(bytes_, values, count * sizeof(T));
+        bytes_ += static_cast<std::int64_t>(count * sizeof(T));
+        return place;
     }
     template <class T>
     void read(Place place, std::vector<T>& values) const {
         values.resize(place.count);
-        read_bytes(place.offset, values.data(), place.count * sizeof(T));
+        file_.read(place.offset, values.data(), place.count * sizeof(T));
     }
     std::int64_t bytes() const { return bytes_; }
 
 private:
-    std::int64_t append_bytes(const void* data, std::size_t bytes);  // returns where
-    void read_bytes(std::int64_t offset, void* data, std::size_t bytes) const;
-
-    std::string folder_;
-    int file_ = -1;
+    ScratchFile file_;
     std::int64_t bytes_ = 0;
 };
 
