@@ -37,7 +37,8 @@ struct GreyBody {
 }  // namespace detail
 
 /// All photographs and maps are on the device if they fit into `budget` bytes, or if that is 0.
-/// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them.
+/// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them. Which
+/// of the two it is does not depend on the device.
 template <class Device>
 class DeviceViews {
 public:

@@ -126,10 +126,10 @@ void photographs_from_the_host_change_nothing() {
         scene.train.push_back(std::move(view));
     }
     TrainOptions options = everything_on(60);
-    ASSERT_TRUE(DeviceViews<Device>(scene.train, needs_of(options.loss), 0).all_resident());
+    ASSERT_TRUE(DeviceViews<Cpu>(scene.train, needs_of(options.loss), 0).all_resident());
     const Outcome all = run<Device>(scene, options);
     options.photo_bytes = 1;
-    ASSERT_FALSE(DeviceViews<Device>(scene.train, needs_of(options.loss), 1).all_resident());
+    ASSERT_FALSE(DeviceViews<Cpu>(scene.train, needs_of(options.loss), 1).all_resident());
     const Outcome some = run<Device>(scene, options);
     EXPECT_EQ(some.end, 60);
     EXPECT_TRUE(same_bits(all.gaussians, some.gaussians));

@@ -92,7 +92,7 @@ void goes_on_with_the_same_bits() {
     }
     TrainOptions streamed = options;
     streamed.photo_bytes = 1;
-    ASSERT_FALSE(DeviceViews<Device>(scene.train, needs_of(options.loss), 1).all_resident());
+    ASSERT_FALSE(DeviceViews<Cpu>(scene.train, needs_of(options.loss), 1).all_resident());
     EXPECT_TRUE(same_bits(whole, run<Device>(scene, streamed, false)));
     TrainOptions without = options;
     without.loss.anchored_depth.weight = 0;
