@@ -11,6 +11,7 @@
 #include "pipeline/blocks_seams.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
+#include "pipeline/sky.h"
 
 namespace tvsgs {
 namespace {
@@ -122,6 +123,8 @@ int merge(const MergeArguments& a) {
     run.save_config(
         table.json(JsonLine().add("version", kVersion).add("merged_from", manifest.folder).text()));
     write_text_file(run.path() + "/cameras.json", cameras_of_blocks(manifest));
+    read_sky(options.train.loss.photometric, manifest.folder);
+    write_sky(run.path(), options.train.loss.photometric);
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
     run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);

@@ -18,6 +18,7 @@
 #include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
+#include "pipeline/sky.h"
 
 namespace tvsgs {
 
@@ -100,6 +101,8 @@ std::vector<std::string> block_words(const std::string& blocks,
         words.insert(words.end(), {"--set", "init.fixed_splats=" + folder + "/fixed.ply"});
     if (has_exposures(blocks))
         words.insert(words.end(), {"--set", "loss.photometric.exposure_from=" + blocks});
+    if (has_sky_file(blocks))
+        words.insert(words.end(), {"--set", "loss.photometric.sky_from=" + blocks});
     return words;
 }
 

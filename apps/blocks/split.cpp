@@ -11,6 +11,7 @@
 #include "pipeline/blocks_split.h"
 #include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
+#include "pipeline/sky.h"
 #include "pipeline/splat_selection.h"
 
 namespace tvsgs {
@@ -266,6 +267,10 @@ int split_scene(SplitArguments a, bool quiet) {
         write_text_file(a.out + "/exposure.json", read_bytes(run + "/exposure.json"));
         manifest.files.push_back(record_of(a.out, "exposure.json"));
         spdlog::info("the exposures that {} has fitted are held in all blocks", run);
+    }
+    if (has_sky_file(run)) {
+        write_text_file(a.out + "/sky.png", read_bytes(run + "/sky.png"));
+        manifest.files.push_back(record_of(a.out, "sky.png"));
     }
     const Splitting splitting{a, options, scene, coarse, scales, base, finer};
     for (std::size_t b = 0; b < blocks.size(); ++b)

@@ -9,6 +9,7 @@
 #include "io/json_value.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
+#include "pipeline/sky.h"
 #include "pipeline/view_evaluation.h"
 
 namespace tvsgs {
@@ -65,6 +66,7 @@ int nvs(const NvsArguments& arguments) {
     if (!arguments.masks.empty()) options.scene.masks = arguments.masks;
     options.scene.need_points = false;
     const DeviceChoice device = choose_device(arguments.device);
+    read_sky(options.train.loss.photometric, arguments.model);
     const std::string splat_path = find_splats(arguments.model);
     const Scene scene = read_scene_of_run(options.scene, arguments.model);
     const Gaussians<Cpu> splats = read_splats(splat_path, scene.origin, options.train);

@@ -12,6 +12,7 @@
 #include "mesh/upright.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
+#include "pipeline/sky.h"
 
 namespace tvsgs {
 namespace {
@@ -230,6 +231,7 @@ int command(int argc, char** argv) {
         throw Error(ExitCode::usage,
                     str("--prune-unseen: ", a.input, " is no run folder; give --scene DIR"));
     Input in = read_input(a, options, scene ? &*scene : nullptr);
+    if (scene && !a.no_check) read_sky(options.train.loss.photometric, a.input);
     how.origin = in.origin;
     std::vector<Camera> cameras;
     if (scene) {

@@ -18,6 +18,7 @@
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/signals.h"
+#include "pipeline/sky.h"
 #include "pipeline/time_plan.h"
 #include "pipeline/train_session.h"
 #include "report/data.h"
@@ -211,6 +212,7 @@ Scene read_training_scene(const DeviceChoice& device,
     read_fixed_splats(options, scene);
     StereoStart stereo{scene.points.positions, {}};
     adopt_scene(*point, scene);
+    read_sky(options.train.loss.photometric, point->run);
     provide_maps(device, options, std::move(stereo), scene);
     return scene;
 }
@@ -405,6 +407,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
     run.save_config(session.config());
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
     if (!plan_text.empty()) write_text_file(run.path() + "/plan.json", plan_text);
+    write_sky(run.path(), training.loss.photometric);
     log_resume(resume, changed, run);
     run.save_cameras(scene);
     say_what_is_trained(scene, device, memory);

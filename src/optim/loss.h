@@ -133,8 +133,9 @@ struct PhotometricOptions {
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
-    std::string background = "none", exposure_from;
+    std::string background = "none", exposure_from, sky_from;
     std::shared_ptr<const HeldExposures> held{};  // of exposure_from, once it is read
+    std::shared_ptr<const ImageU8> sky{};         // of a background that is one, once it is known
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -157,8 +158,11 @@ struct PhotometricOptions {
         field(
             "background", background,
             "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
-            "to 255, random (with object masks only); none: black, and outside of object masks "
-            "nothing is compared");
+            "to 255, random (with object masks only), sky: colours by direction, made of the "
+            "photographs; none: black, and outside of object masks nothing is compared");
+        field("sky_from", sky_from,
+              "finished run whose sky is taken, instead of making one: so that parts of a scene "
+              "have the same");
     }
     template <class Options, class Visit>
     static void first_iterations(Options& o, const Visit& visit) {

@@ -22,7 +22,9 @@ public:
           masks_(uses_masks(o.masks)),
           coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
           background_(parse_background(o.background)),
-          fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none),
+          fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none &&
+                 background_.kind != PhotoBackground::Kind::sky),
+          sky_(o.sky),
           seed_(seed),
           exposure_(o.exposure, o.weight * o.exposure_pull, o.held.get()) {
         // What the plan will make of `automatic` is not known yet.
@@ -96,15 +98,21 @@ private:
 
     /// Whether the render itself has another background than black.
     bool shines_through() const {
-        return background_.kind == PhotoBackground::Kind::random || !background_.black();
+        return background_.kind == PhotoBackground::Kind::random ||
+               background_.kind == PhotoBackground::Kind::sky || !background_.black();
     }
 
     /// What is compared in the place of the render and its photograph.
     ComparedPhoto mask(const LossInputs<Device>& in) {
         const std::size_t pixels = in.images.color.size();
         const PhotoBackground behind = background_.at(seed_, in.step);
+        const bool is_sky = behind.kind == PhotoBackground::Kind::sky;
+        if (is_sky && sky_texels_.empty()) keep_sky();
         const DeviceMap<Device>* const map = masks_ ? in.view.map("mask") : nullptr;
-        by_ = {map != nullptr ? map->values.span() : Span<const float>{}, behind.linear(), fills_,
+        by_ = {map != nullptr ? map->values.span() : Span<const float>{},
+               {behind.linear(), is_sky ? SkyMap{sky_texels_.data(), sky_->width} : SkyMap{},
+                in.view.camera},
+               fills_,
                coverage_ / static_cast<float>(pixels)};
         color_.resize(pixels), photo_.resize(3 * pixels), dL_dcolor_.resize(pixels);
         dL_dcolor_.fill_zero();
@@ -120,6 +128,11 @@ private:
                 by_.mask};
     }
 
+    void keep_sky() {
+        if (!sky_) throw Error(ExitCode::usage, kSkyNeedsMap);
+        copy(std::vector<std::uint8_t>(sky_->pixels.begin(), sky_->pixels.end()), sky_texels_);
+    }
+
     PhotometricWeights weights_;
     int exposure_start_;  // 0: never
     int views_;
@@ -127,6 +140,7 @@ private:
     float coverage_;  // 0: none
     PhotoBackground background_;
     bool fills_;
+    std::shared_ptr<const ImageU8> sky_;
     std::uint64_t seed_;
     PhotometricScratch<Device> scratch_;
     Exposure<Device> exposure_;
@@ -135,7 +149,7 @@ private:
     // Of the last step, where masks or a background have a say:
     MaskedPhoto by_{};
     Buffer<Vec3f, Device> color_, dL_dcolor_;
-    Buffer<std::uint8_t, Device> photo_;
+    Buffer<std::uint8_t, Device> photo_, sky_texels_;
 };
 
 }  // namespace tvsgs

@@ -40,8 +40,12 @@ double median_depth(const std::vector<Sighting>& seen) {
     return lower_median(depths);
 }
 
-Matchable::Matchable(const View& view, const std::vector<View>& views, bool masks, double depth)
-    : view_(view), masks_(masks && !view.mask.empty()), depth_(depth) {
+Matchable::Matchable(const View& view,
+                     const std::vector<View>& views,
+                     bool masks,
+                     double depth,
+                     const FarPixels* sky)
+    : view_(view), masks_(masks && !view.mask.empty()), depth_(depth), sky_(sky) {
     if (!(depth > 0)) return;
     // Of thousands of views few look at what this one sees.
     const Camera& own = view.camera;

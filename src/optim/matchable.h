@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/scene.h"
+#include "optim/sky.h"
 
 namespace tvsgs {
 
@@ -31,11 +32,16 @@ double median_depth(const std::vector<Sighting>& seen);
 class Matchable {
 public:
     /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
-    /// count.
-    Matchable(const View& view, const std::vector<View>& views, bool masks, double depth);
+    /// count. `sky`: of this view, whose far pixels have no surface; null: none is known.
+    Matchable(const View& view,
+              const std::vector<View>& views,
+              bool masks,
+              double depth,
+              const FarPixels* sky = nullptr);
 
     bool at(int x, int y) const {
         if (masks_ && view_.mask.at(x, y) < kObjectMask) return false;
+        if (sky_ != nullptr && sky_->is_far(x, y)) return false;
         return is_textured(x, y) && is_elsewhere(x, y);
     }
 
@@ -53,6 +59,7 @@ private:
     const View& view_;
     bool masks_;
     double depth_;
+    const FarPixels* sky_;
     std::vector<const Camera*> others_;  // those that may see something of that depth
 };
 

@@ -12,6 +12,7 @@ PhotoBackground parse_background(const std::string& text) {
     if (text == "black") return {constant, {0, 0, 0}};
     if (text == "white") return {constant, {255, 255, 255}};
     if (text == "random") return {random, {0, 0, 0}};
+    if (text == "sky") return {sky, {0, 0, 0}};
     PhotoBackground given{constant, {0, 0, 0}};
     const char *at = text.data(), *const end = at + text.size();
     for (int c = 0; c < 3; ++c) {
@@ -21,7 +22,7 @@ PhotoBackground parse_background(const std::string& text) {
         if (!good)
             throw Error(ExitCode::usage,
                         str("loss.photometric.background: '", text,
-                            "'; expected none, black, white, random, or R,G,B from 0 to 255"));
+                            "'; expected none, black, white, random, sky, or R,G,B from 0 to 255"));
         at = next + (last ? 0 : 1);
     }
     return given;

@@ -8,6 +8,7 @@
 #include "core/parallel.h"
 #include "core/rng.h"
 #include "core/scene.h"
+#include "core/sky_map.h"
 
 namespace tvsgs {
 
@@ -21,10 +22,10 @@ inline bool uses_masks(MaskUse use) {
 
 /// What lies behind the splats.
 struct PhotoBackground {
-    enum class Kind { none, constant, random } kind = Kind::none;
+    enum class Kind { none, constant, random, sky } kind = Kind::none;
     std::uint8_t color[3] = {0, 0, 0};
 
-    /// Of a step: `color`, or a random one; black where there is none.
+    /// Of a step: `color`, or a random one; black where there is none, or a sky.
     PhotoBackground at(std::uint64_t seed, int step) const {
         PhotoBackground here = *this;
         if (kind != Kind::random) return here;
@@ -40,12 +41,16 @@ struct PhotoBackground {
     bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 };
 
-/// "none", "black", "white", "random", or "R,G,B" from 0 to 255. Throws Error(ExitCode::usage).
+/// "none", "black", "white", "random", "sky", or "R,G,B" from 0 to 255. Throws
+/// Error(ExitCode::usage).
 PhotoBackground parse_background(const std::string& text);
 
 inline constexpr const char* kRandomNeedsObject =
     "loss.photometric.background is random, but loss.photometric.masks is not object: photographs "
     "have a background of their own; use object masks (--mask-use object), or give its colour";
+
+inline constexpr const char* kSkyNeedsMap =
+    "loss.photometric.background is sky, but there is no map of it (PhotometricOptions::sky)";
 
 /// What of a mask's pixel counts; see View::mask.
 TVSGS_HD inline bool is_inside(float mask) {
@@ -55,12 +60,24 @@ TVSGS_HD inline bool is_background(float mask) {
     return mask == 0;
 }
 
+/// What lies behind the splats of a view, by pixel.
+struct Behind {
+    Vec3f color;  // 0 to 1; unless there is a sky
+    SkyMap sky{};
+    Camera camera{};
+
+    TVSGS_HD Vec3f at(int i) const {
+        if (sky.empty()) return color;
+        return sky.at(world_direction(camera, i % camera.width_px, i / camera.width_px));
+    }
+};
+
 /// The pixels of a view that are compared.
 struct MaskedPhoto {
     Span<const float> mask;  // [H W] of the view, 0 to 1; empty: all is inside
-    Vec3f background;        // 0 to 1
-    bool fills;              // the photograph has that where the mask says background
-    float coverage_weight;   // of a covered pixel there
+    Behind background;
+    bool fills;             // the photograph has that where the mask says background
+    float coverage_weight;  // of a covered pixel there
 
     TVSGS_HD bool inside(int i) const { return mask.empty() || is_inside(mask[i]); }
     TVSGS_HD bool filled(int i) const { return fills && is_background(mask[i]); }
@@ -78,7 +95,7 @@ struct MaskPhotoBody {
 
     TVSGS_HD void operator()(int i) const {
         const bool inside = by.inside(i), shown = inside || by.filled(i);
-        compared_color[i] = shown ? color[i] + transmittance[i] * by.background : Vec3f{};
+        compared_color[i] = shown ? color[i] + transmittance[i] * by.background.at(i) : Vec3f{};
         for (int c = 0; c < 3; ++c)
             compared_photo[3 * i + c] = inside ? photo[3 * i + c] : shown ? background[c] : 0;
     }
@@ -98,7 +115,7 @@ struct MaskPhotoVjpBody {
         if (by.inside(i) || by.filled(i)) {
             dL_dcolor[i] += dL_dcompared[i];
             if (!dL_dtransmittance.empty())
-                dL_dtransmittance[i] += dot(dL_dcompared[i], by.background);
+                dL_dtransmittance[i] += dot(dL_dcompared[i], by.background.at(i));
         }
         if (!(by.coverage_weight > 0) || by.mask.empty() || !is_background(by.mask[i])) return;
         pixel_loss[i] += by.coverage_weight * (1 - transmittance[i]);

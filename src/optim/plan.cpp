@@ -23,6 +23,8 @@ constexpr double kBackgroundBorder = 0.75, kBackgroundPoints = 0.05;
 // Masks: share of the initial points that they leave out; of the images' border that those of an
 // object leave out, by degrees up to that much more.
 constexpr double kMatchedOutside = 0.5, kObjectBorder = 0.1, kObjectSlope = 0.3, kCoverage = 0.1;
+// Of the pixels with texture in two views' common directions, those that both see alike.
+constexpr double kSky = 0.02;
 // What a cloud needs that covers in full.
 constexpr double kPositionWeight = 10;
 constexpr int kIterations = 5000, kIterationsPerView = 250, kVoteEvery = 50, kRefreshEvery = 500,
@@ -144,6 +146,20 @@ std::vector<Decision> plan_masks(const MaskLook& look) {
     return decision(
         "object", str(border, "; in full from ", number(kObjectBorder + kObjectSlope)),
         {{"loss.photometric.coverage", number(std::round(100 * full) / 100 * kCoverage)}});
+}
+
+Decision plan_sky(double share) {
+    const bool on = share >= kSky;
+    Settings settings;
+    if (on) settings.emplace_back("loss.photometric.background", "sky");
+    return {"sky",
+            on ? "behind the splats" : "none",
+            std::isnan(share) ? "no two views stand apart and look the same way"
+                              : str("pixels that another view sees alike in the same direction: ",
+                                    compared(100 * share, 100 * kSky, " %")),
+            share,
+            kSky,
+            settings};
 }
 
 Decision plan_settings(int train_views, bool measured_points) {
@@ -320,7 +336,8 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
     // any depth, or none.
     const MaskUse use = in.options.loss.photometric.masks;
     const bool masked = use == MaskUse::object || (uses_masks(use) && look.outside);
-    if (!masked && look.background_border > 0) {
+    const bool sky = in.options.loss.photometric.background == "sky";
+    if (!masked && !sky && look.background_border > 0) {
         const bool one = look.background_border >= kBackgroundBorder &&
                          look.background_points < kBackgroundPoints;
         const std::string color =

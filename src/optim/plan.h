@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/scene.h"
+#include "optim/sky.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -42,8 +43,11 @@ struct SceneLook {
         0;  // ratio of a view's brightness to that of its nearest view - 1, where
             // both see the same, median; the largest of the views; NaN: unknown
 };
-/// `masks`: only what is inside of them counts.
-SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks = false);
+/// `masks`: only what is inside of them counts. `sky`: what it shows cannot be matched.
+SceneLook look_at(const Scene& scene,
+                  const ViewPairOptions& limits,
+                  bool masks = false,
+                  const SkyLook& sky = {});
 
 /// What is known of the masks before anything is decided; docs/guide/plan.md.
 struct MaskLook {
@@ -73,6 +77,9 @@ struct Decision {
 
 /// Whether masks are used, and for what. Nothing where there are none.
 std::vector<Decision> plan_masks(const MaskLook& look);
+
+/// Whether a sky is drawn behind the splats, by SkyLook::share.
+Decision plan_sky(double share);
 
 /// Which settings to start from: "sparse" or "dense", which measured points have no votes in.
 Decision plan_settings(int train_views, bool measured_points);

@@ -143,7 +143,10 @@ BorderColor border_color(const std::vector<View>& views) {
 
 }  // namespace
 
-SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks) {
+SceneLook look_at(const Scene& scene,
+                  const ViewPairOptions& limits,
+                  bool masks,
+                  const SkyLook& sky) {
     const std::vector<Vec3f>& points = scene.points.positions;
     constexpr std::size_t kSample = 4000;  // tells a median to a percent or two
     constexpr double kLeastShare = 0.01;
@@ -176,7 +179,8 @@ SceneLook look_at(const Scene& scene, const ViewPairOptions& limits, bool masks)
             if (const auto gain = log_gain(*here, *there)) gains.push_back(*gain);
         }
         const std::vector<Sighting> seen = sightings(view.camera, points, stride);
-        const Matchable could_match(view, scene.train, masks, median_depth(seen));
+        const Matchable could_match(view, scene.train, masks, median_depth(seen),
+                                    sky.views.empty() ? nullptr : &sky.views[v]);
         const double share = could_match.share();
         for (const Sighting& s : seen)
             ++sightings_in_all, on_border_color += border.near(view, s.x, s.y);

@@ -8,6 +8,7 @@
 #include "pipeline/exposures.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/machine_plan.h"
+#include "pipeline/sky.h"
 #include "pipeline/view_maps.h"
 
 namespace tvsgs {
@@ -209,6 +210,7 @@ Scene read_and_plan(const DeviceChoice& device,
         read_fixed_points(options, scene);
         read_fixed_splats(options, scene);
         StereoStart found = prepare_points(device, options, scene);
+        provide_sky(options, scene, nullptr);
         fit_near_plane(scene, options.train.render);
         provide_maps(device, options, std::move(found), scene);
         return scene;
@@ -240,8 +242,9 @@ Scene read_and_plan(const DeviceChoice& device,
     check_masks(options.train.loss.photometric, scene.train);
     check_consistency(options.train);  // before stereo: masks of an object need coverage
     keep_to_object(use, scene.train, scene.points);
+    SkyLook sky;
     const auto look = [&] {
-        const SceneLook seen = look_at(scene, options.train.loss.multi_view, masks);
+        const SceneLook seen = look_at(scene, options.train.loss.multi_view, masks, sky);
         plan.note(seen);
         return seen;
     };
@@ -257,12 +260,13 @@ Scene read_and_plan(const DeviceChoice& device,
         return scene;
     }
     StereoStart found = prepare_points(device, options, scene);
+    sky = provide_sky(options, scene, &plan);
     if (scene.points.positions.empty())
         throw Error(ExitCode::input, str("E_NO_POINTS: ", options.scene.path,
                                          ": no initial points; pass --init-ply, or let stereo make "
                                          "a cloud (init.min_points)"));
     fit_near_plane(scene, options.train.render);
-    if (scene.points.positions.size() != seen.points) seen = look();
+    if (scene.points.positions.size() != seen.points || !sky.views.empty()) seen = look();
     if (const auto given = static_cast<double>(options.plan.coverage); given >= 0) {
         plan.apply(given_coverage(seen.points_per_pixel, given));
         seen.points_per_pixel = given;

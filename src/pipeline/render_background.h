@@ -3,19 +3,29 @@
 
 #include <vector>
 
-#include "optim/photo_background.h"
+#include "core/error.h"
+#include "optim/loss.h"
 #include "render/backbone.h"
 
 namespace tvsgs {
 
-/// [H W] The colours of `images`, which have a transmittance; a random background counts as black.
+/// [H W] The colours of `images` of that camera, which have a transmittance; a random background
+/// counts as black.
 template <class Images>
-std::vector<Vec3f> colors_before(const PhotoBackground& behind, const Images& images) {
+std::vector<Vec3f> colors_before(const PhotometricOptions& options,
+                                 const Camera& camera,
+                                 const Images& images) {
     std::vector<Vec3f> colors = to_host(images.color);
-    if (behind.kind == PhotoBackground::Kind::constant && !behind.black()) {
-        const std::vector<float> T = to_host(images.transmittance);
-        for (std::size_t i = 0; i < colors.size(); ++i) colors[i] += T[i] * behind.linear();
-    }
+    const PhotoBackground background = parse_background(options.background);
+    const bool is_sky = background.kind == PhotoBackground::Kind::sky;
+    if (is_sky && !options.sky) throw Error(ExitCode::usage, kSkyNeedsMap);
+    if (background.black() && !is_sky) return colors;
+    const Behind behind{background.linear(),
+                        is_sky ? SkyMap{options.sky->pixels.data(), options.sky->width} : SkyMap{},
+                        camera};
+    const std::vector<float> T = to_host(images.transmittance);
+    parallel_for(Cpu{}, static_cast<int>(colors.size()),
+                 [&](int i) { colors[i] += T[i] * behind.at(i); });
     return colors;
 }
 

@@ -25,9 +25,9 @@ namespace fs = std::filesystem;
 namespace {
 
 constexpr std::string_view kEntries[] = {
-    "config.json",  "exposure.json", "plan.json",   "memory.json", "log.jsonl",
-    "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",
-    "eval",         "test",          "live",        "report.json", "report.html"};
+    "config.json",  "exposure.json", "sky.png",     "plan.json",   "memory.json", "log.jsonl",
+    "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",        "eval",
+    "test",         "live",          "report.json", "report.html"};
 
 /// Whether there is a file with something in it, there or below. (A run that is killed before it
 /// has a configuration leaves an empty log.)

@@ -99,12 +99,12 @@ RenderScores compare_renders(const Gaussians<Cpu>& before,
     Gaussians<Device> first, second;
     copy(before, first), copy(after, second);
     const auto backbone = make_backbone<Device>(options.backbone, options.render);
-    const PhotoBackground behind = parse_background(options.loss.photometric.background);
     std::vector<RenderScores> scores;
     for (const View& view : views) {
         const auto render = [&](const Gaussians<Device>& g) {
             const auto& images = backbone->forward(g, view.camera, g.sh_degree, Maps::color);
-            return detail::render_of(images.width, images.height, colors_before(behind, images));
+            return detail::render_of(images.width, images.height,
+                                     colors_before(options.loss.photometric, view.camera, images));
         };
         const detail::Render a = render(first), b = render(second);
         scores.push_back(

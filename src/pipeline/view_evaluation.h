@@ -41,13 +41,13 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
                        OnRender&& on_render,
                        const ViewScoring& scoring = {}) {
     auto backbone = make_backbone<Device>(options.backbone, options.render);
-    const PhotoBackground behind = parse_background(options.loss.photometric.background);
     ViewScorer scorer(scoring);
     Progress progress("scores of the views", double(views.size()));
     for (const View& view : views) {
         const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
                                                Maps::color | kGeometryMaps);
-        const std::vector<Vec3f> colors = colors_before(behind, images);
+        const std::vector<Vec3f> colors =
+            colors_before(options.loss.photometric, view.camera, images);
         const ImageU8 render = color_image(images.width, images.height, colors);
         scorer.add(view, render, colors);
         on_render(view, render, images);

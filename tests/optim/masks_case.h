@@ -12,6 +12,7 @@ struct MaskCase {
     std::vector<Vec3f> color;
     std::vector<float> transmittance, mask;  // mask empty: the view has none
     std::vector<std::uint8_t> photo;
+    Camera camera{12, 10, 9, 9, 6, 5, {}};
     PhotometricOptions options;
 };
 struct MaskResult {
@@ -30,6 +31,7 @@ MaskResult evaluate_masks(const MaskCase& c) {
     copy(c.color, images.color), copy(c.transmittance, images.transmittance);
     DeviceView<Device> view;
     copy(c.photo, view.photo);
+    view.camera = c.camera;
     view.maps.push_back({"mask", c.width, c.height, 1, to_device<Device>(c.mask)});
     const TensorField<Device> field;
     Objective<Device> objective;

@@ -33,19 +33,39 @@ MaskCase mask_case(MaskUse use, const std::string& background) {
     }
     c.options.masks = use, c.options.background = background;
     c.options.coverage = 0.6f, c.options.weight = 0.8f;
+    c.camera.camera_from_world.R = rotation(quat_cast<float>(random.quat()));
+    if (background == "sky") {
+        ImageU8 sky(16, 16, 3);
+        for (std::uint8_t& value : sky.pixels)
+            value = static_cast<std::uint8_t>(random.uniform(0, 256));
+        c.options.sky = std::make_shared<const ImageU8>(std::move(sky));
+    }
     return c;
+}
+
+/// What lies behind pixel `p`.
+Vec3d behind_of(const MaskCase& c, std::size_t p) {
+    const PhotometricOptions& o = c.options;
+    const int i = static_cast<int>(p);
+    if (o.sky)
+        return vec_cast<double>(SkyMap{o.sky->pixels.data(), o.sky->width}.at(
+            world_direction(c.camera, i % c.width, i / c.width)));
+    const PhotoBackground b = parse_background(o.background);
+    return {b.color[0] / 255.0, b.color[1] / 255.0, b.color[2] / 255.0};
 }
 
 /// The term without SSIM, in double; `by` is added to channel `k` of pixel `i`, 3: the
 /// transmittance.
-double definition(const MaskCase& c, Vec3d behind, std::size_t i, int k, double by) {
+double definition(const MaskCase& c, std::size_t i, int k, double by) {
     const PhotometricOptions& o = c.options;
     const double n = static_cast<double>(c.color.size());
-    const bool object = o.masks == MaskUse::object, fills = object && o.background != "none";
+    const bool object = o.masks == MaskUse::object,
+               fills = object && o.background != "none" && !o.sky;
     double loss = 0;
     for (std::size_t p = 0; p < c.color.size(); ++p) {
         const double T = static_cast<double>(c.transmittance[p]) + (p == i && k == 3 ? by : 0);
         const float mask = uses_masks(o.masks) ? c.mask[p] : kObject;
+        const Vec3d behind = behind_of(c, p);
         const bool inside = mask == kObject, filled = fills && mask == kNoObject;
         for (int ch = 0; ch < 3 && (inside || filled); ++ch) {
             const double x = static_cast<double>(c.color[p][ch]) + (p == i && k == ch ? by : 0) +
@@ -62,23 +82,22 @@ double definition(const MaskCase& c, Vec3d behind, std::size_t i, int k, double 
 
 TEST(Masks, ValueAndDerivativesByColourAndTransmittance) {
     for (const MaskUse use : {MaskUse::object, MaskUse::ignore, MaskUse::none})
-        for (const char* const background : {"none", "white", "20,200,90"}) {
+        for (const char* const background : {"none", "white", "20,200,90", "sky"}) {
             MaskCase c = mask_case(use, background);
             c.options.ssim = 0;
-            const PhotoBackground b = parse_background(background);
-            const Vec3d behind{b.color[0] / 255.0, b.color[1] / 255.0, b.color[2] / 255.0};
             const MaskResult r = test::evaluate_masks<Cpu>(c);
-            EXPECT_TRUE(close(r.value, definition(c, behind, 0, 0, 0), 1e-5)) << background;
+            EXPECT_TRUE(close(r.value, definition(c, 0, 0, 0), 1e-5)) << background;
             for (std::size_t i = 0; i < c.color.size(); ++i)
                 for (int k = 0; k < 4; ++k) {
                     if (k == 3 && r.dL_dtransmittance.empty()) continue;
-                    const double expected = central_difference(
-                        [&](double h) { return definition(c, behind, i, k, h); }, 1e-6);
+                    const double expected =
+                        central_difference([&](double h) { return definition(c, i, k, h); }, 1e-6);
                     const float found = k == 3 ? r.dL_dtransmittance[i] : r.dL_dcolor[i][k];
                     EXPECT_TRUE(close(found, expected, 1e-4, 1e-3))
                         << background << " pixel " << i << " of " << k;
                 }
-            EXPECT_EQ(r.dL_dtransmittance.empty(), use != MaskUse::object && b.black())
+            EXPECT_EQ(r.dL_dtransmittance.empty(),
+                      use != MaskUse::object && background == std::string("none"))
                 << "nothing is allocated for what nothing goes by";
         }
 }
@@ -302,7 +321,7 @@ TEST(Twins, MasksAndBoundsOnBothDevices) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
         for (const MaskUse use : {MaskUse::object, MaskUse::ignore, MaskUse::none})
-            for (const char* const background : {"none", "white", "9,80,200", "random"}) {
+            for (const char* const background : {"none", "white", "9,80,200", "random", "sky"}) {
                 if (use != MaskUse::object && background == std::string("random")) continue;
                 const MaskCase c = mask_case(use, background);
                 const MaskResult a = test::evaluate_masks<Cpu>(c), b = test::evaluate_masks_cuda(c);
