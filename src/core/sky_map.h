@@ -25,8 +25,15 @@ TVSGS_HD inline Vec3f octahedral_direction(Vec2f p) {
     return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
 }
 
-/// The four texels around a place in a square map, and their weights. Beyond an edge the map goes
-/// on along the same edge, turned: the lower half of the sphere is folded there.
+/// Of a texel of a square map, up to one beside it: beyond an edge the map goes on along the same
+/// edge, turned, as the lower half of the sphere is folded there.
+TVSGS_HD inline int texel_index(int x, int y, int size) {
+    if (x < 0 || x >= size) x = x < 0 ? 0 : size - 1, y = size - 1 - y;
+    if (y < 0 || y >= size) y = y < 0 ? 0 : size - 1, x = size - 1 - x;
+    return y * size + x;
+}
+
+/// The four texels around a place in a square map, and their weights.
 struct SkyTexels {
     int index[4];
     float weight[4];
@@ -38,10 +45,8 @@ TVSGS_HD inline SkyTexels texels_around(Vec3f direction, int size) {
     const float left = std::floor(u), top = std::floor(v), right = u - left, below = v - top;
     SkyTexels found;
     for (int i = 0; i < 4; ++i) {
-        int x = static_cast<int>(left) + i % 2, y = static_cast<int>(top) + i / 2;
-        if (x < 0 || x >= size) x = x < 0 ? 0 : size - 1, y = size - 1 - y;
-        if (y < 0 || y >= size) y = y < 0 ? 0 : size - 1, x = size - 1 - x;
-        found.index[i] = y * size + x;
+        found.index[i] =
+            texel_index(static_cast<int>(left) + i % 2, static_cast<int>(top) + i / 2, size);
         found.weight[i] = (i % 2 ? right : 1 - right) * (i / 2 ? below : 1 - below);
     }
     return found;

@@ -279,10 +279,10 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
             // Three quarters of the parent's place, one quarter of its neighbours'.
             Texel around;
             for (int i = 0; i < 4; ++i) {
-                const int u = std::clamp(x / 2 + (i % 2 ? (x % 2 ? 1 : -1) : 0), 0, half - 1),
-                          v = std::clamp(y / 2 + (i / 2 ? (y % 2 ? 1 : -1) : 0), 0, half - 1);
+                const int u = x / 2 + (i % 2 ? (x % 2 ? 1 : -1) : 0),
+                          v = y / 2 + (i / 2 ? (y % 2 ? 1 : -1) : 0);
                 const float w = (i % 2 ? 0.25f : 0.75f) * (i / 2 ? 0.25f : 0.75f);
-                const Texel& c = coarse[static_cast<std::size_t>(v) * half + u];
+                const Texel& c = coarse[static_cast<std::size_t>(texel_index(u, v, half))];
                 around.color += w * c.color, around.weight += w * c.weight;
             }
             const float rest = 1 - t.weight;

@@ -246,6 +246,24 @@ TEST(MakeSky, HasItsColours) {
         EXPECT_GT(map.at(d).x + map.at(d).y + map.at(d).z, 0.6f);
 }
 
+/// What is filled is as smooth where the map is cut as elsewhere.
+TEST(MakeSky, FillsAcrossItsEdges) {
+    const Scene scene = scene_of({});
+    const ImageU8 sky = make_sky(scene.train, look_at(scene));
+    const auto jump = [&](int x, int y, int u, int v) {
+        int most = 0;
+        for (int c = 0; c < 3; ++c)
+            most = std::max(most, std::abs(sky.at(x, y, c) - sky.at(u, v, c)));
+        return most;
+    };
+    const int last = sky.width - 1;
+    for (int i = 0; i <= last; ++i) {
+        EXPECT_LE(jump(i, 0, last - i, 0), 6) << i;
+        EXPECT_LE(jump(0, i, 0, last - i), 6) << i;
+        EXPECT_LE(jump(last, i, last, last - i), 6) << i;
+    }
+}
+
 TEST(LookAt, ASkyIsNothingThatCouldBeMatched) {
     const Scene scene = scene_of({});
     const SceneLook bare = look_at(scene, {}), seen = look_at(scene, {}, false, look_at(scene));
