@@ -143,6 +143,23 @@ TEST_F(ResumeCommand, TwoHalvesAreTheWhole) {
     EXPECT_TRUE(splats("elsewhere") == splats("whole"));
 }
 
+TEST_F(ResumeCommand, TheSkyGoesAlong) {
+    Result r = train(
+        "--config config.json --set loss.photometric.background=sky --iterations 40 "
+        "--checkpoint-every 20 --out sky");
+    ASSERT_EQ(r.code, 0) << r;
+    const std::string point = "--resume sky/checkpoints/iteration_20.ckpt --out sky_on ";
+    r = train(point);
+    ASSERT_EQ(r.code, 0) << r;
+    const std::string ply = "/point_cloud/iteration_40/point_cloud.ply";
+    EXPECT_TRUE(contents(folder_ / ("sky" + ply)) == contents(folder_ / ("sky_on" + ply)));
+    EXPECT_TRUE(contents(folder_ / "sky/sky.png") == contents(folder_ / "sky_on/sky.png"));
+    fs::remove(folder_ / "sky/sky.png");
+    r = train(point + "--overwrite");
+    EXPECT_EQ(r.code, 3) << r;
+    EXPECT_NE(contents(folder_ / "err.txt").find("has no sky.png"), std::string::npos);
+}
+
 TEST_F(ResumeCommand, ChangesAreAppliedAndRecorded) {
     ASSERT_EQ(train("--config config.json --out changed --iterations 30").code, 0);
     Result r = train("--resume changed --iterations 40 --set lr.scale=0.02 --set tv.k=15");
