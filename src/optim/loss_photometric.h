@@ -128,6 +128,7 @@ private:
                 by_.mask};
     }
 
+    /// At the first step: terms are also made only to be asked what they need.
     void keep_sky() {
         if (!sky_) throw Error(ExitCode::usage, kSkyNeedsMap);
         copy(std::vector<std::uint8_t>(sky_->pixels.begin(), sky_->pixels.end()), sky_texels_);

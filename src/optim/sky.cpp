@@ -5,7 +5,6 @@
 #include <cmath>
 
 #include "core/parallel.h"
-#include "core/progress.h"
 #include "core/quantile.h"
 #include "core/sky_map.h"
 #include "optim/matchable.h"
@@ -291,7 +290,7 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
     });
 }
 
-/// The power of two that has no less texels than pixels around, as far as memory is no matter.
+/// The power of two with at least a texel per pixel all around; bounded, as the map is kept whole.
 int sky_size(const std::vector<View>& views) {
     constexpr int kLeast = 64, kMost = 2048;
     std::vector<double> focal;
@@ -310,7 +309,6 @@ SkyLook look_for_sky(const std::vector<View>& views, const std::vector<Vec3f>& p
     SkyLook look;
     look.views.resize(views.size());
     std::vector<std::array<std::ptrdiff_t, 3>> counts(views.size());
-    Progress progress("looking for a sky", static_cast<double>(views.size()));
     parallel_for_heavy(Cpu{}, static_cast<int>(views.size()), [&](int number) {
         const auto v = static_cast<std::size_t>(number);
         const std::vector<Sighting> seen = sightings(views[v].camera, points, 1);

@@ -30,9 +30,10 @@ SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan) {
     if (!has_sky(o)) return {};
     const std::vector<std::size_t> kept =
         points_before_sky(scene.train, look, scene.points.positions);
-    const std::size_t dropped = scene.points.positions.size() - kept.size();
-    if (dropped > 0) scene.points = select_points(scene.points, kept);
-    spdlog::info("{} initial points lie in the sky and were dropped", dropped);
+    if (const std::size_t dropped = scene.points.positions.size() - kept.size()) {
+        scene.points = select_points(scene.points, kept);
+        spdlog::info("{} initial points lie in the sky and were dropped", dropped);
+    }
     if (!o.sky_from.empty())
         read_sky(o, o.sky_from);
     else
