@@ -1,6 +1,6 @@
 # Processes of one training by NCCL, with a GPU each. TVSGS_NCCL = AUTO: where it is found beside CUDA; ON: it has to
-# be; OFF: never, the default until two GPUs have trained by it. Sets TVSGS_NCCL_FOUND. It comes with NVIDIA's packages
-# (libnccl-dev) or with a toolkit that has it.
+# be; OFF: never, the default, as tvsgs-train then starts on machines without it, too. Sets TVSGS_NCCL_FOUND. It comes
+# with NVIDIA's packages (libnccl-dev) or with a toolkit that has it.
 set(TVSGS_NCCL OFF CACHE STRING "tvsgs-train's processes exchange by NCCL: AUTO, ON or OFF")
 set_property(CACHE TVSGS_NCCL PROPERTY STRINGS AUTO ON OFF)
 set(TVSGS_NCCL_FOUND OFF)

@@ -8,40 +8,44 @@ namespace {
 
 constexpr double kGrace = 10;  // seconds that a process waits that is asked to end
 
-/// What every rank says of its next call, before the call.
-struct Header {
-    std::uint64_t number, bytes;
-    char what[32];
-};
-
-Header header_of(std::uint64_t number, const char* what, std::size_t bytes) {
-    Header header{};
-    header.number = number, header.bytes = bytes;
-    std::strncpy(header.what, what, sizeof header.what - 1);
-    return header;
-}
-
 }  // namespace
 
-Communicator::Begins Communicator::exchange_sizes(const char* what, std::size_t bytes, bool calm) {
+struct Communicator::Letter {
+    std::uint64_t number, bytes;
+    char what[32];
+    std::byte part[208];  // the whole of it, or nothing
+};
+
+std::vector<Communicator::Letter> Communicator::exchange_letters(const char* what,
+                                                                 const void* part,
+                                                                 std::size_t bytes,
+                                                                 bool calm) {
     what_ = what;
     const auto ranks = static_cast<std::size_t>(size());
-    const Header mine = header_of(calls_++, what, bytes);
-    std::vector<Header> all(ranks);
+    Letter mine{};
+    mine.number = calls_++, mine.bytes = bytes;
+    std::strncpy(mine.what, what, sizeof mine.what - 1);
+    if (part != nullptr && bytes <= sizeof mine.part) std::memcpy(mine.part, part, bytes);
+    std::vector<Letter> all(ranks);
     Begins begins;
-    for (std::size_t r = 0; r <= ranks; ++r) begins.push_back(r * sizeof(Header));
+    for (std::size_t r = 0; r <= ranks; ++r) begins.push_back(r * sizeof(Letter));
     gather(&mine, begins, all.data(), calm);
-    begins.assign(1, 0);
     for (std::size_t r = 0; r < ranks; ++r) {
-        const Header& other = all[r];
+        const Letter& other = all[r];
         if (other.number != mine.number || std::strcmp(other.what, mine.what) != 0)
             throw Error(ExitCode::peer,
                         str("rank ", r, " is at call ", other.number, " (", other.what,
                             ") and rank ", rank(), " at call ", mine.number, " (", mine.what,
                             "): the processes do not do the same; start them all with the same "
                             "command and the same program"));
-        begins.push_back(begins.back() + other.bytes);
     }
+    return all;
+}
+
+Communicator::Begins Communicator::exchange_sizes(const char* what, std::size_t bytes) {
+    Begins begins{0};
+    for (const Letter& letter : exchange_letters(what, nullptr, bytes, false))
+        begins.push_back(begins.back() + letter.bytes);
     return begins;
 }
 
@@ -49,9 +53,21 @@ Communicator::Begins Communicator::all_gather_v(const char* what,
                                                 const void* part,
                                                 std::size_t bytes,
                                                 std::vector<std::byte>& all) {
-    Begins begins = exchange_sizes(what, bytes, false);
+    const std::vector<Letter> letters = exchange_letters(what, part, bytes, false);
+    Begins begins{0};
+    bool there = true;  // in the letters
+    for (const Letter& letter : letters) {
+        begins.push_back(begins.back() + letter.bytes);
+        there &= letter.bytes <= sizeof letter.part;
+    }
     all.resize(begins.back());
-    if (!all.empty()) gather(part, begins, all.data(), false);
+    if (!there) {
+        gather(part, begins, all.data(), false);
+        return begins;
+    }
+    for (std::size_t r = 0; r < letters.size(); ++r)
+        std::copy_n(letters[r].part, letters[r].bytes,
+                    all.begin() + static_cast<std::ptrdiff_t>(begins[r]));
     return begins;
 }
 
@@ -82,7 +98,7 @@ void Communicator::deal_on_gpu(const void*, const Begins&, void*, const Begins&)
     throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
 }
 
-void Communicator::gather_on_gpu(const void*, const Begins&, void*) {
+void Communicator::gather_on_gpu(const std::vector<Gather>&) {
     throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
 }
 
@@ -125,7 +141,7 @@ void Communicator::all_reduce(const char* what, Reduce reduce, std::vector<std::
 
 void Communicator::wait_for_all(const char* what) {
     unlimited_ = true;
-    exchange_sizes(what, 0, true);
+    exchange_letters(what, nullptr, 0, true);
     unlimited_ = false;
 }
 

@@ -47,10 +47,23 @@ public:
                                           std::size_t count,
                                           Buffer<T, Device>& all);
 
-    /// Each has written its part of `data` where it belongs; the others' parts <- theirs. `begins`:
-    /// of the parts, elements.
+    /// Planes of as many elements each, one after the other, of `width` bytes an element.
+    struct Planes {
+        void* data;
+        std::size_t width;
+        int count = 1;
+    };
+    /// Each has written its part of every plane where it belongs; the others' parts <- theirs.
+    /// `begins`: of the parts, elements. All of it is one call.
+    template <class Device>
+    void share(const char* what,
+               Device,
+               const std::vector<Planes>& arrays,
+               const std::vector<std::size_t>& begins);
     template <class T, class Device>
-    void share(const char* what, Device, T* data, const std::vector<std::size_t>& begins);
+    void share(const char* what, Device, T* data, const std::vector<std::size_t>& begins) {
+        share(what, Device{}, std::vector<Planes>{{data, sizeof(T)}}, begins);
+    }
 
     /// parts[begins[r], begins[r + 1]) goes to rank r; `got` <- what has come from all, from rank 0
     /// on. Returns where each one's begins.
@@ -97,17 +110,29 @@ protected:
     /// `to` is that rank's own.
     virtual void deal(const void* parts, const Begins& to, void* got, const Begins& from) = 0;
 
-    /// The same from and to memory of the GPU, for backends that reach it.
+    /// The same from and to memory of the GPU, for backends that reach it; several at once.
+    struct Gather {
+        const void* part;
+        Begins begins;
+        void* all;
+    };
     virtual bool reaches_gpu() const { return false; }
-    virtual void gather_on_gpu(const void* part, const Begins& begins, void* all);
+    virtual void gather_on_gpu(const std::vector<Gather>& gathers);
     virtual void deal_on_gpu(const void* parts, const Begins& to, void* got, const Begins& from);
 
     /// Throws Error(ExitCode::peer) when that has taken too long.
     void keep_waiting(double seconds);
 
 private:
-    /// Sizes of the parts; checks that the ranks are in the same call.
-    Begins exchange_sizes(const char* what, std::size_t bytes, bool calm);
+    struct Letter;
+    /// What each rank says of its next call, `part` with it where there is room. Checks that the
+    /// ranks are in the same call.
+    std::vector<Letter> exchange_letters(const char* what,
+                                         const void* part,
+                                         std::size_t bytes,
+                                         bool calm);
+    /// Sizes of the parts.
+    Begins exchange_sizes(const char* what, std::size_t bytes);
     /// Where the parts begin that come from each, when those for each begin at `to`.
     Begins exchange_places(const char* what, const Begins& to);
     /// Throws Error(ExitCode::peer) unless the ranks have parts of the same sizes in mind.
@@ -133,7 +158,7 @@ std::vector<std::size_t> Communicator::all_gather_v(const char* what,
                                                     const Buffer<T, Device>& part,
                                                     std::size_t count,
                                                     Buffer<T, Device>& all) {
-    const Begins begins = exchange_sizes(what, count * sizeof(T), false);
+    const Begins begins = exchange_sizes(what, count * sizeof(T));
     all.resize(begins.back() / sizeof(T));
     std::vector<std::size_t> elements;
     for (const std::size_t begin : begins) elements.push_back(begin / sizeof(T));
@@ -141,7 +166,7 @@ std::vector<std::size_t> Communicator::all_gather_v(const char* what,
     if constexpr (std::is_same_v<Device, Cpu>) {
         gather(part.data(), begins, all.data(), false);
     } else if (reaches_gpu()) {
-        gather_on_gpu(part.data(), begins, all.data());
+        gather_on_gpu({{part.data(), begins, all.data()}});
     } else {
         std::vector<T> mine(count), whole(all.size());
         detail::copy(Device{}, part.data(), Cpu{}, mine.data(), count * sizeof(T));
@@ -151,26 +176,43 @@ std::vector<std::size_t> Communicator::all_gather_v(const char* what,
     return elements;
 }
 
-template <class T, class Device>
+template <class Device>
 void Communicator::share(const char* what,
                          Device,
-                         T* data,
+                         const std::vector<Planes>& arrays,
                          const std::vector<std::size_t>& begins) {
-    Begins bytes;
-    for (const std::size_t begin : begins) bytes.push_back(begin * sizeof(T));
     const auto own = static_cast<std::size_t>(rank());
-    require_same_parts(what, exchange_sizes(what, bytes[own + 1] - bytes[own], false), bytes);
-    if (bytes.back() == 0) return;
-    if constexpr (std::is_same_v<Device, Cpu>) {
-        gather(data + begins[own], bytes, data, false);
-    } else if (reaches_gpu()) {
-        gather_on_gpu(data + begins[own], bytes, data);
-    } else {
-        std::vector<T> whole(begins.back());
-        detail::copy(Device{}, data + begins[own], Cpu{}, whole.data() + begins[own],
-                     bytes[own + 1] - bytes[own]);
-        gather(whole.data() + begins[own], bytes, whole.data(), false);
-        detail::copy(Cpu{}, whole.data(), Device{}, data, bytes.back());
+    const auto in_bytes = [&begins](std::size_t width) {
+        Begins bytes = begins;
+        for (std::size_t& begin : bytes) begin *= width;
+        return bytes;
+    };
+    std::size_t width = 0;
+    std::vector<Gather> gathers;
+    for (const Planes& array : arrays) {
+        width += array.width * static_cast<std::size_t>(array.count);
+        const Begins bytes = in_bytes(array.width);
+        for (int p = 0; p < array.count; ++p) {
+            std::byte* const plane =
+                static_cast<std::byte*>(array.data) + static_cast<std::size_t>(p) * bytes.back();
+            gathers.push_back({plane + bytes[own], bytes, plane});
+        }
+    }
+    const Begins expected = in_bytes(width);
+    require_same_parts(what, exchange_sizes(what, expected[own + 1] - expected[own]), expected);
+    if (expected.back() == 0) return;
+    if constexpr (!std::is_same_v<Device, Cpu>)
+        if (reaches_gpu()) return gather_on_gpu(gathers);
+    for (const Gather& g : gathers) {
+        if constexpr (std::is_same_v<Device, Cpu>) {
+            gather(g.part, g.begins, g.all, false);
+        } else {
+            std::vector<std::byte> whole(g.begins.back());
+            detail::copy(Device{}, g.part, Cpu{}, whole.data() + g.begins[own],
+                         g.begins[own + 1] - g.begins[own]);
+            gather(whole.data() + g.begins[own], g.begins, whole.data(), false);
+            detail::copy(Cpu{}, whole.data(), Device{}, g.all, whole.size());
+        }
     }
 }
 
@@ -203,15 +245,19 @@ inline Part own_part(const Communicator* peers, int count) {
     return part_of(count, rank_of(peers), size_of(peers));
 }
 
-/// planes[p * count + i], where each process has written those i of its part <- all of them. Does
-/// nothing where there is one.
+/// Of planes of `count` elements, where each process has written those of its part <- all of them.
+/// Does nothing where there is one.
+template <class Device>
+void share_parts(Communicator* peers,
+                 const char* what,
+                 Device device,
+                 const std::vector<Communicator::Planes>& arrays,
+                 int count) {
+    if (peers != nullptr) peers->share(what, device, arrays, part_begins(count, peers->size()));
+}
 template <class T, class Device>
-void share_parts(
-    Communicator* peers, const char* what, Device device, T* data, int count, int planes = 1) {
-    if (peers == nullptr) return;
-    const std::vector<std::size_t> begins = part_begins(count, peers->size());
-    for (int p = 0; p < planes; ++p)
-        peers->share(what, device, data + static_cast<std::size_t>(p) * begins.back(), begins);
+void share_parts(Communicator* peers, const char* what, Device device, T* data, int count) {
+    share_parts(peers, what, device, std::vector<Communicator::Planes>{{data, sizeof(T)}}, count);
 }
 
 /// values <- their sum over the ranks. Does nothing where there is one process.

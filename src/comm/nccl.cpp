@@ -154,20 +154,21 @@ private:
         check_cuda_call(
             cudaMemcpyAsync(to + begins[own], part, bytes, cudaMemcpyHostToDevice, stream_),
             "exchange");
-        exchange(to + begins[own], begins, to, calm);
+        exchange({{to + begins[own], begins, to}}, calm);
         check_cuda_call(cudaMemcpy(all, to, begins.back(), cudaMemcpyDeviceToHost), "exchange");
     }
 
     bool reaches_gpu() const override { return true; }
-    void gather_on_gpu(const void* part, const Begins& begins, void* all) override {
-        synchronize(Cuda{});  // what makes the part runs on another stream
+    void gather_on_gpu(const std::vector<Gather>& gathers) override {
+        synchronize(Cuda{});  // what makes the parts runs on another stream
         const auto own = static_cast<std::size_t>(rank_);
-        std::byte* const place = static_cast<std::byte*>(all) + begins[own];
-        if (part != place)
-            check_cuda_call(cudaMemcpyAsync(place, part, begins[own + 1] - begins[own],
-                                            cudaMemcpyDeviceToDevice, stream_),
-                            "exchange");
-        exchange(part, begins, all, false);
+        for (const Gather& g : gathers)
+            if (std::byte* const place = static_cast<std::byte*>(g.all) + g.begins[own];
+                place != g.part)
+                check_cuda_call(cudaMemcpyAsync(place, g.part, g.begins[own + 1] - g.begins[own],
+                                                cudaMemcpyDeviceToDevice, stream_),
+                                "exchange");
+        exchange(gathers, false);
     }
 
     void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
@@ -194,19 +195,19 @@ private:
         finish_group(false);
     }
 
-    /// Everybody's part to everybody else.
-    void exchange(const void* part, const Begins& begins, void* all, bool calm) {
-        const auto own = static_cast<std::size_t>(rank_);
-        const std::size_t bytes = begins[own + 1] - begins[own];
+    /// Everybody's parts to everybody else.
+    void exchange(const std::vector<Gather>& gathers, bool calm) {
         ncclGroupStart();
-        for (int r = 0; r < size_; ++r) {
-            const auto at = static_cast<std::size_t>(r);
-            if (r == rank_) continue;
-            if (bytes > 0) ncclSend(part, bytes, ncclInt8, r, comm_, stream_);
-            if (const std::size_t theirs = begins[at + 1] - begins[at]; theirs > 0)
-                ncclRecv(static_cast<std::byte*>(all) + begins[at], theirs, ncclInt8, r, comm_,
-                         stream_);
-        }
+        for (const Gather& g : gathers)
+            for (int r = 0; r < size_; ++r) {
+                const auto at = static_cast<std::size_t>(r), own = static_cast<std::size_t>(rank_);
+                if (r == rank_) continue;
+                if (const std::size_t mine = g.begins[own + 1] - g.begins[own]; mine > 0)
+                    ncclSend(g.part, mine, ncclInt8, r, comm_, stream_);
+                if (const std::size_t theirs = g.begins[at + 1] - g.begins[at]; theirs > 0)
+                    ncclRecv(static_cast<std::byte*>(g.all) + g.begins[at], theirs, ncclInt8, r,
+                             comm_, stream_);
+            }
         finish_group(calm);
     }
 
@@ -237,20 +238,27 @@ private:
             false);
     }
 
+    /// A kernel that waits for a peer in vain holds the GPU, and whoever frees memory there waits
+    /// for it; so it is ended before anything is cleaned up.
     template <class Done>
     void wait(const Done& done, bool calm) {
         using Clock = std::chrono::steady_clock;
         const Clock::time_point begin = Clock::now();
-        while (!done()) {
-            ncclResult_t state = ncclSuccess;
-            ncclCommGetAsyncError(comm_, &state);
-            if (state != ncclSuccess && state != ncclInProgress) fail(state, "exchange");
-            const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-            keep_waiting(seconds);
-            if (seconds > 0.01)
-                std::this_thread::sleep_for(std::chrono::microseconds(calm ? 2000 : 50));
-            else
-                std::this_thread::yield();
+        try {
+            while (!done()) {
+                ncclResult_t state = ncclSuccess;
+                ncclCommGetAsyncError(comm_, &state);
+                if (state != ncclSuccess && state != ncclInProgress) fail(state, "exchange");
+                const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
+                keep_waiting(seconds);
+                if (seconds > 0.01)
+                    std::this_thread::sleep_for(std::chrono::microseconds(calm ? 2000 : 50));
+                else
+                    std::this_thread::yield();
+            }
+        } catch (...) {
+            ncclCommAbort(comm_);
+            throw;
         }
     }
 

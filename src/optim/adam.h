@@ -92,6 +92,7 @@ public:
         begin_step(step, extent);
         const float none = -INFINITY;  // a bound would hide what is not finite
         const Part own = part();
+        std::vector<Communicator::Planes> moved;
         const std::size_t n = g.means.size();
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
                                 auto& v, float least, std::size_t plane, std::size_t planes) {
@@ -114,8 +115,8 @@ public:
                                     least};
                 update_parameters(Device{}, static_cast<int>(length * width), body, halted);
             }
-            share_parts(peers_, "parameters", Device{}, values.data() + plane * n,
-                        static_cast<int>(n), static_cast<int>(planes));
+            moved.push_back(
+                {values.data() + plane * n, sizeof *values.data(), static_cast<int>(planes)});
         };
         update(means, g.means, gradients.means, m_.means, v_.means, none, 0, 1);
         update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
@@ -127,6 +128,7 @@ public:
         update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, 1);
         update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, 1,
                static_cast<std::size_t>(sh_count(sh_degree)) - 1);
+        share_parts(peers_, "parameters", Device{}, moved, static_cast<int>(n));
     }
 
     /// The same from what the splats add up over pixels, and what losses add to the geometry

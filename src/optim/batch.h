@@ -239,12 +239,11 @@ private:
 
     void gather_numbers(int begin, bool there) {
         double* const to = numbers_.data() + begin * width_;
-        const auto copy_to = [to](const Buffer<double, Device>& from) {
-            detail::copy(Device{}, from.data(), Device{}, to, from.size() * sizeof(double));
-        };
-        if (peers_ == nullptr) return copy_to(mine_);
-        peers_->all_gather_v("losses", mine_, there ? mine_.size() : 0, gathered_);
-        copy_to(gathered_);
+        const std::size_t bytes = mine_.size() * sizeof(double);
+        if (peers_ == nullptr) return detail::copy(Device{}, mine_.data(), Device{}, to, bytes);
+        // Few enough to go by way of the host, in a call that is one exchange.
+        peers_->all_gather_v("losses", to_host(mine_).data(), there ? bytes : 0, gathered_);
+        detail::copy(Cpu{}, gathered_.data(), Device{}, to, gathered_.size());
     }
 
     SplatFindings findings(Gaussians<Device>& gradients,
@@ -264,12 +263,14 @@ private:
                                              counts_ == nullptr ? nullptr : &seen_, iteration);
         if (peers_ == nullptr) return parallel_for(Device{}, splats, AddFindingsBody{found, sum});
         const auto words = static_cast<std::size_t>(sum.words());
-        constexpr int kLeast = 1 << 14;
+        const int ranks = peers_->size();
         int longest = 0;
-        for (int r = 0; r < peers_->size(); ++r)
-            longest = std::max(longest, part_of(splats, r, peers_->size()).size());
+        for (int r = 0; r < ranks; ++r)
+            longest = std::max(longest, part_of(splats, r, ranks).size());
         const int at_a_time =
-            at_a_time_ > 0 ? at_a_time_ : std::max(kLeast, longest / kExchangesOfPhotograph + 1);
+            at_a_time_ > 0
+                ? at_a_time_
+                : std::max(kLeastExchanged / ranks, longest / kExchangesOfPhotograph) + 1;
         for (int done = 0; done < longest; done += at_a_time) {
             const std::vector<std::size_t> to = pack_records(there, done, at_a_time, splats, found);
             const std::vector<std::size_t> from =
@@ -345,7 +346,8 @@ private:
     Buffer<GrowthStatistics, Device> seen_;               // of this process's photograph
     int width_ = 0, by_camera_ = 0;                       // of the numbers of a photograph
     std::vector<int> lessons_;                            // where those of a term begin
-    Buffer<double, Device> mine_, gathered_, numbers_;    // [photographs width]
+    Buffer<double, Device> mine_, numbers_;               // [width], [photographs width]
+    std::vector<std::byte> gathered_;                     // the former, of a round
     Buffer<int, Device> touched_, first_;
     Buffer<std::uint32_t, Device> records_, got_;
 };

@@ -211,8 +211,10 @@ private:
              options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
              options_.percent_dense * extent_, options_.abs_radius_px, peers_},
             part(growth_.span()), part(score_.span()));
-        share_parts(peers_, "growth", Device{}, growth_.data(), g.size());
-        share_parts(peers_, "growth", Device{}, score_.data(), g.size());
+        share_parts(
+            peers_, "growth", Device{},
+            {{growth_.data(), sizeof *growth_.data()}, {score_.data(), sizeof *score_.data()}},
+            g.size());
         apply_quotas(g.size());
         const float infinite = 3e38f;
         parallel_for(

@@ -101,9 +101,9 @@ struct TrainReport {
 
 using SharedState = std::shared_ptr<const State>;
 
-/// What a photograph says goes to the other processes in so many exchanges, fewer where there is
-/// little to say.
-inline constexpr int kExchangesOfPhotograph = 8;
+/// What a photograph says goes to the other processes in so many exchanges; in fewer where these
+/// would be of fewer splats than that, as each takes its time on a GPU however little it moves.
+inline constexpr int kExchangesOfPhotograph = 4, kLeastExchanged = 1 << 16;
 
 /// How the loop talks to its caller; it never touches files.
 struct TrainCallbacks {

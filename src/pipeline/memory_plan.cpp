@@ -205,10 +205,9 @@ MemoryPlan estimate_memory(const Scene& scene,
     // A step of several photographs adds up gradients of one at a time. Records of them, sent and
     // received, are under way for some of the splats at a time.
     constexpr std::int64_t kStatistics = 16, kIndex = 12;
+    const std::int64_t records = processes.all > 1 ? 2 * (parameters + kStatistics + kIndex) : 0;
     const std::int64_t exchanged =
-        processes.all > 1
-            ? 2 * (parameters + kStatistics + kIndex) / kExchangesOfPhotograph + kStatistics
-            : 0;
+        processes.all > 1 ? records / kExchangesOfPhotograph + kStatistics : 0;
     const std::int64_t gradients = o.comm.batch > 1
                                        ? parameters + part(parameters + kStatistics) + exchanged
                                    : !fuses                ? parameters
@@ -245,7 +244,8 @@ MemoryPlan estimate_memory(const Scene& scene,
     }
     // Else those of a few, grey ones beside the colours.
     buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
-                    per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
+                    per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn) +
+                    records * std::min<std::int64_t>(splats, kLeastExchanged);
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = part(3 * parameters + (votes ? kPerVoterState : 0));

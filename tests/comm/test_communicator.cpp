@@ -64,7 +64,10 @@ TEST(Communicator, EachSharesItsPartOfAnArray) {
                 for (int p = 0; p < kPlanes; ++p)
                     for (int i = own.begin; i < own.end; ++i)
                         values[static_cast<std::size_t>(p * count + i)] = expected(p * count + i);
-                share_parts(peers, "array", Cpu{}, values.data(), count, kPlanes);
+                share_parts(
+                    peers, "array", Cpu{},
+                    std::vector<Communicator::Planes>{{values.data(), sizeof(float), kPlanes}},
+                    count);
                 for (int i = 0; i < kPlanes * count; ++i)
                     ASSERT_EQ(values[static_cast<std::size_t>(i)], expected(i)) << count;
             });
@@ -74,6 +77,51 @@ TEST(Communicator, EachSharesItsPartOfAnArray) {
             share_parts(peers, "array", Cpu{}, values.data(), peers->rank() == 0 ? 200 : 100),
             Error);
     });
+}
+
+TEST(Communicator, SeveralArraysAreSharedInOneCall) {
+    on_ranks(3, [](ThreadRank* peers) {
+        constexpr int kCount = 100;
+        std::vector<double> doubles(kCount, -1);
+        std::vector<std::int16_t> shorts(2 * kCount, -1);
+        const Part own = own_part(peers, kCount);
+        for (int i = own.begin; i < own.end; ++i) {
+            doubles[static_cast<std::size_t>(i)] = 0.5 * i;
+            for (int p = 0; p < 2; ++p)
+                shorts[static_cast<std::size_t>(p * kCount + i)] =
+                    static_cast<std::int16_t>(1000 * p + i);
+        }
+        share_parts(peers, "arrays", Cpu{},
+                    {{doubles.data(), sizeof(double)}, {shorts.data(), sizeof(std::int16_t), 2}},
+                    kCount);
+        for (int i = 0; i < kCount; ++i) {
+            ASSERT_EQ(doubles[static_cast<std::size_t>(i)], 0.5 * i);
+            for (int p = 0; p < 2; ++p)
+                ASSERT_EQ(shorts[static_cast<std::size_t>(p * kCount + i)], 1000 * p + i);
+        }
+        EXPECT_EQ(peers->gathers, 1 + 3) << "what is said before, and each plane";
+    });
+}
+
+TEST(Communicator, ShortPartsComeWithWhatIsSaidBefore) {
+    constexpr std::size_t kShort = 208;
+    for (const std::size_t first : {std::size_t{0}, std::size_t{1}, kShort, kShort + 1})
+        for (const std::size_t second : {std::size_t{0}, kShort - 1, kShort, std::size_t{5000}})
+            on_ranks(2, [&](ThreadRank* peers) {
+                const auto byte = [](std::size_t rank, std::size_t i) {
+                    return static_cast<std::byte>(rank * 100 + i % 97);
+                };
+                const std::size_t counts[] = {first, second};
+                const auto rank = static_cast<std::size_t>(peers->rank());
+                std::vector<std::byte> mine, all;
+                for (std::size_t i = 0; i < counts[rank]; ++i) mine.push_back(byte(rank, i));
+                const auto begins = peers->all_gather_v("parts", mine.data(), mine.size(), all);
+                EXPECT_EQ(peers->gathers, first > kShort || second > kShort ? 2 : 1);
+                ASSERT_EQ(all.size(), first + second);
+                for (std::size_t r = 0; r < 2; ++r)
+                    for (std::size_t i = 0; i < counts[r]; ++i)
+                        ASSERT_EQ(all[begins[r] + i], byte(r, i)) << first << " " << second;
+            });
 }
 
 TEST(Communicator, EachSendsEachItsOwn) {

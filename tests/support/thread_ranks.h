@@ -34,6 +34,7 @@ public:
     void leave() override { wait_for_all("end"); }
 
     std::size_t gathered = 0, dealt = 0;  // bytes of all; bytes of those meant for this rank
+    int gathers = 0;
 
 private:
     void gather(const void* part, const Begins& begins, void* all, bool) override {
@@ -43,7 +44,7 @@ private:
             if (char* const to = static_cast<char*>(all) + begins[r];
                 begins[r + 1] > begins[r] && to != group_.parts[r])
                 std::memcpy(to, group_.parts[r], begins[r + 1] - begins[r]);
-        gathered += begins.back();
+        gathered += begins.back(), ++gathers;
         group_.meet.arrive_and_wait();
     }
 
