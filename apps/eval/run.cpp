@@ -88,7 +88,7 @@ int run(const RunArguments& a) {
     if (!mesh.empty())
         predictions.insert(predictions.begin(), {"", mesh});  // first: the centres take its frame
     else
-        spdlog::info("no mesh; tvsgs-extract-mesh --model {} makes one", a.model);
+        spdlog::info("no mesh in {0}/mesh; tvsgs-extract-mesh --model {0} makes one", a.model);
     int done = 0;
     if (fs::is_directory(a.model + "/test")) {
         Words words = flags({{"--model", a.model},

@@ -340,8 +340,9 @@ Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOpt
 std::string find_mesh(const std::string& path) {
     std::string found;
     fs::file_time_type latest;
-    for (const char* name : {"mesh.glb", "mesh.ply", "mesh.obj"}) {
-        const fs::path file = fs::path(path) / "mesh" / name;
+    for (const char* name :
+         {"mesh/mesh.glb", "mesh/mesh.ply", "mesh/mesh.obj", "mesh.glb", "mesh.ply", "mesh.obj"}) {
+        const fs::path file = fs::path(path) / name;
         std::error_code code;
         if (!fs::is_regular_file(file, code)) continue;
         const fs::file_time_type time = fs::last_write_time(file, code);

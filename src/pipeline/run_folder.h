@@ -75,7 +75,8 @@ std::string find_splats(const std::string& path);
 /// round.
 Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train);
 
-/// The mesh of a run folder: mesh/mesh.glb, .ply or .obj, the latest that was written; empty: none.
+/// The mesh of a run folder: mesh.glb, .ply or .obj in its folder mesh/ or in itself, where an
+/// --out may have put it, the latest that was written; empty: none.
 std::string find_mesh(const std::string& path);
 
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.

@@ -14,6 +14,7 @@
 #include "io/mesh_files.h"
 #include "io/ply.h"
 #include "pipeline/mesh_extraction.h"
+#include "pipeline/run_folder.h"
 #include "support/command.h"
 
 namespace tvsgs {
@@ -279,6 +280,25 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
     ASSERT_EQ(extract(flags + "--set mesh.evidence=false").code, 0);
     const std::string bytes = contents(folder_ / "mesh.ply");
     EXPECT_NE(bytes.find("property uchar views"), std::string::npos);
+}
+
+TEST_F(ExtractMesh, ARunHasTheMeshWrittenLastInItsFolderOrBesideIt) {
+    const fs::path run = folder_ / "run";
+    EXPECT_EQ(find_mesh(run.string()), "");
+    fs::create_directories(run / "mesh");
+    const auto now = fs::file_time_type::clock::now();
+    const auto write = [&](const char* name, int seconds) {
+        std::ofstream(run / name) << "a mesh";
+        fs::last_write_time(run / name, now + std::chrono::seconds(seconds));
+    };
+    write("another.ply", 9);
+    EXPECT_EQ(find_mesh(run.string()), "");
+    write("mesh.ply", 1);
+    EXPECT_EQ(find_mesh(run.string()), (run / "mesh.ply").string());
+    write("mesh/mesh.obj", 2);
+    EXPECT_EQ(find_mesh(run.string()), (run / "mesh/mesh.obj").string());
+    write("mesh.glb", 3);
+    EXPECT_EQ(find_mesh(run.string()), (run / "mesh.glb").string());
 }
 
 TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
