@@ -34,6 +34,8 @@ constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
+// Pixels by which the mesh may be off, of scenes of so many megapixels.
+constexpr double kFineErrorPx = 0.3, kCoarseErrorPx = 0.5, kFewMegapixels = 2, kManyMegapixels = 9;
 
 /// What an option is on the way from what no covering cloud needs to what a full one does.
 double between(double bare, double covered, double share) {
@@ -290,6 +292,19 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
         plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
                                   kLeastViews, " or fewer: ", kMeshedScalePx, " in full");
+    }
+    if (look.megapixels > kFewMegapixels) {
+        const double many = (look.megapixels - kFewMegapixels) / (kManyMegapixels - kFewMegapixels);
+        const std::string px =
+            rounded(kFineErrorPx + (kCoarseErrorPx - kFineErrorPx) * std::min(many, 1.0));
+        plan.push_back({"mesh error",
+                        str(px, " px"),
+                        str("megapixels of the training views: ", number(look.megapixels), "; ",
+                            kFineErrorPx, " px up to ", kFewMegapixels, ", ", kCoarseErrorPx,
+                            " from ", kManyMegapixels, " on"),
+                        look.megapixels,
+                        kFewMegapixels,
+                        {{"mesh.error", px}}});
     }
     if (share > 0 && in.options.tv.enabled) {
         const TrainOptions& o = in.options;

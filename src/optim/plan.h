@@ -26,6 +26,7 @@ inline double covered_share(double points_per_pixel) {
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {
     int train_views = 0, test_views = 0;
+    double megapixels = 0;        // of all training views
     std::size_t points = 0;       // of the initial cloud
     double pixels = 0;            // of a view that stereo could match, median
     double matchable = 1;         // their share of the view, median

@@ -157,8 +157,10 @@ SceneLook look_at(const Scene& scene,
     look.test_views = static_cast<int>(scene.test.size());
     look.points = points.size();
     std::vector<double> pose_errors;
-    for (const View& view : scene.train)
+    for (const View& view : scene.train) {
+        look.megapixels += 1e-6 * view.camera.width_px * view.camera.height_px;
         if (!std::isnan(view.pose_error_px)) pose_errors.push_back(view.pose_error_px);
+    }
     look.pose_error = lower_median(pose_errors);
     look.exposure_drift = std::numeric_limits<double>::quiet_NaN();
     look.outside = std::any_of(scene.train.begin(), scene.train.end(),

@@ -331,6 +331,23 @@ TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
     EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
 }
 
+TEST(Plan, MeshesOfManyPixelsAreSimplifiedByMore) {
+    SceneLook look = look_of(patch_scene(3, 10, 3600));
+    EXPECT_NEAR(look.megapixels, 3e-6 * 100 * 80, 1e-9);
+    for (const double few : {0.0, 1.44, 2.0}) {
+        look.megapixels = few;
+        EXPECT_EQ(choice(plan_of(look), "mesh error"), "no such decision") << few;
+    }
+    for (const auto& [megapixels, px] : {std::pair(5.5, "0.4"), {9.0, "0.5"}, {400.0, "0.5"}}) {
+        look.megapixels = megapixels;
+        for (const bool dense : {false, true})
+            EXPECT_TRUE(sets(settings(plan_of(look, dense), "mesh error"), "mesh.error", px))
+                << megapixels;
+    }
+    look.megapixels = 2.01;  // no step
+    EXPECT_EQ(choice(plan_of(look), "mesh error"), "0.30029 px");
+}
+
 TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
     const auto plan = plan_of(look_of(patch_scene(3, 10, 1)), false, 300);
     EXPECT_EQ(choice(plan, "iterations"), "300");
