@@ -258,6 +258,7 @@ private:
             }
         } catch (...) {
             ncclCommAbort(comm_);
+            comm_ = nullptr;  // what calls it all the same is told so
             throw;
         }
     }
