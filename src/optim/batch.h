@@ -148,7 +148,7 @@ template <class Device>
 class StepBatch {
 public:
     /// `at_a_time`: splats of each process's part whose records are under way at a time; 0: as
-    /// kExchangesOfPhotograph has it.
+    /// kExchangesOfPhotograph and kLeastExchanged have it.
     explicit StepBatch(Communicator* peers, int at_a_time = 0)
         : peers_(peers), at_a_time_(at_a_time) {}
 
@@ -241,7 +241,7 @@ private:
         double* const to = numbers_.data() + begin * width_;
         const std::size_t bytes = mine_.size() * sizeof(double);
         if (peers_ == nullptr) return detail::copy(Device{}, mine_.data(), Device{}, to, bytes);
-        // Few enough to go by way of the host, in a call that is one exchange.
+        // Few enough to go by way of the host; up to 26 numbers are one exchange.
         peers_->all_gather_v("losses", to_host(mine_).data(), there ? bytes : 0, gathered_);
         detail::copy(Cpu{}, gathered_.data(), Device{}, to, gathered_.size());
     }
