@@ -5,10 +5,12 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <thread>
+#include <utility>
 
 #include "comm/launch.h"
 #include "comm/rendezvous.h"
@@ -22,6 +24,13 @@ namespace tvsgs {
 namespace {
 
 constexpr double kMeeting = 120;  // seconds within which all have to be there
+constexpr double kEnding = 10;    // and those that NCCL has to end what it does
+
+using Clock = std::chrono::steady_clock;
+
+double seconds_since(Clock::time_point begin) {
+    return std::chrono::duration<double>(Clock::now() - begin).count();
+}
 
 void check_cuda_call(cudaError_t code, const char* what) {
     if (code != cudaSuccess)
@@ -238,29 +247,40 @@ private:
             false);
     }
 
-    /// A kernel that waits for a peer in vain holds the GPU, and whoever frees memory there waits
-    /// for it; so it is ended before anything is cleaned up.
     template <class Done>
     void wait(const Done& done, bool calm) {
-        using Clock = std::chrono::steady_clock;
         const Clock::time_point begin = Clock::now();
         try {
             while (!done()) {
                 ncclResult_t state = ncclSuccess;
                 ncclCommGetAsyncError(comm_, &state);
                 if (state != ncclSuccess && state != ncclInProgress) fail(state, "exchange");
-                const double seconds = std::chrono::duration<double>(Clock::now() - begin).count();
-                keep_waiting(seconds);
-                if (seconds > 0.01)
+                keep_waiting(seconds_since(begin));
+                if (seconds_since(begin) > 0.01)
                     std::this_thread::sleep_for(std::chrono::microseconds(calm ? 2000 : 50));
                 else
                     std::this_thread::yield();
             }
-        } catch (...) {
-            ncclCommAbort(comm_);
-            comm_ = nullptr;  // what calls it all the same is told so
+        } catch (const Error& error) {
+            if (!give_up()) {
+                std::fprintf(stderr, "error: %s\n", error.what());
+                abort(static_cast<int>(error.code()));
+            }
             throw;
         }
+    }
+
+    /// A kernel that waits for a peer in vain holds the GPU, and whoever frees memory there waits
+    /// for it; so it is ended before anything is cleaned up. False: it does not end, and nothing
+    /// can be cleaned up. By a thread, as NCCL may wait for the peer there, too.
+    bool give_up() {
+        std::thread([comm = std::exchange(comm_, nullptr)] { ncclCommAbort(comm); }).detach();
+        const Clock::time_point begin = Clock::now();
+        while (stream_ != nullptr && cudaStreamQuery(stream_) == cudaErrorNotReady) {
+            if (seconds_since(begin) > kEnding) return false;
+            std::this_thread::sleep_for(std::chrono::milliseconds(10));
+        }
+        return true;
     }
 
     std::unique_ptr<Communicator> mpi_;  // null: by the environment

@@ -243,9 +243,10 @@ MemoryPlan estimate_memory(const Scene& scene,
         most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
     }
     // Else those of a few, grey ones beside the colours.
-    buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
-                    per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn) +
-                    records * std::min<std::int64_t>(splats, kLeastExchanged);
+    buffers.fixed =
+        (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
+        per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn) +
+        records * (grows(o) ? kLeastExchanged : std::min<std::int64_t>(splats, kLeastExchanged));
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = part(3 * parameters + (votes ? kPerVoterState : 0));
