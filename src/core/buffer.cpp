@@ -2,51 +2,55 @@
 
 #include <unistd.h>
 
-#include <atomic>
 #include <cstdlib>
 #include <cstring>
 #include <fstream>
 #include <string>
 
 #include "core/error.h"
+#include "core/memory_ledger.h"
 
 namespace tvsgs {
 namespace {
-std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0}, limit_bytes{INT64_MAX};
 constexpr std::size_t kAlignment = 256;  // a whole number of cache lines and of vector registers
 }  // namespace
 
+MemoryLedger& host_ledger() {
+    static MemoryLedger ledger;
+    return ledger;
+}
+
+void throw_out_of_host_memory(std::size_t bytes, bool allowed) {
+    const MemoryLedger& ledger = host_ledger();
+    throw out_of_memory(
+        str(bytes, " more bytes are needed beside the ", ledger.current >> 20, " MiB held, ",
+            allowed ? std::string("and the host has no more")
+                    : str("and ", ledger.limit >> 20, " MiB are allowed (memory.host)")));
+}
+
 MemoryUse memory_use(Cpu) {
-    return {current_bytes, peak_bytes};
+    return host_ledger().use();
 }
 
 void set_memory_limit(Cpu, std::int64_t bytes) {
-    limit_bytes = bytes;
+    host_ledger().limit = bytes;
 }
 
 namespace detail {
 
-void* allocate(Cpu, std::size_t bytes) {
+void* allocate(Cpu, std::size_t bytes, Memory) {
     if (bytes == 0) return nullptr;
     const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
-    const std::int64_t held = current_bytes, limit = limit_bytes;
-    const bool allowed = static_cast<std::int64_t>(bytes) <= limit - held;
+    const bool allowed = host_ledger().allows(bytes);
     void* data = allowed ? std::aligned_alloc(kAlignment, rounded) : nullptr;
-    if (data == nullptr)
-        throw out_of_memory(
-            str(bytes, " more bytes are needed beside the ", held >> 20, " MiB held, ",
-                allowed ? std::string("and the host has no more")
-                        : str("and ", limit >> 20, " MiB are allowed (memory.host)")));
-    const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
-    for (std::int64_t peak = peak_bytes;
-         now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {
-    }
+    if (data == nullptr) throw_out_of_host_memory(bytes, allowed);
+    host_ledger().take(bytes);
     return data;
 }
 
-void release(Cpu, void* data, std::size_t bytes) {
+void release(Cpu, void* data, std::size_t bytes, Memory) {
     std::free(data);
-    current_bytes -= static_cast<std::int64_t>(bytes);
+    host_ledger().give_back(bytes);
 }
 
 void fill_zero(Cpu, void* data, std::size_t bytes) {

@@ -1,13 +1,11 @@
-#include <atomic>
-
-#include "core/buffer.h"
 #include "core/cuda_device.h"
 #include "core/cuda_runtime.h"
 #include "core/error.h"
+#include "core/memory_ledger.h"
 
 namespace tvsgs {
 namespace {
-std::atomic<std::int64_t> current_bytes{0}, peak_bytes{0}, limit_bytes{INT64_MAX};
+MemoryLedger ledger;
 
 /// Driver too old for this program, or a GPU that it holds no code for, among others.
 bool no_usable_device(cudaError_t status) {
@@ -25,11 +23,11 @@ void check_cuda(cudaError_t status, std::source_location where) {
 }
 
 MemoryUse memory_use(Cuda) {
-    return {current_bytes, peak_bytes};
+    return ledger.use();
 }
 
 void set_memory_limit(Cuda, std::int64_t bytes) {
-    limit_bytes = bytes;
+    ledger.limit = bytes;
 }
 
 int cuda_device_count() {
@@ -64,13 +62,26 @@ std::string use_cuda_device(int index) {
 
 namespace detail {
 
-void* allocate(Cuda, std::size_t bytes) {
-    if (bytes == 0) return nullptr;
+/// Memory of the host that kernels reach at the same address, and that stays where it is.
+static void* allocate_on_host(std::size_t bytes) {
     void* data = nullptr;
-    const std::int64_t held = current_bytes, limit = limit_bytes;
-    if (static_cast<std::int64_t>(bytes) > limit - held)
+    const bool allowed = host_ledger().allows(bytes);
+    if (!allowed || cudaHostAlloc(&data, bytes, cudaHostAllocDefault) != cudaSuccess) {
+        cudaGetLastError();
+        throw_out_of_host_memory(bytes, allowed);
+    }
+    host_ledger().take(bytes);
+    return data;
+}
+
+void* allocate(Cuda, std::size_t bytes, Memory memory) {
+    if (bytes == 0) return nullptr;
+    if (memory == Memory::host) return allocate_on_host(bytes);
+    void* data = nullptr;
+    const std::int64_t held = ledger.current;
+    if (!ledger.allows(bytes))
         throw out_of_memory(str(bytes, " more bytes of GPU memory are needed beside the ",
-                                held >> 20, " MiB held, and ", limit >> 20,
+                                held >> 20, " MiB held, and ", ledger.limit >> 20,
                                 " MiB are allowed (--gpu-memory)"));
     if (const cudaError_t status = cudaMalloc(&data, bytes); status != cudaSuccess) {
         cudaGetLastError();
@@ -81,31 +92,35 @@ void* allocate(Cuda, std::size_t bytes) {
                                 held >> 20, " MiB held, and ", free_bytes >> 20, " of ",
                                 total_bytes >> 20, " MiB are free"));
     }
-    const std::int64_t now = current_bytes += static_cast<std::int64_t>(bytes);
-    for (std::int64_t peak = peak_bytes;
-         now > peak && !peak_bytes.compare_exchange_weak(peak, now);) {
-    }
+    ledger.take(bytes);
     return data;
 }
 
-void release(Cuda, void* data, std::size_t bytes) {
+void release(Cuda, void* data, std::size_t bytes, Memory memory) {
     if (data == nullptr) return;
-    cudaFree(data);  // runs in destructors: an error here shows at the next checked call
-    current_bytes -= static_cast<std::int64_t>(bytes);
+    // Runs in destructors: an error here shows at the next checked call.
+    if (memory == Memory::host) {
+        cudaDeviceSynchronize();  // kernels may still be at it
+        cudaFreeHost(data);
+        return host_ledger().give_back(bytes);
+    }
+    cudaFree(data);
+    ledger.give_back(bytes);
 }
 
 void fill_zero(Cuda, void* data, std::size_t bytes) {
     if (bytes > 0) check_cuda(cudaMemsetAsync(data, 0, bytes));
 }
 
+// CUDA sees by the addresses which way it goes: a buffer may lie on the host.
 void copy(Cpu, const void* from, Cuda, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice));
+    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDefault));
 }
 void copy(Cuda, const void* from, Cpu, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost));
+    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDefault));
 }
 void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice));
+    if (bytes > 0) check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDefault));
 }
 
 }  // namespace detail

@@ -1,5 +1,6 @@
 #include "optim/adam.h"
 
+#include "optim/waiting_harmonics_impl.h"
 #include "render/fused_gradients.h"
 
 namespace tvsgs {
@@ -65,6 +66,11 @@ int chunks(int count) {
 
 void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step) {
     if (step.halted != nullptr && *step.halted != 0) return;
+    if (step.taken != nullptr)
+        return gradients.visit([&](const auto& vjp) {
+            parallel_for(Cpu{}, count,
+                         [&](int i) { step_splat_in_view<kMaxShCount>(vjp, step, i); });
+        });
     gradients.visit([&](const auto& vjp) {
         parallel_for_heavy(Cpu{}, chunks(count), [&](int chunk) {
             const int begin = chunk * kChunk, end = std::min(count, begin + kChunk);
@@ -80,6 +86,16 @@ void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& 
                 step_run(step.sh, k, begin, end, dL + k * kChunk, step.sh_scale);
         });
     });
+}
+
+void fetch_in_view(Cpu, const WaitingArrays& arrays) {
+    fetch_in_view_on(Cpu{}, arrays);
+}
+void bring_back(Cpu, const WaitingArrays& arrays) {
+    bring_back_on(Cpu{}, arrays);
+}
+void catch_up(Cpu, const WaitingArrays& arrays) {
+    catch_up_on(Cpu{}, arrays);
 }
 
 }  // namespace tvsgs

@@ -1,4 +1,5 @@
 #include "optim/adam.h"
+#include "optim/waiting_harmonics_impl.h"
 #include "render/fused_gradients.h"
 
 namespace tvsgs {
@@ -17,14 +18,18 @@ constexpr int kThreads = 128, kBlocks = 5;  // of a multiprocessor: many loads u
 // Few harmonics at a time: registers. More than one, so that several loads are under way.
 constexpr int kHarmonics = 2;
 
-template <SplatVjp Vjp>
+template <SplatVjp Vjp, bool kWaits>
 __global__ void __launch_bounds__(kThreads, kBlocks)
     step_kernel(int count, Vjp vjp, AdamStep step) {
     if (step.halted != nullptr && *step.halted != 0) return;
     const int i = static_cast<int>(blockIdx.x * kThreads + threadIdx.x);
     if (i >= count) return;
-    ShStep<kHarmonics> sh{step.sh, i, step.sh_scale};
-    if (step_splat(vjp, step, i, sh)) sh.decay();
+    if constexpr (kWaits) {
+        step_splat_in_view<kHarmonics>(vjp, step, i);
+    } else {
+        ShStep<kHarmonics> sh{step.sh, i, step.sh_scale};
+        if (step_splat(vjp, step, i, sh)) sh.decay();
+    }
 }
 
 }  // namespace
@@ -37,9 +42,22 @@ void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep&
     if (count == 0) return;
     const int blocks = (count + kThreads - 1) / kThreads;
     gradients.visit([&]<class Vjp>(const Vjp& vjp) {
-        step_kernel<Vjp><<<blocks, kThreads>>>(count, vjp, step);
+        if (step.taken == nullptr)
+            step_kernel<Vjp, false><<<blocks, kThreads>>>(count, vjp, step);
+        else
+            step_kernel<Vjp, true><<<blocks, kThreads>>>(count, vjp, step);
     });
     check_launch();
+}
+
+void fetch_in_view(Cuda, const WaitingArrays& arrays) {
+    fetch_in_view_on(Cuda{}, arrays);
+}
+void bring_back(Cuda, const WaitingArrays& arrays) {
+    bring_back_on(Cuda{}, arrays);
+}
+void catch_up(Cuda, const WaitingArrays& arrays) {
+    catch_up_on(Cuda{}, arrays);
 }
 
 }  // namespace tvsgs

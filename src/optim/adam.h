@@ -9,6 +9,7 @@
 #include "core/parallel.h"
 #include "core/state.h"
 #include "optim/adam_step.h"
+#include "optim/waiting_harmonics.h"
 
 namespace tvsgs {
 
@@ -65,13 +66,16 @@ template <class Device>
 class Adam {
 public:
     /// Each step stands for `batch` photographs. Of several processes each has the moments of its
-    /// part of the splats, takes their step, and tells the others.
+    /// part of the splats, takes their step, and tells the others. Where the splats' harmonics lie
+    /// their moments will, too; where that is the host's memory the fused step is the only one, and
+    /// needs fetch_harmonics() before.
     Adam(const AdamOptions& options,
          const Gaussians<Device>& gaussians,
          int batch = 1,
          Communicator* peers = nullptr)
         : options_(options), batch_(batch), decay_(adam_decay(batch)), peers_(peers) {
         set_splats(gaussians.size());
+        m_.sh.put(gaussians.sh.memory()), v_.sh.put(gaussians.sh.memory());
         resize(m_, part().size(), gaussians.sh_degree);
         resize(v_, part().size(), gaussians.sh_degree);
         fill_zero(m_);
@@ -143,17 +147,40 @@ public:
               bool with_opacity,
               const int* halted = nullptr) {
         using enum ParameterGroup;
+        const ShAdam all = sh_of(g, sh_degree);
+        if (waits(g)) waiting_.begin(all, steps_from_now());
         begin_step(step, extent);
-        take_step(Device{}, g.size(), gradients,
-                  {geometry_spans(g),
-                   geometry_spans(m_),
-                   geometry_spans(v_),
-                   geometry_spans(extra),
-                   {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)},
-                   {rate(means), rate(scales), rate(rotations), rate(opacities), root_, decay_},
-                   {rate(sh_dc), rate(sh_rest), root_, decay_},
-                   with_opacity,
-                   halted});
+        AdamStep now{geometry_spans(g),
+                     geometry_spans(m_),
+                     geometry_spans(v_),
+                     geometry_spans(extra),
+                     all,
+                     {rate(means), rate(scales), rate(rotations), rate(opacities), root_, decay_},
+                     sh_scale(count_),
+                     with_opacity,
+                     halted};
+        if (!waits(g)) return take_step(Device{}, g.size(), gradients, now);
+        now.sh = waiting_.in_view(), now.taken = waiting_.taken(), now.due = waiting_.due();
+        take_step(Device{}, g.size(), gradients, now);
+        waiting_.step_done(all);
+    }
+
+    /// For the view that the next step is of: its harmonics, up to date. Null unless they lie on
+    /// the host.
+    Harmonics fetch_harmonics(const SplatPlaces& places,
+                              std::size_t room,
+                              int sh_degree,
+                              Gaussians<Device>& g) {
+        return waiting_.fetch(sh_of(g, sh_degree), places, room, steps_from_now());
+    }
+
+    /// Whether the harmonics' steps wait until they are seen.
+    static bool waits(const Gaussians<Device>& g) { return g.sh.memory() == Memory::host; }
+
+    /// Takes the steps that wait: before anything else reads or moves harmonics or their moments.
+    /// Changes no bit of what follows.
+    void catch_up(Gaussians<Device>& g) {
+        if (waits(g)) waiting_.catch_up(sh_of(g, g.sh_degree));
     }
 
     /// From now on the group's rate is `factor` x what it would have been.
@@ -194,13 +221,28 @@ private:
         root_ = adam_scale(1, ++count_, batch_).root;
     }
 
-    /// With the bias correction of the step in progress.
-    float rate(ParameterGroup group) const {
+    ShAdam sh_of(Gaussians<Device>& g, int sh_degree) {
+        return {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)};
+    }
+
+    auto steps_from_now() const {
+        return [this](int t) { return sh_scale(count_ + t); };
+    }
+
+    /// Of the t-th step.
+    ShScale sh_scale(int t) const {
+        return {rate(ParameterGroup::sh_dc, t), rate(ParameterGroup::sh_rest, t),
+                adam_scale(1, t, batch_).root, decay_};
+    }
+
+    /// With the bias correction of the step in progress, or of the t-th.
+    float rate(ParameterGroup group) const { return rate(group, count_); }
+    float rate(ParameterGroup group, int t) const {
         const float rates[] = {position_rate_,   options_.scale, options_.rotation,
                                options_.opacity, options_.sh_dc, options_.sh_rest};
         const auto i = static_cast<std::size_t>(group);
         const float at_once = std::sqrt(static_cast<float>(batch_));
-        return adam_scale(rates[i] * rate_factors_[i] * at_once, count_, batch_).step;
+        return adam_scale(rates[i] * rate_factors_[i] * at_once, t, batch_).step;
     }
 
     AdamOptions options_;
@@ -209,6 +251,7 @@ private:
     Communicator* peers_;
     int splats_ = 0;
     Gaussians<Device> m_, v_;  // of the part
+    WaitingHarmonics<Device> waiting_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;
     float position_rate_ = 0, root_ = 1;  // of the step in progress

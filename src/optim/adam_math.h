@@ -105,25 +105,26 @@ struct ShAdam {
     }
 };
 
-/// Takes this iteration's step of Gaussian i's harmonics where sh_color_vjp finds their gradients.
+/// Takes this iteration's step of a Gaussian's harmonics where sh_color_vjp finds their gradients:
+/// of those at `at` of their arrays.
 template <int kGroup_>
 struct ShStep {
     static constexpr int kGroup = kGroup_;
     const ShAdam& sh;
-    int i;
+    int at;
     ShScale scale;
 
     TVSGS_HD void operator()(int first,
                              const Vec3f (&gradient)[kGroup],
                              Vec3f (&values)[kGroup]) const {
-        auto g = sh.load<kGroup>(i, first);
+        auto g = sh.load<kGroup>(at, first);
         float dL[3 * kGroup];
         for (int k = 0; k < kGroup; ++k) {
             values[k] = {g.value[3 * k], g.value[3 * k + 1], g.value[3 * k + 2]};
             dL[3 * k] = gradient[k].x, dL[3 * k + 1] = gradient[k].y, dL[3 * k + 2] = gradient[k].z;
         }
         ShAdam::step<kGroup>(g, first, dL, scale);
-        sh.store(i, first, g);
+        sh.store(at, first, g);
     }
 
     /// The same without a gradient.

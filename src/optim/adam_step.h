@@ -65,11 +65,15 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
 struct AdamStep {
     GeometrySpans values, m, v;
     GeometrySpans extra;  // gradients that losses give without the image; may be null
-    ShAdam sh;
+    ShAdam sh;            // of all splats; where `taken` is given, by place of those in view
     GeometryScale geometry_scale;
     ShScale sh_scale;
     bool with_opacity;
     const int* halted;  // where *halted (may be null) is not 0, nothing changes
+    /// Of each splat the steps of its harmonics that were taken, of `due`; null: none waits. See
+    /// WaitingHarmonics.
+    std::uint16_t* taken = nullptr;
+    int due = 0;
 };
 
 /// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
@@ -83,6 +87,13 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
     step_geometry(splat, gradient, m, v, in.geometry_scale, in.with_opacity);
     in.values.store(i, splat), in.m.store(i, m), in.v.store(i, v);
     return !colored;
+}
+
+/// The same of one whose harmonics are in view, or wait if they get no gradient.
+template <int kGroup, SplatVjp Vjp>
+TVSGS_HD void step_splat_in_view(const Vjp& vjp, const AdamStep& in, int i) {
+    ShStep<kGroup> sh{in.sh, static_cast<int>(vjp.sums.places.of(i)), in.sh_scale};
+    if (!step_splat(vjp, in, i, sh)) in.taken[i] = static_cast<std::uint16_t>(in.due + 1);
 }
 
 // The twins go through the harmonics in the order that suits them: on a GPU each lane through those

@@ -62,6 +62,7 @@ public:
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->moves_cameras());
+        check_harmonics(scene, options, backbone_->fuses());
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);

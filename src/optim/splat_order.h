@@ -37,6 +37,7 @@ void gather(Span<const int> from,
             Buffer<T, Device>& scratch,
             int planes = 1) {
     const std::size_t old_count = values.size() / static_cast<std::size_t>(planes);
+    scratch.put(values.memory());
     scratch.resize(from.count * static_cast<std::size_t>(planes));
     for (std::size_t p = 0; p < static_cast<std::size_t>(planes); ++p)
         parallel_for(Device{}, from.size(),

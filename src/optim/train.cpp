@@ -22,6 +22,24 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
                     "moves cameras; set one to false or the other above 0");
 }
 
+std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses) {
+    if (options.comm.batch > 1)
+        return str("a step of comm.batch = ", options.comm.batch,
+                   " photographs adds up gradients of all splats");
+    if (options.cameras.refine)
+        return "what refines poses (cameras.refine) looks at harmonics of all splats";
+    if (scene.fixed_splats) return "fixed splats (init.fixed_splats) are drawn with copies of all";
+    if (!fuses) return str("backbone '", options.backbone, "' writes gradients of all splats");
+    return "";
+}
+
+void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses) {
+    if (options.optim.harmonics == Memory::device) return;
+    if (const std::string why = why_harmonics_stay(scene, options, fuses); !why.empty())
+        throw Error(ExitCode::usage, str("optim.harmonics = host: ", why,
+                                         "; expected optim.harmonics = device, or a run without"));
+}
+
 void check_ranks(const TrainOptions& options, int ranks) {
     const int batch = options.comm.batch;
     if (ranks > batch)

@@ -35,10 +35,15 @@ struct ModelOptions {
 };
 
 struct OptimOptions {
+    Memory harmonics = Memory::device;
     bool skip_step_on_structure_change = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
+        field.choice("harmonics", harmonics, {"device", "host"},
+                     "where colours and their moments lie; host: 576 bytes a splat less of the "
+                     "GPU's memory at degree 3, with the same results; each step then moves those "
+                     "that its view sees over the bus and back");
         field("skip_step_on_structure_change", skip_step_on_structure_change,
               "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
               "the official "
@@ -141,9 +146,12 @@ struct TrainCallbacks {
     int records_at_a_time = 0;  // see StepBatch
 };
 
-/// Called between two steps, with the splats after the step.
+/// The splats after the step, asked for by who looks at them: some of it may have waited.
 template <class Device>
-using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>;
+using SplatsNow = std::function<const Gaussians<Device>&()>;
+/// Called between two steps.
+template <class Device>
+using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats_now)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
 /// device type give the same bits, also when the training goes on from a saved state, `start`, and
@@ -169,6 +177,13 @@ Gaussians<Device> train(const Scene& scene,
 /// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
 /// have no derivatives by them. train() does so, too.
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
+
+/// Why harmonics cannot lie on the host: a step would want all of them. Empty where they can.
+/// `fuses`: of the rasteriser.
+std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
+
+/// Throws Error(ExitCode::usage) where they are to lie there all the same. train() does so, too.
+void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);
 
 /// Throws Error(ExitCode::usage) where there are more processes than photographs of a step, or a
 /// term keeps what one process alone knows.

@@ -39,6 +39,16 @@ Gaussians<Device> train(const Scene& scene,
         if (callbacks.on_cameras) callbacks.on_cameras(*moved);
     };
 
+    const SplatsNow<Device> splats_now = [&t]() -> const Gaussians<Device>& {
+        t->adam.catch_up(t->gaussians);
+        return t->gaussians;
+    };
+    if (options.optim.harmonics == Memory::host)
+        iteration.backbone().set_harmonics(
+            [&t](const SplatPlaces& places, std::size_t room, int sh_degree) {
+                return t->adam.fetch_harmonics(places, room, sh_degree, t->gaussians);
+            });
+
     // A step is the iterations [first, step].
     while (t->done < options.iterations) {
         const int first = t->done + 1, step = std::min(t->done + each, options.iterations);
@@ -82,13 +92,14 @@ Gaussians<Device> train(const Scene& scene,
             iteration.clock("densify", [&] { t.grow(first, step, iteration); });
         t->cameras.step_done(step, options.iterations);
         t.step_done(step);
-        if (after_step) after_step(step, t->gaussians);
+        if (after_step) after_step(step, splats_now);
     }
     follow_cameras();
     for (const auto& loss : t->losses)
         if (const HeldExposures found = loss->exposures(); !found.empty() && callbacks.on_exposures)
             callbacks.on_exposures(found);
     if (callbacks.on_end) callbacks.on_end(t->done);
+    splats_now();
     return std::move(t->gaussians);
 }
 

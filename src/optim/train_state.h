@@ -126,6 +126,7 @@ private:
                                              const TrainOptions& o,
                                              const State* from) {
         Gaussians<Device> g;
+        g.sh.put(o.optim.harmonics);
         if (from != nullptr) return g;
         Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
         sort_by_place(first);
@@ -250,6 +251,7 @@ public:
     /// from them. What a batch has seen has been counted.
     void grow(int first, int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
+        if (s.densifier.may_change_structure(step)) s.adam.catch_up(s.gaussians);
         if (auto* const sums = s.densifier.sums_at(step, s.gaussians); sums && !batched())
             s.densifier.count_view(iteration.backbone().statistics(), *sums);
         const auto event =
@@ -315,6 +317,7 @@ private:
     }
 
     SharedState capture() {
+        state_->adam.catch_up(state_->gaussians);
         auto state = std::make_shared<State>();
         StateVisitor<Device> visitor(*state, state_parts(peers()));
         state_->visit(visitor);

@@ -47,7 +47,7 @@ std::vector<Level> levels_of(const Scene& scene,
     const std::string plain = processes > 1 ? str(processes, in.cuda ? " GPUs" : " processes")
                               : in.cuda     ? "one GPU"
                                             : "one CPU";
-    const auto add = [&](const std::string& choice, bool stream, bool compact) {
+    const auto add = [&](const std::string& choice, bool stream, bool compact, bool leave) {
         Level level{choice, {}, options, {}};
         TrainOptions& o = level.options;
         if (stream) {
@@ -58,13 +58,25 @@ std::vector<Level> levels_of(const Scene& scene,
             o.tv.lists = ListStorage::compact;
             level.settings.emplace_back("tv.lists", "compact");
         }
+        if (leave) {
+            o.optim.harmonics = Memory::host;
+            level.settings.emplace_back("optim.harmonics", "host");
+        }
         level.needs = estimate_memory(scene, o, in.first, in.cuda, in.processes);
         levels.push_back(std::move(level));
     };
-    if (!(streams && crowded)) add(plain, false, false);
-    if (streams) add("photographs on the host", true, false);
-    if (compacts && !(streams && crowded)) add("compact lists", false, true);
-    if (streams && compacts) add("compact lists, photographs on the host", true, true);
+    if (!(streams && crowded)) add(plain, false, false, false);
+    if (streams) add("photographs on the host", true, false, false);
+    if (compacts && !(streams && crowded)) add("compact lists", false, true, false);
+    if (streams && compacts) add("compact lists, photographs on the host", true, true, false);
+    const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
+    if (in.cuda && in.may_leave_harmonics && options.optim.harmonics == Memory::device &&
+        why_harmonics_stay(scene, options, fuses).empty()) {
+        // What costs less has been done by then.
+        const std::string before = levels.back().choice;
+        add(before == plain ? "colours on the host" : before + ", colours on the host", streams,
+            compacts, true);
+    }
     return levels;
 }
 

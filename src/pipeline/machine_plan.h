@@ -28,14 +28,16 @@ struct MachineInputs {
     ProcessCount processes;
     std::int64_t first = 0;  // splats at the start
     ExpectedSplats expected;
-    bool may_stream = false;   // photo_bytes is the plan's to choose
-    bool may_compact = false;  // tv.lists as well
+    bool may_stream = false;           // photo_bytes is the plan's to choose
+    bool may_compact = false;          // tv.lists as well
+    bool may_leave_harmonics = false;  // and optim.harmonics
 };
 
 /// The first of these that holds the expected splats: all on the device; photographs on the host;
-/// compact lists of votes; both; blocks, or more GPUs, of which it only speaks. Where none does,
-/// training takes what holds most splats if the first ones fit into it, and stops growing there;
-/// else it cannot start, and plan_memory() says so. Of several processes each holds its share.
+/// compact lists of votes; both; all that and colours on the host; blocks, or more GPUs, of which
+/// it only speaks. Where none does, training takes what holds most splats if the first ones fit
+/// into it, and stops growing there; else it cannot start, and plan_memory() says so. Of several
+/// processes each holds its share.
 Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -30,6 +30,8 @@ constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
 // Of these, what of several processes each has for its part alone: sums and scales of votes; and
 // beside them tiles of lists on their way to the processes of their receivers.
 constexpr std::int64_t kPerVoterPart = 60, kPerVoterOnItsWay = 150;
+// Where colours lie on the host: a counter, and a number by place.
+constexpr std::int64_t kPerWaiting = 6;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
 /// What DeviceViews makes of a mask that terms look at.
@@ -218,6 +220,9 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryPlan plan;
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
+    // Colours on the host, with their moments; on the device those of a view, and a counter each.
+    const bool left = o.optim.harmonics == Memory::host;
+    const std::int64_t colors = left ? parameters - geometry : 0;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
     const std::int64_t drawn = renders * view_bytes_per_splat(compact ? share_in_view(scene) : 1);
@@ -230,7 +235,10 @@ MemoryPlan estimate_memory(const Scene& scene,
                            on_its_way = processes.all > 1 ? kPerVoterOnItsWay : 0;
         buffers.per_splat += kPerVoter - kPerVoterPart + part(kPerVoterPart + lists + on_its_way);
     }
-    if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
+    if (left)
+        buffers.per_splat += kPerWaiting - 3 * colors +
+                             std::llround(3 * (share_in_view(scene) * static_cast<double>(colors)));
+    if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters - colors) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = device_bytes(scene.train, needs),
@@ -250,7 +258,7 @@ MemoryPlan estimate_memory(const Scene& scene,
 
     // A checkpoint is held until the next one is, and both meanwhile.
     const std::int64_t state = part(3 * parameters + (votes ? kPerVoterState : 0));
-    plan.host.per_splat = 2 * state + parameters;
+    plan.host.per_splat = 2 * state + parameters + (grows(o) ? 4 * colors * 5 / 4 : 3 * colors);
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +
                       fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));

@@ -93,6 +93,7 @@ void plan_machine(const DeviceChoice& device,
         expected_splats(scene, options.train, in.first, plan.pinned("densify.max_gaussians"));
     in.may_stream = !plan.pinned("photo_bytes");
     in.may_compact = !plan.pinned("tv.lists");
+    in.may_leave_harmonics = !plan.pinned("optim.harmonics");
     plan.apply(plan_machines(scene, options.train, in));
 }
 

@@ -26,7 +26,7 @@ std::vector<double> step_ends(const Scene& scene, const TrainOptions& options) {
         const bool enough = ends.size() > kWarmUp + kFewest;
         return steady_seconds() - begin > (enough ? kSeconds : kPatience);
     };
-    const auto after_step = [&](int, const Gaussians<Device>&) {
+    const auto after_step = [&](int, const SplatsNow<Device>&) {
         synchronize(Device{});
         ends.push_back(steady_seconds());
     };

@@ -58,7 +58,7 @@ private:
     bool stop_requested();
     void save(int done, const SharedState& state);
     void roll_back(int done, const std::string& why);
-    void evaluate_if_due(int step, const Gaussians<Device>& splats);
+    void evaluate_if_due(int step, const SplatsNow<Device>& splats_now);
     void evaluate_now(int step, const Gaussians<Device>& splats);
     void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
@@ -173,12 +173,12 @@ Gaussians<Device> TrainSession<Device>::train_or_explain() {
 template <class Device>
 Gaussians<Device> TrainSession<Device>::train_in_budget() {
     TrainCallbacks told = callbacks();
-    const auto after_step = [this](int step, const Gaussians<Device>& splats) {
+    const auto after_step = [this](int step, const SplatsNow<Device>& splats_now) {
         done_ = step;
-        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats);
+        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats_now);
         if (live_.due()) {
             Gaussians<Cpu> now;
-            copy(splats, now);
+            copy(splats_now(), now);
             live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
         }
     };
@@ -234,12 +234,12 @@ void TrainSession<Device>::roll_back(int done, const std::string& why) {
 }
 
 template <class Device>
-void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& splats) {
+void TrainSession<Device>::evaluate_if_due(int step, const SplatsNow<Device>& splats_now) {
     const bool due = scores_.due(step, progress_.seconds()) && step != training_.iterations;
     if (!talk_.agree("evaluation", due)) return;
     synchronize(Device{});
     progress_.pause();
-    talk_.alone([&] { evaluate_now(step, splats); });
+    talk_.alone([&] { evaluate_now(step, splats_now()); });
     progress_.resume();
 }
 
@@ -394,7 +394,7 @@ void follow(const SessionInputs& in, SharedState state) {
         if (!fit) send_checkpoint(*in.peers, *saved);
     };
     told.goes_on = true;
-    const auto after_step = [&](int, const Gaussians<Device>&) {
+    const auto after_step = [&](int, const SplatsNow<Device>&) {
         if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) talk.alone([] {});
     };
     for (;;) {

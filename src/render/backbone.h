@@ -152,6 +152,20 @@ struct BlendWork {
 };
 
 struct FusedGradients;  // fused_gradients.h
+struct SplatPlaces;     // splat_places.h
+
+/// Spherical harmonics, coefficient major with `stride` splats per coefficient: of all splats, or
+/// of those of a view by their place in it.
+struct Harmonics {
+    const Vec3f* sh;
+    std::size_t stride;
+    bool by_place;
+};
+
+/// Gives those of a view, up to a degree; `room`: places that there are. They are read until the
+/// view's Adam step.
+using FetchHarmonics =
+    std::function<Harmonics(const SplatPlaces& places, std::size_t room, int sh_degree)>;
 
 template <class Device>
 class Backbone {
@@ -204,6 +218,10 @@ public:
                                                  const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
     }
+
+    /// From now on forward() takes harmonics from what `fetch` gives, and not from the Gaussians:
+    /// those of all splats lie where it is far to go for them. Only where it fuses.
+    virtual void set_harmonics(FetchHarmonics /*fetch*/) {}
 
     /// Whether add_camera_gradient() is implemented.
     virtual bool moves_cameras() const { return false; }

@@ -146,14 +146,9 @@ private:
                                                    to.depths.span(),
                                                    to.rects.span()};
         };
-        this->list_splats(g, grid_, project, splats_, [&] {
-            if constexpr (has_color(kChannels))
-                clock("colours", [&] {
-                    parallel_for(Device{}, g.size(),
-                                 ColorBody{view_, g.means.span(), g.sh.span(), this->places(),
-                                           splats_.features.span()});
-                });
-        });
+        std::optional<ViewColors> colors;
+        if constexpr (has_color(kChannels)) colors = {view_.centre, view_.sh_degree};
+        this->list_splats(g, grid_, project, colors, splats_);
         clock("blend", [&] {
             blend_tiles<EwaModel<blended(kChannels)>>(splats_, lists_, grid_,
                                                       {images_, distance_, camera_}, stops_);

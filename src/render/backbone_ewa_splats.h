@@ -51,20 +51,6 @@ struct ProjectBody {
     }
 };
 
-/// Colours of the splats in view; a pass of its own, so that renders without colour skip it.
-struct ColorBody {
-    ViewParameters view;
-    Span<const Vec3f> means, sh;
-    SplatPlaces places;
-    Span<FeatureRecord> features;
-
-    TVSGS_HD void operator()(int i) const {
-        if (const std::uint32_t at = places.of(i); at < features.count)
-            features[at].f.color = sh_color<float>(
-                view.sh_degree, normalize(means[i] - view.centre), sh.data, means.count, i);
-    }
-};
-
 /// From the sums of each splat to its parameters.
 template <Channels kChannels>
 struct EwaVjp {

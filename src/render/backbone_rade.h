@@ -90,20 +90,20 @@ public:
         resize_images(camera);
         const auto project = [&](auto& to) {
             return ProjectRadeBody{view_,
-                                   color_,
                                    maps_,
                                    g.means.span(),
                                    g.log_scales.span(),
                                    g.quats.span(),
                                    g.opacity_logits.span(),
-                                   g.sh.span(),
                                    g.filter.span(),
                                    to.shapes.span(),
                                    to.features.span(),
                                    to.depths.span(),
                                    to.rects.span()};
         };
-        this->list_splats(g, view_.grid, project, splats_, [] {});
+        std::optional<ViewColors> colors;
+        if (color_) colors = {view_.centre, view_.sh_degree};
+        this->list_splats(g, view_.grid, project, colors, splats_);
         this->clock()("blend", [&] { maps_ ? blend_as<true>() : blend_as<false>(); });
         return images_;
     }

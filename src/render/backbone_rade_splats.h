@@ -20,11 +20,10 @@ inline constexpr float kLeastRadeDet = 1e-6f;
 
 struct ProjectRadeBody {
     ViewParameters view;
-    bool color, maps;
+    bool maps;
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
     Span<const float> opacity_logits;
-    Span<const Vec3f> sh;
     Span<const float> filter;  // may be empty
     Span<SplatShape<float>> shapes;
     Span<RadeRecord> features;
@@ -48,14 +47,12 @@ struct ProjectRadeBody {
         return f.e.rect.count() != 0;
     }
     TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
-    TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
+    TVSGS_HD void store(int /*i*/, const Found& f, std::uint32_t at) const {
         shapes[at] = f.e.shape;
         depths[at] = f.p.z;
         rects[at] = f.e.rect;
         RadeRecord& out = features[at];
-        out.f.color = color ? sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
-                                              sh.data, means.count, i)
-                            : Vec3f{};
+        out.f.color = {};  // what is blended without is at least a number
         if (!maps) return;
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         const auto plane = rade_plane(view.camera, {to_camera * f.R, f.smooth.scales}, f.p);

@@ -42,11 +42,9 @@ TVSGS_HD inline SurfelPose surfel_pose(const SurfelView& view,
 
 struct ProjectSurfelsBody {
     SurfelView view;
-    bool color;
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
     Span<const float> opacity_logits;
-    Span<const Vec3f> sh;
     Span<SurfelShape<float>> shapes;
     Span<SurfelRecord> features;
     Span<float> depths;
@@ -78,15 +76,13 @@ struct ProjectSurfelsBody {
         const float least = kLowPassReach * 0.70710678f;
         return std::ceil(longer > least ? longer : least);
     }
-    TVSGS_HD void store(int i, const Found& found, std::uint32_t at) const {
+    TVSGS_HD void store(int /*i*/, const Found& found, std::uint32_t at) const {
         shapes[at] = found.shape;
         depths[at] = found.pose.axes.centre.z;
         rects[at] = found.rect;
         SurfelFeatures<float>& f = features[at].f;
         f.normal = found.pose.normal;
-        f.color = color ? sh_color<float>(view.sh_degree, normalize(means[i] - view.centre),
-                                          sh.data, means.count, i)
-                        : Vec3f{};
+        f.color = {};  // what is blended without is at least a number
     }
 };
 

@@ -2,7 +2,10 @@
 // back.
 #pragma once
 
+#include <optional>
+
 #include "render/fused_gradients.h"
+#include "render/view_colors.h"
 
 namespace tvsgs {
 
@@ -31,6 +34,8 @@ public:
         write_statistics(Device{}, *this->blend_backward(g, {}));
     }
 
+    void set_harmonics(FetchHarmonics fetch) final { fetch_harmonics_ = std::move(fetch); }
+
     bool moves_cameras() const final { return true; }
 
     void add_camera_gradient(const Gaussians<Device>& g,
@@ -57,19 +62,19 @@ public:
     RenderCounts counts() const final { return {lists_.visible_count, lists_.fragment_count}; }
 
 protected:
-    /// The first half of forward(): finds the splats in view and lists their tiles. project() as
-    /// PlaceFinder has it; add() writes what `splats` is to have besides.
-    template <class Splats, class Project, class Add>
+    /// The first half of forward(): finds the splats in view, their colours if there are to be any,
+    /// and their tiles. project() as PlaceFinder has it.
+    template <class Splats, class Project>
     void list_splats(const Gaussians<Device>& g,
                      const TileGrid& grid,
                      const Project& project,
-                     Splats& splats,
-                     const Add& add) {
+                     const std::optional<ViewColors>& colors,
+                     Splats& splats) {
         auto& clock = this->clock();
         do {
             clock("project",
                   [&] { finder_.find(g.size(), project, statistics_.radii_px, splats); });
-            add();
+            if (colors) clock("colours", [&] { find_colors(g, *colors, splats.features.span()); });
             clock("tile lists", [&] { build_tile_lists(splats, grid, lists_); });
         } while (!finder_.found_room(lists_.in_view));
     }
@@ -99,6 +104,16 @@ protected:
     FusedGradients gradients_;  // of the last blend_backward()
 
 private:
+    template <class Record>
+    void find_colors(const Gaussians<Device>& g, const ViewColors& view, Span<Record> features) {
+        const Harmonics harmonics =
+            fetch_harmonics_ ? fetch_harmonics_(places(), features.count, view.sh_degree)
+                             : Harmonics{g.sh.data(), g.means.size(), /*by_place=*/false};
+        parallel_for(Device{}, g.size(),
+                     ColorBody<Record>{view, g.means.span(), harmonics, places(), features});
+    }
+
+    FetchHarmonics fetch_harmonics_;  // null: they are the Gaussians'
     PlaceFinder<Device> finder_;
     Buffer<CameraGradient<float>, Device> of_camera_;  // [N] none where no camera moves
     Buffer<double, Device> partial_;

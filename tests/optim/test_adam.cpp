@@ -140,9 +140,10 @@ struct Stepped {
     std::vector<Vec2f> by_ndc, abs_by_ndc;  // statistics of the last step
     std::vector<int> front;
     std::vector<float> radii_px;
+    std::vector<Vec3f> behind;  // harmonics before the steps were taken that waited
 };
 
-enum class Way { in_memory, fused };
+enum class Way { in_memory, fused, waiting };
 
 /// A rasteriser that makes `maps`, and depth as `depth` says.
 struct Drawn {
@@ -206,6 +207,7 @@ template <class Device>
 Stepped step_views(
     Way way, int steps, const Drawn& drawn, bool with_extra = true, Maps without_map = Maps::none) {
     Gaussians<Device> g, extra, gradients;
+    if (way == Way::waiting) g.sh.put(Memory::host);
     copy(test::random_gaussians(120, 7, 0.05), g);
     BackboneOptions render;
     render.depth = drawn.depth;
@@ -214,6 +216,10 @@ Stepped step_views(
     AdamOptions options;
     options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
     Adam<Device> adam(options, g);
+    if (way == Way::waiting)
+        backbone->set_harmonics([&](const SplatPlaces& places, std::size_t room, int degree) {
+            return adam.fetch_harmonics(places, room, degree, g);
+        });
     for (int t = 1; t <= steps; ++t) {
         const int degree = std::min(3, t / 8);
         if (with_extra) {
@@ -224,7 +230,7 @@ Stepped step_views(
         const auto dL_dimages =
             noise_for(backbone->forward(g, narrow_camera(t % 3), degree, drawn.maps),
                       without(drawn.maps, without_map), static_cast<unsigned>(t));
-        if (way == Way::fused) {
+        if (way != Way::in_memory) {
             adam.step(t, 1, degree, *backbone->blend_backward(g, dL_dimages), extra, g, true);
         } else {
             resize(gradients, g.size(), 3);
@@ -240,6 +246,10 @@ Stepped step_views(
         backbone->prepare(t, false, narrow_cameras(), g);
     }
     Stepped out;
+    if (way == Way::waiting) {
+        out.behind = to_host(g.sh);
+        adam.catch_up(g);
+    }
     copy(g, out.g), copy(adam.first_moments(), out.m), copy(adam.second_moments(), out.v);
     const ScreenStatistics<Device>& seen = backbone->statistics();
     out.by_ndc = to_host(seen.dL_dmeans2d), out.abs_by_ndc = to_host(seen.abs_dL_dmeans2d);
@@ -274,6 +284,37 @@ TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
         EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40, drawn),
                               step_views<Cpu>(Way::fused, 40, drawn)))
             << text(drawn);
+}
+
+template <class Device>
+void expect_waiting_changes_nothing(const Drawn& drawn, int steps) {
+    const Stepped waited = step_views<Device>(Way::waiting, steps, drawn);
+    EXPECT_TRUE(same_bits(waited, step_views<Device>(Way::fused, steps, drawn))) << text(drawn);
+    EXPECT_FALSE(same_bits(waited.behind, to_host(waited.g.sh))) << text(drawn) << ": none waited";
+}
+
+template <class Device>
+void steps_that_wait_give_the_same_bits() {
+    bool more_than_may_wait = true;  // once, for the time
+    for (const Drawn& drawn : all_drawn()) {
+        if (!has(drawn.maps, Maps::color)) continue;
+        expect_waiting_changes_nothing<Device>(
+            drawn, more_than_may_wait ? WaitingHarmonics<Device>::kMost + 30 : 40);
+        more_than_may_wait = false;
+    }
+}
+
+TEST(FusedStep, StepsThatWaitGiveTheSameBits) {
+    steps_that_wait_give_the_same_bits<Cpu>();
+}
+
+TEST(FusedStep, WithoutColoursNoneIsAskedFor) {
+    for (const Drawn& drawn : all_drawn()) {
+        if (has(drawn.maps, Maps::color)) continue;
+        EXPECT_TRUE(same_bits(step_views<Cpu>(Way::waiting, 3, drawn),
+                              step_views<Cpu>(Way::fused, 3, drawn)))
+            << text(drawn);
+    }
 }
 
 TEST(FusedStep, EachMapHasItsShare) {
@@ -409,6 +450,11 @@ TEST(AdamTwins, FusedOnAGpuIsAsInMemory) {
                                   step_views<Cuda>(Way::fused, steps, drawn, steps == 2),
                                   text(drawn));
     }
+}
+
+TEST(AdamTwins, StepsThatWaitGiveTheSameBits) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) steps_that_wait_give_the_same_bits<Cuda>();
 }
 
 }  // namespace

@@ -59,17 +59,20 @@ Outcome run(const Scene& scene, const TrainOptions& options, const Plan& plan = 
     return result;
 }
 
+bool same_bits(const State& a, const State& b) {
+    for (std::size_t i = 0; i < a.arrays.size(); ++i) {
+        const auto &p = a.arrays[i].bytes, &q = b.arrays[i].bytes;
+        if (p.size() != q.size() || std::memcmp(p.data(), q.data(), p.size()) != 0) return false;
+    }
+    return a.arrays.size() == b.arrays.size();
+}
 bool same_bits(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
     State x, y;
     for (auto [g, state] : {std::pair{&a, &x}, {&b, &y}}) {
         StateVisitor<Cpu> visit(*state);
         visit_state(visit, "", const_cast<Gaussians<Cpu>&>(*g));
     }
-    for (std::size_t i = 0; i < x.arrays.size(); ++i) {
-        const auto &p = x.arrays[i].bytes, &q = y.arrays[i].bytes;
-        if (p.size() != q.size() || std::memcmp(p.data(), q.data(), p.size()) != 0) return false;
-    }
-    return true;
+    return same_bits(x, y);
 }
 
 auto after(int done) {
@@ -137,6 +140,50 @@ void photographs_from_the_host_change_nothing() {
 
 TEST(Repeat, PhotographsFromTheHostChangeNothing) {
     photographs_from_the_host_change_nothing<Cpu>();
+}
+
+/// Through growth, trims, resets and a saved state that goes on where harmonics lie elsewhere.
+template <class Device>
+void colours_on_the_host_change_nothing() {
+    const Scene scene = rendered_scene();
+    TrainOptions options = everything_on(120);
+    const Outcome here = run<Device>(scene, options, {after(59), {}, {}});
+    options.optim.harmonics = Memory::host;
+    const Outcome there = run<Device>(scene, options, {after(59), {}, {}});
+    EXPECT_EQ(there.end, 120);
+    EXPECT_TRUE(same_bits(here.gaussians, there.gaussians));
+    ASSERT_EQ(here.saved.size(), 1u);
+    ASSERT_EQ(there.saved.size(), 1u);
+    EXPECT_TRUE(same_bits(*here.saved[0].state, *there.saved[0].state));
+    const Outcome resumed = run<Device>(scene, options, {{}, here.saved[0].state, {}});
+    EXPECT_TRUE(same_bits(here.gaussians, resumed.gaussians));
+}
+
+TEST(Repeat, ColoursOnTheHostChangeNothing) {
+    colours_on_the_host_change_nothing<Cpu>();
+}
+
+TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
+    const Scene scene = rendered_scene();
+    Scene beside_fixed = scene;
+    beside_fixed.fixed_splats = std::make_shared<Gaussians<Cpu>>();
+    TrainOptions batched = everything_on(2), refined = batched;
+    batched.comm.batch = 2, refined.cameras.refine = true;
+    const auto refused = [](const Scene& of, TrainOptions options, const char* why) {
+        options.optim.harmonics = Memory::host;
+        try {
+            check_harmonics(of, options, std::string(why) != "backbone");
+            ADD_FAILURE() << why;
+        } catch (const Error& error) {
+            EXPECT_EQ(error.code(), ExitCode::usage);
+            EXPECT_NE(std::string(error.what()).find(why), std::string::npos) << error.what();
+        }
+    };
+    refused(scene, batched, "comm.batch = 2");
+    refused(scene, refined, "cameras.refine");
+    refused(beside_fixed, everything_on(2), "init.fixed_splats");
+    refused(scene, everything_on(2), "backbone");
+    check_harmonics(scene, batched, true);  // they are to stay
 }
 
 TEST(Resume, TwiceSixtyAre120) {
@@ -313,6 +360,11 @@ TEST(RepeatTwins, CudaPhotographsFromTheHostChangeNothing) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) photographs_from_the_host_change_nothing<Cuda>();
 }
+TEST(RepeatTwins, CudaColoursOnTheHostChangeNothing) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) colours_on_the_host_change_nothing<Cuda>();
+}
+
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) parameters_are_watched<Cuda>();

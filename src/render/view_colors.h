@@ -1,0 +1,35 @@
+// Colours of the splats in view: a pass of its own over what the projection has found, which
+// renders without colour skip.
+#pragma once
+
+#include "render/backbone.h"
+#include "render/sh_math.h"
+#include "render/splat_places.h"
+
+namespace tvsgs {
+
+/// Where colours are seen from, and the degree in use.
+struct ViewColors {
+    Vec3f centre;  // of the camera, world
+    int sh_degree;
+};
+
+template <class Record>
+struct ColorBody {
+    ViewColors view;
+    Span<const Vec3f> means;
+    Harmonics harmonics;
+    SplatPlaces places;
+    Span<Record> features;
+
+    TVSGS_HD void operator()(int i) const {
+        const std::uint32_t at = places.of(i);
+        if (at >= features.count) return;
+        const Vec3f direction = normalize(means[i] - view.centre);
+        features[at].f.color =
+            sh_color<float>(view.sh_degree, direction, harmonics.sh, harmonics.stride,
+                            harmonics.by_place ? at : static_cast<std::size_t>(i));
+    }
+};
+
+}  // namespace tvsgs
