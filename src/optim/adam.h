@@ -36,7 +36,7 @@ struct AdamOptions {
 
 /// Parameters that share a learning rate, in the order of the kinds in Gaussians.
 enum class ParameterGroup { means, scales, rotations, opacities, sh_dc, sh_rest };
-inline constexpr int kParameterGroups = 6;
+inline constexpr int kParameterGroups = 6, kGeometryGroups = 4;
 
 /// Rate of the means at an iteration, world units.
 inline float position_rate(const AdamOptions& o, int step, float extent) {

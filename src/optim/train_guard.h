@@ -126,13 +126,16 @@ public:
     /// splats as they are, so that check() still finds the numbers that made it.
     const int* halted() const { return &fault_.data()->step; }
 
-    /// Waits for the device. `step`: of this look, for the message.
+    /// Waits for the device. `step`: of this look, for the message. Harmonics on the host are left
+    /// out unless `far`: what is wrong there shows in the loss of a view that sees it.
     std::optional<Fault> check(int step,
+                               bool far,
                                Gaussians<Device>& g,
                                const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                                const std::vector<View>& views) {
         counts_.fill_zero();
-        for (int i = 0; i < kParameterGroups; ++i) {
+        const bool all = far || g.sh.memory() == Memory::device;
+        for (int i = 0; i < (all ? kParameterGroups : kGeometryGroups); ++i) {
             const GroupFloats floats = group_floats(g, static_cast<ParameterGroup>(i));
             add_sum(Device{}, floats.count, NotFiniteTerm{floats.begin}, 1, partial_.span(),
                     counts_.data() + i);

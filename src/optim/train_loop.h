@@ -78,7 +78,7 @@ Gaussians<Device> train(const Scene& scene,
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
         const bool look = report || changes || passes_multiple(step, each, kCheckEvery) || !steps;
-        if (look && !t.check(step)) continue;
+        if (look && !t.check(step, changes || !steps)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, t.state()));
         if (steps)
             iteration.descend(

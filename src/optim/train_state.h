@@ -271,9 +271,10 @@ public:
         parallel_for(Device{}, 1, SpoilBody{floats.begin + injected_.splat * floats.width});
     }
 
-    /// True when all is finite; else the run has been rolled back, and `done` says to where.
-    bool check(int step) {
-        const auto fault = look(step);
+    /// True when all is finite; else the run has been rolled back, and `done` says to where. `far`
+    /// as Guard::check() has it.
+    bool check(int step, bool far = true) {
+        const auto fault = look(step, far);
         if (fault) roll_back(*fault);
         return !fault;
     }
@@ -312,8 +313,8 @@ private:
         guard_.reset();
     }
 
-    auto look(int step) {
-        return guard_.check(step, state_->gaussians, state_->losses, scene_.train);
+    auto look(int step, bool far = true) {
+        return guard_.check(step, far, state_->gaussians, state_->losses, scene_.train);
     }
 
     SharedState capture() {

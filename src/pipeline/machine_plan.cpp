@@ -141,6 +141,10 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
             measured <= threshold ? " <= " : " > ", digits(threshold), " GB");
     if (&*taken != &levels.front())
         reason += str("; so ", digits(gigabytes(need(*taken).at(splats))), " GB");
+    if (taken->options.optim.harmonics == Memory::host)
+        reason +=
+            str("; a step moves ", digits(gigabytes(bytes_over_bus(scene, taken->options, splats))),
+                " GB over the bus and back");
     std::string choice = taken->choice;
     if (!fits) {
         const std::int64_t most = fitting(taken->needs, in.limits);

@@ -136,6 +136,12 @@ std::int64_t view_bytes_per_splat(double share_in_view) {
            std::llround(share_in_view * (kPerSplatInView + kFragmentsPerSplat * kPerFragment));
 }
 
+std::int64_t bytes_over_bus(const Scene& scene, const TrainOptions& options, std::int64_t splats) {
+    // Values and two moments.
+    const double each = 3.0 * 4 * 3 * sh_count(options.model.sh_degree);
+    return std::llround(share_in_view(scene) * each * static_cast<double>(splats));
+}
+
 MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda, const ProcessCount& processes) {
     MemoryLimits limits;
     limits.host = limit_of(Cpu{}, "memory.host", memory.host);

@@ -145,7 +145,8 @@ TEST(Repeat, PhotographsFromTheHostChangeNothing) {
 /// Through growth, trims, resets and a saved state that goes on where harmonics lie elsewhere.
 template <class Device>
 void colours_on_the_host_change_nothing() {
-    const Scene scene = rendered_scene();
+    Scene scene = rendered_scene();
+    for (View& view : scene.train) view.camera.fx_px *= 3, view.camera.fy_px *= 3;  // see a part
     TrainOptions options = everything_on(120);
     const Outcome here = run<Device>(scene, options, {after(59), {}, {}});
     options.optim.harmonics = Memory::host;
@@ -255,9 +256,10 @@ struct GroupCase {
 };
 
 template <class Device>
-void parameters_are_watched() {
+void parameters_are_watched(Memory harmonics = Memory::device) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(32);
+    options.optim.harmonics = harmonics;
     options.loss.multi_view_ncc.weight = 0;
     for (const GroupCase c : {GroupCase{ParameterGroup::means, "the centre of splat 7 is"},
                               {ParameterGroup::scales, "the scale of splat 7 is"},
@@ -320,6 +322,9 @@ void losses_are_watched() {
 TEST(Guard, ParametersAreWatched) {
     parameters_are_watched<Cpu>();
 }
+TEST(Guard, ParametersAreWatchedWhereColoursLieOnTheHost) {
+    parameters_are_watched<Cpu>(Memory::host);
+}
 TEST(Guard, LossesAreWatched) {
     losses_are_watched<Cpu>();
 }
@@ -368,6 +373,7 @@ TEST(RepeatTwins, CudaColoursOnTheHostChangeNothing) {
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) parameters_are_watched<Cuda>();
+    if constexpr (kHasCuda) parameters_are_watched<Cuda>(Memory::host);
 }
 TEST(GuardTwins, CudaLosses) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();

@@ -191,6 +191,61 @@ TEST(Machines, EachLevelOnEitherSideOfWhatItHolds) {
     EXPECT_LE(decided(voting(), 0).measured, decided(voting(), 0).threshold);
 }
 
+/// With all points beside the views.
+Scene scene_with_few_in_view() {
+    Scene scene = scene_of(9);
+    for (View& view : scene.train)
+        view.camera.fx_px = view.camera.fy_px = 100, view.camera.cx_px = 100,
+        view.camera.cy_px = 50;
+    for (int i = 0; i < 1000; ++i) scene.points.positions.push_back({5000, 0, 2});
+    return scene;
+}
+
+TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
+    const Scene scene = scene_with_few_in_view();
+    const std::int64_t splats = 200000;
+    TrainOptions both = voting(), left = voting();
+    both.photo_bytes = left.photo_bytes = 1;
+    both.tv.lists = left.tv.lists = ListStorage::compact;
+    left.optim.harmonics = Memory::host;
+    const auto decided = [&](const TrainOptions& options, std::int64_t more, bool may = true) {
+        MachineInputs in = inputs(splats, limits_for(scene, left, splats, more));
+        in.may_leave_harmonics = may;
+        return plan_machines(scene, options, in);
+    };
+    const Decision taken = decided(voting(), 0);
+    EXPECT_EQ(taken.choice, "compact lists, photographs on the host, colours on the host");
+    EXPECT_EQ(
+        taken.settings,
+        (Settings{{"photo_bytes", "1"}, {"tv.lists", "compact"}, {"optim.harmonics", "host"}}));
+    // A twentieth in view, of 576 bytes each.
+    EXPECT_NE(taken.reason.find("a step moves 0.00576 GB over the bus and back"), std::string::npos)
+        << taken.reason;
+    EXPECT_EQ(decided(voting(), -1).choice, "blocks");
+    EXPECT_EQ(decided(voting(), 0, false).choice, "blocks");
+    const std::int64_t more = estimate_memory(scene, both, splats, true).buffers.at(splats) -
+                              estimate_memory(scene, left, splats, true).buffers.at(splats);
+    EXPECT_EQ(decided(voting(), more).choice, "compact lists, photographs on the host");
+    TrainOptions batched = voting(), refined = voting();
+    batched.comm.batch = 2, refined.cameras.refine = true;
+    EXPECT_EQ(decided(batched, 0).choice, "blocks") << "adds up all gradients";
+    EXPECT_EQ(decided(refined, 0).choice, "blocks") << "looks at all harmonics";
+}
+
+TEST(MemoryPlan, ColoursOnTheHostAreThreeQuartersOfAPlainTraining) {
+    const Scene scene = scene_with_few_in_view();
+    TrainOptions o;
+    o.densify.enabled = o.tv.enabled = false;
+    const MemoryPlan here = estimate_memory(scene, o, 100, true);
+    o.optim.harmonics = Memory::host;
+    const MemoryPlan there = estimate_memory(scene, o, 100, true);
+    EXPECT_GT(here.buffers.per_splat, 2.5 * static_cast<double>(there.buffers.per_splat));
+    EXPECT_EQ(there.host.per_splat - here.host.per_splat, 3 * 192);
+    o.densify.enabled = true;
+    const MemoryPlan grows = estimate_memory(scene, o, 100, true);
+    EXPECT_EQ(grows.host.per_splat - here.host.per_splat, 4 * 192 * 5 / 4) << "and a copy";
+}
+
 TEST(Machines, WhatTheUserSetsIsNotTheirs) {
     const Scene scene = scene_of(9);
     MachineInputs in = inputs(200000, limits_for(scene, voting(), 200000, -1));
