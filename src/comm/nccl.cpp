@@ -4,11 +4,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <memory>
 #include <thread>
 #include <utility>
 
@@ -274,9 +276,12 @@ private:
     /// for it; so it is ended before anything is cleaned up. False: it does not end, and nothing
     /// can be cleaned up. By a thread, as NCCL may wait for the peer there, too.
     bool give_up() {
-        std::thread([comm = std::exchange(comm_, nullptr)] { ncclCommAbort(comm); }).detach();
-        const Clock::time_point begin = Clock::now();
-        while (stream_ != nullptr && cudaStreamQuery(stream_) == cudaErrorNotReady) {
+        const auto ended = std::make_shared<std::atomic<bool>>(false);
+        std::thread([ended, comm = std::exchange(comm_, nullptr)] {
+            ncclCommAbort(comm);
+            *ended = true;
+        }).detach();
+        for (const Clock::time_point begin = Clock::now(); !*ended;) {
             if (seconds_since(begin) > kEnding) return false;
             std::this_thread::sleep_for(std::chrono::milliseconds(10));
         }
