@@ -115,6 +115,19 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
     EXPECT_LT(radii().back(), 1);
 }
 
+TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
+    const std::string flags = "--mesh-resolution 150 --no-preview --set mesh.voxel_scale=";
+    const Result fine = extract(flags + "1");
+    ASSERT_EQ(fine.code, 0) << fine;
+    EXPECT_TRUE(fine.says("voxels of 0.06, truncation 0.24,")) << fine;
+    const double vertices = static_cast<double>(radii().size());
+    const Result coarse = extract(flags + "1.5");
+    ASSERT_EQ(coarse.code, 0) << coarse;
+    EXPECT_TRUE(coarse.says("voxels of 0.09, truncation 0.24,")) << coarse;
+    EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
+    EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
+}
+
 TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
     const fs::path run = folder_ / "planned", splats = run / "point_cloud/iteration_1";
     fs::create_directories(splats);
