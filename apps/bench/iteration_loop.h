@@ -21,11 +21,18 @@ struct BenchIteration<Device>::Parts {
         : step(options.iterations),
           iteration(scene, options, false),
           losses(make_terms<Device>(scene, options)),
-          splats(copy_of(from)),
-          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats) {}  // at rate 0 the view stays the same
+          splats(copy_of(from, options.optim.harmonics)),
+          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats) {  // at rate 0 the view stays the same
+        if (options.optim.harmonics == Memory::host)
+            iteration.backbone().set_harmonics(
+                [this](const SplatPlaces& places, std::size_t room, int sh_degree) {
+                    return adam.fetch_harmonics(places, room, sh_degree, splats);
+                });
+    }
 
-    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from) {
+    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from, Memory harmonics) {
         Gaussians<Device> to;
+        to.sh.put(harmonics);
         copy(from, to);
         return to;
     }

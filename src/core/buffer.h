@@ -146,20 +146,31 @@ private:
     Memory memory_ = Memory::device;
 };
 
+namespace detail {
+/// What lies on the host is copied there without a word to the device, which may be at it.
+template <class T, class Device>
+void settle(const Buffer<T, Device>& buffer) {
+    if (buffer.memory() == Memory::host) synchronize(Device{});
+}
+}  // namespace detail
+
 /// `to` is resized and overwritten.
 template <class T, class From, class To>
 void copy(const Buffer<T, From>& from, Buffer<T, To>& to) {
     to.resize(from.size());
+    detail::settle(from), detail::settle(to);
     detail::copy(From{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
 }
 template <class T, class To>
 void copy(const std::vector<T>& from, Buffer<T, To>& to) {
     to.resize(from.size());
+    detail::settle(to);
     detail::copy(Cpu{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
 }
 template <class T, class From>
 std::vector<T> to_host(const Buffer<T, From>& from) {
     std::vector<T> host(from.size());
+    detail::settle(from);
     detail::copy(From{}, from.data(), Cpu{}, host.data(), from.size() * sizeof(T));
     return host;
 }

@@ -64,11 +64,13 @@ namespace detail {
 
 /// Memory of the host that kernels reach at the same address, and that stays where it is.
 static void* allocate_on_host(std::size_t bytes) {
+    if (!host_ledger().allows(bytes)) throw_out_of_host_memory(bytes, false);
     void* data = nullptr;
-    const bool allowed = host_ledger().allows(bytes);
-    if (!allowed || cudaHostAlloc(&data, bytes, cudaHostAllocDefault) != cudaSuccess) {
+    if (const cudaError_t status = cudaHostAlloc(&data, bytes, cudaHostAllocDefault);
+        status != cudaSuccess) {
         cudaGetLastError();
-        throw_out_of_host_memory(bytes, allowed);
+        if (status != cudaErrorMemoryAllocation) check_cuda(status);
+        throw_out_of_host_memory(bytes, true);
     }
     host_ledger().take(bytes);
     return data;

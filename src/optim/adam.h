@@ -165,8 +165,8 @@ public:
         waiting_.step_done(all);
     }
 
-    /// For the view that the next step is of: its harmonics, up to date. Null unless they lie on
-    /// the host.
+    /// For the view that the next step is of, where they lie on the host: its harmonics, up to
+    /// date.
     Harmonics fetch_harmonics(const SplatPlaces& places,
                               std::size_t room,
                               int sh_degree,

@@ -28,7 +28,8 @@ std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, 
                    " photographs adds up gradients of all splats");
     if (options.cameras.refine)
         return "what refines poses (cameras.refine) looks at harmonics of all splats";
-    if (scene.fixed_splats) return "fixed splats (init.fixed_splats) are drawn with copies of all";
+    if (scene.fixed_splats || !options.init.fixed_splats.empty())
+        return "fixed splats (init.fixed_splats) are drawn with copies of all";
     if (!fuses) return str("backbone '", options.backbone, "' writes gradients of all splats");
     return "";
 }

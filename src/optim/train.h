@@ -164,10 +164,10 @@ using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats_n
 /// views leaves out, by draw, those that do not fill a step.
 ///
 /// Losses are looked at every step, all parameters every hundred and before anything is reported,
-/// saved, pruned or returned; harmonics on the host before it is saved, pruned or returned. The
-/// first number that is not finite takes the run back to its last
-/// saved state (or its start) and divides the learning rate of what went wrong by ten; the second
-/// one is an Error(ExitCode::numerical) that names loss, view, parameter and splat.
+/// saved, pruned or returned; harmonics on the host every thousand, and not for reports. The first
+/// number that is not finite takes the run back to its last saved state (or its start) and divides
+/// the learning rate of what went wrong by ten; the second one is an Error(ExitCode::numerical)
+/// that names loss, view, parameter and splat.
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,

@@ -127,20 +127,20 @@ public:
     const int* halted() const { return &fault_.data()->step; }
 
     /// Waits for the device. `step`: of this look, for the message. Harmonics on the host are left
-    /// out unless `far`: what is wrong there shows in the loss of a view that sees it.
+    /// out unless `far`, or a loss is at fault.
     std::optional<Fault> check(int step,
                                bool far,
                                Gaussians<Device>& g,
                                const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                                const std::vector<View>& views) {
+        const LossFault loss = to_host(fault_)[0];
         counts_.fill_zero();
-        const bool all = far || g.sh.memory() == Memory::device;
+        const bool all = far || loss.step != 0 || g.sh.memory() == Memory::device;
         for (int i = 0; i < (all ? kParameterGroups : kGeometryGroups); ++i) {
             const GroupFloats floats = group_floats(g, static_cast<ParameterGroup>(i));
             add_sum(Device{}, floats.count, NotFiniteTerm{floats.begin}, 1, partial_.span(),
                     counts_.data() + i);
         }
-        const LossFault loss = to_host(fault_)[0];
         const std::vector<double> counts = to_host(counts_);
         Fault fault;
         if (loss.step != 0)

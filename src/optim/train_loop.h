@@ -78,7 +78,8 @@ Gaussians<Device> train(const Scene& scene,
         const bool report = callbacks.report_due && callbacks.report_due(step);
         // A splat that is pruned could no longer be named.
         const bool look = report || changes || passes_multiple(step, each, kCheckEvery) || !steps;
-        if (look && !t.check(step, changes || !steps)) continue;
+        const bool far = changes || !steps || passes_multiple(step, each, kCheckFarEvery);
+        if (look && !t.check(step, far)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, t.state()));
         if (steps)
             iteration.descend(

@@ -13,8 +13,8 @@
 
 namespace tvsgs {
 
-/// Iterations between looks at all parameters.
-inline constexpr int kCheckEvery = 100;
+/// Iterations between looks at all parameters, and at those among them that lie on the host.
+inline constexpr int kCheckEvery = 100, kCheckFarEvery = 1000;
 
 /// Training views without replacement: a new shuffled round whenever one is used up. A step of
 /// `batch` photographs looks at as many views; a round has so many as fill its steps.
@@ -314,6 +314,7 @@ private:
     }
 
     auto look(int step, bool far = true) {
+        if (far) state_->adam.catch_up(state_->gaussians);
         return guard_.check(step, far, state_->gaussians, state_->losses, scene_.train);
     }
 

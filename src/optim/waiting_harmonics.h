@@ -67,7 +67,7 @@ public:
     std::uint16_t* taken() { return taken_.data(); }
     int due() const { return due_; }
 
-    /// After it.
+    /// After a step: brings back what it has moved.
     void step_done(const ShAdam& all) {
         bring_back(Device{}, arrays(all));
         ++due_;

@@ -87,6 +87,7 @@ int processes_that_hold(const Scene& scene, const Level& level, const MachineInp
     for (const int processes : {2, 4, 8}) {
         TrainOptions o = level.options;
         o.comm.batch = std::max(o.comm.batch, processes);
+        o.optim.harmonics = Memory::device;  // a batch adds up gradients of all
         if (o.comm.batch > static_cast<int>(scene.train.size())) break;
         const MemoryLimits limits{in.limits.device, in.limits.host / processes};
         const MemoryPlan needs =
@@ -142,9 +143,9 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
     if (&*taken != &levels.front())
         reason += str("; so ", digits(gigabytes(need(*taken).at(splats))), " GB");
     if (taken->options.optim.harmonics == Memory::host)
-        reason +=
-            str("; a step moves ", digits(gigabytes(bytes_over_bus(scene, taken->options, splats))),
-                " GB over the bus and back");
+        reason += str("; a step moves up to ",
+                      digits(gigabytes(bytes_over_bus(scene, taken->options, splats))),
+                      " GB over the bus and back");
     std::string choice = taken->choice;
     if (!fits) {
         const std::int64_t most = fitting(taken->needs, in.limits);

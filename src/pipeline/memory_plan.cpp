@@ -227,7 +227,7 @@ MemoryPlan estimate_memory(const Scene& scene,
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
     // Colours on the host, with their moments; on the device those of a view, and a counter each.
-    const bool left = o.optim.harmonics == Memory::host;
+    const bool left = cuda && o.optim.harmonics == Memory::host;
     const std::int64_t colors = left ? parameters - geometry : 0;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.

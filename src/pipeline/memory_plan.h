@@ -60,7 +60,7 @@ struct MemoryPlan {
 /// Of what one render keeps for its way back, where a share of the splats is in view.
 std::int64_t view_bytes_per_splat(double share_in_view);
 
-/// What a step moves over the bus each way where colours lie on the host, bytes.
+/// What a step moves at most over the bus each way where colours lie on the host, bytes.
 std::int64_t bytes_over_bus(const Scene& scene, const TrainOptions& options, std::int64_t splats);
 
 /// How many splats fit into `limits`; INT64_MAX where they take nothing.

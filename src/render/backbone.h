@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "core/camera.h"
+#include "core/error.h"
 #include "core/gaussians.h"
 #include "core/stage_clock.h"
 
@@ -220,8 +221,10 @@ public:
     }
 
     /// From now on forward() takes harmonics from what `fetch` gives, and not from the Gaussians:
-    /// those of all splats lie where it is far to go for them. Only where it fuses.
-    virtual void set_harmonics(FetchHarmonics /*fetch*/) {}
+    /// those of all splats lie where it is far to go for them. To be implemented where it fuses.
+    virtual void set_harmonics(FetchHarmonics /*fetch*/) {
+        throw Error(ExitCode::internal, "a backbone that fuses does not fetch harmonics");
+    }
 
     /// Whether add_camera_gradient() is implemented.
     virtual bool moves_cameras() const { return false; }

@@ -52,7 +52,7 @@ struct ProjectRadeBody {
         depths[at] = f.p.z;
         rects[at] = f.e.rect;
         RadeRecord& out = features[at];
-        out.f.color = {};  // what is blended without is at least a number
+        out.f.color = {};  // a render without colours blends it, too
         if (!maps) return;
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         const auto plane = rade_plane(view.camera, {to_camera * f.R, f.smooth.scales}, f.p);

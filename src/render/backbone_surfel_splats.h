@@ -82,7 +82,7 @@ struct ProjectSurfelsBody {
         rects[at] = found.rect;
         SurfelFeatures<float>& f = features[at].f;
         f.normal = found.pose.normal;
-        f.color = {};  // what is blended without is at least a number
+        f.color = {};  // a render without colours blends it, too
     }
 };
 

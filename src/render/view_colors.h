@@ -1,5 +1,4 @@
-// Colours of the splats in view: a pass of its own over what the projection has found, which
-// renders without colour skip.
+// Colours of the splats in view, after their projection; renders without colour skip them.
 #pragma once
 
 #include "render/backbone.h"

@@ -325,6 +325,26 @@ TEST(Guard, ParametersAreWatched) {
 TEST(Guard, ParametersAreWatchedWhereColoursLieOnTheHost) {
     parameters_are_watched<Cpu>(Memory::host);
 }
+/// Where nothing else asks for a look at all of them before.
+TEST(Guard, AColourOnTheHostIsNamedInTheEnd) {
+    const Scene scene = rendered_scene();
+    TrainOptions options = everything_on(110);
+    options.densify.enabled = false;
+    for (const int splat : {7, 80}) {
+        options.optim.harmonics = Memory::device;
+        const Plan plan{after(12), {}, {24, -1, ParameterGroup::sh_dc, splat, 1}};
+        const Outcome device = run<Cpu>(scene, options, plan);
+        options.optim.harmonics = Memory::host;
+        const Outcome host = run<Cpu>(scene, options, plan);
+        ASSERT_EQ(host.rollbacks.size(), 1u);
+        const std::string& said = host.rollbacks[0];
+        EXPECT_NE(said.find(str("the base colour of splat ", splat, " is")), std::string::npos)
+            << said;
+        EXPECT_NE(said.find("with lr.sh_dc divided"), std::string::npos) << said;
+        EXPECT_TRUE(same_bits(host.gaussians, device.gaussians));
+    }
+}
+
 TEST(Guard, LossesAreWatched) {
     losses_are_watched<Cpu>();
 }

@@ -219,7 +219,8 @@ TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
         taken.settings,
         (Settings{{"photo_bytes", "1"}, {"tv.lists", "compact"}, {"optim.harmonics", "host"}}));
     // A twentieth in view, of 576 bytes each.
-    EXPECT_NE(taken.reason.find("a step moves 0.00576 GB over the bus and back"), std::string::npos)
+    EXPECT_NE(taken.reason.find("a step moves up to 0.00576 GB over the bus and back"),
+              std::string::npos)
         << taken.reason;
     EXPECT_EQ(decided(voting(), -1).choice, "blocks");
     EXPECT_EQ(decided(voting(), 0, false).choice, "blocks");
