@@ -32,10 +32,9 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     const float fine = voxel_size(options.voxel_size, options.resolution,
                                   region.unbounded ? 2 * region.radius : rules.depth_max, views);
     volume.voxel_size = options.voxel_scale * fine;
-    const float voxels = options.voxel_scale > 1  // two of them at least, as depths may miss one
-                             ? std::max(options.truncation_voxels, 2 * options.voxel_scale)
-                             : options.truncation_voxels;
-    volume.truncation = options.truncation > 0 ? options.truncation : voxels * fine;
+    volume.truncation = options.truncation > 0
+                            ? options.truncation
+                            : std::max(options.truncation_voxels * fine, volume.voxel_size);
     volume.max_bytes = max_bytes;
     spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
                 volume.truncation, limit_text(rules));

@@ -88,14 +88,8 @@ void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& 
     });
 }
 
-void fetch_in_view(Cpu, const WaitingArrays& arrays) {
-    fetch_in_view_on(Cpu{}, arrays);
-}
-void bring_back(Cpu, const WaitingArrays& arrays) {
-    bring_back_on(Cpu{}, arrays);
-}
-void catch_up(Cpu, const WaitingArrays& arrays) {
-    catch_up_on(Cpu{}, arrays);
-}
+template void fetch_in_view(Cpu, const WaitingArrays&);
+template void bring_back(Cpu, const WaitingArrays&);
+template void catch_up(Cpu, const WaitingArrays&);
 
 }  // namespace tvsgs

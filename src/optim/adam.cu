@@ -50,14 +50,8 @@ void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep&
     check_launch();
 }
 
-void fetch_in_view(Cuda, const WaitingArrays& arrays) {
-    fetch_in_view_on(Cuda{}, arrays);
-}
-void bring_back(Cuda, const WaitingArrays& arrays) {
-    bring_back_on(Cuda{}, arrays);
-}
-void catch_up(Cuda, const WaitingArrays& arrays) {
-    catch_up_on(Cuda{}, arrays);
-}
+template void fetch_in_view(Cuda, const WaitingArrays&);
+template void bring_back(Cuda, const WaitingArrays&);
+template void catch_up(Cuda, const WaitingArrays&);
 
 }  // namespace tvsgs

@@ -100,7 +100,6 @@ Gaussians<Device> train(const Scene& scene,
         if (const HeldExposures found = loss->exposures(); !found.empty() && callbacks.on_exposures)
             callbacks.on_exposures(found);
     if (callbacks.on_end) callbacks.on_end(t->done);
-    splats_now();
     return std::move(t->gaussians);
 }
 

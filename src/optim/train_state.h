@@ -251,7 +251,6 @@ public:
     /// from them. What a batch has seen has been counted.
     void grow(int first, int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
-        if (s.densifier.may_change_structure(step)) s.adam.catch_up(s.gaussians);
         if (auto* const sums = s.densifier.sums_at(step, s.gaussians); sums && !batched())
             s.densifier.count_view(iteration.backbone().statistics(), *sums);
         const auto event =
@@ -272,7 +271,8 @@ public:
     }
 
     /// True when all is finite; else the run has been rolled back, and `done` says to where. `far`
-    /// as Guard::check() has it.
+    /// as Guard::check() has it: all that waits is taken before, as it has to be before splats come
+    /// or go, are saved or returned.
     bool check(int step, bool far = true) {
         const auto fault = look(step, far);
         if (fault) roll_back(*fault);
@@ -319,7 +319,6 @@ private:
     }
 
     SharedState capture() {
-        state_->adam.catch_up(state_->gaussians);
         auto state = std::make_shared<State>();
         StateVisitor<Device> visitor(*state, state_parts(peers()));
         state_->visit(visitor);

@@ -20,14 +20,14 @@ struct WaitingArrays {
     int due;                // how many there were
 };
 /// in_view <- those of the view, up to date; `splats` as well.
-void fetch_in_view(Cpu, const WaitingArrays& arrays);
-void fetch_in_view(Cuda, const WaitingArrays& arrays);
+template <class Device>
+void fetch_in_view(Device device, const WaitingArrays& arrays);
 /// all <- those in view that have taken one step more than were due.
-void bring_back(Cpu, const WaitingArrays& arrays);
-void bring_back(Cuda, const WaitingArrays& arrays);
+template <class Device>
+void bring_back(Device device, const WaitingArrays& arrays);
 /// all <- up to date.
-void catch_up(Cpu, const WaitingArrays& arrays);
-void catch_up(Cuda, const WaitingArrays& arrays);
+template <class Device>
+void catch_up(Device device, const WaitingArrays& arrays);
 
 template <class Device>
 class WaitingHarmonics {

@@ -24,11 +24,16 @@ struct ViewNumber {
           in_view(3 * static_cast<std::size_t>(k) * a.in_view.stride +
                   static_cast<std::size_t>(j)) {}
 
-    TVSGS_HD static void copy(const Vec3f* from,
+    TVSGS_HD static void copy(const ShAdam& from,
                               std::size_t source,
-                              Vec3f* to,
+                              const ShAdam& to,
                               std::size_t target) {
-        reinterpret_cast<float*>(to)[target] = reinterpret_cast<const float*>(from)[source];
+        const auto number = [](Vec3f* data, std::size_t at) -> float& {
+            return reinterpret_cast<float*>(data)[at];
+        };
+        number(to.values, target) = number(from.values, source);
+        number(to.m, target) = number(from.m, source);
+        number(to.v, target) = number(from.v, source);
     }
 };
 
@@ -39,9 +44,7 @@ struct FetchBody {
         const auto at = static_cast<std::size_t>(j / 3);
         if (at >= a.places.in_view()) return;
         const ViewNumber n(a, a.splats[at], j, k);
-        ViewNumber::copy(a.all.values, n.all, a.in_view.values, n.in_view);
-        ViewNumber::copy(a.all.m, n.all, a.in_view.m, n.in_view);
-        ViewNumber::copy(a.all.v, n.all, a.in_view.v, n.in_view);
+        ViewNumber::copy(a.all, n.all, a.in_view, n.in_view);
     }
 };
 
@@ -55,9 +58,7 @@ struct BringBackBody {
         const int splat = a.splats[at];
         if (a.taken[splat] <= a.due) return;
         const ViewNumber n(a, splat, j, k);
-        ViewNumber::copy(a.in_view.values, n.in_view, a.all.values, n.all);
-        ViewNumber::copy(a.in_view.m, n.in_view, a.all.m, n.all);
-        ViewNumber::copy(a.in_view.v, n.in_view, a.all.v, n.all);
+        ViewNumber::copy(a.in_view, n.in_view, a.all, n.all);
     }
 };
 
@@ -90,7 +91,7 @@ struct CatchUpBody {
 };
 
 template <class Device>
-void fetch_in_view_on(Device device, const WaitingArrays& a) {
+void fetch_in_view(Device device, const WaitingArrays& a) {
     const int room = a.splats.size();
     parallel_for(device, static_cast<int>(a.all.stride), NoteInViewBody{a});
     for (int k = 0; k < a.all.coefficients; ++k) parallel_for(device, 3 * room, FetchBody{a, k});
@@ -98,13 +99,13 @@ void fetch_in_view_on(Device device, const WaitingArrays& a) {
 }
 
 template <class Device>
-void bring_back_on(Device device, const WaitingArrays& a) {
+void bring_back(Device device, const WaitingArrays& a) {
     for (int k = 0; k < a.in_view.coefficients; ++k)
         parallel_for(device, 3 * a.splats.size(), BringBackBody{a, k});
 }
 
 template <class Device>
-void catch_up_on(Device device, const WaitingArrays& a) {
+void catch_up(Device device, const WaitingArrays& a) {
     parallel_for(device, static_cast<int>(a.all.stride), CatchUpBody{a});
 }
 

@@ -241,9 +241,7 @@ MemoryPlan estimate_memory(const Scene& scene,
                            on_its_way = processes.all > 1 ? kPerVoterOnItsWay : 0;
         buffers.per_splat += kPerVoter - kPerVoterPart + part(kPerVoterPart + lists + on_its_way);
     }
-    if (left)
-        buffers.per_splat += kPerWaiting - 3 * colors +
-                             std::llround(3 * (share_in_view(scene) * static_cast<double>(colors)));
+    if (left) buffers.per_splat += kPerWaiting - 3 * colors + bytes_over_bus(scene, o, 1);
     if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters - colors) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;

@@ -124,6 +124,7 @@ TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
     const Result coarse = extract(flags + "1.5");
     ASSERT_EQ(coarse.code, 0) << coarse;
     EXPECT_TRUE(coarse.says("voxels of 0.09, truncation 0.24,")) << coarse;
+    // By area, but for the rims of what is seen, by length.
     EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
     EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
 }
