@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/log.h"
+#include "core/parallel_lists.h"
 #include "core/vec.h"
 #include "io/read_file.h"
 
@@ -57,10 +58,27 @@ public:
 
     const std::vector<Element>& elements() const { return elements_; }
 
-    /// Reads a row of an element without lists into `values`, one number per property.
-    void read_row(const Element& element, std::vector<double>& values) {
-        values.resize(element.properties.size());
-        for (std::size_t i = 0; i < values.size(); ++i) values[i] = get(element.properties[i].type);
+    /// action(i, row) for each row of an element without lists that check_count() has passed; a row
+    /// has one number per property. Of a binary file several threads do so at once.
+    template <class Action>
+    void for_rows(const Element& element, const Action& action) {
+        const auto read = [&](std::size_t& at, std::vector<double>& row) {
+            for (std::size_t i = 0; i < row.size(); ++i)
+                row[i] = get(element.properties[i].type, at);
+        };
+        if (ascii_) {
+            std::vector<double> row(element.properties.size());
+            for (std::size_t i = 0; i < element.count; ++i) read(offset_, row), action(i, row);
+            return;
+        }
+        std::size_t bytes = 0;
+        for (const Property& p : element.properties) bytes += kTypeBytes[static_cast<int>(p.type)];
+        for_parts(element.count, [&](std::size_t /*part*/, std::size_t first, std::size_t last) {
+            std::vector<double> row(element.properties.size());
+            std::size_t at = offset_ + first * bytes;
+            for (std::size_t i = first; i < last; ++i) read(at, row), action(i, row);
+        });
+        offset_ += element.count * bytes;
     }
 
     /// Calls on_list(property index, values) for each list in a row; scalars are skipped.
@@ -69,14 +87,14 @@ public:
         for (std::size_t i = 0; i < element.properties.size(); ++i) {
             const Property& property = element.properties[i];
             if (!property.is_list) {
-                get(property.type);
+                get(property.type, offset_);
                 continue;
             }
-            const double count = get(property.count_type);
+            const double count = get(property.count_type, offset_);
             if (!(count >= 0 && count <= static_cast<double>(left())))
                 count_error(element, str("a list of ", count, " values"));
             values.resize(static_cast<std::size_t>(count));
-            for (double& value : values) value = get(property.type);
+            for (double& value : values) value = get(property.type, offset_);
             on_list(static_cast<int>(i), values);
         }
     }
@@ -196,47 +214,48 @@ private:
     }
 
     template <class T>
-    double get_binary() {
-        if (left() < sizeof(T)) truncated();
+    double get_binary(std::size_t& at) const {
+        if (bytes_.size() - at < sizeof(T)) truncated();
         std::array<char, sizeof(T)> raw;
-        std::memcpy(raw.data(), &bytes_[offset_], sizeof(T));
+        std::memcpy(raw.data(), &bytes_[at], sizeof(T));
         if (big_endian_ != (std::endian::native == std::endian::big))
             std::reverse(raw.begin(), raw.end());
-        offset_ += sizeof(T);
+        at += sizeof(T);
         return static_cast<double>(std::bit_cast<T>(raw));
     }
 
-    double get(Type type) {
+    /// The number at byte `at`, which moves behind it.
+    double get(Type type, std::size_t& at) const {
         if (ascii_) {
-            std::string_view rest = std::string_view(bytes_).substr(offset_);
+            std::string_view rest = std::string_view(bytes_).substr(at);
             const std::string_view word = next_word(rest);
-            offset_ = bytes_.size() - rest.size();
+            at = bytes_.size() - rest.size();
             double value = 0;
             if (word.empty()) truncated();
             if (!parse_number(word, value))
-                throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_ - word.size(), ": '",
+                throw input_error("E_PLY_COUNT: ", path_, ": byte ", at - word.size(), ": '",
                                   shown(word), "' is not a number");
             return value;
         }
         switch (type) {
             case Type::i8:
-                return get_binary<std::int8_t>();
+                return get_binary<std::int8_t>(at);
             case Type::u8:
-                return get_binary<std::uint8_t>();
+                return get_binary<std::uint8_t>(at);
             case Type::i16:
-                return get_binary<std::int16_t>();
+                return get_binary<std::int16_t>(at);
             case Type::u16:
-                return get_binary<std::uint16_t>();
+                return get_binary<std::uint16_t>(at);
             case Type::i32:
-                return get_binary<std::int32_t>();
+                return get_binary<std::int32_t>(at);
             case Type::u32:
-                return get_binary<std::uint32_t>();
+                return get_binary<std::uint32_t>(at);
             case Type::f32:
-                return get_binary<float>();
+                return get_binary<float>(at);
             case Type::f64:
                 break;
         }
-        return get_binary<double>();
+        return get_binary<double>(at);
     }
 
     [[noreturn]] void truncated() const {

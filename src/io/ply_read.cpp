@@ -85,20 +85,21 @@ void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents&
     }
     const auto count = static_cast<std::size_t>(vertex.count);
     PointCloud& points = out.points;
-    points.positions.reserve(count);
     // The normals of splat files are zeros that fill a column.
     const bool has_normals = complete(normal) && !out.is_splats, has_colors = complete(color);
-    std::vector<double> row;
-    for (std::size_t i = 0; i < count; ++i) {
-        in.read_row(vertex, row);
-        points.positions.push_back(pick_position(row, xyz, origin));
-        if (has_normals) points.normals.push_back(normalize(pick(row, normal)));
+    points.positions.resize(count);
+    if (has_normals) points.normals.resize(count);
+    if (weight >= 0) points.confidences.resize(count);
+    if (has_colors) points.colors.resize(count);
+    in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+        points.positions[i] = pick_position(row, xyz, origin);
+        if (has_normals) points.normals[i] = normalize(pick(row, normal));
         if (weight >= 0)
-            points.confidences.push_back(static_cast<float>(row[static_cast<std::size_t>(weight)]));
+            points.confidences[i] = static_cast<float>(row[static_cast<std::size_t>(weight)]);
         if (has_colors)
-            points.colors.push_back(
-                clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1));
-    }
+            points.colors[i] =
+                clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1);
+    });
 }
 
 /// Polygons become fans of triangles.
@@ -194,13 +195,12 @@ PlyGeometry read_ply_geometry(const std::string& path) {
             };
             const std::size_t x = column("x"), y = column("y"), z = column("z"),
                               opacity = column("opacity");
-            out.positions.reserve(static_cast<std::size_t>(vertex.count));
-            std::vector<double> row;
-            for (std::uint64_t i = 0; i < vertex.count; ++i) {
-                in.read_row(vertex, row);
-                out.positions.push_back({row[x], row[y], row[z]});
-                if (out.is_splats) out.opacity_logits.push_back(static_cast<float>(row[opacity]));
-            }
+            out.positions.resize(static_cast<std::size_t>(vertex.count));
+            if (out.is_splats) out.opacity_logits.resize(out.positions.size());
+            in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+                out.positions[i] = {row[x], row[y], row[z]};
+                if (out.is_splats) out.opacity_logits[i] = static_cast<float>(row[opacity]);
+            });
         } else if (element.name == "face") {
             read_faces(in, element, static_cast<double>(vertex.count), out.faces);
         } else {
@@ -225,20 +225,15 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
     in.check_count(vertex);
 
     const std::size_t rows = static_cast<std::size_t>(vertex.count);
-    const int per_splat = sh_count(columns.sh_degree);
-    std::vector<Vec3f> means, log_scales,
-        sh;  // sh: [N, per_splat] until the number of splats is known
-    std::vector<Quatf> quats;
-    std::vector<float> opacities;
-    means.reserve(rows), log_scales.reserve(rows), quats.reserve(rows), opacities.reserve(rows);
-    sh.reserve(rows * static_cast<std::size_t>(per_splat));
-    bool looks_activated = rows > 0;
-    std::vector<double> row;
-    const auto value = [&](int column) {
-        return static_cast<float>(row[static_cast<std::size_t>(column)]);
-    };
-    for (std::size_t i = 0; i < rows; ++i) {
-        in.read_row(vertex, row);
+    const auto per_splat = static_cast<std::size_t>(sh_count(columns.sh_degree));
+    std::vector<Vec3f> means(rows), log_scales(rows), sh(rows * per_splat);  // sh: [N, per_splat]
+    std::vector<Quatf> quats(rows);
+    std::vector<float> opacities(rows);
+    std::vector<char> usable(rows), activated(rows);
+    in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+        const auto value = [&](int column) {
+            return static_cast<float>(row[static_cast<std::size_t>(column)]);
+        };
         Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
         // Discs have no third scale; a scale of zero has no finite logarithm. Both become a
         // millionth of the largest.
@@ -251,8 +246,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         // Infinite logits are legal: fully opaque or transparent, which 30 is in float, too.
         float opacity = value(columns.opacity);
         if (std::isinf(opacity)) opacity = std::copysign(30.0f, opacity);
-        looks_activated =
-            looks_activated && opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
+        activated[i] = opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
         if (columns.filter >= 0) {
             // mip-splatting's 3D filter, baked: wider scales, fainter in proportion.  [Yu24]
             const auto smooth = smoothed(vec_cast<double>(log_scale),
@@ -264,46 +258,44 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         }
         const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
                          value(columns.rot[3])};
-        const Vec3f mean = pick_position(row, columns.mean, origin);
-        const std::size_t begin = sh.size();
-        sh.push_back(pick(row, columns.dc));
-        bool finite = is_finite(mean) && is_finite(log_scale) && is_finite(sh.back()) &&
-                      std::isfinite(opacity);
+        means[i] = pick_position(row, columns.mean, origin);
+        bool finite = is_finite(means[i]) && is_finite(log_scale) && std::isfinite(opacity);
         finite = finite && is_finite(Vec3f{quat.x, quat.y, quat.z}) && std::isfinite(quat.w);
-        for (int k = 0; k < per_splat - 1; ++k) {
-            Vec3f coefficient;
-            for (int c = 0; c < 3; ++c)
-                coefficient[c] = value(
-                    columns.rest[static_cast<std::size_t>(c * columns.file_coefficients + k)]);
+        for (std::size_t k = 0; k < per_splat; ++k) {
+            Vec3f& coefficient = sh[i * per_splat + k];
+            for (std::size_t c = 0; c < 3; ++c)
+                coefficient[static_cast<int>(c)] = value(
+                    k == 0 ? columns.dc[c]
+                           : columns.rest[c * static_cast<std::size_t>(columns.file_coefficients) +
+                                          k - 1]);
             finite = finite && is_finite(coefficient);
-            sh.push_back(coefficient);
         }
-        if (!finite || (quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0)) {
-            sh.resize(begin);
-            continue;
-        }
-        means.push_back(mean), log_scales.push_back(log_scale), quats.push_back(quat),
-            opacities.push_back(opacity);
-    }
+        usable[i] = finite && !(quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0);
+        log_scales[i] = log_scale, quats[i] = quat, opacities[i] = opacity;
+    });
     if (&vertex == &in.elements().back()) in.finish();
-    const std::size_t count = means.size();
+    const std::vector<int> numbers =
+        numbers_where(rows, [&](std::size_t i) { return usable[i] != 0; });
+    const std::size_t count = numbers.size();
     if (count < rows)
         spdlog::warn("{}: {} of {} splats were dropped: not finite, or a zero quaternion", path,
                      rows - count, rows);
-    if (looks_activated)
+    if (rows > 0 && std::find(activated.begin(), activated.end(), 0) == activated.end())
         spdlog::warn(
             "{}: opacities in [0, 1] and positive scales: were activated values saved instead of "
             "logits and logarithms?",
             path);
 
     Gaussians<Cpu> out;
-    copy(means, out.means), copy(log_scales, out.log_scales), copy(quats, out.quats),
-        copy(opacities, out.opacity_logits);
+    copy(taken(means, numbers), out.means), copy(taken(log_scales, numbers), out.log_scales);
+    copy(taken(quats, numbers), out.quats), copy(taken(opacities, numbers), out.opacity_logits);
     out.sh_degree = columns.sh_degree;
-    out.sh.resize(sh.size());
-    for (std::size_t i = 0; i < count; ++i)
-        for (std::size_t k = 0; k < static_cast<std::size_t>(per_splat); ++k)
-            out.sh[k * count + i] = sh[i * static_cast<std::size_t>(per_splat) + k];
+    out.sh.resize(count * per_splat);
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        const auto row = static_cast<std::size_t>(numbers[std::size_t(i)]);
+        for (std::size_t k = 0; k < per_splat; ++k)
+            out.sh[k * count + static_cast<std::size_t>(i)] = sh[row * per_splat + k];
+    });
     return out;
 }
 

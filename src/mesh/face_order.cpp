@@ -6,34 +6,23 @@
 #include <limits>
 
 #include "core/morton.h"
-#include "core/parallel.h"
+#include "core/parallel_lists.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr int kAxisBits = 10, kDigitBits = 10;
 constexpr std::size_t kDigits = std::size_t{1} << kDigitBits;
-constexpr int kChunks = 64;  // whatever the number of threads
 
 struct Keyed {
     std::uint32_t key;
     int place;
 };
 
-/// action(chunk, first, last) for parts of [0, count).
-template <class Action>
-void for_parts(std::size_t count, const Action& action) {
-    const std::size_t size = (count + kChunks - 1) / kChunks;
-    parallel_for_heavy(Cpu{}, kChunks, [&](int chunk) {
-        const std::size_t first = std::min(count, std::size_t(chunk) * size);
-        action(std::size_t(chunk), first, std::min(count, first + size));
-    });
-}
-
 /// Sorts by one digit; what has the same stays in its order.
 void sort_digit(const std::vector<Keyed>& from, int shift, std::vector<Keyed>& to) {
     const auto digit = [shift](const Keyed& k) { return (k.key >> shift) & (kDigits - 1); };
-    std::vector<std::array<std::uint32_t, kDigits>> counts(kChunks);
+    std::vector<std::array<std::uint32_t, kDigits>> counts(kListParts);
     for_parts(from.size(), [&](std::size_t chunk, std::size_t first, std::size_t last) {
         auto& own = counts[chunk];
         own.fill(0);
@@ -55,7 +44,7 @@ void sort_digit(const std::vector<Keyed>& from, int shift, std::vector<Keyed>& t
 
 SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
     constexpr float kFar = std::numeric_limits<float>::infinity();
-    std::array<Vec3f, kChunks> lows, highs;
+    std::array<Vec3f, kListParts> lows, highs;
     for_parts(points.size(), [&](std::size_t chunk, std::size_t first, std::size_t last) {
         Vec3f low{kFar, kFar, kFar}, high = -low;
         for (std::size_t i = first; i < last; ++i)
@@ -69,7 +58,7 @@ SpatialOrder spatial_order(const std::vector<Vec3f>& points) {
     float extent = 0;
     for (int axis = 0; axis < 3; ++axis) {
         float high = -kFar;
-        for (int c = 0; c < kChunks; ++c) {
+        for (int c = 0; c < kListParts; ++c) {
             low[axis] = std::min(low[axis], lows[std::size_t(c)][axis]);
             high = std::max(high, highs[std::size_t(c)][axis]);
         }

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "core/parallel.h"
+#include "core/parallel_lists.h"
 #include "core/progress.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_corners.h"
@@ -46,16 +46,19 @@ DisjointSets united_faces(const TriangleMesh& mesh, const Corners& corners, cons
 /// Numbers the sets of the faces to keep in the order of their first faces; -1: not kept. Returns
 /// how many there are.
 std::size_t number_components(DisjointSets& sets,
-                              const std::vector<bool>& keep,
+                              const std::vector<char>& keep,
                               std::vector<int>& component) {
-    int count = 0;
     component.assign(keep.size(), -1);
-    for (int f = 0; f < static_cast<int>(component.size()); ++f) {
-        if (!keep[f]) continue;
-        const int root = sets.find(f);  // the first face of its component
-        component[f] = root == f ? count++ : component[root];
-    }
-    return static_cast<std::size_t>(count);
+    const std::vector<int> firsts = numbers_where(keep.size(), [&](std::size_t f) {
+        return keep[f] && sets.find(static_cast<int>(f)) == static_cast<int>(f);
+    });
+    parallel_for(Cpu{}, static_cast<int>(firsts.size()),
+                 [&](int c) { component[std::size_t(firsts[std::size_t(c)])] = c; });
+    parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
+        if (const int first = sets.find(f); keep[std::size_t(f)] && first != f)
+            component[std::size_t(f)] = component[std::size_t(first)];
+    });
+    return firsts.size();
 }
 
 }  // namespace
@@ -63,33 +66,32 @@ std::size_t number_components(DisjointSets& sets,
 std::vector<int> face_components(const TriangleMesh& mesh) {
     DisjointSets sets = united_faces(mesh, Corners(mesh), [](std::uint32_t) { return true; });
     std::vector<int> component;
-    number_components(sets, std::vector<bool>(mesh.faces.size(), true), component);
+    number_components(sets, std::vector<char>(mesh.faces.size(), 1), component);
     return component;
 }
 
-std::size_t filter_faces(TriangleMesh& mesh, const std::vector<bool>& keep) {
+std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep) {
     const std::size_t before = mesh.vertices.size();
-    std::vector<int> renumbered(before, -1);
-    std::vector<Vec3i> faces;
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f)
-        if (keep[f]) {
-            faces.push_back(mesh.faces[f]);
-            for (int k = 0; k < 3; ++k) renumbered[mesh.faces[f][k]] = 0;
-        }
-    int next = 0;
-    for (std::size_t v = 0; v < before; ++v) {
-        if (renumbered[v] < 0) continue;
-        mesh.vertices[next] = mesh.vertices[v];
-        if (!mesh.colors.empty()) mesh.colors[next] = mesh.colors[v];
-        if (!mesh.views.empty()) mesh.views[next] = mesh.views[v];
-        renumbered[v] = next++;
-    }
-    mesh.vertices.resize(next);
-    if (!mesh.colors.empty()) mesh.colors.resize(next);
-    if (!mesh.views.empty()) mesh.views.resize(next);
-    for (Vec3i& face : faces) face = {renumbered[face.x], renumbered[face.y], renumbered[face.z]};
-    mesh.faces = std::move(faces);
-    return before - mesh.vertices.size();
+    mesh.faces = taken(
+        mesh.faces, numbers_where(mesh.faces.size(), [&](std::size_t f) { return keep[f] != 0; }));
+    const int faces = static_cast<int>(mesh.faces.size());
+    std::vector<char> used(before);
+    parallel_for(Cpu{}, faces, [&](int f) {
+        for (int k = 0; k < 3; ++k) mark(used[std::size_t(mesh.faces[std::size_t(f)][k])]);
+    });
+    const std::vector<int> left =
+        numbers_where(before, [&](std::size_t v) { return used[v] != 0; });
+    mesh.vertices = taken(mesh.vertices, left);
+    if (!mesh.colors.empty()) mesh.colors = taken(mesh.colors, left);
+    if (!mesh.views.empty()) mesh.views = taken(mesh.views, left);
+    std::vector<int> renumbered(before);
+    parallel_for(Cpu{}, static_cast<int>(left.size()),
+                 [&](int v) { renumbered[std::size_t(left[std::size_t(v)])] = v; });
+    parallel_for(Cpu{}, faces, [&](int f) {
+        Vec3i& face = mesh.faces[std::size_t(f)];
+        for (int k = 0; k < 3; ++k) face[k] = renumbered[std::size_t(face[k])];
+    });
+    return before - left.size();
 }
 
 CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
@@ -108,7 +110,7 @@ CleanReport keep_largest_components(TriangleMesh& mesh, int clusters) {
     report.kept_components =
         std::count_if(counts.begin(), counts.end(), [&](std::size_t n) { return n >= least; });
 
-    std::vector<bool> keep(mesh.faces.size());
+    std::vector<char> keep(mesh.faces.size());
     for (std::size_t f = 0; f < keep.size(); ++f) {
         const Vec3i face = mesh.faces[f];
         keep[f] = counts[component[f]] >= least && face.x != face.y && face.y != face.z &&
@@ -221,7 +223,7 @@ std::vector<char> seen_faces(const std::vector<SurfaceSample>& samples,
 }
 
 /// All but the faces that no view sees and that are joined to a rim by such faces.
-std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
+std::vector<char> without_unseen_rims(const TriangleMesh& mesh,
                                       const Corners& corners,
                                       const std::vector<char>& seen) {
     DisjointSets sets =
@@ -233,14 +235,19 @@ std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
         });
         return count == 1;
     };
-    std::vector<bool> open(mesh.faces.size()), keep(mesh.faces.size());
-    for (std::size_t f = 0; f < keep.size(); ++f)
+    const int faces = static_cast<int>(mesh.faces.size());
+    std::vector<char> open(mesh.faces.size()), keep(mesh.faces.size());
+    parallel_for(Cpu{}, faces, [&](int i) {
+        const auto f = static_cast<std::size_t>(i);
         if (const Vec3i face = mesh.faces[f];
             !seen[f] &&
             (is_rim(face.x, face.y) || is_rim(face.y, face.z) || is_rim(face.z, face.x)))
-            open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))] = true;
-    for (std::size_t f = 0; f < keep.size(); ++f)
-        keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(static_cast<int>(f)))];
+            mark(open[static_cast<std::size_t>(sets.find(i))]);
+    });
+    parallel_for(Cpu{}, faces, [&](int i) {
+        const auto f = static_cast<std::size_t>(i);
+        keep[f] = seen[f] || !open[static_cast<std::size_t>(sets.find(i))];
+    });
     return keep;
 }
 
@@ -249,12 +256,12 @@ std::vector<bool> without_unseen_rims(const TriangleMesh& mesh,
 EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& source) {
     EvidenceReport report;
     // An edge from a vertex to itself would look like a rim.
-    std::vector<bool> keep(mesh.faces.size());
-    for (std::size_t f = 0; f < keep.size(); ++f) {
-        const Vec3i face = mesh.faces[f];
-        keep[f] = face.x != face.y && face.y != face.z && face.z != face.x;
-    }
-    if (std::find(keep.begin(), keep.end(), false) != keep.end()) filter_faces(mesh, keep);
+    std::vector<char> keep(mesh.faces.size());
+    parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int f) {
+        const Vec3i face = mesh.faces[std::size_t(f)];
+        keep[std::size_t(f)] = face.x != face.y && face.y != face.z && face.z != face.x;
+    });
+    if (std::find(keep.begin(), keep.end(), 0) != keep.end()) filter_faces(mesh, keep);
     if (mesh.faces.empty()) return report;
     const std::size_t before = mesh.faces.size();
     const std::vector<SurfaceSample> samples = face_samples(mesh);
@@ -266,7 +273,7 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
             united_faces(mesh, corners, [&](std::uint32_t face) { return keep[face]; });
         report.components = number_components(sets, keep, component);
     }
-    const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), true));
+    const auto kept = static_cast<std::size_t>(std::count(keep.begin(), keep.end(), 1));
     report.peeled_faces = before - kept;
     const std::vector<ComponentEvidence> evidence =
         component_evidence(samples, component, report.components, source);
@@ -275,8 +282,10 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
         report.looked_through += e.looked_through();
         report.lonely += !e.stays() && !e.looked_through() && e.see == 1;
     }
-    for (std::size_t f = 0; f < keep.size(); ++f)
+    parallel_for(Cpu{}, static_cast<int>(keep.size()), [&](int i) {
+        const auto f = static_cast<std::size_t>(i);
         keep[f] = keep[f] && evidence[static_cast<std::size_t>(component[f])].stays();
+    });
     filter_faces(mesh, keep);
     report.removed_faces = kept - mesh.faces.size();
     return report;

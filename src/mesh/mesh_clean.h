@@ -34,8 +34,8 @@ EvidenceReport keep_seen_components(TriangleMesh& mesh, const EvidenceSource& so
 /// Component of each face, numbered from 0 in the order of their first faces.
 std::vector<int> face_components(const TriangleMesh& mesh);
 
-/// Drops the faces for which keep[face] is false, and unused vertices. Returns the number of
+/// Drops the faces for which keep[face] is 0, and unused vertices. Returns the number of
 /// vertices dropped.
-std::size_t filter_faces(TriangleMesh& mesh, const std::vector<bool>& keep);
+std::size_t filter_faces(TriangleMesh& mesh, const std::vector<char>& keep);
 
 }  // namespace tvsgs

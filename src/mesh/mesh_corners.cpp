@@ -51,22 +51,21 @@ private:
 
 }  // namespace
 
-Corners::Corners(const TriangleMesh& mesh)
-    : first_(mesh.vertices.size() + 2), corners_(3 * mesh.faces.size()) {
-    const int faces = static_cast<int>(mesh.faces.size());
-    parallel_for(Cpu{}, faces, [&](int f) {
-        for (int k = 0; k < 3; ++k)
-            count_up(&first_[std::size_t(mesh.faces[std::size_t(f)][k]) + 2]);
+Corners::Corners(const std::vector<Vec3i>& faces, std::size_t vertices)
+    : first_(vertices + 2), corners_(3 * faces.size()) {
+    const int count = static_cast<int>(faces.size());
+    parallel_for(Cpu{}, count, [&](int f) {
+        for (int k = 0; k < 3; ++k) count_up(&first_[std::size_t(faces[std::size_t(f)][k]) + 2]);
     });
     for (std::size_t v = 2; v < first_.size(); ++v) first_[v] += first_[v - 1];
-    parallel_for(Cpu{}, faces, [&](int f) {
+    parallel_for(Cpu{}, count, [&](int f) {
         for (int k = 0; k < 3; ++k)
-            corners_[count_up(&first_[std::size_t(mesh.faces[std::size_t(f)][k]) + 1])] =
+            corners_[count_up(&first_[std::size_t(faces[std::size_t(f)][k]) + 1])] =
                 3 * static_cast<std::uint32_t>(f) + static_cast<std::uint32_t>(k);
     });
     first_.pop_back();
     // Threads have come in any order.
-    parallel_for(Cpu{}, static_cast<int>(mesh.vertices.size()), [&](int v) {
+    parallel_for(Cpu{}, static_cast<int>(vertices), [&](int v) {
         std::sort(corners_.begin() + first_[std::size_t(v)],
                   corners_.begin() + first_[std::size_t(v) + 1]);
     });

@@ -14,7 +14,8 @@ namespace tvsgs {
 class Corners {
 public:
     /// Indices of faces have to be in range.
-    explicit Corners(const TriangleMesh& mesh);
+    Corners(const std::vector<Vec3i>& faces, std::size_t vertices);
+    explicit Corners(const TriangleMesh& mesh) : Corners(mesh.faces, mesh.vertices.size()) {}
 
     /// action(face, its corner at v).
     template <class Action>

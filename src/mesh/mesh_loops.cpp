@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/parallel_lists.h"
+
 namespace tvsgs {
 namespace {
 
@@ -92,41 +94,63 @@ int Rims::place(int vertex) const {
                                                        : -1;
 }
 
+std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim) {
+    std::vector<char> at_rim(mesh.vertices.size());
+    parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int i) {
+        const auto f = static_cast<std::size_t>(i);
+        for (int k = 0; k < 3; ++k)
+            if (is_rim[3 * f + std::size_t(k)])
+                for (const int corner : {k, (k + 1) % 3})
+                    mark(at_rim[std::size_t(mesh.faces[f][corner])]);
+    });
+    return at_rim;
+}
+
 Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
     Rims rims;
     const std::vector<char>& is_rim = surface.rim;
+    const std::vector<char> at_rim = vertices_at_rims(mesh, is_rim);
+    rims.vertices = numbers_where(at_rim.size(), [&](std::size_t v) { return at_rim[v] != 0; });
     std::vector<int> places(mesh.vertices.size(), -1);
-    for (std::size_t i = 0; i < is_rim.size(); ++i)
-        if (is_rim[i])
-            for (const std::size_t corner : {i % 3, (i + 1) % 3})
-                places[std::size_t(mesh.faces[i / 3][static_cast<int>(corner)])] = 0;
-    for (std::size_t v = 0; v < places.size(); ++v) {
-        if (places[v] < 0) continue;
-        places[v] = static_cast<int>(rims.vertices.size());
-        rims.vertices.push_back(static_cast<int>(v));
-    }
-    rims.normals.resize(rims.vertices.size()), rims.rim_edges.resize(rims.vertices.size());
-    std::vector<HoleEdge> holes;
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    parallel_for(Cpu{}, static_cast<int>(rims.vertices.size()),
+                 [&](int i) { places[std::size_t(rims.vertices[std::size_t(i)])] = i; });
+    rims.faces = numbers_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        const Vec3i at{places[std::size_t(face.x)], places[std::size_t(face.y)],
-                       places[std::size_t(face.z)]};
-        if (at.x < 0 && at.y < 0 && at.z < 0) continue;
-        rims.faces.push_back(static_cast<int>(f));
+        return at_rim[std::size_t(face.x)] || at_rim[std::size_t(face.y)] ||
+               at_rim[std::size_t(face.z)];
+    });
+    const std::vector<Vec3i> faces = taken(mesh.faces, rims.faces);
+    const Corners corners(faces, mesh.vertices.size());
+    const auto normal_of = [&](Vec3i face) {
         const Vec3d a = vec_cast<double>(mesh.vertices[std::size_t(face.x)]);
-        const Vec3d normal = cross(vec_cast<double>(mesh.vertices[std::size_t(face.y)]) - a,
-                                   vec_cast<double>(mesh.vertices[std::size_t(face.z)]) - a);
-        for (int k = 0; k < 3; ++k) {
-            if (at[k] < 0) continue;
-            rims.normals[std::size_t(at[k])] += normal;
-            for (const int step : {1, 2}) rims.edges.push_back({face[k], face[(k + step) % 3]});
-            if (is_rim[3 * f + std::size_t(k)]) holes.push_back({at[(k + 1) % 3], at[k]});
-        }
+        return cross(vec_cast<double>(mesh.vertices[std::size_t(face.y)]) - a,
+                     vec_cast<double>(mesh.vertices[std::size_t(face.z)]) - a);
+    };
+    const auto count = static_cast<int>(rims.vertices.size());
+    rims.normals.resize(rims.vertices.size()), rims.rim_edges.resize(rims.vertices.size());
+    std::vector<std::vector<int>> joined(rims.vertices.size());  // to each, ascending
+    parallel_for(Cpu{}, count, [&](int i) {
+        const auto place = static_cast<std::size_t>(i);
+        Vec3d sum;
+        std::vector<int>& others = joined[place];
+        corners.for_each(rims.vertices[place], [&](std::uint32_t f, int k) {
+            sum += normal_of(faces[f]);
+            for (const int step : {1, 2}) others.push_back(faces[f][(k + step) % 3]);
+        });
+        if (const double length = norm(sum); length > 0) rims.normals[place] = sum / length;
+        std::sort(others.begin(), others.end());
+        others.erase(std::unique(others.begin(), others.end()), others.end());
+    });
+    std::vector<HoleEdge> holes;
+    for (std::size_t place = 0; place < joined.size(); ++place) {
+        const int v = rims.vertices[place];
+        for (const int other : joined[place]) rims.edges.push_back({v, other});
+        corners.for_each(v, [&](std::uint32_t f, int k) {
+            if (is_rim[3 * std::size_t(rims.faces[f]) + std::size_t(k)])
+                holes.push_back(
+                    {places[std::size_t(faces[f][(k + 1) % 3])], static_cast<int>(place)});
+        });
     }
-    for (Vec3d& n : rims.normals)
-        if (const double length = norm(n); length > 0) n = n / length;
-    std::sort(rims.edges.begin(), rims.edges.end());
-    rims.edges.erase(std::unique(rims.edges.begin(), rims.edges.end()), rims.edges.end());
     std::sort(holes.begin(), holes.end());
     for (const HoleEdge& edge : holes)
         ++rims.rim_edges[std::size_t(edge.from)], ++rims.rim_edges[std::size_t(edge.to)];

@@ -23,6 +23,9 @@ struct Rims {
     int place(int vertex) const;
 };
 
+/// Which vertices an edge of SurfaceEdges::rim has.
+std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim);
+
 /// No loop comes to a vertex twice: where holes touch, each has its own loop. Rim edges that form
 /// none, as faces turned against their neighbours have, are left out. Faces must not repeat a
 /// corner, and edges not have more than two.

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/parallel_lists.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/mesh_corners.h"
 #include "mesh/mesh_edges.h"
@@ -93,23 +94,18 @@ std::vector<Vec3f> unfolded(const TriangleMesh& mesh,
 
 std::size_t drop_teeth(TriangleMesh& mesh, int rounds) {
     std::vector<char> rim = find_edges(mesh).rim;
-    std::vector<char> at_rim(mesh.vertices.size());
-    for (std::size_t i = 0; i < rim.size(); ++i)
-        if (rim[i])
-            for (const std::size_t corner : {i % 3, (i + 1) % 3})
-                at_rim[std::size_t(mesh.faces[i / 3][static_cast<int>(corner)])] = 1;
+    const std::vector<char> at_rim = vertices_at_rims(mesh, rim);
     // Whatever goes in any round has all its corners at what is a rim now.
-    TriangleMesh part;
-    std::vector<std::size_t> places;
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const std::vector<int> numbers = numbers_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        if (!at_rim[std::size_t(face.x)] || !at_rim[std::size_t(face.y)] ||
-            !at_rim[std::size_t(face.z)])
-            continue;
-        part.faces.push_back(face), places.push_back(f);
-    }
+        return at_rim[std::size_t(face.x)] && at_rim[std::size_t(face.y)] &&
+               at_rim[std::size_t(face.z)];
+    });
+    const std::vector<std::size_t> places(numbers.begin(), numbers.end());
+    TriangleMesh part;
+    part.faces = taken(mesh.faces, numbers);
     const std::vector<FaceEdge> edges = sorted_edges(part);
-    std::vector<bool> keep(mesh.faces.size(), true);
+    std::vector<char> keep(mesh.faces.size(), 1);
     std::vector<std::size_t> teeth;
     std::size_t dropped = 0;
     for (int round = 0; round < rounds; ++round) {

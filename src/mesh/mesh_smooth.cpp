@@ -1,8 +1,6 @@
 #include "mesh/mesh_smooth.h"
 
-#include <numeric>
-
-#include "core/parallel.h"
+#include "core/parallel_lists.h"
 #include "mesh/mesh_corners.h"
 #include "mesh/pixel_length.h"
 
@@ -89,17 +87,17 @@ void unfold(const TriangleMesh& mesh,
         return (moved(face.x) || moved(face.y) || moved(face.z)) &&
                !(dot(normal_of(before, face), normal_of(after, face)) > 0);
     };
-    std::vector<std::size_t> waiting(mesh.faces.size());
-    std::iota(waiting.begin(), waiting.end(), std::size_t{0});
+    std::vector<int> waiting = numbers_where(mesh.faces.size(), is_wrong);
     while (!waiting.empty()) {
-        const std::size_t f = waiting.back();
+        const auto f = static_cast<std::size_t>(waiting.back());
         waiting.pop_back();
         if (!is_wrong(f)) continue;
         for (int k = 0; k < 3; ++k) {
             const int v = mesh.faces[f][k];
             if (!moved(v)) continue;
             after[std::size_t(v)] = before[std::size_t(v)];
-            corners.for_each(v, [&](std::uint32_t g, int) { waiting.push_back(g); });
+            corners.for_each(v,
+                             [&](std::uint32_t g, int) { waiting.push_back(static_cast<int>(g)); });
         }
     }
 }
@@ -110,8 +108,8 @@ std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& camera
     if (!(limit_px > 0)) return 0;
     const Corners corners(mesh);
     const std::vector<double> limits = limits_of(mesh, corners, cameras, limit_px);
-    std::vector<Vec3d> before;
-    for (const Vec3f p : mesh.vertices) before.push_back(vec_cast<double>(p));
+    std::vector<Vec3d> before(mesh.vertices.size());
+    for_each(before.size(), [&](std::size_t v) { before[v] = vec_cast<double>(mesh.vertices[v]); });
     const Planes planes = averaged_planes(mesh, corners, before);
     std::vector<Vec3d> now = before, next = before;
     for (int round = 0; round < kVertexRounds; ++round) {
@@ -137,13 +135,13 @@ std::size_t smooth_surface(TriangleMesh& mesh, const std::vector<Camera>& camera
         });
         std::swap(now, next);
     }
-    for (Vec3d& p : now) p = vec_cast<double>(vec_cast<float>(p));  // as it will be checked
+    for_each(now.size(), [&](std::size_t v) {  // as it will be checked
+        now[v] = vec_cast<double>(vec_cast<float>(now[v]));
+    });
     unfold(mesh, corners, before, now);
-    std::size_t moved = 0;
-    for (std::size_t v = 0; v < now.size(); ++v) {
-        moved += norm(now[v] - before[v]) > 0;
-        mesh.vertices[v] = vec_cast<float>(now[v]);
-    }
+    const auto moves = [&](std::size_t v) { return norm(now[v] - before[v]) > 0; };
+    const std::size_t moved = numbers_where(now.size(), moves).size();
+    for_each(now.size(), [&](std::size_t v) { mesh.vertices[v] = vec_cast<float>(now[v]); });
     return moved;
 }
 

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/parallel_lists.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/mesh_corners.h"
@@ -48,15 +48,13 @@ bool weld(TriangleMesh& mesh) {
 
 /// The edges of the faces with a marked vertex.
 std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>& marked) {
-    TriangleMesh part;
-    std::vector<int> places;
-    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+    const std::vector<int> places = numbers_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
-        if (!marked[std::size_t(face.x)] && !marked[std::size_t(face.y)] &&
-            !marked[std::size_t(face.z)])
-            continue;
-        part.faces.push_back(face), places.push_back(static_cast<int>(f));
-    }
+        return marked[std::size_t(face.x)] || marked[std::size_t(face.y)] ||
+               marked[std::size_t(face.z)];
+    });
+    TriangleMesh part;
+    part.faces = taken(mesh.faces, places);
     std::vector<FaceEdge> edges = sorted_edges(part);
     for (FaceEdge& edge : edges) edge.face = places[std::size_t(edge.face)];
     return edges;
@@ -133,7 +131,7 @@ SoundReport make_sound(TriangleMesh& mesh) {
     report.dropped_faces = before - mesh.faces.size();
     report.edges = find_edges(mesh, corners);
     const bool all_used = corners.all_used();
-    if (!all_used) filter_faces(mesh, std::vector<bool>(mesh.faces.size(), true));
+    if (!all_used) filter_faces(mesh, std::vector<char>(mesh.faces.size(), 1));
     // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
     // edge. So where sheets have vertices of their own no edge has more than two faces.
     std::vector<char>& crowded = report.edges.fixed;

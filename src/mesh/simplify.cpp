@@ -8,6 +8,7 @@
 #include "core/error.h"
 #include "core/parallel.h"
 #include "mesh/face_order.h"
+#include "mesh/mesh_clean.h"
 #include "mesh/simplify_pieces.h"
 #include "mesh/simplify_proof.h"
 #include "mesh/simplify_tolerance.h"
@@ -47,18 +48,11 @@ std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position&
 
 /// Positions and faces of what is used.
 TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
-    TriangleMesh out;
-    std::vector<int> place(from.positions.size(), -1);
-    for (const Vec3i& face : from.faces)
-        for (int k = 0; k < 3; ++k) place[std::size_t(face[k])] = 0;
-    for (std::size_t v = 0; v < place.size(); ++v) {
-        if (place[v] < 0) continue;
-        place[v] = static_cast<int>(out.vertices.size());
-        out.vertices.push_back(vec_cast<float>(from.positions[v] + origin));
-    }
-    for (const Vec3i& face : from.faces)
-        out.faces.push_back(
-            {place[std::size_t(face.x)], place[std::size_t(face.y)], place[std::size_t(face.z)]});
+    TriangleMesh out{std::vector<Vec3f>(from.positions.size()), {}, from.faces};
+    parallel_for(Cpu{}, static_cast<int>(out.vertices.size()), [&](int v) {
+        out.vertices[std::size_t(v)] = vec_cast<float>(from.positions[std::size_t(v)] + origin);
+    });
+    filter_faces(out, std::vector<char>(out.faces.size(), 1));
     return out;
 }
 
@@ -112,9 +106,10 @@ void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px
 /// Collapses what it may. First as if nothing were hidden from any view, so that the depth of the
 /// mesh is that of a small one; then by what is seen of it; then along the seams that are left.
 CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
-    std::vector<double> tolerances;
-    for (const float length : original.least_lengths)
-        tolerances.push_back(tolerance_px * double(length));
+    std::vector<double> tolerances(original.least_lengths.size());
+    parallel_for(Cpu{}, static_cast<int>(tolerances.size()), [&](int v) {
+        tolerances[std::size_t(v)] = tolerance_px * double(original.least_lengths[std::size_t(v)]);
+    });
     CollapsibleMesh left = collapse_in_groups(original.mesh, original.origin, tolerances,
                                               original.edges, original.groups, largest_cost);
     loosen(left, original, tolerance_px);

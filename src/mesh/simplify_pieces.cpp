@@ -13,13 +13,17 @@ using Groups = std::vector<std::vector<int>>;
 }  // namespace
 
 Groups runs_of(const std::vector<int>& order, std::size_t most, std::size_t first) {
-    Groups groups;
-    for (std::size_t begin = 0, end = first; begin < order.size(); begin = end, end += most) {
-        end = std::min(end, order.size());
-        groups.emplace_back(order.begin() + std::ptrdiff_t(begin),
-                            order.begin() + std::ptrdiff_t(end));
-        std::sort(groups.back().begin(), groups.back().end());
-    }
+    std::vector<std::size_t> begins;
+    for (std::size_t begin = 0, end = first; begin < order.size(); begin = end, end += most)
+        begins.push_back(begin);
+    Groups groups(begins.size());
+    parallel_for_heavy(Cpu{}, static_cast<int>(groups.size()), [&](int i) {
+        const auto g = static_cast<std::size_t>(i);
+        const std::size_t end = g + 1 < begins.size() ? begins[g + 1] : order.size();
+        groups[g].assign(order.begin() + std::ptrdiff_t(begins[g]),
+                         order.begin() + std::ptrdiff_t(end));
+        std::sort(groups[g].begin(), groups[g].end());
+    });
     return groups;
 }
 

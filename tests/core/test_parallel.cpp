@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/parallel_lists.h"
 
 namespace tvsgs {
 namespace {
@@ -52,6 +52,34 @@ TEST(ParallelFor, VisitsEveryIndexOnce) {
         parallel_for_heavy(Cpu{}, count, [&](int i) { ++heavy_visits[i]; });
         EXPECT_EQ(visits, std::vector<int>(count, 1));
         EXPECT_EQ(heavy_visits, std::vector<int>(count, 1));
+    }
+}
+
+TEST(ParallelLists, PartsAreTheWholeInItsOrder) {
+    for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 1000u}) {
+        std::vector<int> times(count);
+        for_parts(count, [&](std::size_t part, std::size_t first, std::size_t last) {
+            ASSERT_LE(first, last);
+            ASSERT_LE(last, count);
+            ASSERT_LT(part, std::size_t{kListParts});
+            for (std::size_t i = first; i < last; ++i) ++times[i];
+        });
+        EXPECT_EQ(times, std::vector<int>(count, 1)) << count;
+    }
+}
+
+TEST(ParallelLists, AreThoseOfOneThread) {
+    for (const std::size_t count : {0u, 1u, 65u, 4097u}) {
+        const auto is_in = [](std::size_t i) { return i % 7 == 3 || i % 64 == 0; };
+        std::vector<int> expected;
+        std::vector<double> values(count), some;
+        for (std::size_t i = 0; i < count; ++i) {
+            values[i] = 0.5 * static_cast<double>(i);
+            if (is_in(i)) expected.push_back(static_cast<int>(i)), some.push_back(values[i]);
+        }
+        const std::vector<int> numbers = numbers_where(count, is_in);
+        EXPECT_EQ(numbers, expected) << count;
+        EXPECT_EQ(taken(values, numbers), some) << count;
     }
 }
 

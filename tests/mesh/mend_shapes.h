@@ -33,7 +33,7 @@ inline TriangleMesh welded(const TriangleMesh& mesh) {
 
 /// Without the faces whose middle is `gone`.
 inline TriangleMesh without(TriangleMesh mesh, const std::function<bool(Vec3f)>& gone) {
-    std::vector<bool> keep;
+    std::vector<char> keep;
     for (const Vec3i f : mesh.faces)
         keep.push_back(!gone((mesh.vertices[std::size_t(f.x)] + mesh.vertices[std::size_t(f.y)] +
                               mesh.vertices[std::size_t(f.z)]) /

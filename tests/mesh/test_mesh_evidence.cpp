@@ -123,7 +123,7 @@ TEST(Evidence, CountsViewsOfFacesAndVertices) {
     // Vertices that go take their numbers with them.
     counted.views.assign(counted.views.size(), 1);
     counted.views.back() = 7;
-    std::vector<bool> last(wall.faces.size());
+    std::vector<char> last(wall.faces.size());
     last.back() = true;
     filter_faces(counted, last);
     EXPECT_EQ(counted.views, (std::vector<std::uint8_t>{1, 1, 7}));

@@ -412,7 +412,7 @@ TEST(Holes, NoEdgeIsMadeTwice) {
 TEST(Holes, OfThreeEdgesAreOneFace) {
     const TriangleMesh whole = sheet(0, 0, 0, 0.4, 20);
     TriangleMesh mesh = whole;
-    std::vector<bool> keep(mesh.faces.size(), true);
+    std::vector<char> keep(mesh.faces.size(), 1);
     keep[411] = false;
     filter_faces(mesh, keep);
     EXPECT_EQ(close(mesh, blind({{0, 0.01, 5}}), 10).faces, 1u);

@@ -1,0 +1,55 @@
+// Lists that several threads make, as one would have made them.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <vector>
+
+#include "core/parallel.h"
+
+namespace tvsgs {
+
+inline constexpr int kListParts = 64;  // whatever the number of threads
+
+/// action(part, first, last) for the parts of [0, count).
+template <class Action>
+void for_parts(std::size_t count, const Action& action) {
+    const std::size_t size = (count + kListParts - 1) / kListParts;
+    parallel_for_heavy(Cpu{}, kListParts, [&](int part) {
+        const std::size_t first = std::min(count, std::size_t(part) * size);
+        action(std::size_t(part), first, std::min(count, first + size));
+    });
+}
+
+/// The numbers below `count` for which is_in(number), ascending. It is asked twice of each.
+template <class IsIn>
+std::vector<int> numbers_where(std::size_t count, const IsIn& is_in) {
+    std::array<std::size_t, kListParts + 1> starts{};
+    for_parts(count, [&](std::size_t part, std::size_t first, std::size_t last) {
+        for (std::size_t i = first; i < last; ++i) starts[part + 1] += is_in(i) ? 1 : 0;
+    });
+    for (std::size_t part = 0; part < kListParts; ++part) starts[part + 1] += starts[part];
+    std::vector<int> numbers(starts.back());
+    for_parts(count, [&](std::size_t part, std::size_t first, std::size_t last) {
+        std::size_t at = starts[part];
+        for (std::size_t i = first; i < last; ++i)
+            if (is_in(i)) numbers[at++] = static_cast<int>(i);
+    });
+    return numbers;
+}
+
+/// from[numbers[0]], from[numbers[1]], ...
+template <class T>
+std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers) {
+    std::vector<T> out(numbers.size());
+    parallel_for(Cpu{}, static_cast<int>(numbers.size()),
+                 [&](int i) { out[std::size_t(i)] = from[std::size_t(numbers[std::size_t(i)])]; });
+    return out;
+}
+
+/// to = value, where several threads may do so.
+inline void mark(char& to, char value = 1) {
+    __atomic_store_n(&to, value, __ATOMIC_RELAXED);
+}
+
+}  // namespace tvsgs
