@@ -31,7 +31,8 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
     const float fine = voxel_size(options.voxel_size, options.resolution,
                                   region.unbounded ? 2 * region.radius : rules.depth_max, views);
-    volume.voxel_size = options.voxel_scale * fine;
+    const bool by_pixels = options.voxel_size == 0 && options.resolution == 0;
+    volume.voxel_size = by_pixels ? options.voxel_scale * fine : fine;
     volume.truncation = options.truncation > 0
                             ? options.truncation
                             : std::max(options.truncation_voxels * fine, volume.voxel_size);

@@ -28,8 +28,10 @@ struct TsdfMesherOptions {
               "images");
         field(
             "voxel_scale", voxel_scale, {1, 2},
-            "makes voxels so many times as large, and leaves the truncation: a mesh in less time, "
-            "of fewer faces, with less detail");
+            "makes voxels so many times as large as the pixels ask for, where neither voxel_size "
+            "nor "
+            "resolution does, and leaves the truncation: a mesh in less time, of fewer faces, with "
+            "less detail");
         field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
         field("truncation_voxels", truncation_voxels, {1, 1000},
               "truncation in voxels of voxel_scale 1");

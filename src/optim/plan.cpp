@@ -34,8 +34,14 @@ constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
-// Pixels by which the mesh may be off, of scenes of so many megapixels.
-constexpr double kFineErrorPx = 0.3, kCoarseErrorPx = 0.5, kFewMegapixels = 2, kManyMegapixels = 9;
+/// What grows with the pixels of a scene, up to kManyMegapixels.
+struct ByPixels {
+    const char *decision, *key;
+    double few_megapixels, few_px, many_px;
+};
+constexpr double kManyMegapixels = 9;
+constexpr ByPixels kByPixels[] = {{"mesh error", "mesh.error", 2, 0.3, 0.5},
+                                  {"mesh voxels", "mesh.voxel_scale", 4.5, 1, 1.25}};
 
 /// What an option is on the way from what no covering cloud needs to what a full one does.
 double between(double bare, double covered, double share) {
@@ -293,18 +299,19 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
                                   kLeastViews, " or fewer: ", kMeshedScalePx, " in full");
     }
-    if (look.megapixels > kFewMegapixels) {
-        const double many = (look.megapixels - kFewMegapixels) / (kManyMegapixels - kFewMegapixels);
-        const std::string px =
-            rounded(kFineErrorPx + (kCoarseErrorPx - kFineErrorPx) * std::min(many, 1.0));
-        plan.push_back({"mesh error",
+    for (const ByPixels& by : kByPixels) {
+        if (!(look.megapixels > by.few_megapixels)) continue;
+        const double many = std::min(
+            (look.megapixels - by.few_megapixels) / (kManyMegapixels - by.few_megapixels), 1.0);
+        const std::string px = rounded(by.few_px + many * (by.many_px - by.few_px));
+        plan.push_back({by.decision,
                         str(px, " px"),
                         str("megapixels of the training views: ", number(look.megapixels), "; ",
-                            kFineErrorPx, " px up to ", kFewMegapixels, ", ", kCoarseErrorPx,
-                            " from ", kManyMegapixels, " on"),
+                            by.few_px, " px up to ", by.few_megapixels, ", ", by.many_px, " from ",
+                            kManyMegapixels, " on"),
                         look.megapixels,
-                        kFewMegapixels,
-                        {{"mesh.error", px}}});
+                        by.few_megapixels,
+                        {{by.key, px}}});
     }
     if (share > 0 && in.options.tv.enabled) {
         const TrainOptions& o = in.options;

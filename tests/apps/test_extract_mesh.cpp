@@ -116,17 +116,20 @@ TEST_F(ExtractMesh, BackgroundWhereAskedFor) {
 }
 
 TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
-    const std::string flags = "--mesh-resolution 150 --no-preview --set mesh.voxel_scale=";
+    const std::string flags = "--no-preview --set mesh.voxel_scale=";
     const Result fine = extract(flags + "1");
     ASSERT_EQ(fine.code, 0) << fine;
-    EXPECT_TRUE(fine.says("voxels of 0.06, truncation 0.24,")) << fine;
+    EXPECT_TRUE(fine.says("voxels of 0.05882, truncation 0.2353,")) << fine;
     const double vertices = static_cast<double>(radii().size());
     const Result coarse = extract(flags + "1.5");
     ASSERT_EQ(coarse.code, 0) << coarse;
-    EXPECT_TRUE(coarse.says("voxels of 0.09, truncation 0.24,")) << coarse;
+    EXPECT_TRUE(coarse.says("voxels of 0.08824, truncation 0.2353,")) << coarse;
     // By area, but for the rims of what is seen, by length.
     EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
     EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
+    for (const std::string given : {" --mesh-resolution 150", " --voxel-size 0.06"})
+        EXPECT_TRUE(extract(flags + "1.5" + given).says("voxels of 0.06, truncation 0.24,"))
+            << given;
 }
 
 TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {

@@ -331,21 +331,34 @@ TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
     EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
 }
 
-TEST(Plan, MeshesOfManyPixelsAreSimplifiedByMore) {
+TEST(Plan, MeshesOfManyPixelsAreCoarser) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
     EXPECT_NEAR(look.megapixels, 3e-6 * 100 * 80, 1e-9);
     for (const double few : {0.0, 1.44, 2.0}) {
         look.megapixels = few;
         EXPECT_EQ(choice(plan_of(look), "mesh error"), "no such decision") << few;
     }
-    for (const auto& [megapixels, px] : {std::pair(5.5, "0.4"), {9.0, "0.5"}, {400.0, "0.5"}}) {
-        look.megapixels = megapixels;
-        for (const bool dense : {false, true})
-            EXPECT_TRUE(sets(settings(plan_of(look, dense), "mesh error"), "mesh.error", px))
-                << megapixels;
+    for (const double few : {0.0, 2.01, 4.5}) {
+        look.megapixels = few;
+        EXPECT_EQ(choice(plan_of(look), "mesh voxels"), "no such decision") << few;
     }
+    const auto expect = [&](double megapixels, const char* error, const char* voxels) {
+        look.megapixels = megapixels;
+        for (const bool dense : {false, true}) {
+            const auto plan = plan_of(look, dense);
+            EXPECT_TRUE(sets(settings(plan, "mesh error"), "mesh.error", error)) << megapixels;
+            EXPECT_TRUE(sets(settings(plan, "mesh voxels"), "mesh.voxel_scale", voxels))
+                << megapixels;
+        }
+    };
+    expect(5.5, "0.4", "1.0556");
+    expect(6.75, "0.43571", "1.125");
+    expect(9.0, "0.5", "1.25");
+    expect(400.0, "0.5", "1.25");
     look.megapixels = 2.01;  // no step
     EXPECT_EQ(choice(plan_of(look), "mesh error"), "0.30029 px");
+    look.megapixels = 4.51;
+    EXPECT_EQ(choice(plan_of(look), "mesh voxels"), "1.0006 px");
 }
 
 TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
