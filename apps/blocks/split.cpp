@@ -5,6 +5,7 @@
 #include "apps/blocks/subcommands.h"
 #include "apps/common/key_flags.h"
 #include "core/device_choice.h"
+#include "core/splat_lists.h"
 #include "io/atomic_file.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
@@ -12,7 +13,6 @@
 #include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/sky.h"
-#include "pipeline/splat_selection.h"
 
 namespace tvsgs {
 namespace {

@@ -1,7 +1,8 @@
 #include "core/morton.h"
 
-#include <algorithm>
 #include <vector>
+
+#include "core/parallel_lists.h"
 
 namespace tvsgs {
 
@@ -13,15 +14,17 @@ void morton_order(Span<const Vec3f> points, Buffer<int, Cpu>& order) {
         int place;
         auto operator<=>(const Key&) const = default;
     };
-    std::vector<Key> keys;
-    keys.reserve(points.count);
-    for (const Vec3f p : points) {
-        const MortonCode code = box.code(p);
-        keys.push_back({code.high, code.low, static_cast<int>(keys.size())});
-    }
-    std::sort(keys.begin(), keys.end());
+    std::vector<Key> keys(points.count);
+    parallel_for(Cpu{}, points.size(), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        const MortonCode code = box.code(points[at]);
+        keys[at] = {code.high, code.low, i};
+    });
+    sort_in_parallel(keys, std::less<>());
     order.resize(points.count);
-    for (std::size_t i = 0; i < keys.size(); ++i) order[i] = keys[i].place;
+    parallel_for(Cpu{}, points.size(), [&](int i) {
+        order[static_cast<std::size_t>(i)] = keys[static_cast<std::size_t>(i)].place;
+    });
 }
 
 }  // namespace tvsgs

@@ -5,6 +5,10 @@
 #include <array>
 #include <vector>
 
+#if !defined(__clang__)
+#include <parallel/algorithm>  // of the C++ library, by OpenMP
+#endif
+
 #include "core/parallel.h"
 
 namespace tvsgs {
@@ -45,6 +49,16 @@ std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers
     parallel_for(Cpu{}, static_cast<int>(numbers.size()),
                  [&](int i) { out[std::size_t(i)] = from[std::size_t(numbers[std::size_t(i)])]; });
     return out;
+}
+
+/// As std::sort. Of what `before` orders in full, so that equal elements cannot be told apart.
+template <class T, class Before>
+void sort_in_parallel(std::vector<T>& values, const Before& before) {
+#if defined(__clang__)
+    std::sort(values.begin(), values.end(), before);
+#else
+    __gnu_parallel::sort(values.begin(), values.end(), before);
+#endif
 }
 
 /// to = value, where several threads may do so.

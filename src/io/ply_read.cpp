@@ -5,6 +5,7 @@
 
 #include "core/log.h"
 #include "core/smoothing_filter.h"
+#include "core/splat_lists.h"
 #include "io/ply.h"
 #include "io/ply_parser.h"
 
@@ -226,9 +227,8 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
 
     const std::size_t rows = static_cast<std::size_t>(vertex.count);
     const auto per_splat = static_cast<std::size_t>(sh_count(columns.sh_degree));
-    std::vector<Vec3f> means(rows), log_scales(rows), sh(rows * per_splat);  // sh: [N, per_splat]
-    std::vector<Quatf> quats(rows);
-    std::vector<float> opacities(rows);
+    Gaussians<Cpu> out;
+    resize(out, static_cast<int>(rows), columns.sh_degree);
     std::vector<char> usable(rows), activated(rows);
     in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
         const auto value = [&](int column) {
@@ -258,20 +258,23 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
         }
         const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
                          value(columns.rot[3])};
-        means[i] = pick_position(row, columns.mean, origin);
-        bool finite = is_finite(means[i]) && is_finite(log_scale) && std::isfinite(opacity);
+        const Vec3f mean = pick_position(row, columns.mean, origin);
+        bool finite = is_finite(mean) && is_finite(log_scale) && std::isfinite(opacity);
         finite = finite && is_finite(Vec3f{quat.x, quat.y, quat.z}) && std::isfinite(quat.w);
         for (std::size_t k = 0; k < per_splat; ++k) {
-            Vec3f& coefficient = sh[i * per_splat + k];
-            for (std::size_t c = 0; c < 3; ++c)
-                coefficient[static_cast<int>(c)] = value(
-                    k == 0 ? columns.dc[c]
-                           : columns.rest[c * static_cast<std::size_t>(columns.file_coefficients) +
-                                          k - 1]);
+            Vec3f coefficient;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const std::size_t rest =
+                    c * static_cast<std::size_t>(columns.file_coefficients) + k - 1;
+                coefficient[static_cast<int>(c)] =
+                    value(k == 0 ? columns.dc[c] : columns.rest[rest]);
+            }
             finite = finite && is_finite(coefficient);
+            out.sh[k * rows + i] = coefficient;
         }
         usable[i] = finite && !(quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0);
-        log_scales[i] = log_scale, quats[i] = quat, opacities[i] = opacity;
+        out.means[i] = mean, out.log_scales[i] = log_scale, out.quats[i] = quat;
+        out.opacity_logits[i] = opacity;
     });
     if (&vertex == &in.elements().back()) in.finish();
     const std::vector<int> numbers =
@@ -286,16 +289,7 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
             "logits and logarithms?",
             path);
 
-    Gaussians<Cpu> out;
-    copy(taken(means, numbers), out.means), copy(taken(log_scales, numbers), out.log_scales);
-    copy(taken(quats, numbers), out.quats), copy(taken(opacities, numbers), out.opacity_logits);
-    out.sh_degree = columns.sh_degree;
-    out.sh.resize(count * per_splat);
-    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
-        const auto row = static_cast<std::size_t>(numbers[std::size_t(i)]);
-        for (std::size_t k = 0; k < per_splat; ++k)
-            out.sh[k * count + static_cast<std::size_t>(i)] = sh[row * per_splat + k];
-    });
+    if (count < rows) keep_splats(numbers, out);
     return out;
 }
 

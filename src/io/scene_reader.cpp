@@ -13,6 +13,7 @@
 #include "core/buffer.h"
 #include "core/local_origin.h"
 #include "core/log.h"
+#include "core/parallel_lists.h"
 #include "io/colmap.h"
 #include "io/image_file.h"
 #include "io/load_views.h"
@@ -123,38 +124,38 @@ private:
 /// Drops points that are not finite and repeated positions, which would have no distance to their
 /// neighbours.
 void clean(PointCloud& cloud, const std::string& source) {
-    const std::size_t count = cloud.positions.size();
-    std::vector<std::size_t> order(count);
-    std::iota(order.begin(), order.end(), std::size_t{0});
-    std::vector<char> keep(count);
-    for (std::size_t i = 0; i < count; ++i) {
-        const Vec3f p = cloud.positions[i];
-        keep[i] = std::abs(p.x) <= 1e9f && std::abs(p.y) <= 1e9f && std::abs(p.z) <= 1e9f;
-    }
-    const auto not_finite = std::count(keep.begin(), keep.end(), 0);
-    std::erase_if(order, [&](std::size_t i) { return !keep[i]; });
-    std::sort(order.begin(), order.end(), [&](std::size_t a, std::size_t b) {
-        const Vec3f p = cloud.positions[a], q = cloud.positions[b];
-        return std::tie(p.x, p.y, p.z, a) < std::tie(q.x, q.y, q.z, b);
+    const std::vector<Vec3f>& p = cloud.positions;
+    const auto is_finite_here = [&](std::size_t i) {
+        return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
+    };
+    std::vector<int> order = numbers_where(p.size(), is_finite_here);
+    const std::size_t not_finite = p.size() - order.size();
+    const auto place = [&](int i) {
+        const Vec3f at = p[static_cast<std::size_t>(i)];
+        return std::tuple(at.x, at.y, at.z);
+    };
+    sort_in_parallel(
+        order, [&](int a, int b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
+    std::vector<char> keep(p.size());
+    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](int j) {
+        const auto at = static_cast<std::size_t>(j);
+        keep[static_cast<std::size_t>(order[at])] =
+            at == 0 || place(order[at - 1]) != place(order[at]);
     });
-    std::size_t repeated = 0;
-    for (std::size_t i = 1; i < order.size(); ++i) {
-        const Vec3f p = cloud.positions[order[i - 1]], q = cloud.positions[order[i]];
-        if (p.x == q.x && p.y == q.y && p.z == q.z) keep[order[i]] = 0, ++repeated;
-    }
+    const std::vector<int> kept =
+        numbers_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
+    const std::size_t repeated = order.size() - kept.size();
     if (not_finite > 0)
         spdlog::warn("{}: {} points were dropped: positions not finite or beyond 1e9", source,
                      not_finite);
     if (repeated > 0)
         spdlog::warn("{}: {} points were dropped: repeated positions", source, repeated);
-    const auto compact = [&](std::vector<Vec3f>& values) {
-        if (values.empty()) return;
-        std::size_t kept = 0;
-        for (std::size_t i = 0; i < count; ++i)
-            if (keep[i]) values[kept++] = values[i];
-        values.resize(kept);
+    if (not_finite + repeated == 0) return;
+    const auto compact = [&](auto& values) {
+        if (!values.empty()) values = taken(values, kept);
     };
     compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
+    compact(cloud.confidences);
 }
 
 /// Also says of the views what the points do.

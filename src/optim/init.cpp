@@ -5,7 +5,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parallel.h"
-#include "core/point_tree.h"
+#include "core/point_forest.h"
 #include "core/rng.h"
 #include "render/sh_math.h"
 
@@ -87,20 +87,15 @@ private:
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k) {
     std::vector<float> result(points.size(), 0);
     if (points.size() < 2) return result;
-    const PointTree<float> tree(points);
     const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
-    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
-        std::size_t index[32];
-        float squared[32];
-        const std::size_t found =
-            tree.nearest(points[static_cast<std::size_t>(i)], wanted, index, squared);
-        // The point itself is among them at distance 0, or another at the same place: either way
-        // one zero goes.
-        double sum = 0;
-        for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
-        result[static_cast<std::size_t>(i)] =
-            static_cast<float>(sum / static_cast<double>(found - 1));
-    });
+    PointForest(points).for_each(
+        wanted, [&](std::size_t i, const float* squared, std::size_t found) {
+            // The point itself is among them at distance 0, or another at the same place: either
+            // way one zero goes.
+            double sum = 0;
+            for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
+            result[i] = static_cast<float>(sum / static_cast<double>(found - 1));
+        });
     return result;
 }
 

@@ -5,10 +5,10 @@
 #include <utility>
 
 #include "core/sigmoid.h"
+#include "core/splat_lists.h"
 #include "optim/fixed_splats.h"
 #include "optim/splat_order.h"
 #include "optim/splat_planes.h"
-#include "pipeline/splat_selection.h"
 #include "render/projection_math.h"
 
 namespace tvsgs {

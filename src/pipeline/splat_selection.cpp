@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "core/error.h"
+#include "core/splat_lists.h"
 #include "io/splat_checks.h"
 #include "optim/splat_order.h"
 #include "render/map_images.h"
@@ -20,16 +21,6 @@ std::int64_t drop(std::vector<int>& places, const IsOut& is_out) {
 }
 
 }  // namespace
-
-void keep_splats(const std::vector<int>& places, Gaussians<Cpu>& g) {
-    for_each_array(
-        [&]<class T>(const SplatArray& array, Buffer<T, Cpu>& values) {
-            Buffer<T, Cpu> scratch;
-            if (!values.empty())
-                gather({places.data(), places.size()}, {}, values, scratch, array.planes);
-        },
-        g);
-}
 
 std::vector<double> size_of_splats(const Gaussians<Cpu>& g) {
     std::vector<double> sizes(g.means.size());

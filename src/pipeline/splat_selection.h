@@ -49,9 +49,6 @@ std::vector<double> light_of_splats(const Gaussians<Cpu>& gaussians,
 /// deviations.
 std::vector<double> size_of_splats(const Gaussians<Cpu>& gaussians);
 
-/// Keeps the splats at `places`, in this order.
-void keep_splats(const std::vector<int>& places, Gaussians<Cpu>& gaussians);
-
 struct SplatSelection {
     std::optional<Box3d> box;      // of centres, in the frame of the splats
     bool drop_invisible = false;   // opacities that 8 bits round to 0

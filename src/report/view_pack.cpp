@@ -8,6 +8,7 @@
 
 #include "core/error.h"
 #include "core/sigmoid.h"
+#include "core/splat_lists.h"
 #include "io/spz.h"
 #include "optim/splat_order.h"
 #include "pipeline/splat_selection.h"
@@ -33,6 +34,31 @@ void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     keep_splats(order, g);
 }
 
+void lower_degree(Gaussians<Cpu>& g) {
+    --g.sh_degree;  // coefficient major: the first ones stay
+    g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
+}
+
+/// Bytes that one takes when packed, by some of them, which are less alike than neighbours.
+double bytes_per_splat(const Gaussians<Cpu>& g) {
+    constexpr int kSome = 20'000;
+    std::vector<int> some;
+    for (int k = 0; k < kSome; ++k)
+        some.push_back(static_cast<int>(std::int64_t{k} * g.size() / kSome));
+    return static_cast<double>(spz_bytes(splats_at(some, g), kFormat, "the page's splats").size()) /
+           kSome;
+}
+
+/// What would not nearly fit, so that not all of millions of splats are packed again and again.
+void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
+    constexpr double kFar = 1.5;  // by how much neighbours may be packed better
+    const double most = kFar * static_cast<double>(max_bytes);
+    double bytes = 0;
+    while (g.size() > 0 && (bytes = bytes_per_splat(g)) * g.size() > most && g.sh_degree > 0)
+        lower_degree(g);
+    if (bytes * g.size() > most) keep_largest(g, static_cast<std::size_t>(most / bytes));
+}
+
 }  // namespace
 
 PackedSplats pack_splats(Gaussians<Cpu> g,
@@ -47,13 +73,13 @@ PackedSplats pack_splats(Gaussians<Cpu> g,
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;
     keep_largest(g, static_cast<std::size_t>(max_splats));
+    leave_out_much(g, max_bytes);
     sort_by_place(g);  // neighbours are alike, which deflates well
     while (g.size() > 0) {
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");
         if (packed.bytes.size() <= max_bytes) break;
         if (g.sh_degree > 0) {
-            --g.sh_degree;  // coefficient major: the first ones stay
-            g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
+            lower_degree(g);
             continue;
         }
         const double share =

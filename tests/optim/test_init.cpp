@@ -2,6 +2,7 @@
 #include <algorithm>
 
 #include "core/error.h"
+#include "core/point_forest.h"
 #include "optim/init.h"
 #include "render/sh_math.h"
 #include "support/random_gaussians.h"
@@ -42,6 +43,23 @@ TEST(NeighbourDistance, AgainstBruteForce) {
         EXPECT_TRUE(test::close(got[i], (squared[0] + squared[1] + squared[2]) / 3, 1e-5)) << i;
     }
     EXPECT_EQ(got[100], 0);
+}
+
+TEST(NeighbourDistance, PartsFindWhatOneTreeDoes) {
+    std::vector<Vec3f> points = random_points(20000, 4);
+    for (std::size_t i = 0; i < 5000; ++i) points[i].z = 0.5f;    // a wall
+    for (std::size_t i = 0; i < 50; ++i) points[2 * i].x = 1000;  // far from all others
+    for (std::size_t i = 0; i < 500; ++i) points.push_back(points[7 * i]);
+    const PointTree<float> tree(points);
+    std::vector<int> seen(points.size());
+    PointForest(points).for_each(4, [&](std::size_t i, const float* squared, std::size_t found) {
+        std::size_t index[4];
+        float expected[4];
+        ASSERT_EQ(found, tree.nearest(points[i], 4, index, expected));
+        for (std::size_t j = 0; j < 4; ++j) ASSERT_EQ(squared[j], expected[j]) << i << ", " << j;
+        ++seen[i];
+    });
+    EXPECT_EQ(seen, std::vector<int>(points.size(), 1));
 }
 
 TEST(NeighbourDistance, FewPoints) {

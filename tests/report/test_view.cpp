@@ -143,6 +143,21 @@ TEST(ViewPack, TheLargestStay) {
     for (const Vec3f p : packed.shown.means.span()) EXPECT_LT(p.x, 39.5f);
 }
 
+TEST(ViewPack, ManySplatsFillTheRoom) {
+    const std::size_t room = 300'000;
+    for (const int count : {25'000, 100'000}) {
+        Gaussians<Cpu> g = test::random_gaussians(count, 5);
+        for (std::size_t i = 0; i < g.means.size(); ++i)  // by size, and nothing is alike
+            g.log_scales[i].x = g.log_scales[i].y =
+                static_cast<float>(i) / static_cast<float>(count) - 3;
+        const PackedSplats packed = pack_splats(std::move(g), room, 1 << 30, 1.0f / 255);
+        EXPECT_EQ(packed.of_degree, 3);
+        EXPECT_EQ(packed.shown.sh_degree, 0);
+        EXPECT_LE(packed.bytes.size(), room);
+        EXPECT_GE(packed.bytes.size(), room * 9 / 10) << count;
+    }
+}
+
 TEST(ViewPack, MeshesComeBack) {
     TriangleMesh mesh;
     mesh.vertices = {{0, -1, 2}, {1, 1, 2}, {3, 0, 2}};  // no thickness in z
