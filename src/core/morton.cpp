@@ -1,5 +1,6 @@
 #include "core/morton.h"
 
+#include <functional>
 #include <vector>
 
 #include "core/parallel_lists.h"

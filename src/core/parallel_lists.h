@@ -5,10 +5,6 @@
 #include <array>
 #include <vector>
 
-#if !defined(__clang__)
-#include <parallel/algorithm>  // of the C++ library, by OpenMP
-#endif
-
 #include "core/parallel.h"
 
 namespace tvsgs {
@@ -30,7 +26,9 @@ template <class IsIn>
 std::vector<int> numbers_where(std::size_t count, const IsIn& is_in) {
     std::array<std::size_t, kListParts + 1> starts{};
     for_parts(count, [&](std::size_t part, std::size_t first, std::size_t last) {
-        for (std::size_t i = first; i < last; ++i) starts[part + 1] += is_in(i) ? 1 : 0;
+        std::size_t found = 0;
+        for (std::size_t i = first; i < last; ++i) found += is_in(i) ? 1 : 0;
+        starts[part + 1] = found;
     });
     for (std::size_t part = 0; part < kListParts; ++part) starts[part + 1] += starts[part];
     std::vector<int> numbers(starts.back());
@@ -51,14 +49,27 @@ std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers
     return out;
 }
 
-/// As std::sort. Of what `before` orders in full, so that equal elements cannot be told apart.
+/// As std::sort, with room for a second list. Of what `before` orders in full, so that equal
+/// elements cannot be told apart.
 template <class T, class Before>
 void sort_in_parallel(std::vector<T>& values, const Before& before) {
-#if defined(__clang__)
-    std::sort(values.begin(), values.end(), before);
-#else
-    __gnu_parallel::sort(values.begin(), values.end(), before);
-#endif
+    const std::size_t size = (values.size() + kListParts - 1) / kListParts;  // as for_parts()
+    const auto place = [&](std::size_t part) {
+        return static_cast<std::ptrdiff_t>(std::min(values.size(), part * size));
+    };
+    std::vector<T> merged(values.size());
+    for_parts(values.size(), [&](std::size_t part, std::size_t, std::size_t) {
+        std::sort(values.begin() + place(part), values.begin() + place(part + 1), before);
+    });
+    for (std::size_t run = 1; run < kListParts; run *= 2) {
+        parallel_for_heavy(Cpu{}, static_cast<int>(kListParts / (2 * run)), [&](int pair) {
+            const std::size_t first = 2 * run * static_cast<std::size_t>(pair);
+            const auto from = values.begin();
+            std::merge(from + place(first), from + place(first + run), from + place(first + run),
+                       from + place(first + 2 * run), merged.begin() + place(first), before);
+        });
+        values.swap(merged);
+    }
 }
 
 /// to = value, where several threads may do so.

@@ -17,11 +17,14 @@ class PointForest {
 public:
     static constexpr std::size_t kMostWanted = 32;
 
+    /// Points that are not finite are left out.
     explicit PointForest(const std::vector<Vec3f>& points)
-        : order_(points.size()), parts_(kListParts) {
+        : order_(numbers_where(points.size(), [&](std::size_t i) { return is_finite(points[i]); })),
+          parts_(kListParts) {
+        const std::vector<Vec3f> finite = taken(points, order_);
         Buffer<int, Cpu> order;
-        morton_order({points.data(), points.size()}, order);
-        std::copy(order.data(), order.data() + order.size(), order_.begin());
+        morton_order({finite.data(), finite.size()}, order);
+        order_ = taken(order_, to_host(order));
         for_parts(order_.size(), [&](std::size_t number, std::size_t first, std::size_t last) {
             Part& part = parts_[number];
             for (std::size_t i = first; i < last; ++i)
@@ -38,7 +41,7 @@ public:
     }
 
     /// action(i, squared distances to the up to `wanted` nearest points, ascending, their number)
-    /// for each point i of the cloud, itself among the nearest; by several threads at once.
+    /// for each finite point i of the cloud, itself among the nearest; by several threads at once.
     template <class Action>
     void for_each(std::size_t wanted, const Action& action) const {
         for_parts(order_.size(), [&](std::size_t number, std::size_t first, std::size_t last) {
@@ -58,7 +61,7 @@ public:
 private:
     struct Nearest {
         std::size_t wanted, count = 0;
-        float squared[2 * kMostWanted] = {};
+        float squared[kMostWanted] = {};
 
         float limit() const {
             return count < wanted ? std::numeric_limits<float>::infinity() : squared[count - 1];
@@ -80,11 +83,11 @@ private:
         }
         void search(Vec3f p, Nearest& nearest) const {
             std::size_t index[kMostWanted];
-            const std::size_t found =
-                tree->nearest(p, nearest.wanted, index, nearest.squared + nearest.count);
-            const auto middle = nearest.squared + nearest.count;
-            std::inplace_merge(nearest.squared, middle, middle + found);
+            float here[kMostWanted], both[2 * kMostWanted];
+            const std::size_t found = tree->nearest(p, nearest.wanted, index, here);
+            std::merge(nearest.squared, nearest.squared + nearest.count, here, here + found, both);
             nearest.count = std::min(nearest.wanted, nearest.count + found);
+            std::copy(both, both + nearest.count, nearest.squared);
         }
     };
 

@@ -29,13 +29,18 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
     rules.trust = volume.trust;
     if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
-    const float fine = voxel_size(options.voxel_size, options.resolution,
-                                  region.unbounded ? 2 * region.radius : rules.depth_max, views);
-    const bool by_pixels = options.voxel_size == 0 && options.resolution == 0;
-    volume.voxel_size = by_pixels ? options.voxel_scale * fine : fine;
+    const auto size = [&](float pixels) {
+        return voxel_size(options.voxel_size, options.resolution,
+                          region.unbounded ? 2 * region.radius : rules.depth_max, views, pixels);
+    };
+    const float fine = size(1);
+    volume.voxel_size = size(options.voxel_scale);
     volume.truncation = options.truncation > 0
                             ? options.truncation
                             : std::max(options.truncation_voxels * fine, volume.voxel_size);
+    if (options.voxel_scale > 1 && (options.voxel_size > 0 || options.resolution > 0))
+        spdlog::log(level, "mesh.voxel_scale={} does nothing, as the size of voxels is given",
+                    options.voxel_scale);
     volume.max_bytes = max_bytes;
     spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
                 volume.truncation, limit_text(rules));

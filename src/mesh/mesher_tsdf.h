@@ -26,12 +26,9 @@ struct TsdfMesherOptions {
         field("resolution", resolution, {0, 65536},
               "voxels along depth_max, or across the ball if unbounded; 0: 2048, fewer for small "
               "images");
-        field(
-            "voxel_scale", voxel_scale, {1, 2},
-            "makes voxels so many times as large as the pixels ask for, where neither voxel_size "
-            "nor "
-            "resolution does, and leaves the truncation: a mesh in less time, of fewer faces, with "
-            "less detail");
+        field("voxel_scale", voxel_scale, {1, 2},
+              "pixels that a voxel has at least, where neither voxel_size nor resolution says how "
+              "large it is; the truncation is that of 1: a mesh in less time, with less detail");
         field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
         field("truncation_voxels", truncation_voxels, {1, 1000},
               "truncation in voxels of voxel_scale 1");

@@ -94,7 +94,7 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
             // way one zero goes.
             double sum = 0;
             for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
-            result[i] = static_cast<float>(sum / static_cast<double>(found - 1));
+            if (found > 1) result[i] = static_cast<float>(sum / static_cast<double>(found - 1));
         });
     return result;
 }

@@ -68,8 +68,8 @@ float median_depth(const Scene& scene);
 /// a scene that is less than one unit deep, as one in kilometres may be, else 1.
 float guard_unit(const Scene& scene);
 
-/// Mean squared distance to the `k` (at most 30) nearest other points, exact; duplicates count as
-/// 0.
+/// Mean squared distance to the `k` (at most 30) nearest other points, exact, where duplicates are
+/// at distance 0; also 0 for a point that is not finite, which is nobody's neighbour.
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k);
 
 }  // namespace tvsgs

@@ -39,19 +39,21 @@ void lower_degree(Gaussians<Cpu>& g) {
     g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
 }
 
-/// Bytes that one takes when packed, by some of them, which are less alike than neighbours.
+/// Bytes that one takes when packed, by some of them, neighbours with neighbours.
 double bytes_per_splat(const Gaussians<Cpu>& g) {
-    constexpr int kSome = 20'000;
+    constexpr int kRuns = 20, kRun = 1000;
     std::vector<int> some;
-    for (int k = 0; k < kSome; ++k)
-        some.push_back(static_cast<int>(std::int64_t{k} * g.size() / kSome));
+    for (int run = 0; run < kRuns; ++run)
+        for (int k = 0; k < kRun; ++k)
+            some.push_back(static_cast<int>(
+                std::min<std::int64_t>(std::int64_t{run} * g.size() / kRuns + k, g.size() - 1)));
     return static_cast<double>(spz_bytes(splats_at(some, g), kFormat, "the page's splats").size()) /
-           kSome;
+           (kRuns * kRun);
 }
 
 /// What would not nearly fit, so that not all of millions of splats are packed again and again.
 void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
-    constexpr double kFar = 1.5;  // by how much neighbours may be packed better
+    constexpr double kFar = 1.25;  // by how much all may be packed better than some
     const double most = kFar * static_cast<double>(max_bytes);
     double bytes = 0;
     while (g.size() > 0 && (bytes = bytes_per_splat(g)) * g.size() > most && g.sh_degree > 0)
@@ -73,8 +75,8 @@ PackedSplats pack_splats(Gaussians<Cpu> g,
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;
     keep_largest(g, static_cast<std::size_t>(max_splats));
-    leave_out_much(g, max_bytes);
     sort_by_place(g);  // neighbours are alike, which deflates well
+    leave_out_much(g, max_bytes);
     while (g.size() > 0) {
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");
         if (packed.bytes.size() <= max_bytes) break;

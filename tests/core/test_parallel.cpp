@@ -1,7 +1,9 @@
 #include <gtest/gtest.h>
 #include <omp.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include "core/parallel_lists.h"
 
@@ -65,6 +67,18 @@ TEST(ParallelLists, PartsAreTheWholeInItsOrder) {
             for (std::size_t i = first; i < last; ++i) ++times[i];
         });
         EXPECT_EQ(times, std::vector<int>(count, 1)) << count;
+    }
+}
+
+TEST(ParallelLists, AreSorted) {
+    for (const std::size_t count : {0u, 1u, 63u, 64u, 65u, 10000u}) {
+        std::vector<std::pair<int, int>> values;
+        for (std::size_t i = 0; i < count; ++i)
+            values.emplace_back(static_cast<int>(i * 7919 % 101), static_cast<int>(count - i));
+        auto expected = values;
+        std::sort(expected.begin(), expected.end());
+        sort_in_parallel(values, std::less<>());
+        EXPECT_EQ(values, expected) << count;
     }
 }
 

@@ -52,6 +52,10 @@ TEST(NeighbourDistance, PartsFindWhatOneTreeDoes) {
     for (std::size_t i = 0; i < 500; ++i) points.push_back(points[7 * i]);
     const PointTree<float> tree(points);
     std::vector<int> seen(points.size());
+    const std::vector<float> expected_means = mean_squared_neighbour_distance(points, 3);
+    points.push_back({NAN, 0, 0});  // is left out
+    const std::vector<float> with_none = mean_squared_neighbour_distance(points, 3);
+    EXPECT_TRUE(std::equal(expected_means.begin(), expected_means.end(), with_none.begin()));
     PointForest(points).for_each(4, [&](std::size_t i, const float* squared, std::size_t found) {
         std::size_t index[4];
         float expected[4];
@@ -59,7 +63,9 @@ TEST(NeighbourDistance, PartsFindWhatOneTreeDoes) {
         for (std::size_t j = 0; j < 4; ++j) ASSERT_EQ(squared[j], expected[j]) << i << ", " << j;
         ++seen[i];
     });
-    EXPECT_EQ(seen, std::vector<int>(points.size(), 1));
+    EXPECT_EQ(seen, std::vector<int>(seen.size(), 1));
+    EXPECT_EQ(mean_squared_neighbour_distance({{1, 2, 3}, {NAN, 0, 0}}, 3),
+              (std::vector<float>{0, 0}));
 }
 
 TEST(NeighbourDistance, FewPoints) {
