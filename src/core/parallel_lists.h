@@ -58,9 +58,10 @@ void sort_in_parallel(std::vector<T>& values, const Before& before) {
         return static_cast<std::ptrdiff_t>(std::min(values.size(), part * size));
     };
     std::vector<T> merged(values.size());
-    for_parts(values.size(), [&](std::size_t part, std::size_t, std::size_t) {
+    for_parts(values.size(), [&](std::size_t part, std::size_t /*first*/, std::size_t /*last*/) {
         std::sort(values.begin() + place(part), values.begin() + place(part + 1), before);
     });
+    // Six rounds, so that the last one ends in `values`.
     for (std::size_t run = 1; run < kListParts; run *= 2) {
         parallel_for_heavy(Cpu{}, static_cast<int>(kListParts / (2 * run)), [&](int pair) {
             const std::size_t first = 2 * run * static_cast<std::size_t>(pair);
@@ -72,9 +73,9 @@ void sort_in_parallel(std::vector<T>& values, const Before& before) {
     }
 }
 
-/// to = value, where several threads may do so.
-inline void mark(char& to, char value = 1) {
-    __atomic_store_n(&to, value, __ATOMIC_RELAXED);
+/// to = 1, where several threads may do so.
+inline void mark(char& to) {
+    __atomic_store_n(&to, char{1}, __ATOMIC_RELAXED);
 }
 
 }  // namespace tvsgs

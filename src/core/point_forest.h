@@ -27,6 +27,7 @@ public:
         order_ = taken(order_, to_host(order));
         for_parts(order_.size(), [&](std::size_t number, std::size_t first, std::size_t last) {
             Part& part = parts_[number];
+            part.points.reserve(last - first);
             for (std::size_t i = first; i < last; ++i)
                 part.points.push_back(points[static_cast<std::size_t>(order_[i])]);
             if (part.points.empty()) return;

@@ -39,14 +39,14 @@ void lower_degree(Gaussians<Cpu>& g) {
     g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
 }
 
+constexpr int kRuns = 20, kRun = 1000;  // of splats that stand for all
+
 /// Bytes that one takes when packed, by some of them, neighbours with neighbours.
 double bytes_per_splat(const Gaussians<Cpu>& g) {
-    constexpr int kRuns = 20, kRun = 1000;
     std::vector<int> some;
     for (int run = 0; run < kRuns; ++run)
         for (int k = 0; k < kRun; ++k)
-            some.push_back(static_cast<int>(
-                std::min<std::int64_t>(std::int64_t{run} * g.size() / kRuns + k, g.size() - 1)));
+            some.push_back(static_cast<int>(std::int64_t{run} * g.size() / kRuns) + k);
     return static_cast<double>(spz_bytes(splats_at(some, g), kFormat, "the page's splats").size()) /
            (kRuns * kRun);
 }
@@ -54,10 +54,10 @@ double bytes_per_splat(const Gaussians<Cpu>& g) {
 /// What would not nearly fit, so that not all of millions of splats are packed again and again.
 void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
     constexpr double kFar = 1.25;  // by how much all may be packed better than some
+    if (g.size() < kRuns * kRun) return;
     const double most = kFar * static_cast<double>(max_bytes);
     double bytes = 0;
-    while (g.size() > 0 && (bytes = bytes_per_splat(g)) * g.size() > most && g.sh_degree > 0)
-        lower_degree(g);
+    while ((bytes = bytes_per_splat(g)) * g.size() > most && g.sh_degree > 0) lower_degree(g);
     if (bytes * g.size() > most) keep_largest(g, static_cast<std::size_t>(most / bytes));
 }
 

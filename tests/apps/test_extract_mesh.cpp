@@ -127,9 +127,11 @@ TEST_F(ExtractMesh, CoarserVoxelsKeepTheTruncationOfFineOnes) {
     // By area, but for the rims of what is seen, by length.
     EXPECT_NEAR(static_cast<double>(radii().size()) / vertices, 1 / (1.5 * 1.5), 0.07);
     EXPECT_EQ(extract(flags + "2.1").code, 2) << "less than two voxels of truncation";
-    for (const std::string given : {" --mesh-resolution 150", " --voxel-size 0.06"})
-        EXPECT_TRUE(extract(flags + "1.5" + given).says("voxels of 0.06, truncation 0.24,"))
-            << given;
+    for (const std::string given : {" --mesh-resolution 150", " --voxel-size 0.06"}) {
+        const Result r = extract(flags + "1.5" + given);
+        EXPECT_TRUE(r.says("voxels of 0.06, truncation 0.24,")) << r;
+        EXPECT_TRUE(r.says("mesh.voxel_scale=1.5 does nothing")) << r;
+    }
 }
 
 TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
