@@ -4,6 +4,7 @@
 #include <cstdint>
 
 #include "core/buffer.h"
+#include "mesh/pixel_trust.h"
 #include "mesh/tsdf_math.h"
 #include "render/backbone.h"
 
@@ -19,7 +20,8 @@ struct DepthRules {
     float reach = 0;         // of a contracted volume, from its centre; 0: any
     Vec3f centre;
     DepthWeighting weighting = DepthWeighting::unit;
-    bool trust = false;  // weights are of mesh/pixel_trust.h; needs DepthWeighting::unit
+    bool trust = false;       // weights are of mesh/pixel_trust.h; needs DepthWeighting::unit
+    float jump_px = kJumpPx;  // of mesh/pixel_trust.h
 
     /// Also true without a box. NaN is outside.
     TVSGS_HD bool in_box(Vec3f p) const {

@@ -4,7 +4,6 @@
 #include "core/parallel.h"
 #include "core/scene.h"
 #include "mesh/depth_clean.h"
-#include "mesh/pixel_trust.h"
 
 namespace tvsgs {
 
@@ -80,7 +79,7 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
         parallel_for(
             Device{}, static_cast<int>(pixels),
             PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
-                           rendered.normal.span(), clean.weight.span()});
+                           rendered.normal.span(), clean.weight.span(), rules.jump_px});
     return count_fates(to_host(clean.fates));
 }
 

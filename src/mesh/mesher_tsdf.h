@@ -19,6 +19,7 @@ struct TsdfMesherOptions {
     bool carve = false;
     DepthWeighting weight = DepthWeighting::unit;
     LoneViews lone_views = LoneViews::trusted;
+    float lone_jump_px = kJumpPx;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -42,6 +43,9 @@ struct TsdfMesherOptions {
                      "what stays of the surface that one view alone has seen: what is smooth, away "
                      "from edges, and in no other view's free space; or all. Goes with weight unit "
                      "and min_weight 1");
+        field("lone_jump_px", lone_jump_px, {0.01, 1000},
+              "by how many widths of a pixel the depth may jump to its neighbours where one view "
+              "alone is trusted");
     }
 };
 

@@ -11,9 +11,9 @@ namespace tvsgs {
 /// trusted pixel is all it has.
 inline constexpr float kTrustedWeight = 1, kDoubtedWeight = 0.75f;
 
-/// Least jump of the depth beside a pixel that is not trusted, in widths of a pixel along the
-/// surface. Where depths of splats are wrong, they are so at edges, or rough.
-/// [docs/method/trust.md#which-pixels-are-trusted]
+/// Largest jump of the depth beside a pixel that is trusted, in widths of a pixel along the
+/// surface, where nothing else is asked for. Where depths of splats are wrong, they are so at
+/// edges, or rough. [docs/method/trust.md#which-pixels-are-trusted]
 inline constexpr float kJumpPx = 0.25f;
 
 /// A pixel's piece of surface, in the camera frame.
@@ -37,13 +37,16 @@ struct SurfacePixel {
 
 /// Whether the surface breaks off between neighbouring pixels: the plane of neither leads to the
 /// other, or one of them has no depth.
-TVSGS_HD inline bool is_jump(const SurfacePixel& a, const SurfacePixel& b, float focal_px) {
+TVSGS_HD inline bool is_jump(const SurfacePixel& a,
+                             const SurfacePixel& b,
+                             float focal_px,
+                             float jump_px) {
     if (!(a.depth > 0 && b.depth > 0)) return true;
     const float from_a = std::fabs(b.depth - a.depth_at(b.ray)),
                 from_b = std::fabs(a.depth - b.depth_at(a.ray));
     const float width_a = a.width(focal_px), width_b = b.width(focal_px);
     return !((from_a < from_b ? from_a : from_b) <=
-             kJumpPx * (width_a > width_b ? width_a : width_b));
+             jump_px * (width_a > width_b ? width_a : width_b));
 }
 
 /// The weight of a pixel: trusted is what has no jump to any of its four neighbours.
@@ -53,6 +56,7 @@ struct PixelTrustBody {
     Span<const float> rendered;  // [H W] the depths themselves, not rounded to steps
     Span<const Vec3f> normals;   // [H W]
     Span<float> weight;          // [H W]
+    float jump_px;               // as kJumpPx
 
     TVSGS_HD SurfacePixel at(int x, int y) const {
         const int i = y * camera.width_px + x;
@@ -65,7 +69,7 @@ struct PixelTrustBody {
         for (int k = 0; k < 4 && !jump; ++k) {
             const int u = x + (k == 0) - (k == 1), v = y + (k == 2) - (k == 3);
             if (u >= 0 && v >= 0 && u < camera.width_px && v < camera.height_px)
-                jump = is_jump(own, at(u, v), camera.fx_px);
+                jump = is_jump(own, at(u, v), camera.fx_px, jump_px);
         }
         weight[i] = jump ? kDoubtedWeight : kTrustedWeight;
     }

@@ -34,6 +34,8 @@ constexpr int kFewViews = 9, kManyViews = 20;
 // Largest meshed splat of kLeastViews, pixels; twice that for each view more, none from kFewViews.
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
+// Jumps of the depth that one view alone is trusted beside: of kLeastViews, and from kFewViews on.
+constexpr double kLeastJumpPx = 0.25, kManyJumpPx = 1;
 /// What grows with the pixels of a scene, up to kManyMegapixels.
 struct ByPixels {
     const char *decision, *key;
@@ -298,6 +300,16 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         by_cloud("meshed splats", str("up to ", px, " px"), {{"mesh.max_scale_px", px}});
         plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
                                   kLeastViews, " or fewer: ", kMeshedScalePx, " in full");
+    }
+    // With more views what one alone has seen is right more often, rough as it is.
+    if (share > 0 && look.train_views > kLeastViews) {
+        const double many = std::min(1.0, static_cast<double>(look.train_views - kLeastViews) /
+                                              static_cast<double>(kFewViews - kLeastViews));
+        const double px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, share * many);
+        by_cloud("lone views", str("up to ", number(px), " px"),
+                 {{"mesh.lone_jump_px", rounded(px)}});
+        plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
+                                  kLeastViews, " or fewer: ", kLeastJumpPx);
     }
     for (const ByPixels& by : kByPixels) {
         if (!(look.megapixels > by.few_megapixels)) continue;

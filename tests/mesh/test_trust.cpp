@@ -230,14 +230,14 @@ TEST(PixelTrust, PlanesAreSmoothAtAnySlant) {
     for (const double slope : {0.0, 0.7, -5.0, 50.0}) {
         const SurfacePixel a = pixel_on_plane(slope, 0.005), b = pixel_on_plane(slope, 0.015);
         EXPECT_NEAR(a.depth_at(b.ray), b.depth, 2e-5 * b.depth);
-        EXPECT_FALSE(is_jump(a, b, 100)) << slope;
+        EXPECT_FALSE(is_jump(a, b, 100, kJumpPx)) << slope;
     }
     // Frontally, a quarter of a pixel at depth 2 is 0.005; at 60 degrees, twice as much.
     const SurfacePixel flat = pixel_on_plane(0, 0);
     EXPECT_NEAR(flat.width(100), 0.02, 1e-7);
-    EXPECT_FALSE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0049), 100));
-    EXPECT_TRUE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0051), 100));
-    EXPECT_TRUE(is_jump(pixel_on_plane(0, 0.01, -0.0051), flat, 100));
+    EXPECT_FALSE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0049), 100, kJumpPx));
+    EXPECT_TRUE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0051), 100, kJumpPx));
+    EXPECT_TRUE(is_jump(pixel_on_plane(0, 0.01, -0.0051), flat, 100, kJumpPx));
     const double slope = std::tan(M_PI / 3);
     EXPECT_NEAR(pixel_on_plane(slope, 0).width(100), 0.04, 1e-6);
     EXPECT_NEAR(pixel_on_plane(1e4, 0).width(100), 0.2, 1e-6) << "ten times at most";
@@ -247,26 +247,26 @@ TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
     // Either plane leading to the other pixel is enough: one of the two normals may be wrong.
     SurfacePixel a = pixel_on_plane(2, 0), b = pixel_on_plane(2, 0.01);
     b.normal = {0, 0, -1};
-    EXPECT_FALSE(is_jump(a, b, 100));
-    EXPECT_FALSE(is_jump(b, a, 100));
+    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(b, a, 100, kJumpPx));
     a.normal = {0, 0, -1};
-    EXPECT_TRUE(is_jump(a, b, 100));
+    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
     // The wider of two pixels is the measure: one is seen edge-on, and reaches 0.2 far.
     b = {a.ray, a.depth + 0.04f, {1, 0, 0}};
-    EXPECT_FALSE(is_jump(a, b, 100));
-    EXPECT_FALSE(is_jump(b, a, 100));
+    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(b, a, 100, kJumpPx));
     b.depth = a.depth + 0.06f;
-    EXPECT_TRUE(is_jump(a, b, 100));
+    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
     b.ray = pixel_on_plane(2, 0.01).ray;
     // Without a normal, a depth leads to itself.
     a.normal = b.normal = {};
     EXPECT_EQ(a.depth_at(b.ray), a.depth);
     b.depth = a.depth;
-    EXPECT_FALSE(is_jump(a, b, 100));
+    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
     b.depth = 0;
-    EXPECT_TRUE(is_jump(a, b, 100));
+    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
     b.depth = std::nanf("");
-    EXPECT_TRUE(is_jump(a, b, 100));
+    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
     // A plane seen edge-on leads nowhere in front.
     b.depth = a.depth, b.normal = {1, 0, 0};
     EXPECT_GT(b.depth_at({-0.5f, 0, 1}), 0);
@@ -305,6 +305,12 @@ TEST(PixelTrust, PixelsBesideAJumpAreDoubted) {
     const std::vector<float> boxed = weights<Cpu>(screen(0, 2.1, 20), rules);
     EXPECT_EQ(boxed[60], kDoubtedWeight);
     EXPECT_EQ(boxed[61], kTrustedWeight);
+    // The edge is 0.1 at depth 2, five pixels.
+    for (const float jump_px : {4.5f, 5.5f}) {
+        DepthRules limit = rules_with(true);
+        limit.jump_px = jump_px;
+        EXPECT_EQ(weights<Cpu>(kStep, limit)[59], jump_px < 5 ? kDoubtedWeight : kTrustedWeight);
+    }
     // Steps of the depth are none of the surface.
     const Surface tilted = [](Vec3d, Vec3d ray) -> Hit {
         return {2 / (1 - 0.3 * ray.x), {0.3, 0, -1}};

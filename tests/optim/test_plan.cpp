@@ -264,6 +264,25 @@ TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
     EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
 }
 
+TEST(Plan, OneOfManyViewsIsTrustedFurther) {
+    SceneLook look = look_of(patch_scene(3, 10, 3600));
+    EXPECT_EQ(choice(plan_of(look), "lone views"), "no such decision");
+    const auto expect = [&](int views, const char* px) {
+        look.train_views = views;
+        EXPECT_TRUE(sets(settings(plan_of(look), "lone views"), "mesh.lone_jump_px", px)) << views;
+    };
+    expect(4, "0.31498");
+    expect(6, "0.5");
+    expect(9, "1");
+    expect(20, "1");
+    look.points_per_pixel = 0.06;  // half of what covers
+    expect(9, "0.5");
+    look.points_per_pixel = 0.02;
+    EXPECT_EQ(choice(plan_of(look), "lone views"), "no such decision");
+    look.points_per_pixel = 1;
+    EXPECT_EQ(choice(plan_of(look, true), "lone views"), "no such decision");
+}
+
 TEST(Plan, MeshesOfManyPixelsAreCoarser) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
     EXPECT_NEAR(look.megapixels, 3e-6 * 100 * 80, 1e-9);
