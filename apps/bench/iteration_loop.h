@@ -22,17 +22,18 @@ struct BenchIteration<Device>::Parts {
           iteration(scene, options, false),
           losses(make_terms<Device>(scene, options)),
           splats(copy_of(from, options.optim.harmonics)),
-          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats) {  // at rate 0 the view stays the same
-        if (options.optim.harmonics == Memory::host)
+          // At rate 0 the view stays the same.
+          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, 1, nullptr, waits(options.optim)) {
+        if (waits(options.optim))
             iteration.backbone().set_harmonics(
                 [this](const SplatPlaces& places, std::size_t room, int sh_degree) {
                     return adam.fetch_harmonics(places, room, sh_degree, splats);
                 });
     }
 
-    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from, Memory harmonics) {
+    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from, KeepHarmonics harmonics) {
         Gaussians<Device> to;
-        to.sh.put(harmonics);
+        to.sh.put(memory_of(harmonics));
         copy(from, to);
         return to;
     }

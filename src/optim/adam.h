@@ -67,13 +67,19 @@ class Adam {
 public:
     /// Each step stands for `batch` photographs. Of several processes each has the moments of its
     /// part of the splats, takes their step, and tells the others. Where the splats' harmonics lie
-    /// their moments will, too; where that is the host's memory the fused step is the only one, and
-    /// needs fetch_harmonics() before.
+    /// their moments will, too. Where that is the host's memory, or with `waits`, the harmonics'
+    /// steps wait until they are seen: the fused step is the only one then, and needs
+    /// fetch_harmonics() before.
     Adam(const AdamOptions& options,
          const Gaussians<Device>& gaussians,
          int batch = 1,
-         Communicator* peers = nullptr)
-        : options_(options), batch_(batch), decay_(adam_decay(batch)), peers_(peers) {
+         Communicator* peers = nullptr,
+         bool waits = false)
+        : options_(options),
+          batch_(batch),
+          decay_(adam_decay(batch)),
+          peers_(peers),
+          waits_(waits || gaussians.sh.memory() == Memory::host) {
         set_splats(gaussians.size());
         m_.sh.put(gaussians.sh.memory()), v_.sh.put(gaussians.sh.memory());
         resize(m_, part().size(), gaussians.sh_degree);
@@ -148,7 +154,7 @@ public:
               const int* halted = nullptr) {
         using enum ParameterGroup;
         const ShAdam all = sh_of(g, sh_degree);
-        if (waits(g)) waiting_.begin(all, steps_from_now());
+        if (waits_) waiting_.begin(all, steps_from_now());
         begin_step(step, extent);
         AdamStep now{geometry_spans(g),
                      geometry_spans(m_),
@@ -159,14 +165,13 @@ public:
                      sh_scale(count_),
                      with_opacity,
                      halted};
-        if (!waits(g)) return take_step(Device{}, g.size(), gradients, now);
+        if (!waits_) return take_step(Device{}, g.size(), gradients, now);
         now.sh = waiting_.in_view(), now.taken = waiting_.taken(), now.due = waiting_.due();
         take_step(Device{}, g.size(), gradients, now);
         waiting_.step_done(all);
     }
 
-    /// For the view that the next step is of, where they lie on the host: its harmonics, up to
-    /// date.
+    /// For the view that the next step is of, where they wait: its harmonics, up to date.
     Harmonics fetch_harmonics(const SplatPlaces& places,
                               std::size_t room,
                               int sh_degree,
@@ -174,13 +179,10 @@ public:
         return waiting_.fetch(sh_of(g, sh_degree), places, room, steps_from_now());
     }
 
-    /// Whether the harmonics' steps wait until they are seen.
-    static bool waits(const Gaussians<Device>& g) { return g.sh.memory() == Memory::host; }
-
     /// Takes the steps that wait: before anything else reads or moves harmonics or their moments.
     /// Changes no bit of what follows.
     void catch_up(Gaussians<Device>& g) {
-        if (waits(g)) waiting_.catch_up(sh_of(g, g.sh_degree));
+        if (waits_) waiting_.catch_up(sh_of(g, g.sh_degree));
     }
 
     /// From now on the group's rate is `factor` x what it would have been.
@@ -249,6 +251,7 @@ private:
     int batch_;
     AdamDecay<float> decay_;
     Communicator* peers_;
+    bool waits_;
     int splats_ = 0;
     Gaussians<Device> m_, v_;  // of the part
     WaitingHarmonics<Device> waiting_;

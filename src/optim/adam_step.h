@@ -89,11 +89,22 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
     return !colored;
 }
 
+/// A splat in view that draws nothing, behind others, has no gradient: its harmonics' steps wait
+/// on, but all of them are taken of the view's copy, in vain, each time that it is in view. So no
+/// more than these wait; fewer would have more to bring back.
+inline constexpr int kMostInVain = 8;
+
 /// The same of one whose harmonics are in view, or wait if they get no gradient.
 template <int kGroup, SplatVjp Vjp>
 TVSGS_HD void step_splat_in_view(const Vjp& vjp, const AdamStep& in, int i) {
-    ShStep<kGroup> sh{in.sh, static_cast<int>(vjp.sums.places.of(i)), in.sh_scale};
-    if (!step_splat(vjp, in, i, sh)) in.taken[i] = static_cast<std::uint16_t>(in.due + 1);
+    const std::uint32_t at = vjp.sums.places.of(i);
+    ShStep<kGroup> sh{in.sh, static_cast<int>(at), in.sh_scale};
+    if (step_splat(vjp, in, i, sh)) {
+        const bool in_view = Vjp::kColor && at < in.sh.stride;
+        if (!in_view || in.due - in.taken[i] < kMostInVain) return;
+        sh.decay();
+    }
+    in.taken[i] = static_cast<std::uint16_t>(in.due + 1);
 }
 
 // The twins go through the harmonics in the order that suits them: on a GPU each lane through those

@@ -35,9 +35,10 @@ std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, 
 }
 
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses) {
-    if (options.optim.harmonics == Memory::device) return;
+    if (!waits(options.optim)) return;
+    const bool host = options.optim.harmonics == KeepHarmonics::host;
     if (const std::string why = why_harmonics_stay(scene, options, fuses); !why.empty())
-        throw Error(ExitCode::usage, str("optim.harmonics = host: ", why,
+        throw Error(ExitCode::usage, str("optim.harmonics = ", host ? "host" : "waiting", ": ", why,
                                          "; expected optim.harmonics = device, or a run without"));
 }
 

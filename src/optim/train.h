@@ -34,22 +34,36 @@ struct ModelOptions {
     }
 };
 
+/// Where colours and their moments lie. `waiting`: on the device, where steps of splats out of view
+/// wait until they are seen, as they always do on the host (optim/waiting_harmonics.h).
+enum class KeepHarmonics { device, waiting, host };
+inline Memory memory_of(KeepHarmonics keep) {
+    return keep == KeepHarmonics::host ? Memory::host : Memory::device;
+}
+
 struct OptimOptions {
-    Memory harmonics = Memory::device;
+    KeepHarmonics harmonics = KeepHarmonics::device;
     bool skip_step_on_structure_change = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice("harmonics", harmonics, {"device", "host"},
-                     "where colours and their moments lie; host: 576 bytes a splat less of the "
-                     "GPU's memory at degree 3, with the same results; each step then moves those "
-                     "that its view sees over the bus and back");
+        field.choice("harmonics", harmonics, {"device", "waiting", "host"},
+                     "where colours and their moments lie, with the same results; waiting: on the "
+                     "GPU, but steps of splats out of view wait until they are seen: faster where "
+                     "a view sees a small part of a large scene; host: 576 bytes a splat less of "
+                     "the GPU's memory at degree 3; each step then moves those that its view sees "
+                     "over the bus and back");
         field("skip_step_on_structure_change", skip_step_on_structure_change,
               "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
               "the official "
               "codes; iterations that change the number of splats never step");
     }
 };
+
+/// Whether steps of harmonics out of view wait.
+inline bool waits(const OptimOptions& o) {
+    return o.harmonics != KeepHarmonics::device;
+}
 
 struct TrainOptions {
     int iterations = 30000;
@@ -179,11 +193,11 @@ Gaussians<Device> train(const Scene& scene,
 /// have no derivatives by them. train() does so, too.
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 
-/// Why harmonics cannot lie on the host: a step would want all of them. Empty where they can.
-/// `fuses`: of the rasteriser.
+/// Why harmonics cannot wait, or lie on the host: a step would want all of them. Empty where they
+/// can. `fuses`: of the rasteriser.
 std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
 
-/// Throws Error(ExitCode::usage) where they are to lie there all the same. train() does so, too.
+/// Throws Error(ExitCode::usage) where they are to wait all the same. train() does so, too.
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);
 
 /// Throws Error(ExitCode::usage) where there are more processes than photographs of a step, or a

@@ -43,7 +43,7 @@ Gaussians<Device> train(const Scene& scene,
         t->adam.catch_up(t->gaussians);
         return t->gaussians;
     };
-    if (options.optim.harmonics == Memory::host)
+    if (waits(options.optim))
         iteration.backbone().set_harmonics(
             [&t](const SplatPlaces& places, std::size_t room, int sh_degree) {
                 return t->adam.fetch_harmonics(places, room, sh_degree, t->gaussians);

@@ -80,7 +80,7 @@ struct TrainState {
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv, peers),
-          adam(o.lr, gaussians, o.comm.batch, peers),
+          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim)),
           densifier(
               o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
           cameras(scene, o.cameras, o.comm.batch),
@@ -126,7 +126,7 @@ private:
                                              const TrainOptions& o,
                                              const State* from) {
         Gaussians<Device> g;
-        g.sh.put(o.optim.harmonics);
+        g.sh.put(memory_of(o.optim.harmonics));
         if (from != nullptr) return g;
         Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
         sort_by_place(first);

@@ -1,7 +1,7 @@
-// Harmonics and their moments in the host's memory. Of a splat that is not seen they have gradient
-// 0, but the moments decay and move the values on; these steps wait until the splat is seen, and
-// are then taken one by one: the same bits as if each had been taken when it was due. So a step
-// moves no more over the bus than what a view sees.
+// Harmonics of splats out of view: they have gradient 0, but the moments decay and move the values
+// on. These steps wait until the splat is seen, and are then taken one by one: the same bits as if
+// each had been taken when it was due. So a step reads and writes no more of them than what a view
+// sees, in the device's memory or over the bus.
 #pragma once
 
 #include <vector>

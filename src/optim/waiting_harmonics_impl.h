@@ -1,6 +1,9 @@
 // The parts of WaitingHarmonics; included by one file per device.
 #pragma once
 
+#include <algorithm>
+#include <limits>
+
 #include "core/parallel.h"
 #include "optim/waiting_harmonics.h"
 
@@ -39,8 +42,7 @@ struct ViewNumber {
 
 struct FetchBody {
     WaitingArrays a;
-    int k;
-    TVSGS_HD void operator()(int j) const {
+    TVSGS_HD void operator()(int j, int k) const {
         const auto at = static_cast<std::size_t>(j / 3);
         if (at >= a.places.in_view()) return;
         const ViewNumber n(a, a.splats[at], j, k);
@@ -51,8 +53,7 @@ struct FetchBody {
 /// And back, where a step was taken.
 struct BringBackBody {
     WaitingArrays a;
-    int k;
-    TVSGS_HD void operator()(int j) const {
+    TVSGS_HD void operator()(int j, int k) const {
         const auto at = static_cast<std::size_t>(j / 3);
         if (at >= a.places.in_view()) return;
         const int splat = a.splats[at];
@@ -61,6 +62,22 @@ struct BringBackBody {
         ViewNumber::copy(a.in_view, n.in_view, a.all, n.all);
     }
 };
+
+template <class Body>
+struct PlanesBody {
+    Body body;
+    int width, first;
+    TVSGS_HD void operator()(int i) const { body(i % width, first + i / width); }
+};
+/// body(j, k) for numbers j of all places and coefficients k: many in a launch, as each costs time.
+template <class Device, class Body>
+void for_each_number(Device device, const WaitingArrays& a, const Body& body) {
+    const int width = 3 * a.splats.size(), all = a.in_view.coefficients;
+    if (width == 0) return;
+    const int at_once = std::max(1, std::numeric_limits<int>::max() / width);
+    for (int k = 0; k < all; k += at_once)
+        parallel_for(device, std::min(at_once, all - k) * width, PlanesBody<Body>{body, width, k});
+}
 
 /// Takes the steps that wait, after `taken`, of the harmonics at `at` of `sh`.
 TVSGS_HD inline void take_waiting_steps(const WaitingArrays& a,
@@ -94,14 +111,13 @@ template <class Device>
 void fetch_in_view(Device device, const WaitingArrays& a) {
     const int room = a.splats.size();
     parallel_for(device, static_cast<int>(a.all.stride), NoteInViewBody{a});
-    for (int k = 0; k < a.all.coefficients; ++k) parallel_for(device, 3 * room, FetchBody{a, k});
+    for_each_number(device, a, FetchBody{a});
     if (a.due > 0) parallel_for(device, room, CatchUpInViewBody{a});
 }
 
 template <class Device>
 void bring_back(Device device, const WaitingArrays& a) {
-    for (int k = 0; k < a.in_view.coefficients; ++k)
-        parallel_for(device, 3 * a.splats.size(), BringBackBody{a, k});
+    for_each_number(device, a, BringBackBody{a});
 }
 
 template <class Device>

@@ -10,6 +10,9 @@ namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kGrowth = 5;  // final splats per first one; chosen, not measured
+// Millions of splats that no view sees at a time, from which on it is faster that their colours
+// wait. [docs/develop/performance.md#colours-that-wait]
+constexpr double kMillionsOutOfView = 4.5;
 
 /// Three digits.
 std::string digits(double value) {
@@ -59,7 +62,7 @@ std::vector<Level> levels_of(const Scene& scene,
             level.settings.emplace_back("tv.lists", "compact");
         }
         if (leave) {
-            o.optim.harmonics = Memory::host;
+            o.optim.harmonics = KeepHarmonics::host;
             level.settings.emplace_back("optim.harmonics", "host");
         }
         level.needs = estimate_memory(scene, o, in.first, in.cuda, in.processes);
@@ -70,7 +73,7 @@ std::vector<Level> levels_of(const Scene& scene,
     if (compacts && !(streams && crowded)) add("compact lists", false, true, false);
     if (streams && compacts) add("compact lists, photographs on the host", true, true, false);
     const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
-    if (in.cuda && in.may_leave_harmonics && options.optim.harmonics == Memory::device &&
+    if (in.cuda && in.may_leave_harmonics && options.optim.harmonics == KeepHarmonics::device &&
         why_harmonics_stay(scene, options, fuses).empty()) {
         // What costs less has been done by then.
         const std::string before = levels.back().choice;
@@ -87,7 +90,7 @@ int processes_that_hold(const Scene& scene, const Level& level, const MachineInp
     for (const int processes : {2, 4, 8}) {
         TrainOptions o = level.options;
         o.comm.batch = std::max(o.comm.batch, processes);
-        o.optim.harmonics = Memory::device;  // a batch adds up gradients of all
+        o.optim.harmonics = KeepHarmonics::device;  // a batch adds up gradients of all
         if (o.comm.batch > static_cast<int>(scene.train.size())) break;
         const MemoryLimits limits{in.limits.device, in.limits.host / processes};
         const MemoryPlan needs =
@@ -142,7 +145,7 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
             measured <= threshold ? " <= " : " > ", digits(threshold), " GB");
     if (&*taken != &levels.front())
         reason += str("; so ", digits(gigabytes(need(*taken).at(splats))), " GB");
-    if (taken->options.optim.harmonics == Memory::host)
+    if (taken->options.optim.harmonics == KeepHarmonics::host)
         reason += str("; a step moves up to ",
                       digits(gigabytes(bytes_over_bus(scene, taken->options, splats))),
                       " GB over the bus and back");
@@ -162,6 +165,29 @@ Decision plan_machines(const Scene& scene, const TrainOptions& options, const Ma
                     " tvsgs-train ... --set comm.batch=", std::max(options.comm.batch, processes));
     }
     return {"machines", choice, reason, measured, threshold, taken->settings};
+}
+
+std::optional<Decision> plan_waiting(const Scene& scene,
+                                     const TrainOptions& options,
+                                     const MachineInputs& in) {
+    if (!in.cuda || !in.may_leave_harmonics || options.optim.harmonics != KeepHarmonics::device)
+        return {};
+    const double share = share_in_view(scene),
+                 out = (1 - share) * static_cast<double>(in.first) / 1e6;
+    const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
+    if (!(out >= kMillionsOutOfView) || !why_harmonics_stay(scene, options, fuses).empty())
+        return {};
+    TrainOptions waits = options;
+    waits.optim.harmonics = KeepHarmonics::waiting;
+    const MemoryPlan needs = estimate_memory(scene, waits, in.first, in.cuda, in.processes);
+    if (fitting(needs, in.limits) < in.expected.count) return {};
+    return Decision{"colours out of view",
+                    "wait",
+                    str("millions of splats that a view does not see, of ", splats_text(in.first),
+                        ": ", digits(out), " >= ", kMillionsOutOfView),
+                    out,
+                    kMillionsOutOfView,
+                    {{"optim.harmonics", "waiting"}}};
 }
 
 }  // namespace tvsgs

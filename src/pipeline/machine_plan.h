@@ -2,6 +2,7 @@
 // [docs/guide/plan.md]
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "optim/plan.h"
@@ -39,5 +40,11 @@ struct MachineInputs {
 /// into it, and stops growing there; else it cannot start, and plan_memory() says so. Of several
 /// processes each holds its share.
 Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
+
+/// Where colours are on a GPU that has room for it, and no view sees more than a small part of many
+/// splats: steps of colours out of view wait.
+std::optional<Decision> plan_waiting(const Scene& scene,
+                                     const TrainOptions& options,
+                                     const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -72,24 +72,6 @@ bool in_file(const std::vector<View>& views) {
     return !views.empty() && views.front().photo.pixels.in_file();
 }
 
-/// Of the first splats, in the training view that has most of them; all where nothing is known.
-/// With room for splats that reach in from beside the image, and for growth to be where this view
-/// is.
-double share_in_view(const Scene& scene) {
-    constexpr std::size_t kSample = 1000;
-    constexpr double kSpare = 0.25, kBeside = 0.05;
-    const std::vector<Vec3f>& points = scene.points.positions;
-    if (points.empty()) return 1;
-    double most = 0;
-    for (const View& view : scene.train) {
-        std::size_t in_view = 0, all = 0;
-        for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample)
-            ++all, in_view += is_in_view(view.camera, points[i]);
-        most = std::max(most, static_cast<double>(in_view) / static_cast<double>(all));
-    }
-    return std::min(1.0, (1 + kSpare) * most + kBeside);
-}
-
 std::int64_t largest_view(const Scene& scene) {
     std::int64_t pixels = 0;
     for (const auto* views : {&scene.train, &scene.test})
@@ -130,6 +112,21 @@ void require(const char* where,
 }
 
 }  // namespace
+
+double share_in_view(const Scene& scene) {
+    constexpr std::size_t kSample = 1000;
+    constexpr double kSpare = 0.25, kBeside = 0.05;
+    const std::vector<Vec3f>& points = scene.points.positions;
+    if (points.empty()) return 1;
+    double most = 0;
+    for (const View& view : scene.train) {
+        std::size_t in_view = 0, all = 0;
+        for (std::size_t i = 0; i < points.size(); i += 1 + points.size() / kSample)
+            ++all, in_view += is_in_view(view.camera, points[i]);
+        most = std::max(most, static_cast<double>(in_view) / static_cast<double>(all));
+    }
+    return std::min(1.0, (1 + kSpare) * most + kBeside);
+}
 
 std::int64_t view_bytes_per_splat(double share_in_view) {
     return kPerViewSplat +
@@ -226,8 +223,9 @@ MemoryPlan estimate_memory(const Scene& scene,
     MemoryPlan plan;
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
-    // Colours on the host, with their moments; on the device those of a view, and a counter each.
-    const bool left = cuda && o.optim.harmonics == Memory::host;
+    // Colours on the host, with their moments. There, and where they wait, those of a view beside
+    // them, and a counter each.
+    const bool left = cuda && o.optim.harmonics == KeepHarmonics::host;
     const std::int64_t colors = left ? parameters - geometry : 0;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
@@ -241,7 +239,7 @@ MemoryPlan estimate_memory(const Scene& scene,
                            on_its_way = processes.all > 1 ? kPerVoterOnItsWay : 0;
         buffers.per_splat += kPerVoter - kPerVoterPart + part(kPerVoterPart + lists + on_its_way);
     }
-    if (left) buffers.per_splat += kPerWaiting - 3 * colors + bytes_over_bus(scene, o, 1);
+    if (waits(o.optim)) buffers.per_splat += kPerWaiting - 3 * colors + bytes_over_bus(scene, o, 1);
     if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters - colors) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;

@@ -57,6 +57,11 @@ struct MemoryPlan {
     std::string json() const;
 };
 
+/// Of the first splats, in the training view that has most of them; all where nothing is known.
+/// With room for splats that reach in from beside the image, and for growth to be where this view
+/// is.
+double share_in_view(const Scene& scene);
+
 /// Of what one render keeps for its way back, where a share of the splats is in view.
 std::int64_t view_bytes_per_splat(double share_in_view);
 

@@ -144,12 +144,12 @@ TEST(Repeat, PhotographsFromTheHostChangeNothing) {
 
 /// Through growth, trims, resets and a saved state that goes on where harmonics lie elsewhere.
 template <class Device>
-void colours_on_the_host_change_nothing() {
+void colours_kept_otherwise_change_nothing(KeepHarmonics keep) {
     Scene scene = rendered_scene();
     for (View& view : scene.train) view.camera.fx_px *= 3, view.camera.fy_px *= 3;  // see a part
     TrainOptions options = everything_on(120);
     const Outcome here = run<Device>(scene, options, {after(59), {}, {}});
-    options.optim.harmonics = Memory::host;
+    options.optim.harmonics = keep;
     const Outcome there = run<Device>(scene, options, {after(59), {}, {}});
     EXPECT_EQ(there.end, 120);
     EXPECT_TRUE(same_bits(here.gaussians, there.gaussians));
@@ -161,7 +161,10 @@ void colours_on_the_host_change_nothing() {
 }
 
 TEST(Repeat, ColoursOnTheHostChangeNothing) {
-    colours_on_the_host_change_nothing<Cpu>();
+    colours_kept_otherwise_change_nothing<Cpu>(KeepHarmonics::host);
+}
+TEST(Repeat, ColoursThatWaitChangeNothing) {
+    colours_kept_otherwise_change_nothing<Cpu>(KeepHarmonics::waiting);
 }
 
 TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
@@ -171,7 +174,7 @@ TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
     TrainOptions batched = everything_on(2), refined = batched;
     batched.comm.batch = 2, refined.cameras.refine = true;
     const auto refused = [](const Scene& of, TrainOptions options, const char* why) {
-        options.optim.harmonics = Memory::host;
+        options.optim.harmonics = KeepHarmonics::host;
         try {
             check_harmonics(of, options, std::string(why) != "backbone");
             ADD_FAILURE() << why;
@@ -256,7 +259,7 @@ struct GroupCase {
 };
 
 template <class Device>
-void parameters_are_watched(Memory harmonics = Memory::device) {
+void parameters_are_watched(KeepHarmonics harmonics = KeepHarmonics::device) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(32);
     options.optim.harmonics = harmonics;
@@ -323,7 +326,10 @@ TEST(Guard, ParametersAreWatched) {
     parameters_are_watched<Cpu>();
 }
 TEST(Guard, ParametersAreWatchedWhereColoursLieOnTheHost) {
-    parameters_are_watched<Cpu>(Memory::host);
+    parameters_are_watched<Cpu>(KeepHarmonics::host);
+}
+TEST(Guard, ParametersAreWatchedWhereColoursWait) {
+    parameters_are_watched<Cpu>(KeepHarmonics::waiting);
 }
 /// Where nothing else asks for a look at all of them before.
 TEST(Guard, AColourOnTheHostIsNamedInTheEnd) {
@@ -331,10 +337,10 @@ TEST(Guard, AColourOnTheHostIsNamedInTheEnd) {
     TrainOptions options = everything_on(110);
     options.densify.enabled = false;
     for (const int splat : {7, 80}) {
-        options.optim.harmonics = Memory::device;
+        options.optim.harmonics = KeepHarmonics::device;
         const Plan plan{after(12), {}, {24, -1, ParameterGroup::sh_dc, splat, 1}};
         const Outcome device = run<Cpu>(scene, options, plan);
-        options.optim.harmonics = Memory::host;
+        options.optim.harmonics = KeepHarmonics::host;
         const Outcome host = run<Cpu>(scene, options, plan);
         ASSERT_EQ(host.rollbacks.size(), 1u);
         const std::string& said = host.rollbacks[0];
@@ -387,13 +393,18 @@ TEST(RepeatTwins, CudaPhotographsFromTheHostChangeNothing) {
 }
 TEST(RepeatTwins, CudaColoursOnTheHostChangeNothing) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) colours_on_the_host_change_nothing<Cuda>();
+    if constexpr (kHasCuda) colours_kept_otherwise_change_nothing<Cuda>(KeepHarmonics::host);
+}
+TEST(RepeatTwins, CudaColoursThatWaitChangeNothing) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) colours_kept_otherwise_change_nothing<Cuda>(KeepHarmonics::waiting);
 }
 
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) parameters_are_watched<Cuda>();
-    if constexpr (kHasCuda) parameters_are_watched<Cuda>(Memory::host);
+    if constexpr (kHasCuda) parameters_are_watched<Cuda>(KeepHarmonics::host);
+    if constexpr (kHasCuda) parameters_are_watched<Cuda>(KeepHarmonics::waiting);
 }
 TEST(GuardTwins, CudaLosses) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();

@@ -207,7 +207,7 @@ TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
     TrainOptions both = voting(), left = voting();
     both.photo_bytes = left.photo_bytes = 1;
     both.tv.lists = left.tv.lists = ListStorage::compact;
-    left.optim.harmonics = Memory::host;
+    left.optim.harmonics = KeepHarmonics::host;
     const auto decided = [&](const TrainOptions& options, std::int64_t more, bool may = true) {
         MachineInputs in = inputs(splats, limits_for(scene, left, splats, more));
         in.may_leave_harmonics = may;
@@ -233,16 +233,51 @@ TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
     EXPECT_EQ(decided(refined, 0).choice, "blocks") << "looks at all harmonics";
 }
 
+TEST(Machines, ColoursOutOfViewWaitWhereTheyAreMany) {
+    const Scene scene = scene_with_few_in_view();  // a twentieth, as it is foreseen
+    const std::int64_t enough = 4800000;           // 4.56 million out of view
+    const auto decided = [&](const Scene& of, const TrainOptions& options, std::int64_t splats,
+                             std::int64_t room = std::int64_t{1} << 40) {
+        MachineInputs in = inputs(splats, {room, room});
+        in.may_leave_harmonics = true;
+        return plan_waiting(of, options, in);
+    };
+    const auto taken = decided(scene, voting(), enough);
+    ASSERT_TRUE(taken);
+    EXPECT_EQ(taken->choice, "wait");
+    EXPECT_EQ(taken->settings, (Settings{{"optim.harmonics", "waiting"}}));
+    EXPECT_NE(taken->reason.find("of 4.8 M: 4.56 >= 4.5"), std::string::npos) << taken->reason;
+    EXPECT_FALSE(decided(scene, voting(), 4700000));
+    EXPECT_FALSE(decided(scene_of(9), voting(), 100 * enough)) << "nobody knows what a view sees";
+    TrainOptions batched = voting(), waits = voting(), left = voting();
+    batched.comm.batch = 2;
+    EXPECT_FALSE(decided(scene, batched, enough));
+    left.optim.harmonics = KeepHarmonics::host;
+    EXPECT_FALSE(decided(scene, left, enough));
+    waits.optim.harmonics = KeepHarmonics::waiting;
+    const std::int64_t takes = estimate_memory(scene, waits, enough, true).buffers.at(enough);
+    EXPECT_TRUE(decided(scene, voting(), enough, takes));
+    EXPECT_FALSE(decided(scene, voting(), enough, takes - 1000));
+    MachineInputs in = inputs(enough, {std::int64_t{1} << 40, std::int64_t{1} << 40});
+    EXPECT_FALSE(plan_waiting(scene, voting(), in)) << "the user has said where they lie";
+    in.may_leave_harmonics = true, in.cuda = false;
+    EXPECT_FALSE(plan_waiting(scene, voting(), in));
+}
+
 TEST(MemoryPlan, CountsColoursWhereTheyLie) {
     const Scene scene = scene_with_few_in_view();
     TrainOptions o;
     o.densify.enabled = o.tv.enabled = false;
     const MemoryPlan here = estimate_memory(scene, o, 100, true);
-    o.optim.harmonics = Memory::host;
+    o.optim.harmonics = KeepHarmonics::host;
     const MemoryPlan there = estimate_memory(scene, o, 100, true);
     // But for a twentieth in view, a counter, and a number by place.
     EXPECT_EQ(here.buffers.per_splat - there.buffers.per_splat, 3 * 192 - 29 - 6);
     EXPECT_EQ(there.host.per_splat - here.host.per_splat, 3 * 192);
+    o.optim.harmonics = KeepHarmonics::waiting;
+    EXPECT_EQ(estimate_memory(scene, o, 100, true).buffers.per_splat - here.buffers.per_splat,
+              29 + 6);
+    o.optim.harmonics = KeepHarmonics::host;
     o.densify.enabled = true;
     const MemoryPlan grows = estimate_memory(scene, o, 100, true);
     EXPECT_EQ(grows.host.per_splat - here.host.per_splat, 4 * 192 * 5 / 4) << "and a copy";
