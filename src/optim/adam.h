@@ -176,6 +176,7 @@ public:
                               std::size_t room,
                               int sh_degree,
                               Gaussians<Device>& g) {
+        if (!waits_) throw Error(ExitCode::internal, "harmonics are fetched, but none waits");
         return waiting_.fetch(sh_of(g, sh_degree), places, room, steps_from_now());
     }
 

@@ -94,7 +94,7 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
 /// more than these wait; fewer would have more to bring back.
 inline constexpr int kMostInVain = 8;
 
-/// The same of one whose harmonics are in view, or wait if they get no gradient.
+/// The same where harmonics wait that are out of view or, for a while, get no gradient.
 template <int kGroup, SplatVjp Vjp>
 TVSGS_HD void step_splat_in_view(const Vjp& vjp, const AdamStep& in, int i) {
     const std::uint32_t at = vjp.sums.places.of(i);

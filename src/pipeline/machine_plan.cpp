@@ -10,9 +10,10 @@ namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kGrowth = 5;  // final splats per first one; chosen, not measured
-// Millions of splats that no view sees at a time, from which on it is faster that their colours
-// wait. [docs/develop/performance.md#colours-that-wait]
-constexpr double kMillionsOutOfView = 4.5;
+// Millions of splats out of view from which on it is faster that their colours wait, and the share
+// in view up to which it is: by measured times, one in view costs as much as five others save.
+// [docs/develop/performance.md#colours-that-wait]
+constexpr double kMillionsOutOfView = 4.5, kShareInView = 0.15;
 
 /// Three digits.
 std::string digits(double value) {
@@ -73,7 +74,7 @@ std::vector<Level> levels_of(const Scene& scene,
     if (compacts && !(streams && crowded)) add("compact lists", false, true, false);
     if (streams && compacts) add("compact lists, photographs on the host", true, true, false);
     const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
-    if (in.cuda && in.may_leave_harmonics && options.optim.harmonics == KeepHarmonics::device &&
+    if (in.cuda && in.may_leave_harmonics && options.optim.harmonics != KeepHarmonics::host &&
         why_harmonics_stay(scene, options, fuses).empty()) {
         // What costs less has been done by then.
         const std::string before = levels.back().choice;
@@ -175,16 +176,21 @@ std::optional<Decision> plan_waiting(const Scene& scene,
     const double share = share_in_view(scene),
                  out = (1 - share) * static_cast<double>(in.first) / 1e6;
     const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
-    if (!(out >= kMillionsOutOfView) || !why_harmonics_stay(scene, options, fuses).empty())
+    if (!(out >= kMillionsOutOfView && share <= kShareInView) ||
+        !why_harmonics_stay(scene, options, fuses).empty())
         return {};
     TrainOptions waits = options;
     waits.optim.harmonics = KeepHarmonics::waiting;
+    if (in.may_stream) waits.photo_bytes = 1;  // which costs no time
     const MemoryPlan needs = estimate_memory(scene, waits, in.first, in.cuda, in.processes);
     if (fitting(needs, in.limits) < in.expected.count) return {};
-    return Decision{"colours out of view",
-                    "wait",
-                    str("millions of splats that a view does not see, of ", splats_text(in.first),
-                        ": ", digits(out), " >= ", kMillionsOutOfView),
+    return Decision{"colours",
+                    "wait out of view",
+                    str("millions of splats out of view, of ", splats_text(in.first), ": ",
+                        digits(out), " >= ", kMillionsOutOfView,
+                        "; share in view, with some to "
+                        "spare: ",
+                        digits(share), " <= ", kShareInView),
                     out,
                     kMillionsOutOfView,
                     {{"optim.harmonics", "waiting"}}};

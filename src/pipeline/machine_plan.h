@@ -41,8 +41,8 @@ struct MachineInputs {
 /// processes each holds its share.
 Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
 
-/// Where colours are on a GPU that has room for it, and no view sees more than a small part of many
-/// splats: steps of colours out of view wait.
+/// To be asked before plan_machines(): steps of colours out of view wait on a GPU that has room for
+/// it, where no view sees more than a small part of many splats.
 std::optional<Decision> plan_waiting(const Scene& scene,
                                      const TrainOptions& options,
                                      const MachineInputs& in);

@@ -94,8 +94,8 @@ void plan_machine(const DeviceChoice& device,
     in.may_stream = !plan.pinned("photo_bytes");
     in.may_compact = !plan.pinned("tv.lists");
     in.may_leave_harmonics = !plan.pinned("optim.harmonics");
-    plan.apply(plan_machines(scene, options.train, in));
     if (const auto waiting = plan_waiting(scene, options.train, in)) plan.apply(*waiting);
+    plan.apply(plan_machines(scene, options.train, in));
 }
 
 /// Chooses the settings to start from; returns whether they are the dense ones.

@@ -221,7 +221,7 @@ public:
     }
 
     /// From now on forward() takes harmonics from what `fetch` gives, and not from the Gaussians:
-    /// those of all splats lie where it is far to go for them. To be implemented where it fuses.
+    /// those of all splats are not up to date. To be implemented where it fuses.
     virtual void set_harmonics(FetchHarmonics /*fetch*/) {
         throw Error(ExitCode::internal, "a backbone that fuses does not fetch harmonics");
     }

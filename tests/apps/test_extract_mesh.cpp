@@ -158,6 +158,17 @@ TEST_F(ExtractMesh, ALimitUndoesThePlannedBackground) {
 }
 
 /// All formats of one mesh have the same scores, the turn of a GLB and its copies at seams or not.
+TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
+    const std::string flags = "--mesh-resolution 120 --truncation 0.25 --no-preview --set ";
+    std::size_t vertices = 0;
+    for (const char* limit : {"0.01", "1000"}) {
+        const Result r = extract(flags + "mesh.lone_jump_px=" + limit);
+        ASSERT_EQ(r.code, 0) << r;
+        EXPECT_GT(radii().size(), vertices);
+        vertices = radii().size();
+    }
+}
+
 TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     std::string expected;
     for (const std::string out : {"same.ply", "same.glb", "same.obj"}) {

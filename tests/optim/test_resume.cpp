@@ -190,6 +190,23 @@ TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
     check_harmonics(scene, batched, true);  // they are to stay
 }
 
+TEST(Repeat, ColoursThatCannotWaitDoNot) {
+    const Scene scene = rendered_scene();
+    for (const KeepHarmonics keep :
+         {KeepHarmonics::device, KeepHarmonics::waiting, KeepHarmonics::host}) {
+        TrainOptions alone = everything_on(2);
+        alone.optim.harmonics = keep;
+        TrainOptions batched = alone;
+        batched.comm.batch = 2;
+        EXPECT_EQ(let_wait_where_possible(scene, alone), "");
+        EXPECT_EQ(alone.optim.harmonics, keep);
+        EXPECT_EQ(let_wait_where_possible(scene, batched).empty(), keep != KeepHarmonics::waiting);
+        // Whoever wants them on the host wants the memory: that is refused.
+        EXPECT_EQ(batched.optim.harmonics,
+                  keep == KeepHarmonics::host ? keep : KeepHarmonics::device);
+    }
+}
+
 TEST(Resume, TwiceSixtyAre120) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(120);

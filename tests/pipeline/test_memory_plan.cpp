@@ -244,17 +244,20 @@ TEST(Machines, ColoursOutOfViewWaitWhereTheyAreMany) {
     };
     const auto taken = decided(scene, voting(), enough);
     ASSERT_TRUE(taken);
-    EXPECT_EQ(taken->choice, "wait");
+    EXPECT_EQ(taken->choice, "wait out of view");
     EXPECT_EQ(taken->settings, (Settings{{"optim.harmonics", "waiting"}}));
     EXPECT_NE(taken->reason.find("of 4.8 M: 4.56 >= 4.5"), std::string::npos) << taken->reason;
     EXPECT_FALSE(decided(scene, voting(), 4700000));
     EXPECT_FALSE(decided(scene_of(9), voting(), 100 * enough)) << "nobody knows what a view sees";
+    Scene more = scene;  // a tenth, a quarter of that more, and a twentieth
+    for (int i = 0; i < 111; ++i) more.points.positions.push_back({0, 0, 2});
+    EXPECT_FALSE(decided(more, voting(), 100 * enough)) << "a view sees too many";
     TrainOptions batched = voting(), waits = voting(), left = voting();
     batched.comm.batch = 2;
     EXPECT_FALSE(decided(scene, batched, enough));
     left.optim.harmonics = KeepHarmonics::host;
     EXPECT_FALSE(decided(scene, left, enough));
-    waits.optim.harmonics = KeepHarmonics::waiting;
+    waits.optim.harmonics = KeepHarmonics::waiting, waits.photo_bytes = 1;
     const std::int64_t takes = estimate_memory(scene, waits, enough, true).buffers.at(enough);
     EXPECT_TRUE(decided(scene, voting(), enough, takes));
     EXPECT_FALSE(decided(scene, voting(), enough, takes - 1000));
