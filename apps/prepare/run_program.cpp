@@ -149,7 +149,9 @@ int run_program(const std::vector<std::string>& command,
         }
     }
     if (!line.empty()) on_line(line);
-    return child.wait();
+    const int code = child.wait();
+    SignalGuard::check();  // it may have ended by the same one
+    return code;
 }
 
 std::string last_lines(const std::string& file, int count) {
