@@ -109,11 +109,11 @@ TEST(MeshMetrics, ParallelSquares) {
 
 TEST(MeshMetrics, Balls) {
     const GeometryMetrics m =
-        evaluate_geometry(surface(test::ball({0, 0, 0}, 1.1, 40)),
-                          surface(test::ball({0, 0, 0}, 1, 40)), nullptr, {{0.11}, 0});
-    // Chords lie inside of the ball by up to 1/8 of their square: 2.5e-4.
-    EXPECT_NEAR(m.accuracy, 0.1, 5e-4);
-    EXPECT_NEAR(m.completeness, 0.1, 5e-4);
+        evaluate_geometry(surface(test::ball({0, 0, 0}, 1.1, 100)),
+                          surface(test::ball({0, 0, 0}, 1, 100)), nullptr, {{0.11}, 0});
+    // Chords lie inside of the ball by up to 1/8 of their square: 4e-5.
+    EXPECT_NEAR(m.accuracy, 0.1, 1e-4);
+    EXPECT_NEAR(m.completeness, 0.1, 1e-4);
     EXPECT_EQ(m.thresholds[0].f1, 1);
 }
 
@@ -124,7 +124,7 @@ TEST(MeshMetrics, FiguresDoNotDependOnTheTriangles) {
     const MeasuredSurface truth = surface(test::box({-1, -1, -1}, {1, 1, 1}));
     const GeometryOptions options{{0.05, 0.2}, 0};
     const GeometryMetrics few = evaluate_geometry(surface(turned(1)), truth, nullptr, options),
-                          many = evaluate_geometry(surface(turned(60)), truth, nullptr, options);
+                          many = evaluate_geometry(surface(turned(150)), truth, nullptr, options);
     EXPECT_NEAR(few.accuracy, many.accuracy, 1e-6);
     EXPECT_NEAR(few.completeness, many.completeness, 1e-6);
     EXPECT_NEAR(few.median_accuracy, many.median_accuracy, 1e-6);
