@@ -359,10 +359,8 @@ int train_command(int argc, char* const* argv, Processes& job) {
     const ProcessCount count{processes, peers == nullptr ? 1 : peers->local_size()};
     RunPlan plan(table);
     Scene scene = read_training_scene(device, arguments, options, table, plan, count);
-    if (const std::string why = let_wait_where_possible(scene, options.train); !why.empty())
+    if (const std::string why = settle_harmonics(scene, options.train); !why.empty())
         spdlog::info("optim.harmonics = device, not waiting: {}", why);
-    check_harmonics(scene, options.train,
-                    make_backbone<Cpu>(options.train.backbone, options.train.render)->fuses());
     if (arguments.plan) {
         if (!leads) return 0;
         std::fputs(plan.text().c_str(), stdout);

@@ -21,7 +21,7 @@ struct DepthRules {
     Vec3f centre;
     DepthWeighting weighting = DepthWeighting::unit;
     bool trust = false;       // weights are of mesh/pixel_trust.h; needs DepthWeighting::unit
-    float jump_px = kJumpPx;  // of mesh/pixel_trust.h
+    float jump_px = kJumpPx;  // largest beside a trusted pixel
 
     /// Also true without a box. NaN is outside.
     TVSGS_HD bool in_box(Vec3f p) const {

@@ -56,7 +56,7 @@ struct PixelTrustBody {
     Span<const float> rendered;  // [H W] the depths themselves, not rounded to steps
     Span<const Vec3f> normals;   // [H W]
     Span<float> weight;          // [H W]
-    float jump_px;               // as kJumpPx
+    float jump_px;               // largest beside a trusted pixel
 
     TVSGS_HD SurfacePixel at(int x, int y) const {
         const int i = y * camera.width_px + x;

@@ -34,20 +34,23 @@ std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, 
     return "";
 }
 
-std::string let_wait_where_possible(const Scene& scene, TrainOptions& options) {
-    if (options.optim.harmonics != KeepHarmonics::waiting) return "";
-    const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
-    const std::string why = why_harmonics_stay(scene, options, fuses);
-    if (!why.empty()) options.optim.harmonics = KeepHarmonics::device;
-    return why;
-}
-
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses) {
     if (!waits(options.optim)) return;
     const bool host = options.optim.harmonics == KeepHarmonics::host;
     if (const std::string why = why_harmonics_stay(scene, options, fuses); !why.empty())
         throw Error(ExitCode::usage, str("optim.harmonics = ", host ? "host" : "waiting", ": ", why,
                                          "; expected optim.harmonics = device, or a run without"));
+}
+
+std::string settle_harmonics(const Scene& scene, TrainOptions& options) {
+    const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
+    if (options.optim.harmonics != KeepHarmonics::waiting) {
+        check_harmonics(scene, options, fuses);
+        return "";
+    }
+    const std::string why = why_harmonics_stay(scene, options, fuses);
+    if (!why.empty()) options.optim.harmonics = KeepHarmonics::device;
+    return why;
 }
 
 void check_ranks(const TrainOptions& options, int ranks) {

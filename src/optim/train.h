@@ -197,12 +197,12 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 /// can. `fuses`: of the rasteriser.
 std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
 
-/// Where steps of harmonics are to wait on the device and cannot, none does: another run's
-/// configuration may ask for it, and the results are the same. Returns why; empty: as they were to.
-std::string let_wait_where_possible(const Scene& scene, TrainOptions& options);
-
 /// Throws Error(ExitCode::usage) where they are to wait all the same. train() does so, too.
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);
+
+/// As check_harmonics(), but where they are to wait on the device and cannot, none does: another
+/// run's configuration may ask for it, and the results are the same. Returns why; else nothing.
+std::string settle_harmonics(const Scene& scene, TrainOptions& options);
 
 /// Throws Error(ExitCode::usage) where there are more processes than photographs of a step, or a
 /// term keeps what one process alone knows.

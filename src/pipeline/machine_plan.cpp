@@ -184,16 +184,14 @@ std::optional<Decision> plan_waiting(const Scene& scene,
     if (in.may_stream) waits.photo_bytes = 1;  // which costs no time
     const MemoryPlan needs = estimate_memory(scene, waits, in.first, in.cuda, in.processes);
     if (fitting(needs, in.limits) < in.expected.count) return {};
-    return Decision{"colours",
-                    "wait out of view",
-                    str("millions of splats out of view, of ", splats_text(in.first), ": ",
-                        digits(out), " >= ", kMillionsOutOfView,
-                        "; share in view, with some to "
-                        "spare: ",
-                        digits(share), " <= ", kShareInView),
-                    out,
-                    kMillionsOutOfView,
-                    {{"optim.harmonics", "waiting"}}};
+    return Decision{
+        "colours",
+        "wait out of view",
+        str("millions of splats out of view, of ", splats_text(in.first), ": ", digits(out),
+            " >= ", kMillionsOutOfView, "; share in view: ", digits(share), " <= ", kShareInView),
+        out,
+        kMillionsOutOfView,
+        {{"optim.harmonics", "waiting"}}};
 }
 
 }  // namespace tvsgs

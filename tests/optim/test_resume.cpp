@@ -192,19 +192,19 @@ TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
 
 TEST(Repeat, ColoursThatCannotWaitDoNot) {
     const Scene scene = rendered_scene();
+    TrainOptions options = everything_on(2);
+    const auto settled = [&](KeepHarmonics keep, int batch) {
+        options.optim.harmonics = keep, options.comm.batch = batch;
+        const std::string why = settle_harmonics(scene, options);
+        EXPECT_EQ(why.empty(), options.optim.harmonics == keep) << why;
+        return options.optim.harmonics;
+    };
     for (const KeepHarmonics keep :
-         {KeepHarmonics::device, KeepHarmonics::waiting, KeepHarmonics::host}) {
-        TrainOptions alone = everything_on(2);
-        alone.optim.harmonics = keep;
-        TrainOptions batched = alone;
-        batched.comm.batch = 2;
-        EXPECT_EQ(let_wait_where_possible(scene, alone), "");
-        EXPECT_EQ(alone.optim.harmonics, keep);
-        EXPECT_EQ(let_wait_where_possible(scene, batched).empty(), keep != KeepHarmonics::waiting);
-        // Whoever wants them on the host wants the memory: that is refused.
-        EXPECT_EQ(batched.optim.harmonics,
-                  keep == KeepHarmonics::host ? keep : KeepHarmonics::device);
-    }
+         {KeepHarmonics::device, KeepHarmonics::waiting, KeepHarmonics::host})
+        EXPECT_EQ(settled(keep, 1), keep);
+    EXPECT_EQ(settled(KeepHarmonics::waiting, 2), KeepHarmonics::device);
+    // Whoever wants them on the host wants the memory.
+    EXPECT_THROW(settled(KeepHarmonics::host, 2), Error);
 }
 
 TEST(Resume, TwiceSixtyAre120) {

@@ -1,0 +1,408 @@
+// The step that is taken without gradients in memory, and the one whose harmonics wait: the same
+// bits as the plain way, for every rasteriser and set of maps.
+#include <algorithm>
+#include <cstring>
+#include <functional>
+#include <sstream>
+
+#include "core/error.h"
+#include "optim/adam.h"
+#include "render/backbone.h"
+#include "support/random_gaussians.h"
+
+namespace tvsgs {
+namespace {
+
+using test::close;
+
+/// Three cameras, of which none sees all splats.
+Camera narrow_camera(int view) {
+    Camera c = test::test_camera(24, 16, 0.5f * static_cast<float>(view));
+    c.fx_px *= 3, c.fy_px *= 3;
+    return c;
+}
+
+std::vector<Camera> narrow_cameras() {
+    return {narrow_camera(0), narrow_camera(1), narrow_camera(2)};
+}
+
+/// What is left after steps on given image gradients.
+struct Stepped {
+    Gaussians<Cpu> g, m, v;
+    std::vector<Vec2f> by_ndc, abs_by_ndc;  // statistics of the last step
+    std::vector<int> front;
+    std::vector<float> radii_px;
+    std::vector<Vec3f> behind;  // harmonics before the steps were taken that waited
+};
+
+enum class Way { in_memory, fused, waiting, on_host };
+
+/// A rasteriser that makes `maps`, and depth as `depth` says.
+struct Drawn {
+    std::string backbone;
+    SurfaceDepth depth;
+    Maps maps;
+};
+std::string text(const Drawn& d) {
+    return d.backbone + ", depth " + std::to_string(static_cast<int>(d.depth)) + ": " +
+           names_of(d.maps);
+}
+
+/// Everything that each of ours makes.
+std::vector<Drawn> all_drawn() {
+    std::vector<Drawn> all;
+    std::istringstream names(backbones_of(true) + ", " + backbones_of(false));
+    for (std::string name; names >> name;) {
+        if (name.back() == ',') name.pop_back();
+        const Maps maps = make_backbone<Cpu>(name, {})->maps();
+        all.push_back({name, SurfaceDepth::automatic, Maps::color});
+        for (const SurfaceDepth depth :
+             {SurfaceDepth::plane, SurfaceDepth::expected, SurfaceDepth::median})
+            try {
+                BackboneOptions options;
+                options.depth = depth;
+                make_backbone<Cpu>(name, options);
+                all.push_back({name, depth, maps});
+                all.push_back({name, depth, without(maps, Maps::color)});
+            } catch (const Error& refused) {
+                EXPECT_EQ(refused.code(), ExitCode::usage);
+            }
+    }
+    EXPECT_GE(all.size(), 17u);  // three rasterisers, two or three depths each
+    return all;
+}
+
+/// Gradients by `maps` of what was rendered.
+template <class Device>
+ImageGradients<Device> noise_for(const RenderedImages<Device>& images, Maps maps, unsigned seed) {
+    ImageGradients<Device> dL;
+    const auto vectors = [&](Maps map, const auto& image, auto& gradient) {
+        if (!has(maps, map)) return;
+        test::Random random(seed);
+        std::vector<Vec3f> noise(image.size());
+        for (Vec3f& p : noise) p = vec_cast<float>(random.normal3());
+        copy(noise, gradient);
+    };
+    const auto numbers = [&](Maps map, const auto& image, auto& gradient) {
+        if (has(maps, map)) copy(std::vector<float>(image.size(), 2), gradient);
+    };
+    vectors(Maps::color, images.color, dL.color);
+    vectors(Maps::normal, images.normal, dL.normal);
+    numbers(Maps::depth, images.depth, dL.depth);
+    numbers(Maps::distortion, images.distortion, dL.distortion);
+    numbers(Maps::expected_depth, images.expected_depth, dL.expected_depth);
+    return dL;
+}
+
+/// A view after the other. `without_map`: it has no gradient.
+template <class Device>
+Stepped step_views(
+    Way way, int steps, const Drawn& drawn, bool with_extra = true, Maps without_map = Maps::none) {
+    Gaussians<Device> g, extra, gradients;
+    const bool waits = way == Way::waiting || way == Way::on_host;
+    if (way == Way::on_host) g.sh.put(Memory::host);
+    copy(test::random_gaussians(120, 7, 0.05), g);
+    BackboneOptions render;
+    render.depth = drawn.depth;
+    const auto backbone = make_backbone<Device>(drawn.backbone, render);
+    backbone->prepare(0, true, narrow_cameras(), g);
+    AdamOptions options;
+    options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
+    Adam<Device> adam(options, g, 1, nullptr, way == Way::waiting);
+    if (waits)
+        backbone->set_harmonics([&](const SplatPlaces& places, std::size_t room, int degree) {
+            return adam.fetch_harmonics(places, room, degree, g);
+        });
+    for (int t = 1; t <= steps; ++t) {
+        const int degree = std::min(3, t / 8);
+        if (with_extra) {
+            Gaussians<Cpu> host = test::random_gaussians(120, 100 + static_cast<unsigned>(t));
+            host.sh.resize(0);
+            copy(host, extra);
+        }
+        const auto dL_dimages =
+            noise_for(backbone->forward(g, narrow_camera(t % 3), degree, drawn.maps),
+                      without(drawn.maps, without_map), static_cast<unsigned>(t));
+        if (way != Way::in_memory) {
+            adam.step(t, 1, degree, *backbone->blend_backward(g, dL_dimages), extra, g, true);
+        } else {
+            resize(gradients, g.size(), 3);
+            fill_zero(gradients);
+            if (with_extra) {
+                copy(extra.means, gradients.means), copy(extra.log_scales, gradients.log_scales);
+                copy(extra.quats, gradients.quats);
+                copy(extra.opacity_logits, gradients.opacity_logits);
+            }
+            backbone->backward(g, dL_dimages, gradients);
+            adam.step(t, 1, degree, gradients, g, true);
+        }
+        backbone->prepare(t, false, narrow_cameras(), g);
+    }
+    Stepped out;
+    if (waits) {
+        out.behind = to_host(g.sh);
+        adam.catch_up(g);
+    }
+    copy(g, out.g), copy(adam.first_moments(), out.m), copy(adam.second_moments(), out.v);
+    const ScreenStatistics<Device>& seen = backbone->statistics();
+    out.by_ndc = to_host(seen.dL_dmeans2d), out.abs_by_ndc = to_host(seen.abs_dL_dmeans2d);
+    out.front = to_host(seen.front_pixels), out.radii_px = to_host(seen.radii_px);
+    return out;
+}
+
+template <class T>
+bool same_bits(const std::vector<T>& a, const std::vector<T>& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+template <class T>
+bool same_bits(const Buffer<T, Cpu>& a, const Buffer<T, Cpu>& b) {
+    return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof(T)) == 0;
+}
+bool same_bits(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
+    return same_bits(a.means, b.means) && same_bits(a.log_scales, b.log_scales) &&
+           same_bits(a.quats, b.quats) && same_bits(a.opacity_logits, b.opacity_logits) &&
+           same_bits(a.sh, b.sh);
+}
+bool same_bits(const Stepped& a, const Stepped& b) {
+    return same_bits(a.g, b.g) && same_bits(a.m, b.m) && same_bits(a.v, b.v) &&
+           same_bits(a.by_ndc, b.by_ndc) && same_bits(a.abs_by_ndc, b.abs_by_ndc) &&
+           same_bits(a.front, b.front);
+}
+
+TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
+#if defined(__FMA__)
+    GTEST_SKIP() << "built for a processor on which the compiler fuses as it likes";
+#endif
+    for (const Drawn& drawn : all_drawn())
+        EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40, drawn),
+                              step_views<Cpu>(Way::fused, 40, drawn)))
+            << text(drawn);
+}
+
+template <class Device>
+void expect_waiting_changes_nothing(const Drawn& drawn, int steps) {
+    const Stepped fused = step_views<Device>(Way::fused, steps, drawn);
+    for (const Way way : {Way::waiting, Way::on_host}) {
+        const Stepped waited = step_views<Device>(way, steps, drawn);
+        EXPECT_TRUE(same_bits(waited, fused)) << text(drawn);
+        EXPECT_FALSE(same_bits(waited.behind, to_host(waited.g.sh)))
+            << text(drawn) << ": none waited";
+    }
+}
+
+template <class Device>
+void steps_that_wait_give_the_same_bits() {
+    bool more_than_may_wait = true;  // once, for the time
+    for (const Drawn& drawn : all_drawn()) {
+        if (!has(drawn.maps, Maps::color)) continue;
+        expect_waiting_changes_nothing<Device>(
+            drawn, more_than_may_wait ? WaitingHarmonics<Device>::kMost + 30 : 40);
+        more_than_may_wait = false;
+    }
+}
+
+TEST(FusedStep, StepsThatWaitGiveTheSameBits) {
+    steps_that_wait_give_the_same_bits<Cpu>();
+}
+
+/// Of splats that draw nothing, some of them in view.
+struct HiddenVjp {
+    static constexpr bool kColor = true;
+    struct {
+        SplatPlaces places;
+    } sums;
+    template <class Visit>
+    bool operator()(int, const SplatGeometry&, SplatGeometry&, Visit&) const {
+        return false;
+    }
+    void observe(int) const {}
+};
+
+TEST(FusedStep, HiddenOnesInViewDoNotFallFarBehind) {
+    // Splat 1 is in view, splat 0 is not.
+    const std::vector<float> radii{0, 1};
+    const std::vector<std::uint32_t> before{0, 0, 1};
+    const HiddenVjp vjp{{{{radii.data(), 2}, {before.data(), 3}}}};
+    Gaussians<Cpu> g, m, v;
+    for (Gaussians<Cpu>* of : {&g, &m, &v}) resize(*of, 2, 0), fill_zero(*of);
+    Vec3f value{1, 1, 1}, first{1, 1, 1}, second{1, 1, 1};
+    std::uint16_t taken[] = {3, 3};
+    AdamStep step{geometry_spans(g),
+                  geometry_spans(m),
+                  geometry_spans(v),
+                  {},
+                  {&value, &first, &second, 1, 1},
+                  {},
+                  {0.5f, 0.5f, 1, adam_decay(1)},
+                  true,
+                  nullptr,
+                  taken};
+    const auto both = [&](int due) {
+        step.due = due;
+        for (const int i : {0, 1}) step_splat_in_view<1>(vjp, step, i);
+    };
+    both(3 + kMostInVain - 1);
+    EXPECT_EQ(taken[1], 3) << "one that waits costs less than bringing it back";
+    EXPECT_EQ(value.x, 1);
+    step.sh.stride = 0;  // of a view without colours
+    both(3 + kMostInVain);
+    EXPECT_EQ(taken[1], 3);
+    step.sh.stride = 1;
+    both(3 + kMostInVain);
+    EXPECT_EQ(taken[1], 3 + kMostInVain + 1);
+    EXPECT_LT(value.x, 1);
+    EXPECT_FLOAT_EQ(first.x, 0.9f);
+    EXPECT_EQ(taken[0], 3) << "it is not in view";
+}
+
+TEST(FusedStep, WithoutColoursNoneIsAskedFor) {
+    for (const Drawn& drawn : all_drawn()) {
+        if (has(drawn.maps, Maps::color)) continue;
+        EXPECT_TRUE(same_bits(step_views<Cpu>(Way::waiting, 3, drawn),
+                              step_views<Cpu>(Way::fused, 3, drawn)))
+            << text(drawn);
+    }
+}
+
+TEST(FusedStep, EachMapHasItsShare) {
+    for (const Drawn& drawn : all_drawn()) {
+        const Stepped all = step_views<Cpu>(Way::fused, 1, drawn, false);
+        for (const Maps map :
+             {Maps::color, Maps::normal, Maps::depth, Maps::distortion, Maps::expected_depth}) {
+            if (!has(drawn.maps, map)) continue;
+            const Stepped less = step_views<Cpu>(Way::fused, 1, drawn, false, map);
+            EXPECT_FALSE(same_bits(all.m, less.m)) << text(drawn) << " without " << names_of(map);
+        }
+    }
+}
+
+TEST(FusedStep, SplatsOutOfViewGoOnByTheirMoments) {
+    for (const Drawn& drawn : all_drawn()) {
+        const Stepped one = step_views<Cpu>(Way::fused, 1, drawn, false),
+                      two = step_views<Cpu>(Way::fused, 2, drawn, false);
+        int alone = 0;
+        for (std::size_t i = 0; i < 120; ++i) {
+            const Vec3f m = one.m.means[i];
+            if (two.radii_px[i] > 0 || !(norm(m) > 0)) continue;
+            ++alone;
+            EXPECT_EQ(two.m.means[i].x, 0.9f * m.x) << text(drawn) << ", " << i;
+            EXPECT_EQ(two.m.sh[i].y, 0.9f * one.m.sh[i].y) << text(drawn) << ", " << i;
+            EXPECT_NE(two.g.means[i].x, one.g.means[i].x) << text(drawn) << ", " << i;
+        }
+        EXPECT_GT(alone, 1) << text(drawn);
+    }
+}
+
+TEST(FusedStep, TheThicknessOfADiscHasNoGradient) {
+    for (const Drawn& drawn : all_drawn()) {
+        if (!make_backbone<Cpu>(drawn.backbone, {})->flat()) continue;
+        const Stepped stepped = step_views<Cpu>(Way::fused, 3, drawn, false);
+        for (std::size_t i = 0; i < 120; ++i)
+            EXPECT_EQ(stepped.m.log_scales[i].z, 0) << text(drawn) << ", " << i;
+    }
+}
+
+TEST(FusedStep, StatisticsAloneAreThoseOfTheStep) {
+    for (const Drawn& drawn : all_drawn()) {
+        Gaussians<Cpu> g = test::random_gaussians(120, 7, 0.05);
+        BackboneOptions render;
+        render.depth = drawn.depth;
+        const auto backbone = make_backbone<Cpu>(drawn.backbone, render);
+        backbone->prepare(0, true, narrow_cameras(), g);
+        const auto dL_dimages =
+            noise_for(backbone->forward(g, narrow_camera(1), 0, drawn.maps), drawn.maps, 1);
+        write_statistics(Cpu{}, *backbone->blend_backward(g, dL_dimages));
+        const auto& alone = backbone->statistics();
+        const Stepped stepped = step_views<Cpu>(Way::fused, 1, drawn);
+        EXPECT_TRUE(same_bits(to_host(alone.dL_dmeans2d), stepped.by_ndc)) << text(drawn);
+        EXPECT_TRUE(same_bits(to_host(alone.abs_dL_dmeans2d), stepped.abs_by_ndc)) << text(drawn);
+        EXPECT_TRUE(same_bits(to_host(alone.front_pixels), stepped.front)) << text(drawn);
+        backbone->observe(g);
+        EXPECT_TRUE(same_bits(to_host(alone.front_pixels), stepped.front)) << text(drawn);
+        for (const Vec2f by : to_host(alone.dL_dmeans2d)) EXPECT_EQ(dot(by, by), 0) << text(drawn);
+    }
+}
+
+TEST(FusedStep, AHaltedStepChangesNothing) {
+    for (const Drawn& drawn : all_drawn()) {
+        Gaussians<Cpu> g = test::random_gaussians(50, 7, 0.05), none, before;
+        copy(g, before);
+        BackboneOptions render;
+        render.depth = drawn.depth;
+        const auto backbone = make_backbone<Cpu>(drawn.backbone, render);
+        Adam<Cpu> adam({}, g);
+        const auto dL_dimages =
+            noise_for(backbone->forward(g, narrow_camera(0), 3, drawn.maps), drawn.maps, 1);
+        const int halted = 1;
+        adam.step(1, 1, 3, *backbone->blend_backward(g, dL_dimages), none, g, true, &halted);
+        EXPECT_TRUE(same_bits(g, before)) << text(drawn);
+    }
+}
+
+/// All but a few of the first moments are the same to a thousandth of their middle size.
+template <class T>
+void expect_few_differ(const Buffer<T, Cpu>& a, const Buffer<T, Cpu>& b, const std::string& what) {
+    ASSERT_EQ(a.size(), b.size()) << what;
+    const std::size_t count = a.size() * sizeof(T) / sizeof(float);
+    const auto* const p = reinterpret_cast<const float*>(a.data());
+    const auto* const q = reinterpret_cast<const float*>(b.data());
+    std::vector<float> sizes;
+    for (std::size_t i = 0; i < count; ++i)
+        if (p[i] != 0) sizes.push_back(std::abs(p[i]));
+    if (sizes.empty()) {
+        EXPECT_TRUE(same_bits(a, b)) << what;
+        return;
+    }
+    const auto middle = sizes.begin() + static_cast<std::ptrdiff_t>(sizes.size() / 2);
+    std::nth_element(sizes.begin(), middle, sizes.end());
+    std::size_t differ = 0;
+    for (std::size_t i = 0; i < count; ++i)
+        differ += !close(double{p[i]}, double{q[i]}, 1e-3, double{*middle});
+    EXPECT_LE(differ, 1 + sizes.size() / 50) << what << ": " << differ << " of " << sizes.size();
+}
+void expect_few_differ(const Stepped& a, const Stepped& b, const std::string& what) {
+    expect_few_differ(a.m.means, b.m.means, what + ", means");
+    expect_few_differ(a.m.log_scales, b.m.log_scales, what + ", scales");
+    expect_few_differ(a.m.quats, b.m.quats, what + ", quats");
+    expect_few_differ(a.m.opacity_logits, b.m.opacity_logits, what + ", opacities");
+    expect_few_differ(a.m.sh, b.m.sh, what + ", sh");
+}
+
+/// One step from the same start; later ones part, as Adam takes the full step whatever is left of a
+/// gradient after rounding.
+TEST(AdamTwins, CpuAgainstCuda) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        const Drawn colors{"ewa", SurfaceDepth::automatic, Maps::color};
+        const Stepped a = step_views<Cpu>(Way::fused, 1, colors, false),
+                      b = step_views<Cuda>(Way::fused, 1, colors, false);
+        for (std::size_t i = 0; i < 120; ++i) {
+            // Gradients are sums over pixels whose alphas differ by 1e-6 of themselves.
+            EXPECT_TRUE(close(a.m.means[i].x, b.m.means[i].x, 1e-3, 1e-4)) << i;
+            EXPECT_TRUE(close(a.m.opacity_logits[i], b.m.opacity_logits[i], 1e-3, 1e-4)) << i;
+            EXPECT_TRUE(close(a.m.sh[i].y, b.m.sh[i].y, 1e-3, 1e-4)) << i;
+            EXPECT_NEAR(std::abs(a.g.sh[i].y), std::abs(b.g.sh[i].y), 5.1e-3) << i;
+        }
+    }
+}
+
+/// The sums over pixels are the same bits both ways; what differs is how the compiler rounds the
+/// rest. The second step finds splats out of view, and gradients of losses.
+TEST(AdamTwins, FusedOnAGpuIsAsInMemory) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) {
+        for (const Drawn& drawn : all_drawn())
+            for (const int steps : {1, 2})
+                expect_few_differ(step_views<Cuda>(Way::in_memory, steps, drawn, steps == 2),
+                                  step_views<Cuda>(Way::fused, steps, drawn, steps == 2),
+                                  text(drawn));
+    }
+}
+
+TEST(AdamTwins, StepsThatWaitGiveTheSameBits) {
+    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
+    if constexpr (kHasCuda) steps_that_wait_give_the_same_bits<Cuda>();
+}
+
+}  // namespace
+}  // namespace tvsgs
