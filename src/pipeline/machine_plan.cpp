@@ -11,9 +11,10 @@ namespace {
 
 constexpr std::int64_t kGrowth = 5;  // final splats per first one; chosen, not measured
 // Millions of splats out of view from which on it is faster that their colours wait, and the share
-// in view up to which it is: by measured times, one in view costs as much as five others save.
+// in view up to which it is: by measured times, one in view costs as much as five to twelve others
+// save.
 // [docs/develop/performance.md#colours-that-wait]
-constexpr double kMillionsOutOfView = 4.5, kShareInView = 0.15;
+constexpr double kMillionsOutOfView = 2.5, kShareInView = 0.13;
 
 /// Three digits.
 std::string digits(double value) {

@@ -235,7 +235,7 @@ TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
 
 TEST(Machines, ColoursOutOfViewWaitWhereTheyAreMany) {
     const Scene scene = scene_with_few_in_view();  // a twentieth, as it is foreseen
-    const std::int64_t enough = 4800000;           // 4.56 million out of view
+    const std::int64_t enough = 2800000;           // 2.66 million out of view
     const auto decided = [&](const Scene& of, const TrainOptions& options, std::int64_t splats,
                              std::int64_t room = std::int64_t{1} << 40) {
         MachineInputs in = inputs(splats, {room, room});
@@ -246,8 +246,8 @@ TEST(Machines, ColoursOutOfViewWaitWhereTheyAreMany) {
     ASSERT_TRUE(taken);
     EXPECT_EQ(taken->choice, "wait out of view");
     EXPECT_EQ(taken->settings, (Settings{{"optim.harmonics", "waiting"}}));
-    EXPECT_NE(taken->reason.find("of 4.8 M: 4.56 >= 4.5"), std::string::npos) << taken->reason;
-    EXPECT_FALSE(decided(scene, voting(), 4700000));
+    EXPECT_NE(taken->reason.find("of 2.8 M: 2.66 >= 2.5"), std::string::npos) << taken->reason;
+    EXPECT_FALSE(decided(scene, voting(), 2600000));
     EXPECT_FALSE(decided(scene_of(9), voting(), 100 * enough)) << "nobody knows what a view sees";
     Scene more = scene;  // a tenth, a quarter of that more, and a twentieth
     for (int i = 0; i < 111; ++i) more.points.positions.push_back({0, 0, 2});
