@@ -1,6 +1,7 @@
 // What one view alone has seen: which of its pixels are trusted, and what others take away.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <functional>
 
@@ -128,10 +129,10 @@ TEST(Trust, OneViewAloneKeepsWhatIsAwayFromTheEdge) {
     const TriangleMesh all = fused<Cpu>(one, false), trusted = fused<Cpu>(one, true);
     EXPECT_GT(count(all, on_curtain), 50);
     EXPECT_EQ(count(trusted, on_curtain), 0);
-    // A column of pixels at each side of the edge loses its say, of 60.
-    EXPECT_GT(count(trusted, on_screen), 0.96 * count(all, on_screen));
-    EXPECT_LT(count(trusted, on_screen), count(all, on_screen));
+    // A column of pixels of 60 loses its say, on the far side of the edge.
+    EXPECT_EQ(count(trusted, on_screen), count(all, on_screen));
     EXPECT_GT(count(trusted, on_wall), 0.96 * count(all, on_wall));
+    EXPECT_LT(count(trusted, on_wall), count(all, on_wall));
 }
 
 TEST(Trust, TwoViewsConfirmWhatNeitherMay) {
@@ -226,18 +227,20 @@ SurfacePixel pixel_on_plane(double slope, double x, double extra = 0) {
             vec_cast<float>(Vec3d{3 * slope, 0, -3})};
 }
 
+constexpr float kQuarter = 0.25f;  // of a pixel
+
 TEST(PixelTrust, PlanesAreSmoothAtAnySlant) {
     for (const double slope : {0.0, 0.7, -5.0, 50.0}) {
         const SurfacePixel a = pixel_on_plane(slope, 0.005), b = pixel_on_plane(slope, 0.015);
         EXPECT_NEAR(a.depth_at(b.ray), b.depth, 2e-5 * b.depth);
-        EXPECT_FALSE(is_jump(a, b, 100, kJumpPx)) << slope;
+        EXPECT_FALSE(is_jump(a, b, 100, kQuarter)) << slope;
     }
     // Frontally, a quarter of a pixel at depth 2 is 0.005; at 60 degrees, twice as much.
     const SurfacePixel flat = pixel_on_plane(0, 0);
     EXPECT_NEAR(flat.width(100), 0.02, 1e-7);
-    EXPECT_FALSE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0049), 100, kJumpPx));
-    EXPECT_TRUE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0051), 100, kJumpPx));
-    EXPECT_TRUE(is_jump(pixel_on_plane(0, 0.01, -0.0051), flat, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0049), 100, kQuarter));
+    EXPECT_TRUE(is_jump(flat, pixel_on_plane(0, 0.01, 0.0051), 100, kQuarter));
+    EXPECT_TRUE(is_jump(pixel_on_plane(0, 0.01, -0.0051), flat, 100, kQuarter));
     const double slope = std::tan(M_PI / 3);
     EXPECT_NEAR(pixel_on_plane(slope, 0).width(100), 0.04, 1e-6);
     EXPECT_NEAR(pixel_on_plane(1e4, 0).width(100), 0.2, 1e-6) << "ten times at most";
@@ -247,26 +250,26 @@ TEST(PixelTrust, FoldsAreSmoothJumpsAreNot) {
     // Either plane leading to the other pixel is enough: one of the two normals may be wrong.
     SurfacePixel a = pixel_on_plane(2, 0), b = pixel_on_plane(2, 0.01);
     b.normal = {0, 0, -1};
-    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
-    EXPECT_FALSE(is_jump(b, a, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(a, b, 100, kQuarter));
+    EXPECT_FALSE(is_jump(b, a, 100, kQuarter));
     a.normal = {0, 0, -1};
-    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     // The wider of two pixels is the measure: one is seen edge-on, and reaches 0.2 far.
     b = {a.ray, a.depth + 0.04f, {1, 0, 0}};
-    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
-    EXPECT_FALSE(is_jump(b, a, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(a, b, 100, kQuarter));
+    EXPECT_FALSE(is_jump(b, a, 100, kQuarter));
     b.depth = a.depth + 0.06f;
-    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     b.ray = pixel_on_plane(2, 0.01).ray;
     // Without a normal, a depth leads to itself.
     a.normal = b.normal = {};
     EXPECT_EQ(a.depth_at(b.ray), a.depth);
     b.depth = a.depth;
-    EXPECT_FALSE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_FALSE(is_jump(a, b, 100, kQuarter));
     b.depth = 0;
-    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     b.depth = std::nanf("");
-    EXPECT_TRUE(is_jump(a, b, 100, kJumpPx));
+    EXPECT_TRUE(is_jump(a, b, 100, kQuarter));
     // A plane seen edge-on leads nowhere in front.
     b.depth = a.depth, b.normal = {1, 0, 0};
     EXPECT_GT(b.depth_at({-0.5f, 0, 1}), 0);
@@ -282,14 +285,13 @@ std::vector<float> weights(const Surface& surface, DepthRules rules = rules_with
     return to_host(clean.weight);
 }
 
-TEST(PixelTrust, PixelsBesideAJumpAreDoubted) {
-    // The edge at x = 0 lies between columns 59 and 60.
+TEST(PixelTrust, RimsAreTrustedWhatIsBehindThemIsNot) {
+    // The edge at x = 0 lies between columns 59 and 60; the screen ends left of it.
     const std::vector<float> weight = weights<Cpu>(kStep);
-    for (int i = 0; i < kWidth * kHeight; ++i) {
-        const bool doubted = i % kWidth == 59 || i % kWidth == 60;
-        ASSERT_EQ(weight[static_cast<std::size_t>(i)], doubted ? kDoubtedWeight : kTrustedWeight)
+    for (int i = 0; i < kWidth * kHeight; ++i)
+        ASSERT_EQ(weight[static_cast<std::size_t>(i)],
+                  i % kWidth == 60 ? kDoubtedWeight : kTrustedWeight)
             << i;
-    }
     // The same edge from above to below, between rows 29 and 30.
     const Surface turned = [](Vec3d, Vec3d ray) -> Hit {
         return {ray.y < 0 ? 2 : 2.1, {0, 0, -1}};
@@ -297,19 +299,19 @@ TEST(PixelTrust, PixelsBesideAJumpAreDoubted) {
     const std::vector<float> rows = weights<Cpu>(turned);
     for (int y = 0; y < kHeight; ++y)
         EXPECT_EQ(rows[static_cast<std::size_t>(y) * kWidth + 7],
-                  y == 29 || y == 30 ? kDoubtedWeight : kTrustedWeight)
+                  y == 30 ? kDoubtedWeight : kTrustedWeight)
             << y;
-    // What a rule drops is an edge, too: of the wall alone, where the box begins at x = 0.
+    // What a rule drops is no surface in front: of the wall alone, where the box begins at x = 0.
     DepthRules rules = rules_with(true);
     rules.has_box = true, rules.box_min = {0, -9, 0}, rules.box_max = {9, 9, 9};
     const std::vector<float> boxed = weights<Cpu>(screen(0, 2.1, 20), rules);
-    EXPECT_EQ(boxed[60], kDoubtedWeight);
-    EXPECT_EQ(boxed[61], kTrustedWeight);
+    EXPECT_EQ(boxed[59], kDoubtedWeight);
+    EXPECT_EQ(boxed[60], kTrustedWeight);
     // The edge is 0.1 at depth 2, five pixels.
     for (const float jump_px : {4.5f, 5.5f}) {
         DepthRules limit = rules_with(true);
         limit.jump_px = jump_px;
-        EXPECT_EQ(weights<Cpu>(kStep, limit)[59], jump_px < 5 ? kDoubtedWeight : kTrustedWeight);
+        EXPECT_EQ(weights<Cpu>(kStep, limit)[60], jump_px < 5 ? kDoubtedWeight : kTrustedWeight);
     }
     // Steps of the depth are none of the surface.
     const Surface tilted = [](Vec3d, Vec3d ray) -> Hit {
@@ -319,6 +321,33 @@ TEST(PixelTrust, PixelsBesideAJumpAreDoubted) {
     stepped.depth_step = 0.1f;
     EXPECT_EQ(weights<Cpu>(tilted, stepped), std::vector<float>(kWidth * kHeight, kTrustedWeight));
     EXPECT_TRUE(weights<Cpu>(kStep, rules_with(false)).empty());
+}
+
+// Whether column 60 is trusted, of a picture that is the same in all rows (or, turned, in all
+// columns) but for columns 58 to 62, which have these depths; the others have 2.
+bool trusted_at_60(const std::array<double, 5>& depths, bool turned = false) {
+    const int middle = turned ? kHeight / 2 : 60;
+    const Surface strip = [&](Vec3d, Vec3d ray) -> Hit {
+        const double pixel = turned ? 100 * ray.y + 0.5 * kHeight : 100 * ray.x + 0.5 * kWidth;
+        const int k = static_cast<int>(std::floor(pixel)) - middle + 2;
+        return {k >= 0 && k < 5 ? depths[static_cast<std::size_t>(k)] : 2, {0, 0, -1}};
+    };
+    return weights<Cpu>(strip)[turned ? middle * kWidth + 60 : 60] == kTrustedWeight;
+}
+
+TEST(PixelTrust, ThinThingsAndSlopesBetweenFrontAndBackAreDoubted) {
+    for (const bool turned : {false, true}) {
+        EXPECT_TRUE(trusted_at_60({2, 2, 2, 2, 2}, turned));
+        EXPECT_FALSE(trusted_at_60({2, 2, 1.5, 2, 2}, turned)) << "a pixel alone, in front";
+        EXPECT_FALSE(trusted_at_60({2, 2, 2.5, 2, 2}, turned)) << "a pixel alone, behind";
+        EXPECT_TRUE(trusted_at_60({2, 1.5, 1.5, 2, 2}, turned)) << "two pixels, in front";
+        EXPECT_FALSE(trusted_at_60({2, 2.5, 2.5, 2, 2}, turned)) << "two pixels, behind";
+        EXPECT_TRUE(trusted_at_60({0, 0, 2, 2, 2}, turned)) << "beside nothing";
+        EXPECT_FALSE(trusted_at_60({2, 2, 2, 1.8, 1.6}, turned)) << "where the slope begins";
+        EXPECT_FALSE(trusted_at_60({2, 1.9, 1.8, 1.7, 1.6}, turned)) << "on the slope";
+        EXPECT_FALSE(trusted_at_60({2, 1.5, 1.6, 1.9, 2}, turned)) << "with both";
+        EXPECT_FALSE(trusted_at_60({2, 2, 0, 2, 2}, turned)) << "without a depth";
+    }
 }
 
 TEST(TrustTwin, SameBitsOnBothDevices) {
