@@ -38,7 +38,6 @@ constexpr double kLargestScalePx = 1e5;  // none is larger
 // where one does, up to kLeastViews and from kFewViews on; and how far around it a depth goes by
 // its neighbours from there on.
 constexpr double kBareJumpPx = 0.25, kLeastJumpPx = 0.1, kManyJumpPx = 1;
-constexpr int kDepthFilterPx = 5;
 /// What grows with the pixels of a scene, up to kManyMegapixels.
 struct ByPixels {
     const char *decision, *key;
@@ -304,24 +303,17 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
         plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
                                   kLeastViews, " or fewer: ", kMeshedScalePx, " in full");
     }
-    // With more views what one alone has seen is right more often, rough as it is; and what is
-    // rough is noise more often, as nothing that lies wrong stays.
+    // With more views what one alone has seen is right more often, rough as it is.
     if (share > 0) {
         const double many = std::clamp(static_cast<double>(look.train_views - kLeastViews) /
                                            static_cast<double>(kFewViews - kLeastViews),
                                        0.0, 1.0);
-        const auto by_views = [&](const char* name, const std::string& choice, const char* key,
-                                  const std::string& value, double least) {
-            by_cloud(name, choice, {{key, value}});
-            plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews),
-                                      ", ", kLeastViews, " or fewer: ", number(least));
-        };
         const double covered_px = kLeastJumpPx * std::pow(kManyJumpPx / kLeastJumpPx, many),
                      jump_px = kBareJumpPx * std::pow(covered_px / kBareJumpPx, share);
-        by_views("lone views", str("up to ", number(jump_px), " px"), "mesh.lone_jump_px",
-                 rounded(jump_px), kLeastJumpPx);
-        const std::string filter_px = std::to_string(between(0, kDepthFilterPx, share * many));
-        by_views("depth filter", str(filter_px, " px"), "mesh.depth_filter_px", filter_px, 0);
+        by_cloud("lone views", str("up to ", number(jump_px), " px"),
+                 {{"mesh.lone_jump_px", rounded(jump_px)}});
+        plan.back().reason += str("; training views: ", compared(look.train_views, kFewViews), ", ",
+                                  kLeastViews, " or fewer: ", kLeastJumpPx);
     }
     for (const ByPixels& by : kByPixels) {
         if (!(look.megapixels > by.few_megapixels)) continue;

@@ -264,28 +264,25 @@ TEST(Plan, LargeSplatsOfACoveringCloudAreNotMeshed) {
     EXPECT_EQ(choice(sparse, "meshed splats"), "no such decision");
 }
 
-TEST(Plan, OneOfManyViewsIsTrustedFurtherAndItsDepthIsFiltered) {
+TEST(Plan, OneOfManyViewsIsTrustedFurther) {
     SceneLook look = look_of(patch_scene(3, 10, 3600));
     const auto expect_none = [&](bool dense = false) {
         EXPECT_EQ(choice(plan_of(look, dense), "lone views"), "no such decision");
-        EXPECT_EQ(choice(plan_of(look, dense), "depth filter"), "no such decision");
     };
-    const auto expect = [&](int views, const char* jump_px, const char* filter_px) {
+    const auto expect = [&](int views, const char* jump_px) {
         look.train_views = views;
         const auto plan = plan_of(look);
         EXPECT_TRUE(sets(settings(plan, "lone views"), "mesh.lone_jump_px", jump_px)) << views;
-        EXPECT_TRUE(sets(settings(plan, "depth filter"), "mesh.depth_filter_px", filter_px))
-            << views;
     };
-    expect(1, "0.1", "0");
-    expect(3, "0.1", "0");
-    expect(4, "0.14678", "1");
-    expect(6, "0.31623", "3");
-    expect(9, "1", "5");
-    expect(20, "1", "5");
+    expect(1, "0.1");
+    expect(3, "0.1");
+    expect(4, "0.14678");
+    expect(6, "0.31623");
+    expect(9, "1");
+    expect(20, "1");
     look.points_per_pixel = 0.07;  // five eighths of what covers
-    expect(9, "0.5946", "3");
-    expect(3, "0.141", "0");
+    expect(9, "0.5946");
+    expect(3, "0.141");
     look.points_per_pixel = 0.02;
     expect_none();
     look.points_per_pixel = 1;
