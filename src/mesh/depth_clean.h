@@ -19,10 +19,9 @@ struct DepthRules {
     Vec3f box_min, box_max;  // surface points outside are dropped
     float reach = 0;         // of a contracted volume, from its centre; 0: any
     Vec3f centre;
-    int filter_px = 0;  // depths by their neighbours, up to that far; 0: as rendered
     DepthWeighting weighting = DepthWeighting::unit;
     bool trust = false;       // weights are of mesh/pixel_trust.h; needs DepthWeighting::unit
-    float jump_px = kJumpPx;  // largest within a surface, where one view alone is trusted
+    float jump_px = kJumpPx;  // largest beside a trusted pixel
 
     /// Also true without a box. NaN is outside.
     TVSGS_HD bool in_box(Vec3f p) const {
@@ -46,7 +45,6 @@ struct CleanDepth {
     Buffer<float, Device> depth;         // [H W] 0: dropped
     Buffer<float, Device> weight;        // [H W]; empty: 1
     Buffer<std::uint8_t, Device> fates;  // [H W]
-    Buffer<float, Device> filtered;      // [H W]; empty: the rendered depth was taken
 };
 
 /// Renders' depth without what the rules drop; `clean` is resized and overwritten. `mask` ([H W],

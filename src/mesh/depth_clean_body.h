@@ -4,7 +4,6 @@
 #include "core/parallel.h"
 #include "core/scene.h"
 #include "mesh/depth_clean.h"
-#include "mesh/depth_filter.h"
 
 namespace tvsgs {
 
@@ -20,18 +19,17 @@ enum class DepthFate : std::uint8_t {
     out_of_reach
 };
 
-/// Which depths the rules keep, as they are.
 struct CleanDepthBody {
     Camera camera;
     DepthRules rules;
     Span<const float> rendered_depth, transmittance;
     Span<const Vec3f> normals;
     Span<const std::uint8_t> mask;
-    Span<float> depth;
+    Span<float> depth, weight;  // weight may be empty
     Span<std::uint8_t> fates;
 
-    /// Of pixel i, with depth d.
-    TVSGS_HD DepthFate fate(int i, float d) const {
+    TVSGS_HD DepthFate fate(int i) const {
+        const float d = rendered_depth[i];
         if (!(d - d == 0)) return DepthFate::not_finite;
         if (!(d > 0)) return DepthFate::no_surface;
         if (!(d < rules.depth_max)) return DepthFate::too_far;
@@ -51,35 +49,13 @@ struct CleanDepthBody {
         return DepthFate::kept;
     }
     TVSGS_HD void operator()(int i) const {
-        const DepthFate result = fate(i, rendered_depth[i]);
+        const DepthFate result = fate(i);
         fates[i] = static_cast<std::uint8_t>(result);
-        depth[i] = result == DepthFate::kept ? rendered_depth[i] : 0;
-    }
-};
-
-/// Takes filtered depths where the rules keep them, too.
-struct TakeFilteredBody {
-    CleanDepthBody clean;
-    Span<const float> filtered;
-
-    TVSGS_HD void operator()(int i) const {
-        if (clean.depth[i] > 0 && clean.fate(i, filtered[i]) == DepthFate::kept)
-            clean.depth[i] = filtered[i];
-    }
-};
-
-/// Rounds depths, and weighs them if `weight` is not empty.
-struct FinishDepthBody {
-    Camera camera;
-    DepthRules rules;
-    Span<const Vec3f> normals;
-    Span<float> depth, weight;
-
-    TVSGS_HD void operator()(int i) const {
-        if (rules.depth_step > 0)
-            depth[i] = std::floor(depth[i] / rules.depth_step) * rules.depth_step;
+        float kept = result == DepthFate::kept ? rendered_depth[i] : 0;
+        if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
+        depth[i] = kept;
         if (!weight.empty())
-            weight[i] = depth_weight(rules.weighting, depth[i],
+            weight[i] = depth_weight(rules.weighting, kept,
                                      pixel_ray(camera, i % camera.width_px, i / camera.width_px),
                                      normals[i]);
     }
@@ -92,32 +68,18 @@ DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
                            const DepthRules& rules,
                            CleanDepth<Device>& clean) {
     const std::size_t pixels = rendered.depth.size();
-    const auto for_pixels = [&](const auto& body) {
-        parallel_for(Device{}, static_cast<int>(pixels), body);
-    };
     clean.depth.resize(pixels), clean.fates.resize(pixels);
-    clean.filtered.resize(rules.filter_px > 0 ? pixels : 0);
-    const bool weighted = rules.weighting != DepthWeighting::unit;
-    clean.weight.resize(weighted || rules.trust ? pixels : 0);
-
-    const CleanDepthBody body{camera,
-                              rules,
-                              rendered.depth.span(),
-                              rendered.transmittance.span(),
-                              rendered.normal.span(),
-                              mask,
-                              clean.depth.span(),
-                              clean.fates.span()};
-    for_pixels(body);
-    const PixelMaps maps{camera, std::as_const(clean.depth).span(), rendered.normal.span()};
-    if (rules.filter_px > 0) {
-        for_pixels(DepthFilterBody{maps, clean.filtered.span(), rules.filter_px});
-        for_pixels(TakeFilteredBody{body, std::as_const(clean.filtered).span()});
-    }
-    if (rules.trust) for_pixels(PixelTrustBody{maps, clean.weight.span(), rules.jump_px});
-    if (rules.depth_step > 0 || weighted)
-        for_pixels(FinishDepthBody{camera, rules, rendered.normal.span(), clean.depth.span(),
-                                   weighted ? clean.weight.span() : Span<float>{}});
+    const bool weighted = rules.weighting != DepthWeighting::unit || rules.trust;
+    clean.weight.resize(weighted ? pixels : 0);
+    parallel_for(Device{}, static_cast<int>(pixels),
+                 CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
+                                rendered.normal.span(), mask, clean.depth.span(),
+                                clean.weight.span(), clean.fates.span()});
+    if (rules.trust)
+        parallel_for(
+            Device{}, static_cast<int>(pixels),
+            PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
+                           rendered.normal.span(), clean.weight.span(), rules.jump_px});
     return count_fates(to_host(clean.fates));
 }
 

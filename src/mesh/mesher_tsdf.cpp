@@ -28,7 +28,6 @@ TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
                    options.weight == DepthWeighting::unit;
     rules.trust = volume.trust;
     rules.jump_px = options.lone_jump_px;
-    rules.filter_px = options.depth_filter_px;
     if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
         spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
     const auto size = [&](float pixels) {

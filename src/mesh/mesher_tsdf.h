@@ -4,7 +4,6 @@
 #include <vector>
 
 #include "core/progress.h"
-#include "mesh/depth_filter.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/fusion.h"
 #include "mesh/mesher.h"
@@ -21,7 +20,6 @@ struct TsdfMesherOptions {
     DepthWeighting weight = DepthWeighting::unit;
     LoneViews lone_views = LoneViews::trusted;
     float lone_jump_px = kJumpPx;
-    int depth_filter_px = 0;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -48,9 +46,6 @@ struct TsdfMesherOptions {
         field("lone_jump_px", lone_jump_px, {0.01, 1000},
               "by how many widths of a pixel the depth may jump within a surface where one view "
               "alone is trusted");
-        field("depth_filter_px", depth_filter_px, {0, kMostFilterPx},
-              "each depth becomes the median of what the planes of the pixels up to so far away "
-              "say of it; 0: it stays as rendered");
     }
 };
 

@@ -49,47 +49,39 @@ TVSGS_HD inline bool is_jump(const SurfacePixel& a,
              jump_px * (width_a > width_b ? width_a : width_b));
 }
 
-/// The maps of a view, pixel by pixel.
-struct PixelMaps {
-    Camera camera;
-    Span<const float> depths;   // [H W] 0: dropped
-    Span<const Vec3f> normals;  // [H W]
-
-    TVSGS_HD bool has(int x, int y) const {
-        return x >= 0 && y >= 0 && x < camera.width_px && y < camera.height_px;
-    }
-    TVSGS_HD SurfacePixel at(int x, int y) const {
-        const int i = y * camera.width_px + x;
-        return {pixel_ray(camera, x, y), depths[i], normals[i]};
-    }
-};
-
 /// The weight of a pixel. Trusted is where the surface goes on, along the row and along the column,
 /// to one side at least, and breaks off to nothing but what lies behind: a rim is, as is what is
 /// whole; what lies next to a rim, behind it, is not, nor what lies between front and back.
 struct PixelTrustBody {
-    PixelMaps maps;
-    Span<float> weight;  // [H W]
-    float jump_px;       // larger ones are where the surface breaks off
+    Camera camera;
+    Span<const float> kept;      // [H W] 0: dropped
+    Span<const float> rendered;  // [H W] the depths themselves, not rounded to steps
+    Span<const Vec3f> normals;   // [H W]
+    Span<float> weight;          // [H W]
+    float jump_px;               // larger ones are where the surface breaks off
 
+    TVSGS_HD SurfacePixel at(int x, int y) const {
+        const int i = y * camera.width_px + x;
+        return {pixel_ray(camera, x, y), kept[i] > 0 ? rendered[i] : 0, normals[i]};
+    }
     /// Whether the surface goes on to one of two opposite neighbours, and nothing in front of it
     /// begins at the other. What the image does not have is as the other is.
     TVSGS_HD bool goes_on(const SurfacePixel& own, int x, int y, int dx, int dy) const {
         int neighbours = 0, jumps = 0;
         for (const int side : {-1, 1}) {
             const int u = x + side * dx, v = y + side * dy;
-            if (!maps.has(u, v)) continue;
-            const SurfacePixel other = maps.at(u, v);
+            if (u < 0 || v < 0 || u >= camera.width_px || v >= camera.height_px) continue;
+            const SurfacePixel other = at(u, v);
             ++neighbours;
-            if (!is_jump(own, other, maps.camera.fx_px, jump_px)) continue;
+            if (!is_jump(own, other, camera.fx_px, jump_px)) continue;
             ++jumps;
             if (other.depth > 0 && other.depth < own.depth) return false;
         }
         return neighbours == 0 || jumps < neighbours;
     }
     TVSGS_HD void operator()(int i) const {
-        const int x = i % maps.camera.width_px, y = i / maps.camera.width_px;
-        const SurfacePixel own = maps.at(x, y);
+        const int x = i % camera.width_px, y = i / camera.width_px;
+        const SurfacePixel own = at(x, y);
         const bool trusted = goes_on(own, x, y, 1, 0) && goes_on(own, x, y, 0, 1);
         weight[i] = trusted ? kTrustedWeight : kDoubtedWeight;
     }

@@ -35,8 +35,8 @@ constexpr int kFewViews = 9, kManyViews = 20;
 constexpr int kMeshedScalePx = 16, kLeastViews = 3;
 constexpr double kLargestScalePx = 1e5;  // none is larger
 // Jumps of the depth within a surface that one view alone is trusted on: where no cloud covers, and
-// where one does, up to kLeastViews and from kFewViews on; and how far around it a depth goes by
-// its neighbours from there on.
+// where one does, up to kLeastViews and from kFewViews on. kBareJumpPx is mesh.lone_jump_px'
+// default.
 constexpr double kBareJumpPx = 0.25, kLeastJumpPx = 0.1, kManyJumpPx = 1;
 /// What grows with the pixels of a scene, up to kManyMegapixels.
 struct ByPixels {

@@ -169,19 +169,6 @@ TEST_F(ExtractMesh, OneViewIsTrustedBesideJumpsUpToALimit) {
     }
 }
 
-TEST_F(ExtractMesh, DepthsGoByTheirNeighboursWhereAskedTo) {
-    std::vector<double> last;
-    for (const char* radius_px : {"0", "3"}) {
-        const Result r =
-            extract(std::string("--mesh-resolution 120 --truncation 0.25 --no-preview --set "
-                                "mesh.depth_filter_px=") +
-                    radius_px);
-        ASSERT_EQ(r.code, 0) << r;
-        EXPECT_NE(radii(), last);
-        last = radii();
-    }
-}
-
 TEST_F(ExtractMesh, EveryFormatHasTheSameScores) {
     std::string expected;
     for (const std::string out : {"same.ply", "same.glb", "same.obj"}) {
@@ -402,7 +389,6 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         table.add("mesh", mesh);
         // As the configuration of a run may have it, by its plan or by its user.
         mesh.unbounded = mesh.watertight = true, mesh.rims = 3, mesh.max_scale_px = 16;
-        mesh.meshers.tsdf.depth_filter_px = 5;
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
         EXPECT_EQ(mesh.meshers.tsdf.voxel_size, row.voxel_size);
         EXPECT_EQ(mesh.meshers.tsdf.truncation, row.truncation);
@@ -422,7 +408,6 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_FALSE(mesh.unbounded || mesh.watertight);
         EXPECT_EQ(mesh.rims, 0);
         EXPECT_EQ(mesh.max_scale_px, 0);
-        EXPECT_EQ(mesh.meshers.tsdf.depth_filter_px, 0);
         EXPECT_EQ(mesh.holes, 0);
         EXPECT_EQ(mesh.smooth, 0);
         EXPECT_FALSE(mesh.unbounded || mesh.meshers.tsdf.carve);
