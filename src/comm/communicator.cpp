@@ -98,7 +98,7 @@ void Communicator::deal_on_gpu(const void*, const Begins&, void*, const Begins&)
     throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
 }
 
-void Communicator::gather_on_gpu(const std::vector<Gather>&) {
+void Communicator::gather_on_gpu(const std::vector<Gather>&, const std::function<void()>&) {
     throw Error(ExitCode::internal, "the backend of these processes does not reach GPU memory");
 }
 

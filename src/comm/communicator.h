@@ -54,12 +54,15 @@ public:
         int count = 1;
     };
     /// Each has written its part of every plane where it belongs; the others' parts <- theirs.
-    /// `begins`: of the parts, elements. All of it is one call.
+    /// `begins`: of the parts, elements. All of it is one call. `meanwhile` gives the device work
+    /// on other arrays, which it does while the parts are on their way.
     template <class Device>
-    void share(const char* what,
-               Device,
-               const std::vector<Planes>& arrays,
-               const std::vector<std::size_t>& begins);
+    void share(
+        const char* what,
+        Device,
+        const std::vector<Planes>& arrays,
+        const std::vector<std::size_t>& begins,
+        const std::function<void()>& meanwhile = [] {});
     template <class T, class Device>
     void share(const char* what, Device, T* data, const std::vector<std::size_t>& begins) {
         share(what, Device{}, std::vector<Planes>{{data, sizeof(T)}}, begins);
@@ -72,6 +75,15 @@ public:
                                           const Buffer<T, Device>& parts,
                                           const std::vector<std::size_t>& begins,
                                           Buffer<T, Device>& got);
+
+    /// The same where all know what each sends to whom: parts[to[r], to[r + 1]) goes to rank r, and
+    /// got[from[r], from[r + 1]) comes from it. Nothing is checked.
+    template <class T, class Device>
+    void deal_known(const char* what,
+                    const Buffer<T, Device>& parts,
+                    const std::vector<std::size_t>& to,
+                    Buffer<T, Device>& got,
+                    const std::vector<std::size_t>& from);
 
     /// `data` <- that of `root`.
     void broadcast(const char* what, void* data, std::size_t bytes, int root);
@@ -117,7 +129,8 @@ protected:
         void* all;
     };
     virtual bool reaches_gpu() const { return false; }
-    virtual void gather_on_gpu(const std::vector<Gather>& gathers);
+    virtual void gather_on_gpu(const std::vector<Gather>& gathers,
+                               const std::function<void()>& meanwhile);
     virtual void deal_on_gpu(const void* parts, const Begins& to, void* got, const Begins& from);
 
     /// Throws Error(ExitCode::peer) when that has taken too long.
@@ -166,7 +179,7 @@ std::vector<std::size_t> Communicator::all_gather_v(const char* what,
     if constexpr (std::is_same_v<Device, Cpu>) {
         gather(part.data(), begins, all.data(), false);
     } else if (reaches_gpu()) {
-        gather_on_gpu({{part.data(), begins, all.data()}});
+        gather_on_gpu({{part.data(), begins, all.data()}}, [] {});
     } else {
         std::vector<T> mine(count), whole(all.size());
         detail::copy(Device{}, part.data(), Cpu{}, mine.data(), count * sizeof(T));
@@ -180,7 +193,8 @@ template <class Device>
 void Communicator::share(const char* what,
                          Device,
                          const std::vector<Planes>& arrays,
-                         const std::vector<std::size_t>& begins) {
+                         const std::vector<std::size_t>& begins,
+                         const std::function<void()>& meanwhile) {
     const auto own = static_cast<std::size_t>(rank());
     const auto in_bytes = [&begins](std::size_t width) {
         Begins bytes = begins;
@@ -200,9 +214,10 @@ void Communicator::share(const char* what,
     }
     const Begins expected = in_bytes(width);
     require_same_parts(what, exchange_sizes(what, expected[own + 1] - expected[own]), expected);
-    if (expected.back() == 0) return;
     if constexpr (!std::is_same_v<Device, Cpu>)
-        if (reaches_gpu()) return gather_on_gpu(gathers);
+        if (reaches_gpu()) return gather_on_gpu(gathers, meanwhile);
+    meanwhile();
+    if (expected.back() == 0) return;
     for (const Gather& g : gathers) {
         if constexpr (std::is_same_v<Device, Cpu>) {
             gather(g.part, g.begins, g.all, false);
@@ -223,21 +238,64 @@ std::vector<std::size_t> Communicator::all_to_all_v(const char* what,
                                                     Buffer<T, Device>& got) {
     Begins to;
     for (const std::size_t begin : begins) to.push_back(begin * sizeof(T));
-    const Begins from = exchange_places(what, to);
-    got.resize(from.back() / sizeof(T));
+    std::vector<std::size_t> from;
+    for (const std::size_t begin : exchange_places(what, to)) from.push_back(begin / sizeof(T));
+    deal_known(what, parts, begins, got, from);
+    return from;
+}
+
+template <class T, class Device>
+void Communicator::deal_known(const char* what,
+                              const Buffer<T, Device>& parts,
+                              const std::vector<std::size_t>& to,
+                              Buffer<T, Device>& got,
+                              const std::vector<std::size_t>& from) {
+    what_ = what;
+    Begins sent, come;
+    for (const std::size_t begin : to) sent.push_back(begin * sizeof(T));
+    for (const std::size_t begin : from) come.push_back(begin * sizeof(T));
+    got.resize(from.back());
     if constexpr (std::is_same_v<Device, Cpu>) {
-        deal(parts.data(), to, got.data(), from);
+        deal(parts.data(), sent, got.data(), come);
     } else if (reaches_gpu()) {
-        deal_on_gpu(parts.data(), to, got.data(), from);
+        deal_on_gpu(parts.data(), sent, got.data(), come);
     } else {
-        std::vector<T> sent(begins.back()), come(got.size());
-        detail::copy(Device{}, parts.data(), Cpu{}, sent.data(), to.back());
-        deal(sent.data(), to, come.data(), from);
-        copy(come, got);
+        std::vector<T> mine(to.back()), theirs(from.back());
+        detail::copy(Device{}, parts.data(), Cpu{}, mine.data(), sent.back());
+        deal(mine.data(), sent, theirs.data(), come);
+        copy(theirs, got);
     }
-    std::vector<std::size_t> elements;
-    for (const std::size_t begin : from) elements.push_back(begin / sizeof(T));
-    return elements;
+}
+
+/// Of what a photograph says, or sees, of the splats no more is on its way at a time than of one in
+/// so many, or of so many: each exchange takes its time on a GPU however little it moves, and what
+/// it moves takes memory.
+inline constexpr int kExchangesOfPhotograph = 4, kLeastExchanged = 1 << 16;
+
+/// counts[r][o]: elements that go from rank r to rank o.
+using SentCounts = std::vector<std::vector<int>>;
+
+/// Where in what rank `own` is sent that of each rank begins, and where all ends; `each` for one
+/// counted.
+inline std::vector<std::size_t> received_begins(const SentCounts& counts,
+                                                int own,
+                                                std::size_t each) {
+    std::vector<std::size_t> begins{0};
+    for (const std::vector<int>& sent : counts)
+        begins.push_back(begins.back() +
+                         each * static_cast<std::size_t>(sent[static_cast<std::size_t>(own)]));
+    return begins;
+}
+/// Whether all of it may be on its way at once.
+inline bool goes_at_once(const SentCounts& counts, int splats) {
+    std::int64_t most = 0;
+    for (std::size_t r = 0; r < counts.size(); ++r) {
+        std::int64_t sent = 0, received = 0;
+        for (std::size_t other = 0; other < counts.size(); ++other)
+            sent += counts[r][other], received += counts[other][r];
+        most = std::max({most, sent, received});
+    }
+    return most <= std::max(kLeastExchanged, splats / kExchangesOfPhotograph);
 }
 
 /// The part of `count` elements that a process has to hold; all of them where there is one.
@@ -248,12 +306,15 @@ inline Part own_part(const Communicator* peers, int count) {
 /// Of planes of `count` elements, where each process has written those of its part <- all of them.
 /// Does nothing where there is one.
 template <class Device>
-void share_parts(Communicator* peers,
-                 const char* what,
-                 Device device,
-                 const std::vector<Communicator::Planes>& arrays,
-                 int count) {
-    if (peers != nullptr) peers->share(what, device, arrays, part_begins(count, peers->size()));
+void share_parts(
+    Communicator* peers,
+    const char* what,
+    Device device,
+    const std::vector<Communicator::Planes>& arrays,
+    int count,
+    const std::function<void()>& meanwhile = [] {}) {
+    if (peers == nullptr) return meanwhile();
+    peers->share(what, device, arrays, part_begins(count, peers->size()), meanwhile);
 }
 template <class T, class Device>
 void share_parts(Communicator* peers, const char* what, Device device, T* data, int count) {

@@ -6,11 +6,13 @@
 #include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <condition_variable>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <memory>
+#include <mutex>
 #include <thread>
 #include <utility>
 
@@ -80,6 +82,60 @@ private:
     std::size_t bytes_ = 0;
 };
 
+/// Looks on while a call of NCCL's may wait for other processes. (Calls that return at once, and
+/// could be given up, are handed to a thread of NCCL's each time: three times the time of a small
+/// exchange.)
+class Watch {
+public:
+    /// check(seconds) throws an Error when a call has taken too long; give_up(error) ends the
+    /// process.
+    Watch(std::function<void(double)> check, std::function<void(const Error&)> give_up)
+        : check_(std::move(check)), give_up_(std::move(give_up)), thread_([this] { look_on(); }) {}
+    ~Watch() {
+        {
+            const std::lock_guard lock(mutex_);
+            over_ = true;
+        }
+        wake_.notify_one();
+        thread_.join();
+    }
+
+    template <class Call>
+    ncclResult_t operator()(const Call& call) {
+        note(Clock::now());
+        const ncclResult_t code = call();
+        note({});
+        return code;
+    }
+
+private:
+    void note(Clock::time_point begin) {
+        const std::lock_guard lock(mutex_);
+        begin_ = begin;
+    }
+
+    void look_on() {
+        std::unique_lock lock(mutex_);
+        while (!over_) {
+            wake_.wait_for(lock, std::chrono::milliseconds(100));
+            if (begin_ == Clock::time_point{}) continue;
+            try {
+                check_(seconds_since(begin_));
+            } catch (const Error& error) {
+                give_up_(error);
+            }
+        }
+    }
+
+    std::function<void(double)> check_;
+    std::function<void(const Error&)> give_up_;
+    std::mutex mutex_;
+    std::condition_variable wake_;
+    Clock::time_point begin_{};  // of the call under way; else none
+    bool over_ = false;
+    std::thread thread_;  // last: it uses the others
+};
+
 class NcclCommunicator final : public Communicator {
 public:
     NcclCommunicator(const Launch& launch,
@@ -91,9 +147,7 @@ public:
         const std::string file = mpi_ ? "" : rendezvous_file(launch, options);
         const ncclUniqueId id = meet(file);
         check_cuda_call(cudaStreamCreateWithFlags(&stream_, cudaStreamNonBlocking), "a stream");
-        ncclConfig_t config = NCCL_CONFIG_INITIALIZER;
-        config.blocking = 0;
-        settle(ncclCommInitRankConfig(&comm_, size_, id, rank_, &config), "start");
+        settle(watch_([&] { return ncclCommInitRank(&comm_, size_, id, rank_); }), "start");
         std::error_code code;
         if (rank_ == 0 && !file.empty()) std::filesystem::remove(file, code);
         find_neighbours();
@@ -113,7 +167,7 @@ public:
 
     void leave() override {
         wait_for_all("end");
-        settle(ncclCommFinalize(comm_), "end");
+        settle(watch_([&] { return ncclCommFinalize(comm_); }), "end");
         ncclCommDestroy(comm_);
         if (mpi_) mpi_->leave();
     }
@@ -165,12 +219,13 @@ private:
         check_cuda_call(
             cudaMemcpyAsync(to + begins[own], part, bytes, cudaMemcpyHostToDevice, stream_),
             "exchange");
-        exchange({{to + begins[own], begins, to}}, calm);
+        exchange({{to + begins[own], begins, to}}, calm, [] {});
         check_cuda_call(cudaMemcpy(all, to, begins.back(), cudaMemcpyDeviceToHost), "exchange");
     }
 
     bool reaches_gpu() const override { return true; }
-    void gather_on_gpu(const std::vector<Gather>& gathers) override {
+    void gather_on_gpu(const std::vector<Gather>& gathers,
+                       const std::function<void()>& meanwhile) override {
         synchronize(Cuda{});  // what makes the parts runs on another stream
         const auto own = static_cast<std::size_t>(rank_);
         for (const Gather& g : gathers)
@@ -179,7 +234,7 @@ private:
                 check_cuda_call(cudaMemcpyAsync(place, g.part, g.begins[own + 1] - g.begins[own],
                                                 cudaMemcpyDeviceToDevice, stream_),
                                 "exchange");
-        exchange(gathers, false);
+        exchange(gathers, false, meanwhile);
     }
 
     void deal(const void* parts, const Begins& to, void* got, const Begins& from) override {
@@ -207,7 +262,9 @@ private:
     }
 
     /// Everybody's parts to everybody else.
-    void exchange(const std::vector<Gather>& gathers, bool calm) {
+    void exchange(const std::vector<Gather>& gathers,
+                  bool calm,
+                  const std::function<void()>& meanwhile) {
         ncclGroupStart();
         for (const Gather& g : gathers)
             for (int r = 0; r < size_; ++r) {
@@ -219,12 +276,14 @@ private:
                     ncclRecv(static_cast<std::byte*>(g.all) + g.begins[at], theirs, ncclInt8, r,
                              comm_, stream_);
             }
-        finish_group(calm);
+        finish_group(calm, meanwhile);
     }
 
     /// Ends a group of calls and waits until their bytes are there.
-    void finish_group(bool calm) {
-        settle(ncclGroupEnd(), "exchange");
+    void finish_group(
+        bool calm, const std::function<void()>& meanwhile = [] {}) {
+        settle(watch_([] { return ncclGroupEnd(); }), "exchange");
+        meanwhile();
         wait(
             [&] {
                 const cudaError_t code = cudaStreamQuery(stream_);
@@ -234,19 +293,8 @@ private:
             calm);
     }
 
-    /// Calls return before they are done.
-    void settle(ncclResult_t code, const char* what) {
-        if (code != ncclSuccess && code != ncclInProgress) fail(code, what);
-        wait(
-            [&] {
-                ncclResult_t state = ncclSuccess;
-                if (const ncclResult_t asked = ncclCommGetAsyncError(comm_, &state);
-                    asked != ncclSuccess)
-                    fail(asked, what);
-                if (state != ncclSuccess && state != ncclInProgress) fail(state, what);
-                return state == ncclSuccess;
-            },
-            false);
+    static void settle(ncclResult_t code, const char* what) {
+        if (code != ncclSuccess) fail(code, what);
     }
 
     template <class Done>
@@ -256,7 +304,7 @@ private:
             while (!done()) {
                 ncclResult_t state = ncclSuccess;
                 ncclCommGetAsyncError(comm_, &state);
-                if (state != ncclSuccess && state != ncclInProgress) fail(state, "exchange");
+                settle(state, "exchange");
                 keep_waiting(seconds_since(begin));
                 if (seconds_since(begin) > 0.01)
                     std::this_thread::sleep_for(std::chrono::microseconds(calm ? 2000 : 50));
@@ -264,10 +312,7 @@ private:
                     std::this_thread::yield();
             }
         } catch (const Error& error) {
-            if (!give_up()) {
-                std::fprintf(stderr, "error: %s\n", error.what());
-                abort(static_cast<int>(error.code()));
-            }
+            if (!give_up()) end_with(error);
             throw;
         }
     }
@@ -288,11 +333,18 @@ private:
         return true;
     }
 
+    [[noreturn]] void end_with(const Error& error) {
+        std::fprintf(stderr, "error: %s\n", error.what());
+        abort(static_cast<int>(error.code()));
+    }
+
     std::unique_ptr<Communicator> mpi_;  // null: by the environment
     int rank_, size_, local_rank_ = 0, local_size_ = 1;
     ncclComm_t comm_ = nullptr;
     cudaStream_t stream_ = nullptr;
     Staging staging_;
+    Watch watch_{[this](double seconds) { keep_waiting(seconds); },
+                 [this](const Error& error) { end_with(error); }};
 };
 
 }  // namespace

@@ -1,7 +1,6 @@
 // The contiguous parts into which processes divide what one of them alone has to hold.
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 #include <vector>
@@ -48,10 +47,11 @@ inline constexpr int kPartGrain = 32;
 
 /// Part `rank` of `ranks` about equal ones of `count` elements, in order; the last ones may be
 /// empty. One process has all.
-inline Part part_of(int count, int rank, int ranks) {
+TVSGS_HD inline Part part_of(int count, int rank, int ranks) {
     const std::int64_t grains = (std::int64_t{count} + kPartGrain - 1) / kPartGrain;
     const auto edge = [&](std::int64_t r) {
-        return static_cast<int>(std::min<std::int64_t>(count, grains * r / ranks * kPartGrain));
+        const std::int64_t at = grains * r / ranks * kPartGrain;
+        return at < count ? static_cast<int>(at) : count;
     };
     return {edge(rank), edge(rank + 1)};
 }
