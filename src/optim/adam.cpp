@@ -1,5 +1,6 @@
 #include "optim/adam.h"
 
+#include "optim/asked_harmonics_impl.h"
 #include "optim/waiting_harmonics_impl.h"
 #include "render/fused_gradients.h"
 
@@ -91,5 +92,9 @@ void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& 
 template void fetch_in_view(Cpu, const WaitingArrays&);
 template void bring_back(Cpu, const WaitingArrays&);
 template void catch_up(Cpu, const WaitingArrays&);
+template void find_part_edges(Cpu, Span<const std::uint32_t>, int, std::uint32_t*);
+template void list_asked(Cpu, const SplatPlaces&, Part, std::uint32_t, Span<int>);
+template void give_rows(Cpu, const MovingHarmonics&, Span<const int>, Vec3f*);
+template void take_rows(Cpu, const MovingHarmonics&, Span<const int>, const Vec3f*);
 
 }  // namespace tvsgs

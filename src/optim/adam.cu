@@ -1,4 +1,5 @@
 #include "optim/adam.h"
+#include "optim/asked_harmonics_impl.h"
 #include "optim/waiting_harmonics_impl.h"
 #include "render/fused_gradients.h"
 
@@ -53,5 +54,9 @@ void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep&
 template void fetch_in_view(Cuda, const WaitingArrays&);
 template void bring_back(Cuda, const WaitingArrays&);
 template void catch_up(Cuda, const WaitingArrays&);
+template void find_part_edges(Cuda, Span<const std::uint32_t>, int, std::uint32_t*);
+template void list_asked(Cuda, const SplatPlaces&, Part, std::uint32_t, Span<int>);
+template void give_rows(Cuda, const MovingHarmonics&, Span<const int>, Vec3f*);
+template void take_rows(Cuda, const MovingHarmonics&, Span<const int>, const Vec3f*);
 
 }  // namespace tvsgs

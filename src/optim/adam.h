@@ -9,6 +9,7 @@
 #include "core/parallel.h"
 #include "core/state.h"
 #include "optim/adam_step.h"
+#include "optim/asked_harmonics.h"
 #include "optim/waiting_harmonics.h"
 
 namespace tvsgs {
@@ -48,13 +49,14 @@ inline float position_rate(const AdamOptions& o, int step, float extent) {
 struct AdamBody {
     float *values, *m, *v;
     const float* gradients;
+    float share;  // of what `gradients` has
     AdamScale scale;
     AdamDecay<float> decay;
     float least;  // values stay at or above it
 
     TVSGS_HD void operator()(int i) const {
         const float next =
-            adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root, decay);
+            adam_update(values[i], gradients[i] * share, m[i], v[i], scale.step, scale.root, decay);
         values[i] = next < least ? least : next;
     }
 };
@@ -66,20 +68,22 @@ template <class Device>
 class Adam {
 public:
     /// Each step stands for `batch` photographs. Of several processes each has the moments of its
-    /// part of the splats, takes their step, and tells the others. Where the splats' harmonics lie
-    /// their moments will, too. Where that is the host's memory, or with `waits`, the harmonics'
-    /// steps wait until they are seen: the fused step is the only one then, and needs
-    /// fetch_harmonics() before.
+    /// part of the splats, takes their step, and tells the others; of the harmonics, with `asks`,
+    /// only those that fetch_harmonics() asks for. Where the splats' harmonics lie their moments
+    /// will, too. Where that is the host's memory, or with `waits`, the harmonics' steps wait until
+    /// they are seen: the fused step is the only one then, and needs fetch_harmonics() before.
     Adam(const AdamOptions& options,
          const Gaussians<Device>& gaussians,
          int batch = 1,
          Communicator* peers = nullptr,
-         bool waits = false)
+         bool waits = false,
+         bool asks = false)
         : options_(options),
           batch_(batch),
           decay_(adam_decay(batch)),
           peers_(peers),
-          waits_(waits || gaussians.sh.memory() == Memory::host) {
+          waits_(waits || gaussians.sh.memory() == Memory::host),
+          asks_(asks && peers != nullptr) {
         set_splats(gaussians.size());
         m_.sh.put(gaussians.sh.memory()), v_.sh.put(gaussians.sh.memory());
         resize(m_, part().size(), gaussians.sh_degree);
@@ -88,21 +92,22 @@ public:
         fill_zero(v_);
     }
 
-    /// One step of all parameters along gradients in memory, of this process's part: the plain way.
-    /// `step` sets the position rate; `sh_degree` is the degree in use: above it gradients and
-    /// moments are zero. Where *halted (on the device; may be null) is not 0, nothing changes.
+    /// One step of all parameters along `share` of gradients in memory, of this process's part: the
+    /// plain way. `step` sets the position rate; `sh_degree` is the degree in use: above it
+    /// gradients and moments are zero. Where *halted (on the device; may be null) is not 0, nothing
+    /// changes.
     void step(int step,
               float extent,
               int sh_degree,
               const Gaussians<Device>& gradients,
               Gaussians<Device>& g,
               bool with_opacity,
-              const int* halted = nullptr) {
+              const int* halted = nullptr,
+              float share = 1) {
         using enum ParameterGroup;
         begin_step(step, extent);
         const float none = -INFINITY;  // a bound would hide what is not finite
         const Part own = part();
-        std::vector<Communicator::Planes> moved;
         const std::size_t n = g.means.size();
         const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
                                 auto& v, float least, std::size_t plane, std::size_t planes) {
@@ -120,25 +125,36 @@ public:
                                     floats(m.data()),
                                     floats(v.data()),
                                     reinterpret_cast<const float*>(dL.data() + p * count),
+                                    share,
                                     {rate(group), root_},
                                     decay_,
                                     least};
                 update_parameters(Device{}, static_cast<int>(length * width), body, halted);
             }
-            moved.push_back(
-                {values.data() + plane * n, sizeof *values.data(), static_cast<int>(planes)});
+            return Communicator::Planes{values.data() + plane * n, sizeof *values.data(),
+                                        static_cast<int>(planes)};
         };
-        update(means, g.means, gradients.means, m_.means, v_.means, none, 0, 1);
-        update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
-               kLeastLogScale, 0, 1);
-        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, none, 0, 1);
+        std::vector<Communicator::Planes> moved{
+            update(means, g.means, gradients.means, m_.means, v_.means, none, 0, 1),
+            update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales,
+                   kLeastLogScale, 0, 1),
+            update(rotations, g.quats, gradients.quats, m_.quats, v_.quats, none, 0, 1)};
         if (with_opacity)
-            update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
-                   v_.opacity_logits, none, 0, 1);
-        update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, 1);
-        update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, 1,
-               static_cast<std::size_t>(sh_count(sh_degree)) - 1);
-        share_parts(peers_, "parameters", Device{}, moved, static_cast<int>(n));
+            moved.push_back(update(opacities, g.opacity_logits, gradients.opacity_logits,
+                                   m_.opacity_logits, v_.opacity_logits, none, 0, 1));
+        const int coefficients = sh_count(sh_degree);
+        const auto step_harmonics = [&] {
+            return std::array{update(sh_dc, g.sh, gradients.sh, m_.sh, v_.sh, none, 0, 1),
+                              update(sh_rest, g.sh, gradients.sh, m_.sh, v_.sh, none, 1,
+                                     static_cast<std::size_t>(coefficients) - 1)};
+        };
+        if (asks_) {  // they stay where they are, and are moved while the others go round
+            share_parts(peers_, "geometry", Device{}, moved, g.size(), [&] { step_harmonics(); });
+            asked_.step_done(coefficients);
+        } else {
+            for (const Communicator::Planes& planes : step_harmonics()) moved.push_back(planes);
+            share_parts(peers_, "parameters", Device{}, moved, g.size());
+        }
     }
 
     /// The same from what the splats add up over pixels, and what losses add to the geometry
@@ -171,19 +187,42 @@ public:
         waiting_.step_done(all);
     }
 
-    /// For the view that the next step is of, where they wait: its harmonics, up to date.
+    /// Whether forward() has to fetch harmonics.
+    bool fetches() const { return waits_ || asks_; }
+    /// Whether find_not_finite() can look at harmonics between two steps for nothing: all of them
+    /// are in this device's memory.
+    bool at_hand(const Gaussians<Device>& g) const {
+        return !asks_ && g.sh.memory() == Memory::device;
+    }
+
+    /// For what else goes from process to process between two photographs.
+    OnItsWay<Device>& on_its_way() { return asked_.on_its_way(); }
+
+    /// With several processes, before each photograph: fetch_harmonics() will be of another one.
+    void begin_photograph() { asked_.begin_photograph(); }
+    /// On a process that has none, while others fetch those of theirs.
+    void answer_others(Gaussians<Device>& g) {
+        if (asks_) asked_.ask(*peers_, g, nullptr);
+    }
+
+    /// For the view that the next step is of: its harmonics, up to date.
     Harmonics fetch_harmonics(const SplatPlaces& places,
                               std::size_t room,
                               int sh_degree,
                               Gaussians<Device>& g) {
+        if (asks_) {
+            asked_.ask(*peers_, g, &places);
+            return {g.sh.data(), g.means.size(), /*by_place=*/false};
+        }
         if (!waits_) throw Error(ExitCode::internal, "harmonics are fetched, but none waits");
         return waiting_.fetch(sh_of(g, sh_degree), places, room, steps_from_now());
     }
 
-    /// Takes the steps that wait: before anything else reads or moves harmonics or their moments.
-    /// Changes no bit of what follows.
+    /// Takes the steps that wait, and what other processes have moved: before anything else reads
+    /// or moves harmonics or their moments. Changes no bit of what follows. All processes call it.
     void catch_up(Gaussians<Device>& g) {
         if (waits_) waiting_.catch_up(sh_of(g, g.sh_degree));
+        if (asks_) asked_.catch_up(*peers_, g);
     }
 
     /// From now on the group's rate is `factor` x what it would have been.
@@ -252,10 +291,11 @@ private:
     int batch_;
     AdamDecay<float> decay_;
     Communicator* peers_;
-    bool waits_;
+    bool waits_, asks_;
     int splats_ = 0;
     Gaussians<Device> m_, v_;  // of the part
     WaitingHarmonics<Device> waiting_;
+    AskedHarmonics<Device> asked_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;
     float position_rate_ = 0, root_ = 1;  // of the step in progress

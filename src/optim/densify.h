@@ -273,8 +273,8 @@ private:
                                   counts_.span(), growth_.span()});
     }
 
-    /// Carries out growth_ and counts_ and puts the splats into Morton order; false when nothing
-    /// would be left, and then nothing is changed.
+    /// Carries out growth_ and counts_ and puts the splats where they belong in memory; false when
+    /// nothing would be left, and then nothing is changed.
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
@@ -292,7 +292,7 @@ private:
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
         // 2. All to their places: what the splats inherit goes there at once.
-        morton_order(g.means.span(), first_);
+        order_by_place(g.means.span(), batch_ > 1, first_, counts_);
         gather_shapes(first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
         gather(first_.span(), {}, is_new_, child_of_split_);

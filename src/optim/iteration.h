@@ -150,22 +150,24 @@ public:
         });
     }
 
-    /// Adam's step along what propagate() gave, or along `mean`, of several photographs.
+    /// Adam's step along what propagate() gave, or along the mean over `photographs` of their
+    /// `sum`.
     void descend(int step,
                  Adam<Device>& adam,
                  Gaussians<Device>& gaussians,
                  bool with_opacity,
                  const int* halted,
-                 Gaussians<Device>* mean = nullptr) {
-        Gaussians<Device>& gradients = mean == nullptr ? objective_.dL_dgaussians : *mean;
+                 Gaussians<Device>* sum = nullptr,
+                 int photographs = 1) {
+        Gaussians<Device>& gradients = sum == nullptr ? objective_.dL_dgaussians : *sum;
         clock("adam", [&] {
             details("project backward and Adam", [&] {
                 if (fused_ != nullptr)
                     adam.step(step, extent_, sh_degree_, *fused_, gradients, gaussians,
                               with_opacity, halted);
                 else
-                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity,
-                              halted);
+                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity, halted,
+                              1 / static_cast<float>(photographs));
             });
         });
         if (bounds_.on())
@@ -214,6 +216,8 @@ public:
     Gaussians<Device>& gradients() { return objective_.dL_dgaussians; }
     Buffer<double, Device>& values() { return objective_.values; }
     int sh_degree() const { return sh_degree_; }
+    /// gradients() have been taken from there, and left as zeros.
+    void gradients_are_taken() { taken_ = true; }
 
     // Times, unless switched on not taken: the parts of a training, and the parts of these.
     StageClock<Device> clock, details;
@@ -256,9 +260,9 @@ private:
         Gaussians<Device>& by_splat = objective_.dL_dgaussians;
         if (fuses())
             resize_geometry(by_splat, needs.splat_gradients ? gaussians.size() : 0);
-        else
-            resize(by_splat, gaussians.size(), gaussians.sh_degree);
-        fill_zero(by_splat);
+        else if (by_splat.size() != gaussians.size() || by_splat.sh_degree != gaussians.sh_degree)
+            taken_ = false, resize(by_splat, gaussians.size(), gaussians.sh_degree);
+        if (!std::exchange(taken_, false)) fill_zero(by_splat);
         objective_.values.fill_zero();
     }
 
@@ -276,6 +280,7 @@ private:
     ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;
     int sh_degree_ = 0;                      // of the last propagate()
+    bool taken_ = false;                     // gradients() are zeros
     const FusedGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
 };
 

@@ -120,10 +120,6 @@ struct TrainReport {
 
 using SharedState = std::shared_ptr<const State>;
 
-/// What a photograph says goes to the other processes in so many exchanges; in fewer where these
-/// would be of fewer splats than that, as each takes its time on a GPU however little it moves.
-inline constexpr int kExchangesOfPhotograph = 4, kLeastExchanged = 1 << 16;
-
 /// How the loop talks to its caller; it never touches files.
 struct TrainCallbacks {
     std::function<bool(int step)>
@@ -196,6 +192,10 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 /// Why harmonics cannot wait, or lie on the host: a step would want all of them. Empty where they
 /// can. `fuses`: of the rasteriser.
 std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
+
+/// Whether of several processes each asks for the harmonics that its photograph sees, and is not
+/// sent those of all splats.
+bool asks_for_harmonics(const Scene& scene, const TrainOptions& options);
 
 /// Throws Error(ExitCode::usage) where they are to wait all the same. train() does so, too.
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);

@@ -126,16 +126,17 @@ public:
     /// splats as they are, so that check() still finds the numbers that made it.
     const int* halted() const { return &fault_.data()->step; }
 
-    /// Waits for the device. `step`: of this look, for the message. Harmonics on the host are left
-    /// out unless `far`, or a loss is at fault.
+    /// Whether a loss has not been finite. Waits for the device.
+    bool found() const { return to_host(fault_)[0].step != 0; }
+
+    /// Waits for the device. `step`: of this look, for the message. `all`: with the harmonics.
     std::optional<Fault> check(int step,
-                               bool far,
+                               bool all,
                                Gaussians<Device>& g,
                                const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                                const std::vector<View>& views) {
         const LossFault loss = to_host(fault_)[0];
         counts_.fill_zero();
-        const bool all = far || loss.step != 0 || g.sh.memory() == Memory::device;
         for (int i = 0; i < (all ? kParameterGroups : kGeometryGroups); ++i) {
             const GroupFloats floats = group_floats(g, static_cast<ParameterGroup>(i));
             add_sum(Device{}, floats.count, NotFiniteTerm{floats.begin}, 1, partial_.span(),

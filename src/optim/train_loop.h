@@ -43,7 +43,7 @@ Gaussians<Device> train(const Scene& scene,
         t->adam.catch_up(t->gaussians);
         return t->gaussians;
     };
-    if (waits(options.optim))
+    if (t->adam.fetches())
         iteration.backbone().set_harmonics(
             [&t](const SplatPlaces& places, std::size_t room, int sh_degree) {
                 return t->adam.fetch_harmonics(places, room, sh_degree, t->gaussians);
@@ -85,7 +85,7 @@ Gaussians<Device> train(const Scene& scene,
             iteration.descend(
                 step, t->adam, t->gaussians,
                 !(options.optim.skip_step_on_structure_change && t->densifier.resets_opacity(step)),
-                t.halted(), t.batched() ? &batch.gradients() : nullptr);
+                t.halted(), t.batched() ? &batch.gradients() : nullptr, step - first + 1);
         else
             iteration.finish_statistics();
         // What the last iteration grew or faded no other would train.

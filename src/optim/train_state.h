@@ -80,7 +80,7 @@ struct TrainState {
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv, peers),
-          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim)),
+          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim), asks_for_harmonics(scene, o)),
           densifier(
               o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
           cameras(scene, o.cameras, o.comm.batch),
@@ -129,7 +129,7 @@ private:
         g.sh.put(memory_of(o.optim.harmonics));
         if (from != nullptr) return g;
         Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
-        sort_by_place(first);
+        sort_by_place(first, o.comm.batch > 1);
         copy(first, g);
         return g;
     }
@@ -314,8 +314,11 @@ private:
     }
 
     auto look(int step, bool far = true) {
-        if (far) state_->adam.catch_up(state_->gaussians);
-        return guard_.check(step, far, state_->gaussians, state_->losses, scene_.train);
+        TrainState<Device>& s = *state_;
+        const bool at_hand = s.adam.at_hand(s.gaussians), due = far || (!at_hand && guard_.found()),
+                   all = at_hand || due;
+        if (due) s.adam.catch_up(s.gaussians);
+        return guard_.check(step, all, s.gaussians, s.losses, scene_.train);
     }
 
     SharedState capture() {

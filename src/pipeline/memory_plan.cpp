@@ -207,12 +207,13 @@ MemoryPlan estimate_memory(const Scene& scene,
     const auto part = [&](std::int64_t bytes) {
         return (bytes + processes.all - 1) / processes.all;
     };
-    // A step of several photographs adds up gradients of one at a time. Records of them, sent and
-    // received, are under way for some of the splats at a time.
-    constexpr std::int64_t kStatistics = 16, kIndex = 12;
-    const std::int64_t records = processes.all > 1 ? 2 * (parameters + kStatistics + kIndex) : 0;
+    // A step of several photographs adds up gradients of one at a time. Records of them are under
+    // way for some of the splats at a time, sent and received; at other times harmonics of what is
+    // in view, in the same memory.
+    constexpr std::int64_t kStatistics = 16, kIndices = 8, kTouched = 8;
+    const std::int64_t records = processes.all > 1 ? 2 * (parameters + kStatistics + kIndices) : 0;
     const std::int64_t exchanged =
-        processes.all > 1 ? records / kExchangesOfPhotograph + kStatistics : 0;
+        processes.all > 1 ? records / kExchangesOfPhotograph + kStatistics + kTouched : 0;
     const std::int64_t gradients = o.comm.batch > 1
                                        ? parameters + part(parameters + kStatistics) + exchanged
                                    : !fuses                ? parameters

@@ -176,7 +176,7 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
     const auto after_step = [this](int step, const SplatsNow<Device>& splats_now) {
         done_ = step;
         if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats_now);
-        if (live_.due()) {
+        if (in_.session.live_every > 0 && talk_.agree("snapshot", live_.due())) {
             Gaussians<Cpu> now;
             copy(splats_now(), now);
             live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
@@ -239,7 +239,8 @@ void TrainSession<Device>::evaluate_if_due(int step, const SplatsNow<Device>& sp
     if (!talk_.agree("evaluation", due)) return;
     synchronize(Device{});
     progress_.pause();
-    talk_.alone([&] { evaluate_now(step, splats_now()); });
+    const Gaussians<Device>& splats = splats_now();  // all of them take part in it
+    talk_.alone([&] { evaluate_now(step, splats); });
     progress_.resume();
 }
 
@@ -394,8 +395,12 @@ void follow(const SessionInputs& in, SharedState state) {
         if (!fit) send_checkpoint(*in.peers, *saved);
     };
     told.goes_on = true;
-    const auto after_step = [&](int, const SplatsNow<Device>&) {
-        if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) talk.alone([] {});
+    const auto after_step = [&](int, const SplatsNow<Device>& splats_now) {
+        if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) {
+            splats_now();
+            talk.alone([] {});
+        }
+        if (in.session.live_every > 0 && talk.agree("snapshot", false)) splats_now();
     };
     for (;;) {
         train<Device>(in.scene, training, told, after_step, std::exchange(state, nullptr));

@@ -6,6 +6,7 @@
 #include <set>
 
 #include "optim/batch.h"
+#include "optim/splat_order.h"
 #include "support/numeric.h"
 #include "support/thread_ranks.h"
 #include "training_scene.h"
@@ -55,6 +56,33 @@ TEST(Adam, MovesItsMomentsByTheBatchAsOneByOne) {
     const AdamDecay<float> one = adam_decay(1);
     EXPECT_EQ(one.beta1, 0.9f);
     EXPECT_EQ(one.share2, 0.001f);
+}
+
+TEST(DealtOrder, GivesEachPartSomeOfAllNeighbourhoods) {
+    for (const int count : {0, 1, 1023, 1024, 1025, 32768, 32769, 33000, 65535, 100003}) {
+        std::set<int> places;
+        for (int i = 0; i < count; ++i) places.insert(DealtOrder{count}(i));
+        EXPECT_EQ(places.size(), static_cast<std::size_t>(count));
+        if (count > 0) {
+            EXPECT_EQ(*places.rbegin(), count - 1);
+        }
+    }
+    constexpr int kCount = 300003;
+    for (const int ranks : {2, 3, 4}) {
+        std::vector<int> seen(static_cast<std::size_t>(ranks));
+        for (int r = 0; r < ranks; ++r)
+            for (int i = part_of(kCount, r, ranks).begin; i < part_of(kCount, r, ranks).end; ++i) {
+                const int old = DealtOrder{kCount}(i);
+                seen[static_cast<std::size_t>(r)] += 100000 <= old && old < 200000;
+            }
+        for (const int here : seen) EXPECT_NEAR(here, 100000 / ranks, 2000) << ranks;
+    }
+    for (int i = 1; i < kCount; ++i) {  // runs are whole
+        const int before = DealtOrder{kCount}(i - 1), run_end = DealtOrder::kDealt - 1;
+        if (before % DealtOrder::kDealt != run_end && before != kCount - 1) {
+            ASSERT_EQ(DealtOrder{kCount}(i), before + 1);
+        }
+    }
 }
 
 TrainOptions options_of_batch(int iterations, int batch) {
@@ -287,6 +315,52 @@ TEST(RanksRollBack, ToTheSame) {
     }
 }
 
+/// Where only the process that owns the splat has the number that is not finite.
+TEST(RanksRollBack, ForAHarmonicThatOneOfThemOwns) {
+    const Scene scene = six_views();
+    const TrainOptions options = options_of_batch(41, 4);
+    const auto run = [&](Communicator* peers) {
+        TrainCallbacks callbacks;
+        callbacks.peers = peers;
+        std::vector<int> back;
+        callbacks.on_rollback = [&](int done, const std::string& what) {
+            back.push_back(done);
+            EXPECT_NE(what.find("base colour of splat 70 "), std::string::npos) << what;
+        };
+        if (own_part(peers, static_cast<int>(scene.points.positions.size())).holds(70))
+            callbacks.injected_fault = {.step = 4, .group = ParameterGroup::sh_dc, .splat = 70};
+        Gaussians<Cpu> end = train<Cpu>(scene, options, callbacks);
+        EXPECT_EQ(back, std::vector<int>{0});
+        return end;
+    };
+    const Gaussians<Cpu> one = run(nullptr);
+    on_ranks(3, [&](test::ThreadRank* peers) { expect_same_bits(run(peers), one, "rolled back"); });
+}
+
+/// Who looks at the splats between two steps sees those of one process, and changes nothing.
+TEST(RanksNow, ShowTheSplatsOfOneProcess) {
+    const Scene scene = six_views();
+    const TrainOptions options = options_of_batch(40, 4);
+    const auto run = [&](Communicator* peers) {
+        TrainCallbacks callbacks;
+        callbacks.peers = peers;
+        std::vector<Gaussians<Cpu>> seen;
+        seen.push_back(train<Cpu>(scene, options, callbacks, [&](int, const auto& splats_now) {
+            copy(splats_now(), seen.emplace_back());
+        }));
+        return seen;
+    };
+    const std::vector<Gaussians<Cpu>> one = run(nullptr);
+    expect_same_bits(one.back(), train_on(nullptr, scene, options).splats, "unseen");
+    for (const int ranks : {2, 3})
+        on_ranks(ranks, [&](test::ThreadRank* peers) {
+            const std::vector<Gaussians<Cpu>> seen = run(peers);
+            ASSERT_EQ(seen.size(), one.size());
+            for (std::size_t i = 0; i < one.size(); ++i)
+                expect_same_bits(seen[i], one[i], str(ranks, " ranks, step ", i + 1));
+        });
+}
+
 TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
@@ -345,6 +419,95 @@ TEST(Batch, ExchangesOnlyWhatAPhotographSees) {
     const std::size_t near = bytes_with(0);
     EXPECT_GT(near, 4u * 100 * 64);
     EXPECT_LT(bytes_with(5000), near + near / 10);
+}
+
+/// Each asks for what it sees, one for nothing; where one sees much, all get all.
+TEST(AskedHarmonics, AreThoseOfTheirOwners) {
+    constexpr int kCount = 300000, kMoved = 4;
+    for (const int ranks : {2, 3})
+        for (const double share : {0.0, 0.1, 0.6})
+            on_ranks(ranks, [&](test::ThreadRank* peers) {
+                const int own_rank = peers->rank();
+                const Part own = own_part(peers, kCount);
+                Gaussians<Cpu> g;
+                resize(g, kCount, 2);
+                const auto value = [](int i, int k) {
+                    return Vec3f{static_cast<float>(i), static_cast<float>(k), 1};
+                };
+                std::vector<float> radii(kCount, 0);
+                std::vector<std::uint32_t> before{0};
+                for (int i = 0; i < kCount; ++i) {
+                    const bool seen = (i + 31 * own_rank) % 1000 < 1000 * share;
+                    if (own_rank > 0 && seen) radii[static_cast<std::size_t>(i)] = 1;
+                    before.push_back(before.back() + (own_rank > 0 && seen));
+                    for (int k = 0; k < sh_count(2); ++k)
+                        g.sh[static_cast<std::size_t>(k * kCount + i)] =
+                            own.holds(i) ? value(i, k) : Vec3f{-1, -1, -1};
+                }
+                const SplatPlaces places{{radii.data(), radii.size()},
+                                         {before.data(), before.size()}};
+                const auto count_current = [&] {
+                    int current = 0;
+                    for (int i = 0; i < kCount; ++i) {
+                        int right = 0;
+                        for (int k = 0; k < kMoved; ++k)
+                            right += g.sh[static_cast<std::size_t>(k * kCount + i)].x ==
+                                     static_cast<float>(i);
+                        EXPECT_TRUE(right == 0 || right == kMoved);
+                        const bool seen = radii[static_cast<std::size_t>(i)] > 0;
+                        EXPECT_TRUE(right > 0 || !(seen || own.holds(i))) << i;
+                        current += right > 0;
+                    }
+                    return current;
+                };
+                AskedHarmonics<Cpu> asked;
+                const auto ask = [&] { asked.ask(*peers, g, own_rank == 0 ? nullptr : &places); };
+                ask();
+                EXPECT_EQ(peers->gathers, 0) << "nothing has moved";
+                asked.step_done(kMoved);
+                ask();
+                const std::size_t dealt = peers->dealt;
+                const int others = kCount - own.size();
+                const double expected = share > 0.25 ? others : own_rank > 0 ? share * others : 0;
+                EXPECT_NEAR(count_current() - own.size(), expected, 100);
+                ask();  // for the same photograph
+                EXPECT_EQ(peers->dealt, dealt);
+                asked.begin_photograph();
+                ask();
+                EXPECT_EQ(peers->dealt > dealt, share == 0.1);
+                asked.catch_up(*peers, g);
+                EXPECT_EQ(count_current(), kCount);
+                const std::size_t gathered = peers->gathered;
+                asked.catch_up(*peers, g);
+                EXPECT_EQ(peers->gathered, gathered) << "all have all";
+            });
+}
+
+/// Of a splat that none sees its geometry goes round each step, its harmonics once, in the end.
+TEST(Batch, SharesTheHarmonicsOfWhatPhotographsSee) {
+    const Scene scene = six_views();
+    TrainOptions options = options_of_batch(40, 2);
+    options.loss.tv_normal.weight = options.loss.tv_position.weight = 0;
+    options.model.sh_every = 1;
+    options.tv.enabled = options.densify.enabled = false;
+    const auto bytes_with = [&](int far) {
+        Scene with = scene;
+        for (int i = 0; i < far; ++i)  // behind all cameras
+            with.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+        std::size_t bytes = 0;
+        on_ranks(2, [&](test::ThreadRank* peers) {
+            train<Cpu>(with, options, [&] {
+                TrainCallbacks callbacks;
+                callbacks.peers = peers;
+                return callbacks;
+            }());
+            if (peers->rank() == 0) bytes = peers->gathered;
+        });
+        return static_cast<double>(bytes);
+    };
+    constexpr int kFar = 5000, kSteps = 19, kGeometry = 4 * 11, kHarmonics = 4 * 3 * 16;
+    const double each = (bytes_with(kFar) - bytes_with(0)) / kFar;
+    EXPECT_NEAR(each, kSteps * kGeometry + kHarmonics, 1);
 }
 
 TEST(Batch, NamesWhatCannotBe) {
