@@ -315,26 +315,39 @@ TEST(RanksRollBack, ToTheSame) {
     }
 }
 
-/// Where only the process that owns the splat has the number that is not finite.
+/// Where only the process that owns the splat has the number that is not finite. Before a look at
+/// all parameters is due a loss at fault asks for one.
 TEST(RanksRollBack, ForAHarmonicThatOneOfThemOwns) {
     const Scene scene = six_views();
-    const TrainOptions options = options_of_batch(41, 4);
-    const auto run = [&](Communicator* peers) {
+    TrainOptions options = options_of_batch(41, 4);
+    options.densify.from = 20;
+    const auto run = [&](Communicator* peers, bool reports) {
         TrainCallbacks callbacks;
         callbacks.peers = peers;
+        callbacks.report_due = [reports](int step) { return reports && step == 8; };
+        callbacks.on_report = [](const TrainReport&) {};
+        callbacks.injected_fault.step = 4;
+        if (reports) callbacks.injected_fault.term = 0;
         std::vector<int> back;
         callbacks.on_rollback = [&](int done, const std::string& what) {
             back.push_back(done);
             EXPECT_NE(what.find("base colour of splat 70 "), std::string::npos) << what;
         };
-        if (own_part(peers, static_cast<int>(scene.points.positions.size())).holds(70))
-            callbacks.injected_fault = {.step = 4, .group = ParameterGroup::sh_dc, .splat = 70};
+        if (own_part(peers, static_cast<int>(scene.points.positions.size())).holds(70)) {
+            callbacks.injected_fault.group = ParameterGroup::sh_dc;
+            callbacks.injected_fault.splat = 70;
+            callbacks.injected_fault.times = reports ? 2 : 1;
+        }
         Gaussians<Cpu> end = train<Cpu>(scene, options, callbacks);
         EXPECT_EQ(back, std::vector<int>{0});
         return end;
     };
-    const Gaussians<Cpu> one = run(nullptr);
-    on_ranks(3, [&](test::ThreadRank* peers) { expect_same_bits(run(peers), one, "rolled back"); });
+    for (const bool reports : {false, true}) {
+        const Gaussians<Cpu> one = run(nullptr, reports);
+        on_ranks(3, [&](test::ThreadRank* peers) {
+            expect_same_bits(run(peers, reports), one, "rolled back");
+        });
+    }
 }
 
 /// Who looks at the splats between two steps sees those of one process, and changes nothing.
