@@ -20,8 +20,9 @@
 namespace tvsgs {
 
 /// The processes of a training, one for each device. All make the same calls in the same order; a
-/// call that differs on one of them is found out, and is an Error(ExitCode::peer), as is waiting
-/// for longer than the limit. A null pointer stands for a process by itself.
+/// call that differs on one of them is found out, but in deal_known(), and is an
+/// Error(ExitCode::peer), as is waiting for longer than the limit. A null pointer stands for a
+/// process by itself.
 class Communicator {
 public:
     virtual ~Communicator() = default;
@@ -267,11 +268,6 @@ void Communicator::deal_known(const char* what,
     }
 }
 
-/// Of what a photograph says, or sees, of the splats no more is on its way at a time than of one in
-/// so many, or of so many: each exchange takes its time on a GPU however little it moves, and what
-/// it moves takes memory.
-inline constexpr int kExchangesOfPhotograph = 4, kLeastExchanged = 1 << 16;
-
 /// counts[r][o]: elements that go from rank r to rank o.
 using SentCounts = std::vector<std::vector<int>>;
 
@@ -286,8 +282,8 @@ inline std::vector<std::size_t> received_begins(const SentCounts& counts,
                          each * static_cast<std::size_t>(sent[static_cast<std::size_t>(own)]));
     return begins;
 }
-/// Whether all of it may be on its way at once.
-inline bool goes_at_once(const SentCounts& counts, int splats) {
+/// The most that a rank sends or is sent.
+inline std::int64_t most_of_a_rank(const SentCounts& counts) {
     std::int64_t most = 0;
     for (std::size_t r = 0; r < counts.size(); ++r) {
         std::int64_t sent = 0, received = 0;
@@ -295,7 +291,7 @@ inline bool goes_at_once(const SentCounts& counts, int splats) {
             sent += counts[r][other], received += counts[other][r];
         most = std::max({most, sent, received});
     }
-    return most <= std::max(kLeastExchanged, splats / kExchangesOfPhotograph);
+    return most;
 }
 
 /// The part of `count` elements that a process has to hold; all of them where there is one.

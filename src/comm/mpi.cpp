@@ -156,7 +156,7 @@ bool has_mpi() {
 std::unique_ptr<Communicator> join_by_mpi(const Launch& launch) {
     if (launch.by != Launch::By::mpi || !launch.several()) return nullptr;
     int level = 0;
-    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_FUNNELED, &level);
+    MPI_Init_thread(nullptr, nullptr, MPI_THREAD_SERIALIZED, &level);
     int rank = 0, size = 1;
     MPI_Comm_rank(MPI_COMM_WORLD, &rank);
     MPI_Comm_size(MPI_COMM_WORLD, &size);

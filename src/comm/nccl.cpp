@@ -20,8 +20,7 @@
 #include "comm/rendezvous.h"
 
 #if NCCL_VERSION_CODE < NCCL_VERSION(2, 18, 0)
-#error \
-    "NCCL 2.18 or newer is needed: calls that can be given up; or configure with -DTVSGS_NCCL=OFF"
+#error "NCCL 2.18 or newer is expected, as it was tried; or configure with -DTVSGS_NCCL=OFF"
 #endif
 
 namespace tvsgs {
@@ -103,9 +102,11 @@ public:
     template <class Call>
     ncclResult_t operator()(const Call& call) {
         note(Clock::now());
-        const ncclResult_t code = call();
-        note({});
-        return code;
+        const struct Over {
+            Watch& watch;
+            ~Over() { watch.note({}); }
+        } over{*this};
+        return call();
     }
 
 private:
@@ -282,8 +283,14 @@ private:
     /// Ends a group of calls and waits until their bytes are there.
     void finish_group(
         bool calm, const std::function<void()>& meanwhile = [] {}) {
-        settle(watch_([] { return ncclGroupEnd(); }), "exchange");
-        meanwhile();
+        guarded([&] {
+            settle(watch_([] { return ncclGroupEnd(); }), "exchange");
+            // Watched, as work for the device may wait for what it has been given before.
+            watch_([&] {
+                meanwhile();
+                return ncclSuccess;
+            });
+        });
         wait(
             [&] {
                 const cudaError_t code = cudaStreamQuery(stream_);
@@ -300,7 +307,7 @@ private:
     template <class Done>
     void wait(const Done& done, bool calm) {
         const Clock::time_point begin = Clock::now();
-        try {
+        guarded([&] {
             while (!done()) {
                 ncclResult_t state = ncclSuccess;
                 ncclCommGetAsyncError(comm_, &state);
@@ -311,6 +318,14 @@ private:
                 else
                     std::this_thread::yield();
             }
+        });
+    }
+
+    /// What is under way is given up before an Error goes on.
+    template <class Run>
+    void guarded(const Run& run) {
+        try {
+            run();
         } catch (const Error& error) {
             if (!give_up()) end_with(error);
             throw;

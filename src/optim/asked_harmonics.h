@@ -55,6 +55,14 @@ void take_rows(Device device,
                Span<const int> splats,
                const Vec3f* rows);
 
+/// Of what a photograph says of splats, or sees of them, a process sends and is sent that of a
+/// quarter of all, or of 65,536, at a time: it takes memory, and each exchange takes its time on a
+/// GPU however little it moves.
+inline constexpr int kExchangesOfPhotograph = 4, kLeastExchanged = 1 << 16;
+inline bool goes_at_once(const SentCounts& counts, int splats) {
+    return most_of_a_rank(counts) <= std::max(kLeastExchanged, splats / kExchangesOfPhotograph);
+}
+
 /// What a process sends, and what it is sent: words of whatever is on its way just now.
 template <class Device>
 struct OnItsWay {
@@ -77,7 +85,7 @@ public:
         if (moved_ == 0 || std::exchange(asked_for_, true)) return;
         const auto ranks = static_cast<std::size_t>(peers.size());
         std::vector<int> mine(ranks, 0);
-        if (places != nullptr) mine = list(peers, *places);
+        if (places != nullptr) mine = count(peers, *places);
         std::vector<std::byte> all_said;
         peers.all_gather_v("harmonics", mine.data(), ranks * sizeof(int), all_said);
         SentCounts counts(ranks, mine);
@@ -85,6 +93,7 @@ public:
             std::memcpy(counts[r].data(), all_said.data() + r * ranks * sizeof(int),
                         ranks * sizeof(int));
         if (!goes_at_once(counts, g.size())) return catch_up(peers, g);
+        if (places != nullptr) list(peers, *places);
         std::vector<std::size_t> to{0};
         for (const int count : mine) to.push_back(to.back() + static_cast<std::size_t>(count));
         const std::vector<std::size_t> from = received_begins(counts, peers.rank(), 1);
@@ -122,23 +131,25 @@ private:
         return begins;
     }
 
-    /// asked_ <- those in view that others own; returns how many of each.
-    std::vector<int> list(const Communicator& peers, const SplatPlaces& places) {
+    /// How many of those in view each of the others owns.
+    std::vector<int> count(const Communicator& peers, const SplatPlaces& places) {
         const int ranks = peers.size();
         edges_.resize(static_cast<std::size_t>(ranks) + 1);
         find_part_edges(Device{}, places.before, ranks, edges_.data());
         const std::vector<std::uint32_t> edges = to_host(edges_);
-        const auto own = static_cast<std::size_t>(peers.rank());
         std::vector<int> counts;
-        int all = 0;
-        for (std::size_t r = 0; r + 1 < edges.size(); ++r) {
-            counts.push_back(r == own ? 0 : static_cast<int>(edges[r + 1] - edges[r]));
-            all += counts.back();
-        }
-        asked_.resize(static_cast<std::size_t>(all));
-        list_asked(Device{}, places, part_of(places.radii.size(), peers.rank(), ranks),
-                   edges[own + 1] - edges[own], asked_.span());
+        for (std::size_t r = 0; r + 1 < edges.size(); ++r)
+            counts.push_back(static_cast<int>(edges[r + 1] - edges[r]));
+        own_in_view_ = std::exchange(counts[static_cast<std::size_t>(peers.rank())], 0);
+        in_view_ = static_cast<int>(edges.back());
         return counts;
+    }
+
+    /// asked_ <- these.
+    void list(const Communicator& peers, const SplatPlaces& places) {
+        asked_.resize(static_cast<std::size_t>(in_view_ - own_in_view_));
+        list_asked(Device{}, places, own_part(&peers, places.radii.size()),
+                   static_cast<std::uint32_t>(own_in_view_), asked_.span());
     }
 
     template <class Run>
@@ -152,6 +163,7 @@ private:
 
     int moved_ = 0;  // coefficients that have moved since all had all of them
     bool asked_for_ = false;
+    int in_view_ = 0, own_in_view_ = 0;  // of the photograph
     Buffer<std::uint32_t, Device> edges_;
     Buffer<int, Device> asked_, wanted_;  // splats: of others, by others
     OnItsWay<Device> on_its_way_;         // rows of rank after rank, coefficient major

@@ -189,6 +189,7 @@ public:
         Gaussians<Device>& g = t->gaussians;
         const int count = last - first + 1, ranks = size_of(peers_);
         measure(t);
+        iteration.begin_step(last);
         const int own = own_part(peers_, g.size()).size();
         resize(sum_, own, g.sh_degree);
         fill_zero(sum_);

@@ -1,4 +1,4 @@
-// Growing and pruning: clone, split, prune, trim, opacity reset; then Morton order again.
+// Growing and pruning: clone, split, prune, trim, opacity reset; then to their places in memory.
 // [Kerbl23, Section 5], rules of [PGSR]
 #pragma once
 
@@ -292,7 +292,7 @@ private:
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
         // 2. All to their places: what the splats inherit goes there at once.
-        order_by_place(g.means.span(), batch_ > 1, first_, counts_);
+        order_by_place(g.means.span(), place_order(batch_), first_, counts_);
         gather_shapes(first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
         gather(first_.span(), {}, is_new_, child_of_split_);

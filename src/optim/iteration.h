@@ -89,6 +89,9 @@ public:
         return here;
     }
 
+    /// Before its photographs, also where a process has none.
+    void begin_step(int step) { sh_degree_ = sh_degree_at(model_, step); }
+
     /// Iteration `number` of the step that ends with iteration `step`: renders the view, adds up
     /// the losses, and goes back to the splats: into the gradients, or half of the way where the
     /// backbone fuses the rest with Adam's step. `watch(values)` is given the losses. Terms learn
@@ -105,7 +108,7 @@ public:
                    bool for_step,
                    Span<double> by_camera,
                    const Watch& watch) {
-        sh_degree_ = sh_degree_at(model_, step);
+        begin_step(step);
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         OtherViews<Device>* others = nullptr;
         if (needs_at(losses, number, view.index, true).other_views > 0)
@@ -279,7 +282,7 @@ private:
     Objective<Device> objective_;
     ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;
-    int sh_degree_ = 0;                      // of the last propagate()
+    int sh_degree_ = 0;                      // of the step under way
     bool taken_ = false;                     // gradients() are zeros
     const FusedGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
 };

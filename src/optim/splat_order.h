@@ -77,15 +77,19 @@ struct DealBody {
     TVSGS_HD void operator()(int i) const { out[i] = order[dealt(i)]; }
 };
 
-/// Where splats belong in memory: Morton order, in which those that a view sees lie in runs. Dealt,
-/// where the parts of several processes should all have some of what a view sees.
+/// Where splats belong in memory: in Morton order, in which those that a view sees lie in runs; or
+/// these dealt, so that the parts of several processes all have some of what a view sees.
+enum class PlaceOrder { morton, dealt };
+inline PlaceOrder place_order(int batch) {
+    return batch > 1 ? PlaceOrder::dealt : PlaceOrder::morton;
+}
 template <class Device>
 void order_by_place(Span<const Vec3f> means,
-                    bool dealt,
+                    PlaceOrder places,
                     Buffer<int, Device>& order,
                     Buffer<int, Device>& scratch) {
     morton_order(means, order);
-    if (!dealt) return;
+    if (places == PlaceOrder::morton) return;
     scratch.resize(order.size());
     parallel_for(Device{}, means.size(),
                  DealBody{{means.size()}, std::as_const(order).span(), scratch.span()});
@@ -93,9 +97,9 @@ void order_by_place(Span<const Vec3f> means,
 }
 
 template <class Device>
-void sort_by_place(Gaussians<Device>& g, bool dealt = false) {
+void sort_by_place(Gaussians<Device>& g, PlaceOrder places = PlaceOrder::morton) {
     Buffer<int, Device> order, spare;
-    order_by_place(g.means.span(), dealt, order, spare);
+    order_by_place(g.means.span(), places, order, spare);
     for_each_array(
         [&]<class T>(const SplatArray& array, Buffer<T, Device>& values) {
             Buffer<T, Device> scratch;

@@ -34,10 +34,6 @@ std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, 
     return "";
 }
 
-bool asks_for_harmonics(const Scene& scene, const TrainOptions& options) {
-    return !scene.fixed_splats && make_backbone<Cpu>(options.backbone, options.render)->fuses();
-}
-
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses) {
     if (!waits(options.optim)) return;
     const bool host = options.optim.harmonics == KeepHarmonics::host;

@@ -156,7 +156,8 @@ struct TrainCallbacks {
     int records_at_a_time = 0;  // see StepBatch
 };
 
-/// The splats after the step, asked for by who looks at them: some of it may have waited.
+/// The splats after the step, asked for by who looks at them: some of it may have waited, or be
+/// with other processes. So of several processes all have to ask after the same steps.
 template <class Device>
 using SplatsNow = std::function<const Gaussians<Device>&()>;
 /// Called between two steps.
@@ -174,7 +175,8 @@ using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats_n
 /// views leaves out, by draw, those that do not fill a step.
 ///
 /// Losses are looked at every step, all parameters every hundred and before anything is reported,
-/// saved, pruned or returned; harmonics on the host every thousand, and not for reports. The first
+/// saved, pruned or returned; harmonics on the host, or that are with other processes, every
+/// thousand, and not for reports, but where something else is at fault. The first
 /// number that is not finite takes the run back to its last saved state (or its start) and divides
 /// the learning rate of what went wrong by ten; the second one is an Error(ExitCode::numerical)
 /// that names loss, view, parameter and splat.
@@ -192,10 +194,6 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 /// Why harmonics cannot wait, or lie on the host: a step would want all of them. Empty where they
 /// can. `fuses`: of the rasteriser.
 std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
-
-/// Whether of several processes each asks for the harmonics that its photograph sees, and is not
-/// sent those of all splats.
-bool asks_for_harmonics(const Scene& scene, const TrainOptions& options);
 
 /// Throws Error(ExitCode::usage) where they are to wait all the same. train() does so, too.
 void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);

@@ -126,9 +126,6 @@ public:
     /// splats as they are, so that check() still finds the numbers that made it.
     const int* halted() const { return &fault_.data()->step; }
 
-    /// Whether a loss has not been finite. Waits for the device.
-    bool found() const { return to_host(fault_)[0].step != 0; }
-
     /// Waits for the device. `step`: of this look, for the message. `all`: with the harmonics.
     std::optional<Fault> check(int step,
                                bool all,

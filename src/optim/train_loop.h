@@ -28,7 +28,9 @@ Gaussians<Device> train(const Scene& scene,
                         SharedState start) {
     check_batch(scene, options, size_of(callbacks.peers));
     Iteration<Device> iteration(scene, options, callbacks.goes_on);
-    Training<Device> t(scene, options, callbacks, std::move(start));
+    // A photograph can ask where it is drawn from harmonics that are fetched.
+    const bool asks = !scene.fixed_splats && iteration.backbone().fuses();
+    Training<Device> t(scene, options, callbacks, asks, std::move(start));
     StepBatch<Device> batch(callbacks.peers, callbacks.records_at_a_time);
     const int each = options.comm.batch;  // photographs of a step
     iteration.clock = StageClock<Device>(callbacks.profile);

@@ -76,11 +76,16 @@ struct TrainState {
     ViewSampler sampler;
     int done = 0;
 
-    TrainState(const Scene& scene, const TrainOptions& o, const State* from, Communicator* peers)
+    /// `asks`: as Adam has it.
+    TrainState(const Scene& scene,
+               const TrainOptions& o,
+               const State* from,
+               Communicator* peers,
+               bool asks)
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
           voter(o.tv, peers),
-          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim), asks_for_harmonics(scene, o)),
+          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim), asks),
           densifier(
               o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
           cameras(scene, o.cameras, o.comm.batch),
@@ -129,7 +134,7 @@ private:
         g.sh.put(memory_of(o.optim.harmonics));
         if (from != nullptr) return g;
         Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
-        sort_by_place(first, o.comm.batch > 1);
+        sort_by_place(first, place_order(o.comm.batch));
         copy(first, g);
         return g;
     }
@@ -206,10 +211,12 @@ public:
     Training(const Scene& scene,
              const TrainOptions& options,
              const TrainCallbacks& callbacks,
+             bool asks,
              SharedState start)
         : scene_(scene),
           options_(options),
           callbacks_(callbacks),
+          asks_(asks),
           injected_(callbacks.injected_fault),
           good_(std::move(start)) {
         if (const auto bad = good_ ? find_not_finite(peers(), *good_) : std::nullopt)
@@ -308,17 +315,24 @@ private:
 
     void restart() {
         state_.reset();  // first, so that the device never holds two
-        state_ =
-            std::make_unique<TrainState<Device>>(scene_, options_, good_.get(), callbacks_.peers);
+        state_ = std::make_unique<TrainState<Device>>(scene_, options_, good_.get(),
+                                                      callbacks_.peers, asks_);
         guard_.reset();
     }
 
     auto look(int step, bool far = true) {
         TrainState<Device>& s = *state_;
-        const bool at_hand = s.adam.at_hand(s.gaussians), due = far || (!at_hand && guard_.found()),
-                   all = at_hand || due;
-        if (due) s.adam.catch_up(s.gaussians);
-        return guard_.check(step, all, s.gaussians, s.losses, scene_.train);
+        const auto check = [&](bool all) {
+            return guard_.check(step, all, s.gaussians, s.losses, scene_.train);
+        };
+        const bool all = far || s.adam.at_hand(s.gaussians);
+        if (far) s.adam.catch_up(s.gaussians);
+        auto fault = check(all);
+        if (fault && !all) {  // all that is at fault is to be named
+            s.adam.catch_up(s.gaussians);
+            fault = check(true);
+        }
+        return fault;
     }
 
     SharedState capture() {
@@ -359,6 +373,7 @@ private:
     const Scene& scene_;
     const TrainOptions& options_;
     const TrainCallbacks& callbacks_;
+    bool asks_;
     InjectedFault injected_;
     SharedState good_;  // null: the start
     std::unique_ptr<TrainState<Device>> state_;

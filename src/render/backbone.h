@@ -203,7 +203,8 @@ public:
                                                   Maps maps) = 0;
 
     /// Gradients of the last forward(), added to `dL_dgaussians`, which has the shape already; its
-    /// harmonics may be missing where no colour was rendered. Writes statistics().
+    /// harmonics may be missing where no colour was rendered, and get gradients of splats in view
+    /// alone, those with a radius. Writes statistics().
     virtual void backward(const Gaussians<Device>& gaussians,
                           const ImageGradients<Device>& dL_dimages,
                           Gaussians<Device>& dL_dgaussians) = 0;
@@ -220,8 +221,10 @@ public:
         return nullptr;
     }
 
-    /// From now on forward() takes harmonics from what `fetch` gives, and not from the Gaussians:
-    /// those of all splats are not up to date. To be implemented where it fuses.
+    /// From now on forward() takes harmonics from what `fetch` gives: the Gaussians' own are not up
+    /// to date. Where they are not by place they have been brought into the Gaussians that it was
+    /// given, and what goes back may read them there, of splats in view. To be implemented where it
+    /// fuses.
     virtual void set_harmonics(FetchHarmonics /*fetch*/) {
         throw Error(ExitCode::internal, "a backbone that fuses does not fetch harmonics");
     }

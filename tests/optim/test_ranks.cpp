@@ -350,6 +350,21 @@ TEST(RanksRollBack, ForAHarmonicThatOneOfThemOwns) {
     }
 }
 
+/// Where some of the ranks have no photograph in the last step, at which the degree rises; resumed
+/// there as well.
+TEST(RanksLast, AStepThatIsNotFull) {
+    const Scene scene = six_views();
+    TrainOptions options = options_of_batch(26, 4);
+    options.model.sh_every = 26;
+    const End one = train_on(nullptr, scene, options);
+    for (const int ranks : {3, 4})
+        on_ranks(ranks, [&](test::ThreadRank* peers) {
+            expect_same_bits(train_on(peers, scene, options).splats, one.splats, "at once");
+            const End resumed = train_on(peers, scene, options, one.state);
+            expect_same_bits(resumed.splats, one.splats, "resumed");
+        });
+}
+
 /// Who looks at the splats between two steps sees those of one process, and changes nothing.
 TEST(RanksNow, ShowTheSplatsOfOneProcess) {
     const Scene scene = six_views();

@@ -4,6 +4,7 @@
 #include <omp.h>
 
 #include <barrier>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <exception>
@@ -52,11 +53,18 @@ private:
         const auto own = static_cast<std::size_t>(rank_);
         group_.parts[own] = parts, group_.places[own] = &to;
         group_.meet.arrive_and_wait();
-        for (std::size_t r = 0; r < group_.parts.size(); ++r)
-            if (const std::size_t bytes = from[r + 1] - from[r]; bytes > 0)
+        for (std::size_t r = 0; r < group_.parts.size(); ++r) {
+            const std::vector<std::size_t>& sent = *group_.places[r];
+            const std::size_t bytes = from[r + 1] - from[r];
+            if (bytes != sent[own + 1] - sent[own]) {  // no backend would come back from that
+                std::fprintf(stderr, "rank %zu sends %zu bytes, rank %d expects %zu\n", r,
+                             sent[own + 1] - sent[own], rank_, bytes);
+                std::abort();
+            }
+            if (bytes > 0)
                 std::memcpy(static_cast<char*>(got) + from[r],
-                            static_cast<const char*>(group_.parts[r]) + (*group_.places[r])[own],
-                            bytes);
+                            static_cast<const char*>(group_.parts[r]) + sent[own], bytes);
+        }
         dealt += from.back();
         group_.meet.arrive_and_wait();
     }
