@@ -14,8 +14,11 @@
 
 namespace tvsgs {
 
-/// What happens at the beginning of a step.
-enum class NextStep : std::uint8_t { go_on, stop, fit };
+/// What happens at the beginning of a step; `show`: it goes on, and then its splats are shown.
+enum class NextStep : std::uint8_t { go_on, show, stop, fit };
+inline bool ends(NextStep next) {
+    return next == NextStep::stop || next == NextStep::fit;
+}
 
 /// What the processes of a session tell each other; by itself, where `peers` is null, a process
 /// agrees with what it says.

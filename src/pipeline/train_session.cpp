@@ -94,6 +94,7 @@ private:
     int done_;                                 // iterations
     SharedState state_;                        // where the next training begins; null: as a new one
     bool fit_now_ = false;                     // the training pauses for a new schedule
+    bool shows_ = false;                       // the splats after this step
 };
 
 template <class Device>
@@ -176,7 +177,7 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
     const auto after_step = [this](int step, const SplatsNow<Device>& splats_now) {
         done_ = step;
         if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats_now);
-        if (in_.session.live_every > 0 && talk_.agree("snapshot", live_.due())) {
+        if (shows_) {
             Gaussians<Cpu> now;
             copy(splats_now(), now);
             live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
@@ -215,9 +216,12 @@ template <class Device>
 bool TrainSession<Device>::stop_requested() {
     const bool stop = SignalGuard::received() != 0 || scores_.convergence().over(),
                fit = !stop && budget_.due(done_, own_seconds());
-    const NextStep next = talk_.next(stop ? NextStep::stop : fit ? NextStep::fit : NextStep::go_on);
-    fit_now_ = next == NextStep::fit;
-    return next != NextStep::go_on;
+    const NextStep next = talk_.next(stop          ? NextStep::stop
+                                     : fit         ? NextStep::fit
+                                     : live_.due() ? NextStep::show
+                                                   : NextStep::go_on);
+    fit_now_ = next == NextStep::fit, shows_ = next == NextStep::show;
+    return ends(next);
 }
 
 template <class Device>
@@ -379,15 +383,15 @@ void follow(const SessionInputs& in, SharedState state) {
     heed_signals(in);
     RankTalk talk(in.peers);
     TrainOptions training = in.training;
-    bool fit = false;
+    bool fit = false, shows = false;
     TrainCallbacks told;
     told.peers = in.peers;
     told.report_due = [&](int step) { return report_due(in, training, step); };
     told.on_report = [](const TrainReport&) {};
     told.stop_requested = [&] {
         const NextStep next = talk.next(NextStep::go_on);
-        fit = next == NextStep::fit;
-        return next != NextStep::go_on;
+        fit = next == NextStep::fit, shows = next == NextStep::show;
+        return ends(next);
     };
     told.save_due = [&](int done) { return save_due(in, training, done); };
     told.on_save = [&](int, const SharedState& saved) {
@@ -400,7 +404,7 @@ void follow(const SessionInputs& in, SharedState state) {
             splats_now();
             talk.alone([] {});
         }
-        if (in.session.live_every > 0 && talk.agree("snapshot", false)) splats_now();
+        if (shows) splats_now();
     };
     for (;;) {
         train<Device>(in.scene, training, told, after_step, std::exchange(state, nullptr));
