@@ -24,8 +24,8 @@ struct SplatFindings {
     TVSGS_HD int words() const { return kFixedWords + 3 * coefficients; }
 };
 
-/// The findings of one splat, word by word in the order of a record, without the index: first those
-/// of its geometry, then, where they are asked for, of its harmonics.
+/// visit(word, float) for the findings of one splat: of its geometry, of its harmonics, or of both;
+/// `word` is the place in a record.
 template <class Visit>
 TVSGS_HD void visit_geometry(const SplatFindings& f, int i, const Visit& visit) {
     const auto vector = [&visit](int word, Vec3f& v) {
