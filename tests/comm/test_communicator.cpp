@@ -79,6 +79,46 @@ TEST(Communicator, EachSharesItsPartOfAnArray) {
     });
 }
 
+TEST(Communicator, OtherWorkIsDoneOnceMeanwhile) {
+    for (const int size : {1, 2, 3})
+        for (const int count : {0, 100})
+            on_ranks(size, [&](ThreadRank* peers) {
+                std::vector<int> values(static_cast<std::size_t>(count), rank_of(peers));
+                int done = 0;
+                share_parts(peers, "array", Cpu{},
+                            std::vector<Communicator::Planes>{{values.data(), sizeof(int)}}, count,
+                            [&] { ++done; });
+                EXPECT_EQ(done, 1);
+                if (count > 0) {
+                    EXPECT_EQ(values.back(), size - 1);
+                }
+            });
+}
+
+TEST(Communicator, WhatAllKnowIsDealtWithoutAWord) {
+    on_ranks(3, [](ThreadRank* peers) {
+        const int own = peers->rank();
+        SentCounts counts;
+        for (int r = 0; r < 3; ++r) counts.push_back({r, r + 1, r + 2});
+        std::vector<int> sent;
+        std::vector<std::size_t> to{0};
+        for (int o = 0; o < 3; ++o) {
+            sent.insert(sent.end(), static_cast<std::size_t>(2 * (own + o)), 10 * own + o);
+            to.push_back(sent.size());
+        }
+        Buffer<int, Cpu> parts, got;
+        copy(sent, parts);
+        const std::vector<std::size_t> from = received_begins(counts, own, 2);
+        peers->deal_known("known", parts, to, got, from);
+        EXPECT_EQ(peers->gathers, 0);
+        ASSERT_EQ(got.size(), static_cast<std::size_t>(2 * (3 + 3 * own)));
+        for (std::size_t r = 0; r < 3; ++r)
+            for (std::size_t i = from[r]; i < from[r + 1]; ++i)
+                EXPECT_EQ(got[i], 10 * static_cast<int>(r) + own);
+        EXPECT_EQ(most_of_a_rank(counts), 9);
+    });
+}
+
 TEST(Communicator, SeveralArraysAreSharedInOneCall) {
     on_ranks(3, [](ThreadRank* peers) {
         constexpr int kCount = 100;
