@@ -282,9 +282,10 @@ private:
     Objective<Device> objective_;
     ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;
-    int sh_degree_ = 0;                      // of the step under way
-    bool taken_ = false;                     // gradients() are zeros
-    const FusedGradients* fused_ = nullptr;  // the same; null: the gradients are in the objective
+    int sh_degree_ = 0;   // of the step under way
+    bool taken_ = false;  // gradients() are zeros
+    /// Of the last propagate(); null: the gradients are in the objective.
+    const FusedGradients* fused_ = nullptr;
 };
 
 }  // namespace tvsgs

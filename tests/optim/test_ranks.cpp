@@ -6,7 +6,6 @@
 #include <set>
 
 #include "optim/batch.h"
-#include "optim/splat_order.h"
 #include "support/numeric.h"
 #include "support/thread_ranks.h"
 #include "training_scene.h"
@@ -58,33 +57,6 @@ TEST(Adam, MovesItsMomentsByTheBatchAsOneByOne) {
     EXPECT_EQ(one.share2, 0.001f);
 }
 
-TEST(DealtOrder, GivesEachPartSomeOfAllNeighbourhoods) {
-    for (const int count : {0, 1, 1023, 1024, 1025, 32768, 32769, 33000, 65535, 100003}) {
-        std::set<int> places;
-        for (int i = 0; i < count; ++i) places.insert(DealtOrder{count}(i));
-        EXPECT_EQ(places.size(), static_cast<std::size_t>(count));
-        if (count > 0) {
-            EXPECT_EQ(*places.rbegin(), count - 1);
-        }
-    }
-    constexpr int kCount = 300003;
-    for (const int ranks : {2, 3, 4}) {
-        std::vector<int> seen(static_cast<std::size_t>(ranks));
-        for (int r = 0; r < ranks; ++r)
-            for (int i = part_of(kCount, r, ranks).begin; i < part_of(kCount, r, ranks).end; ++i) {
-                const int old = DealtOrder{kCount}(i);
-                seen[static_cast<std::size_t>(r)] += 100000 <= old && old < 200000;
-            }
-        for (const int here : seen) EXPECT_NEAR(here, 100000 / ranks, 2000) << ranks;
-    }
-    for (int i = 1; i < kCount; ++i) {  // runs are whole
-        const int before = DealtOrder{kCount}(i - 1), run_end = DealtOrder::kDealt - 1;
-        if (before % DealtOrder::kDealt != run_end && before != kCount - 1) {
-            ASSERT_EQ(DealtOrder{kCount}(i), before + 1);
-        }
-    }
-}
-
 TrainOptions options_of_batch(int iterations, int batch) {
     TrainOptions options = test::everything_on(iterations);
     options.comm.batch = batch;
@@ -103,6 +75,13 @@ Scene six_views() {
         view.photo.pixels = scene.train[static_cast<std::size_t>(i)].photo.pixels;
         scene.train.push_back(std::move(view));
     }
+    return scene;
+}
+
+/// With splats behind all cameras.
+Scene with_far(Scene scene, int far) {
+    for (int i = 0; i < far; ++i)
+        scene.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
     return scene;
 }
 
@@ -408,9 +387,7 @@ TEST(RanksTwins, CudaHasTheBitsOfOneProcess) {
 }
 
 TEST(RanksMemory, EachHoldsItsPart) {
-    Scene scene = six_views();
-    for (int i = 0; i < 3000; ++i)  // where none looks
-        scene.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+    const Scene scene = with_far(six_views(), 3000);
     TrainOptions options = options_of_batch(8, 4);
     options.densify.enabled = false;
     for (const int ranks : {2, 4})
@@ -434,9 +411,7 @@ TEST(Batch, ExchangesOnlyWhatAPhotographSees) {
     options.loss.tv_normal.weight = options.loss.tv_position.weight = 0;
     options.tv.enabled = options.densify.enabled = false;
     const auto bytes_with = [&](int far) {
-        Scene with = scene;
-        for (int i = 0; i < far; ++i)  // behind all cameras
-            with.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+        const Scene with = with_far(scene, far);
         std::size_t bytes = 0;
         on_ranks(2, [&](test::ThreadRank* peers) {
             train_on(peers, with, options);
@@ -449,68 +424,6 @@ TEST(Batch, ExchangesOnlyWhatAPhotographSees) {
     EXPECT_LT(bytes_with(5000), near + near / 10);
 }
 
-/// Each asks for what it sees, one for nothing; where one sees much, all get all.
-TEST(AskedHarmonics, AreThoseOfTheirOwners) {
-    constexpr int kCount = 300000, kMoved = 4;
-    for (const int ranks : {2, 3})
-        for (const double share : {0.0, 0.1, 0.6})
-            on_ranks(ranks, [&](test::ThreadRank* peers) {
-                const int own_rank = peers->rank();
-                const Part own = own_part(peers, kCount);
-                Gaussians<Cpu> g;
-                resize(g, kCount, 2);
-                const auto value = [](int i, int k) {
-                    return Vec3f{static_cast<float>(i), static_cast<float>(k), 1};
-                };
-                std::vector<float> radii(kCount, 0);
-                std::vector<std::uint32_t> before{0};
-                for (int i = 0; i < kCount; ++i) {
-                    const bool seen = (i + 31 * own_rank) % 1000 < 1000 * share;
-                    if (own_rank > 0 && seen) radii[static_cast<std::size_t>(i)] = 1;
-                    before.push_back(before.back() + (own_rank > 0 && seen));
-                    for (int k = 0; k < sh_count(2); ++k)
-                        g.sh[static_cast<std::size_t>(k * kCount + i)] =
-                            own.holds(i) ? value(i, k) : Vec3f{-1, -1, -1};
-                }
-                const SplatPlaces places{{radii.data(), radii.size()},
-                                         {before.data(), before.size()}};
-                const auto count_current = [&] {
-                    int current = 0;
-                    for (int i = 0; i < kCount; ++i) {
-                        int right = 0;
-                        for (int k = 0; k < kMoved; ++k)
-                            right += g.sh[static_cast<std::size_t>(k * kCount + i)].x ==
-                                     static_cast<float>(i);
-                        EXPECT_TRUE(right == 0 || right == kMoved);
-                        const bool seen = radii[static_cast<std::size_t>(i)] > 0;
-                        EXPECT_TRUE(right > 0 || !(seen || own.holds(i))) << i;
-                        current += right > 0;
-                    }
-                    return current;
-                };
-                AskedHarmonics<Cpu> asked;
-                const auto ask = [&] { asked.ask(*peers, g, own_rank == 0 ? nullptr : &places); };
-                ask();
-                EXPECT_EQ(peers->gathers, 0) << "nothing has moved";
-                asked.step_done(kMoved);
-                ask();
-                const std::size_t dealt = peers->dealt;
-                const int others = kCount - own.size();
-                const double expected = share > 0.25 ? others : own_rank > 0 ? share * others : 0;
-                EXPECT_NEAR(count_current() - own.size(), expected, 100);
-                ask();  // for the same photograph
-                EXPECT_EQ(peers->dealt, dealt);
-                asked.begin_photograph();
-                ask();
-                EXPECT_EQ(peers->dealt > dealt, share == 0.1);
-                asked.catch_up(*peers, g);
-                EXPECT_EQ(count_current(), kCount);
-                const std::size_t gathered = peers->gathered;
-                asked.catch_up(*peers, g);
-                EXPECT_EQ(peers->gathered, gathered) << "all have all";
-            });
-}
-
 /// Of a splat that none sees its geometry goes round each step, its harmonics once, in the end.
 TEST(Batch, SharesTheHarmonicsOfWhatPhotographsSee) {
     const Scene scene = six_views();
@@ -519,9 +432,7 @@ TEST(Batch, SharesTheHarmonicsOfWhatPhotographsSee) {
     options.model.sh_every = 1;
     options.tv.enabled = options.densify.enabled = false;
     const auto bytes_with = [&](int far) {
-        Scene with = scene;
-        for (int i = 0; i < far; ++i)  // behind all cameras
-            with.points.positions.push_back({1e3f + static_cast<float>(i), 0, -1e4f});
+        const Scene with = with_far(scene, far);
         std::size_t bytes = 0;
         on_ranks(2, [&](test::ThreadRank* peers) {
             train<Cpu>(with, options, [&] {
