@@ -281,7 +281,10 @@ void report_if_possible(const std::string& run, const Scene& scene) {
 }
 
 /// What --plan says of memory and time, once there is a cloud to train from.
-void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) {
+void print_costs(const DeviceChoice& device,
+                 RunOptions& options,
+                 Scene& scene,
+                 const ProcessCount& processes) {
     if (options.scene.init_ply.empty() && needs_stereo(options, scene)) {
         std::fputs(
             "memory and time: not known before stereo has made its cloud; tvsgs-init --out "
@@ -291,9 +294,15 @@ void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) 
     }
     TrainOptions training = options.train;
     const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
-    std::printf("%s\n",
-                plan_memory(scene, options.memory, splats, device.cuda, training).text().c_str());
+    std::printf("%s\n", plan_memory(scene, options.memory, splats, device.cuda, training, processes)
+                            .text()
+                            .c_str());
     std::fflush(stdout);
+    if (processes.all > 1) {
+        std::printf("time: not known of %d processes; --plan on one measures it for one\n",
+                    processes.all);
+        return;
+    }
     try {
         std::printf("%s\n", plan_time(device, scene, training).text().c_str());
     } catch (const Error& error) {
@@ -364,7 +373,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
     if (arguments.plan) {
         if (!leads) return 0;
         std::fputs(plan.text().c_str(), stdout);
-        print_costs(device, options, scene);
+        print_costs(device, options, scene, count);
         return 0;
     }
     if (peers != nullptr) {

@@ -105,6 +105,6 @@ MemoryPlan plan_memory(const Scene& scene,
                        std::int64_t splats,
                        bool cuda,
                        TrainOptions& options,
-                       const ProcessCount& processes = {});
+                       const ProcessCount& processes);
 
 }  // namespace tvsgs

@@ -5,6 +5,8 @@
 #include <chrono>
 #include <cstring>
 #include <fstream>
+#include <limits>
+#include <nlohmann/json.hpp>
 #include <random>
 
 #include "io/checkpoint.h"
@@ -145,6 +147,23 @@ TEST_F(RanksCommand, HaveTheBitsOfOneProcess) {
         for (std::size_t at = 0; (at = r.err.find("photographs a step", at)) != r.err.npos; ++at)
             ++said;
         EXPECT_EQ(said, 1u) << "one process talks: " << r;
+    }
+}
+
+TEST_F(RanksCommand, ThePlanSaysWhatEachWillTake) {
+    std::int64_t of_fewer = std::numeric_limits<std::int64_t>::max();
+    for (const int ranks : {1, 2}) {
+        const std::string run = "planned_" + std::to_string(ranks);
+        ASSERT_EQ(train(ranks, "--config config.json --iterations 4 --out " + run).code, 0);
+        const nlohmann::json memory =
+            nlohmann::json::parse(contents(folder_ / run / "memory.json"))["device"];
+        const auto bytes = memory["bytes_per_splat"].get<std::int64_t>();
+        const Result r = train(ranks, "--config config.json --plan");
+        ASSERT_EQ(r.code, 0) << r;
+        EXPECT_NE(r.out.find(std::to_string(bytes) + " bytes for each more"), r.out.npos)
+            << r.out << memory;
+        EXPECT_LT(bytes, of_fewer);
+        of_fewer = bytes;
     }
 }
 
