@@ -363,6 +363,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
     require_iterations_left(resume, options.train.iterations);
     require_same_backbone(resume, options.train.backbone);
     require_same_batch(resume, options.train.comm.batch);
+    if (resume.point) check_start(*resume.point->state, options.train);
 
     // 2. The scene, and what it needs.
     const ProcessCount count{processes, peers == nullptr ? 1 : peers->local_size()};

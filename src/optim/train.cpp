@@ -9,6 +9,25 @@ int iterations_done(const State& state) {
     return done;
 }
 
+void check_start(const State& start, const TrainOptions& o) {
+    int degree = 0;
+    StateVisitor<Cpu>(start).value("sh_degree", degree);
+    if (degree != o.model.sh_degree)
+        throw Error(ExitCode::usage,
+                    str("model.sh_degree = ", o.model.sh_degree, ": the checkpoint has ", degree,
+                        ", and a run keeps it to its end"));
+    if (start.find("cameras.numbers") != nullptr && !o.cameras.refine)
+        throw Error(ExitCode::usage,
+                    "cameras.refine = false: the checkpoint's splats go with poses that were "
+                    "refined, and a run keeps that to its end");
+    const StateArray* const open = start.find("densify.open");
+    if (spares(o.densify) && (open == nullptr || open->count() == 0))
+        throw Error(ExitCode::usage,
+                    str("densify.spare_covered = ", o.densify.spare_covered,
+                        ": the checkpoint does not say where its initial cloud covered, as the "
+                        "run began without; set it to 0"));
+}
+
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
     if (!options.cameras.refine) return;
     if (!backbone_moves_cameras)

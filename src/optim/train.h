@@ -60,6 +60,11 @@ struct OptimOptions {
     }
 };
 
+/// Whether growth spares what the initial cloud covers.
+inline bool spares(const DensifyOptions& o) {
+    return o.enabled && o.spare_covered > 0;
+}
+
 /// Whether steps of harmonics out of view wait.
 inline bool waits(const OptimOptions& o) {
     return o.harmonics != KeepHarmonics::device;
@@ -212,5 +217,10 @@ void check_batch(const Scene& scene, const TrainOptions& options, int ranks);
 
 /// Iterations that a saved state has behind it.
 int iterations_done(const State& state);
+
+/// Throws Error(ExitCode::usage) where a training cannot go on from that state with these options:
+/// another degree of harmonics, poses no longer refined, covered parts spared that the state does
+/// not know. train() does so, too.
+void check_start(const State& start, const TrainOptions& options);
 
 }  // namespace tvsgs

@@ -139,27 +139,20 @@ private:
         return g;
     }
 
-    static bool spares(const DensifyOptions& o) { return o.enabled && o.spare_covered > 0; }
-
     void load(const State& from, const TrainOptions& o, Communicator* peers) {
-        if (!from.in_parts) check_shapes(from, o);  // else it has never been a file
+        if (!from.in_parts) {  // else it has never been a file
+            check_start(from, o);
+            check_shapes(from);
+        }
         StateVisitor<Device> visitor(from, state_parts(peers));
-        if (from.find("cameras.numbers") != nullptr && !o.cameras.refine)
-            throw Error(ExitCode::usage,
-                        "cameras.refine = false: the checkpoint's splats go with poses that were "
-                        "refined, and a run keeps that to its end");
         visit(visitor);
     }
 
     /// Sizes that do not fit together would be read beyond their ends.
-    static void check_shapes(const State& from, const TrainOptions& o) {
+    static void check_shapes(const State& from) {
         int degree = 0;
         StateVisitor<Cpu> visitor(from);
         visitor.value("sh_degree", degree);
-        if (degree != o.model.sh_degree)
-            throw Error(ExitCode::usage,
-                        str("model.sh_degree = ", o.model.sh_degree, ": the checkpoint has ",
-                            degree, ", and a run keeps it to its end"));
         const auto count_of = [&](const std::string& name) {
             const StateArray* const array = from.find(name);
             return array == nullptr ? std::size_t{0} : array->count();
@@ -182,11 +175,6 @@ private:
                 shapes);
         expect("densify.statistics", 1, true);
         expect("densify.open", 1, true);
-        if (spares(o.densify) && count_of("densify.open") == 0)
-            throw Error(ExitCode::usage,
-                        str("densify.spare_covered = ", o.densify.spare_covered,
-                            ": the checkpoint does not say where its initial cloud covered, as the "
-                            "run began without; set it to 0"));
         const bool voted = count_of("tv.flags") > 0;
         for (const char* name : {"tensors", "eigenvalues", "normals", "targets", "flags"})
             expect(str("tv.", name), 1, !voted);

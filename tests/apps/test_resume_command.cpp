@@ -183,10 +183,40 @@ TEST_F(ResumeCommand, ChangesAreAppliedAndRecorded) {
     r = train("--resume changed --iterations 20");
     EXPECT_EQ(r.code, 2) << r;
     EXPECT_TRUE(r.says("49 iterations are done")) << r;
-    r = train("--resume changed --iterations 90 --set model.sh_degree=1");
-    EXPECT_EQ(r.code, 2) << r;
-    EXPECT_TRUE(r.says("model.sh_degree")) << r;
     EXPECT_EQ(static_cast<int>(checkpoints("changed").size()), before);
+}
+
+TEST_F(ResumeCommand, WhatIsRefusedLeavesTheRunAsItWas) {
+    ASSERT_EQ(train("--config config.json --out kept --iterations 20").code, 0);
+    ASSERT_EQ(train("--config config.json --out posed --iterations 20 --refine-cameras").code, 0);
+    const auto expect_refused = [](const std::string& run, const std::string& setting) {
+        const auto texts = [&] {
+            return contents(folder_ / run / "config.json") + contents(folder_ / run / "log.jsonl");
+        };
+        const std::string before = texts();
+        const auto points = checkpoints(run);
+        for (const char* out : {"", " --out anew"}) {
+            const Result r = train("--resume " + run + " --iterations 30 --set " + setting + out);
+            EXPECT_EQ(r.code, 2) << r;
+            EXPECT_TRUE(r.says(setting.substr(0, setting.find('=')))) << r;
+        }
+        EXPECT_EQ(texts(), before) << setting;
+        EXPECT_EQ(checkpoints(run), points) << setting;
+        EXPECT_FALSE(fs::exists(folder_ / "anew")) << setting;
+        const Result r = train("--resume " + run + " --iterations 30");
+        EXPECT_EQ(r.code, 0) << "goes on as if nothing had been asked: " << r;
+    };
+    expect_refused("kept", "model.sh_degree=1");
+    expect_refused("posed", "cameras.refine=false");
+}
+
+TEST_F(ResumeCommand, SparesOnlyWhatTheStateKnows) {
+    ASSERT_EQ(train("--config config.json --out bare --iterations 20").code, 0);
+    const std::string before = contents(folder_ / "bare/config.json");
+    const Result r = train("--resume bare --iterations 30 --set densify.spare_covered=0.5");
+    EXPECT_EQ(r.code, 2) << r;
+    EXPECT_TRUE(r.says("densify.spare_covered = 0.5")) << r;
+    EXPECT_EQ(contents(folder_ / "bare/config.json"), before);
 }
 
 TEST_F(ResumeCommand, SignalsSaveACheckpoint) {
