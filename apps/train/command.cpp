@@ -178,7 +178,7 @@ void check_options(const RunOptions& options) {
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
     check_consistency(options.train);
     const EvaluationSchedule checked(options.eval);
-    if (options.eval.mesh) check_mesh_options(options.mesh);
+    check_mesh_options(options.mesh);
 }
 
 std::string default_run_folder(const std::string& scene) {
@@ -374,6 +374,8 @@ int train_command(int argc, char* const* argv, Processes& job) {
     if (arguments.plan) {
         if (!leads) return 0;
         std::fputs(plan.text().c_str(), stdout);
+        std::fflush(stdout);
+        check_batch(scene, options.train, processes);
         print_costs(device, options, scene, count);
         return 0;
     }

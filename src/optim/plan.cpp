@@ -190,9 +190,10 @@ Decision plan_batch(int train_views, int processes) {
     Settings settings;
     if (many) settings.emplace_back("comm.batch", str(processes));
     return {"batch",
-            many ? str(processes, " a step") : "as given",
+            many ? str(processes, " a step") : "not planned",
             str("processes that share the photographs of a step: ", processes,
-                "; training views: ", compared(train_views, kDenseViews)),
+                "; training views: ", compared(train_views, kDenseViews),
+                many ? "" : ", too few to look at several in each unasked (comm.batch)"),
             static_cast<double>(train_views),
             kDenseViews,
             settings};
@@ -249,7 +250,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
                         std::move(settings)});
     };
     const int enough = std::max(kIterations, kIterationsPerView * look.train_views),
-              iterations = in.wanted > 0
+              iterations = in.wanted >= 0
                                ? in.wanted
                                : between(in.configured, std::min(enough, in.configured), share);
     TrainOptions fitted = in.options;
@@ -257,7 +258,7 @@ std::vector<Decision> plan_training(const SceneLook& look, const PlanInputs& in)
     fit_schedule(fitted, iterations);
     const Settings schedule = schedule_settings(in.options, fitted);
     const std::string number_of = std::to_string(iterations);
-    if (in.wanted > 0)
+    if (in.wanted >= 0)
         plan.push_back(
             {"iterations", number_of, "as asked; the schedule fits them", kNone, kNone, schedule});
     else if (in.dense)

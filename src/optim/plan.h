@@ -100,7 +100,7 @@ struct PlanInputs {
     bool discs = false;      // kDiscs may be chosen: fast here, and nobody asks for another
     TrainOptions options;    // as resolved so far
     int configured = 0;      // iterations that their schedule was made for
-    int wanted = 0;          // iterations that the user asks for; 0: none
+    int wanted = -1;         // iterations that the user asks for; below 0: nobody does
     bool normals = false;    // of stereo are there, and nobody asks for other priors
     LossOptions multi_view;  // the dense settings' losses, whose multi-view terms are taken
 };

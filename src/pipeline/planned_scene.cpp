@@ -275,7 +275,7 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     const TrainOptions multi_view = options_of(kDenseConfig);
     const int configured = options_of(dense ? kDenseConfig : kSparseConfig).iterations,
-              wanted = plan.pinned("iterations") ? options.train.iterations : 0;
+              wanted = plan.pinned("iterations") ? options.train.iterations : -1;
     const bool discs = may_draw_discs(device, options.train, plan),
                normals = !found.maps.empty() && may_take_normals(options, plan);
     for (const Decision& decision : plan_training(

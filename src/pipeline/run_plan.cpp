@@ -20,8 +20,9 @@ std::string keys_of(const Settings& settings) {
 }  // namespace
 
 bool RunPlan::pinned(const std::string& key) const {
-    const std::string& source = table_.option(key).source;
-    return !source.empty() && source != kSource;
+    const Option& option = table_.option(key);
+    const bool left_open = option.kind == Option::Kind::choice && option.get() == "auto";
+    return !option.source.empty() && option.source != kSource && !left_open;
 }
 
 void RunPlan::apply(const Decision& decision, const char* config) {

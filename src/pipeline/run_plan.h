@@ -48,7 +48,7 @@ public:
     /// it must not make them again.
     void finish() { table_.set("plan.enabled", "false", "the plan"); }
 
-    /// Whether somebody else has set the key.
+    /// Whether somebody else has set the key, and not to the choice "auto", which leaves it open.
     bool pinned(const std::string& key) const;
 
     /// A line per decision, for --plan.

@@ -60,7 +60,7 @@ inline std::string choice(const std::vector<Decision>& plan, const std::string& 
     return "no such decision";
 }
 
-inline std::vector<Decision> plan_of(const SceneLook& look, bool dense = false, int wanted = 0) {
+inline std::vector<Decision> plan_of(const SceneLook& look, bool dense = false, int wanted = -1) {
     PlanInputs in;
     in.dense = dense, in.configured = 15000, in.wanted = wanted;
     in.options.iterations = wanted > 0 ? wanted : 15000, in.options.loss.tv_normal.start = 3000;

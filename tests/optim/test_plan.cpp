@@ -320,6 +320,7 @@ TEST(Plan, MeshesOfManyPixelsAreCoarser) {
 }
 
 TEST(Plan, TheScheduleFitsTheIterationsThatAreAskedFor) {
+    EXPECT_EQ(choice(plan_of(look_of(patch_scene(3, 10, 1)), false, 0), "iterations"), "0");
     const auto plan = plan_of(look_of(patch_scene(3, 10, 1)), false, 300);
     EXPECT_EQ(choice(plan, "iterations"), "300");
     EXPECT_TRUE(sets(settings(plan, "iterations"), "loss.tv_normal.start", "60"));
@@ -336,7 +337,7 @@ TEST(Plan, NothingIsDecidedForVotingThatIsOff) {
 
 TEST(Plan, MultiViewLossesWaitForOpaqueSplats) {
     for (const auto& [wanted, start] :
-         {std::pair(0, "250"), {300, "15"}, {10, "1"}, {15000, "250"}})
+         {std::pair(-1, "250"), {0, "1"}, {300, "15"}, {10, "1"}, {15000, "250"}})
         for (const char* term : {"geometry", "ncc"})
             EXPECT_TRUE(sets(
                 settings(plan_of(look_of(patch_scene(3, 10, 3600)), false, wanted), "multi-view"),

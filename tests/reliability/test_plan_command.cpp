@@ -103,6 +103,28 @@ TEST_F(PlanCommand, WhatTheUserSetsStays) {
                       "/configs/pgsr_sparse.json");
     EXPECT_NE(unplanned.out.find("is not planned"), std::string::npos) << unplanned.out;
     EXPECT_EQ(call("train", "--scene scene --resume nothing --plan").code, 2);
+    const Result batch = call("train", "--scene scene --device cpu --plan --set comm.batch=99");
+    EXPECT_EQ(batch.code, 2) << "what a run would refuse: " << batch;
+    EXPECT_TRUE(batch.says("comm.batch = 99: a step looks at different views")) << batch;
+    const Result mesh = call("train",
+                             "--scene scene --device cpu --plan --set mesh.method=tetrahedra --set "
+                             "mesh.watertight=true");
+    EXPECT_EQ(mesh.code, 2) << "what the next command would refuse: " << mesh;
+}
+
+TEST_F(PlanCommand, AutoLeavesTheChoiceToIt) {
+    const auto plan = [&](const std::string& flags) {
+        const Result r = call("train", "--scene scene --device cpu --plan --quiet " + flags);
+        EXPECT_EQ(r.code, 0) << r;
+        return r.out.substr(0, r.out.find("\nmachines "));  // memory and time of the moment
+    };
+    const std::string planned = plan("");
+    EXPECT_NE(planned.find(", loss.photometric.masks)"), std::string::npos) << planned;
+    EXPECT_EQ(plan("--mask-use auto"), planned);
+    EXPECT_EQ(plan("--set loss.photometric.masks=auto"), planned);
+    EXPECT_NE(
+        plan("--mask-use none").find("[loss.photometric.masks stays none by the command line]"),
+        std::string::npos);
 }
 
 TEST_F(PlanCommand, GoesByTheCoverageThatIsGiven) {
