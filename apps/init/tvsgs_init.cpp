@@ -11,6 +11,7 @@
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
+#include "pipeline/mask_use.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/stereo_cloud.h"
 #include "render/map_images.h"
@@ -130,6 +131,9 @@ int command(int argc, char** argv) {
     scene_options.scratch =
         arguments.out.empty() ? "" : fs::absolute(arguments.out).parent_path().string();
     const Scene scene = read_scene(scene_options);
+    if (stereo_options.use_masks)
+        require_masks("stereo.use_masks is true", "leave out --use-masks",
+                      look_at_masks(scene.train, {}));
     const Camera& camera = scene.train.front().camera;
     spdlog::info("{}: {} views of {}x{}, {} sparse points, on {}", scene_options.path,
                  scene.train.size(), camera.width_px, camera.height_px,

@@ -22,13 +22,13 @@ constexpr CameraModel kModels[] = {
     {8, "SIMPLE_RADIAL_FISHEYE", 4},
     {9, "RADIAL_FISHEYE", 5},
     {10, "THIN_PRISM_FISHEYE", 12},
-    {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16},
-    {12, "SIMPLE_DIVISION", 4},
-    {13, "DIVISION", 5},
+    {11, "RAD_TAN_THIN_PRISM_FISHEYE", 16, false},
+    {12, "SIMPLE_DIVISION", 4, false},
+    {13, "DIVISION", 5, false},
     {14, "SIMPLE_FISHEYE", 3},
     {15, "FISHEYE", 4},
-    {16, "EUCM", 6},
-    {17, "EQUIRECTANGULAR", 2},
+    {16, "EUCM", 6, false},
+    {17, "EQUIRECTANGULAR", 2, false},
 };
 
 // Half of the field of view that a pinhole can reasonably show: 60 degrees.
@@ -108,6 +108,7 @@ Intrinsics make_intrinsics(const std::string& path,
                            std::uint64_t width,
                            std::uint64_t height,
                            const std::vector<double>& params) {
+    if (!model.usable) throw_camera_model(path, camera_id, model.name);
     const std::string where = str(path, ": camera ", camera_id);
     if (width < 1 || height < 1 || width > 65535 || height > 65535 || width * height > (1u << 30))
         throw input_error("E_CAMERA_SIZE: ", where, ": ", width, "x", height,
@@ -122,9 +123,6 @@ Intrinsics make_intrinsics(const std::string& path,
     in.width_px = static_cast<int>(width), in.height_px = static_cast<int>(height);
     in.fx_px = params[0], in.fy_px = params[two_focals ? 1 : 0];
     switch (model.id) {
-        case 0:
-        case 1:
-            break;
         case 2:
         case 3:
             d.kind = Distortion::Kind::radial;
@@ -153,8 +151,8 @@ Intrinsics make_intrinsics(const std::string& path,
             d.k[0] = params[4], d.k[1] = params[5], d.p1 = params[6], d.p2 = params[7];
             d.k[2] = params[8], d.k[3] = params[9], d.s1 = params[10], d.s2 = params[11];
             break;
-        default:
-            throw_camera_model(path, camera_id, model.name);
+        default:  // a pinhole
+            break;
     }
     in.cx_px = params[static_cast<std::size_t>(first - 2)],
     in.cy_px = params[static_cast<std::size_t>(first - 1)];

@@ -16,6 +16,7 @@ struct CameraModel {
     int id;
     const char* name;
     int params;
+    bool usable = true;  // by make_intrinsics()
 };
 
 /// nullptr when COLMAP has no such model.

@@ -157,10 +157,12 @@ void read_cameras(TextReader&& in, ColmapModel& model) {
         const CameraModel* camera_model = find_camera_model(name);
         if (!camera_model)
             throw_camera_model(in.path(), id, str("the unknown model '", shown(name), "'"));
-        std::vector<double> params(static_cast<std::size_t>(camera_model->params));
-        for (double& param : params) param = in.get<double>("camera parameter");
-        if (!in.line_is_empty())
-            in.corrupt(str("more than the ", params.size(), " parameters of ", name));
+        if (!camera_model->usable) throw_camera_model(in.path(), id, name);
+        std::vector<double> params;
+        while (!in.line_is_empty()) params.push_back(in.get<double>("camera parameter"));
+        if (static_cast<int>(params.size()) != camera_model->params)
+            in.corrupt(str(params.size(), " parameters; expected the ", camera_model->params,
+                           " of ", name));
         add_camera(model, in.where(), id,
                    make_intrinsics(in.path(), id, *camera_model, width, height, params));
     }

@@ -121,9 +121,9 @@ private:
     std::map<int, fs::path> by_number_;
 };
 
-/// Drops points that are not finite and repeated positions, which would have no distance to their
-/// neighbours.
-void clean(PointCloud& cloud, const std::string& source) {
+}  // namespace
+
+std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
     const std::vector<Vec3f>& p = cloud.positions;
     const auto is_finite_here = [&](std::size_t i) {
         return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
@@ -150,13 +150,16 @@ void clean(PointCloud& cloud, const std::string& source) {
                      not_finite);
     if (repeated > 0)
         spdlog::warn("{}: {} points were dropped: repeated positions", source, repeated);
-    if (not_finite + repeated == 0) return;
+    if (not_finite + repeated == 0) return 0;
     const auto compact = [&](auto& values) {
         if (!values.empty()) values = taken(values, kept);
     };
     compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
     compact(cloud.confidences);
+    return not_finite + repeated;
 }
+
+namespace {
 
 /// Also says of the views what the points do.
 PointCloud initial_points(const SceneOptions& options,
@@ -168,7 +171,7 @@ PointCloud initial_points(const SceneOptions& options,
     const ColmapModel& model = layout.model;
     const auto from_ply = [origin](const std::string& path) {
         PointCloud cloud = read_ply(path, origin).points;
-        clean(cloud, path);
+        drop_unusable(cloud, path);
         return cloud;
     };
     if (!options.init_ply.empty()) {
@@ -203,7 +206,7 @@ PointCloud initial_points(const SceneOptions& options,
     if (subset && !points.positions.empty())
         spdlog::info("{} of the model's {} points are seen by two training views",
                      cloud.positions.size(), points.positions.size());
-    clean(cloud, model_folder);
+    drop_unusable(cloud, model_folder);
     // Blender scenes come with points that no photograph had a part in.
     const bool may_use = !subset || layout.format == "blender";
     const std::string ply =

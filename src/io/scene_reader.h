@@ -45,6 +45,10 @@ Scene read_scene(const SceneOptions& options);
 /// Its Scene::origin alone, without the photographs.
 Vec3d read_scene_origin(const SceneOptions& options);
 
+/// Drops points that are not finite, beyond 1e9, or at the place of an earlier one, which would
+/// have no distance to its neighbours; warns, naming `source`. Returns how many.
+std::size_t drop_unusable(PointCloud& cloud, const std::string& source);
+
 /// What Scene::extent is for these training views.
 float scene_extent(const Scene& scene);
 

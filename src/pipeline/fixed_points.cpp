@@ -11,6 +11,7 @@
 #include "core/point_tree.h"
 #include "eval/registration.h"
 #include "io/mesh_files.h"
+#include "io/scene_reader.h"
 #include "optim/fixed_voters.h"
 #include "optim/init_cloud.h"
 #include "pipeline/run_folder.h"
@@ -234,7 +235,10 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
                                          ": measured points vote, but tv.enabled is false; set it "
                                          "to true, or leave out --fixed-points"));
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
-    make_fixed_voters(scene.fixed_voters, tv);  // complains before there is a run
+    // Complaints come before there is a run, and number the points as the file does.
+    make_fixed_voters(scene.fixed_voters, tv);
+    if (drop_unusable(scene.fixed_voters, tv.fixed_voters) > 0)
+        make_fixed_voters(scene.fixed_voters, tv);
 }
 
 void read_fixed_splats(const RunOptions& options, Scene& scene) {

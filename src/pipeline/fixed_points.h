@@ -8,9 +8,9 @@
 
 namespace tvsgs {
 
-/// Fills scene.fixed_voters from tv.fixed_voters, a file that read_mesh() knows; nothing where the
-/// key is empty. Throws Error(ExitCode::usage) where nothing votes, Error(ExitCode::input) as
-/// read_mesh() and make_fixed_voters() do.
+/// Fills scene.fixed_voters from tv.fixed_voters, a file that read_mesh() knows, without what
+/// drop_unusable() drops; nothing where the key is empty. Throws Error(ExitCode::usage) where
+/// nothing votes, Error(ExitCode::input) as read_mesh() and make_fixed_voters() do.
 void read_fixed_points(const RunOptions& options, Scene& scene);
 
 /// Fills scene.fixed_splats from init.fixed_splats; nothing where the key is empty. Throws as

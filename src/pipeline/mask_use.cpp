@@ -24,6 +24,20 @@ bool is_background_at(const View& view, Vec3f point) {
 
 }  // namespace
 
+void require_masks(const std::string& asked, const std::string& without, const MaskLook& look) {
+    if (look.masked == 0)
+        throw Error(ExitCode::input,
+                    str("E_MASKS: ", asked,
+                        ", but no training view has a mask; expected mask/ or "
+                        "masks/ beside the photographs, an alpha channel, or --masks DIR"));
+    if (!look.empty.empty())
+        throw Error(ExitCode::input, str("E_MASKS: ", asked, ", but the mask of ", look.empty,
+                                         " has no pixel of the object (", int{kObjectMask},
+                                         " and more); write masks as 0 and 255, leave "
+                                         "the view out, or ",
+                                         without));
+}
+
 void check_masks(const PhotometricOptions& options, const std::vector<View>& train) {
     const MaskUse use = options.masks;
     if (use != MaskUse::object &&
@@ -31,23 +45,14 @@ void check_masks(const PhotometricOptions& options, const std::vector<View>& tra
         throw Error(ExitCode::usage, kRandomNeedsObject);
     if (!uses_masks(use)) return;
     const MaskLook look = look_at_masks(train, {});
-    const char* const asked = use == MaskUse::object ? "loss.photometric.masks is object"
-                                                     : "loss.photometric.masks is ignore";
-    if (look.masked == 0)
-        throw Error(ExitCode::input,
-                    str("E_MASKS: ", asked,
-                        ", but no training view has a mask; expected mask/ or "
-                        "masks/ beside the photographs, an alpha channel, or --masks DIR"));
+    const std::string asked =
+        str("loss.photometric.masks is ", use == MaskUse::object ? "object" : "ignore");
+    require_masks(asked, "use --mask-use none", look);
     if (use == MaskUse::object && look.outside == 0)
         throw Error(ExitCode::input,
                     str("E_MASKS: ", asked,
                         ", but the masks leave out nothing that the photographs show; expected "
                         "masks in which 0 is not the object, or --mask-use ignore"));
-    if (!look.empty.empty())
-        throw Error(ExitCode::input, str("E_MASKS: ", asked, ", but the mask of ", look.empty,
-                                         " has no pixel of the object (", int{kObjectMask},
-                                         " and more); write masks as 0 and 255, leave "
-                                         "the view out, or use --mask-use none"));
     if (look.masked < look.views)
         spdlog::warn("{} of {} training views have no mask: all that they show is compared",
                      look.views - look.masked, look.views);

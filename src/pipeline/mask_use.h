@@ -6,10 +6,13 @@
 
 namespace tvsgs {
 
-/// Throws Error(ExitCode::input) where masks are to be used and there are none, or one has no pixel
-/// of the object, or they are of an object and leave nothing out. Throws Error(ExitCode::usage) for
-/// a random background without object masks: here the plan has decided, if there is one. Warns of
-/// views without a mask.
+/// Throws Error(ExitCode::input) where masks are to be used, as `asked` says, and there are none,
+/// or one has no pixel of the object. `without`: what does without them.
+void require_masks(const std::string& asked, const std::string& without, const MaskLook& look);
+
+/// As require_masks(), and where masks are of an object and leave nothing out. Throws
+/// Error(ExitCode::usage) for a random background without object masks: here the plan has decided,
+/// if there is one. Warns of views without a mask.
 void check_masks(const PhotometricOptions& options, const std::vector<View>& train);
 
 /// Stereo with the masks where training has them.

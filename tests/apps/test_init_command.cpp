@@ -6,6 +6,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "io/image_file.h"
 #include "io/npz.h"
 #include "io/ply.h"
 #include "support/command.h"
@@ -107,6 +108,21 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
                    "found 1, expected at least 2");
     expect_refused("init", "--scene scene --split train_3 --device cpu --out /proc/no/x.ply", 6,
                    "/proc/no");
+    expect_refused("init", "--scene scene --device cpu --out cloud.ply/x.ply", 6,
+                   "cloud.ply is no folder");
+    EXPECT_EQ(err().find("views of"), std::string::npos) << "before any work: " << err();
+    const std::string masked = "--split train_3 --device cpu --use-masks --out x.ply --scene ";
+    fs::copy(folder_ / "scene", folder_ / "maskless", fs::copy_options::recursive);
+    fs::remove_all(folder_ / "maskless/masks");
+    expect_refused("init", masked + "maskless", 3,
+                   "E_MASKS: stereo.use_masks is true, but no training view has a mask");
+    fs::create_directories(folder_ / "maskless/masks");
+    for (const auto& file : fs::directory_iterator(folder_ / "scene/masks"))
+        write_png((folder_ / "maskless/masks" / file.path().filename()).string(),
+                  ImageU8(96, 72, 1, 0));
+    expect_refused("init", masked + "maskless", 3,
+                   "has no pixel of the object (128 and more); write masks as 0 and 255, leave the "
+                   "view out, or leave out --use-masks");
     EXPECT_FALSE(fs::exists(folder_ / "x.ply"));
 }
 

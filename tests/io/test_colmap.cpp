@@ -213,6 +213,10 @@ TEST_F(ColmapText, WrongLinesAreNamed) {
     }
     write("cameras.txt", "1 NO_SUCH 64 48 60");
     expect_input_error("E_CAMERA_MODEL");
+    write("cameras.txt", "1 EUCM 64 48 60");
+    expect_input_error("camera 1 uses EUCM; expected PINHOLE");
+    write("cameras.txt", "1 OPENCV 64 48 60 60");
+    expect_input_error("line 1: 2 parameters; expected the 8 of OPENCV");
     SetUp();
     for (const char* line : {"2 1 0 0 0 5 0", "2 1 0 0 0 5 0 0 1 a.png\n1 1 0 0 0 0 0 0 1 b.png\n",
                              "2 1 0 0 0 5 0 0 99999999999 a.png"}) {

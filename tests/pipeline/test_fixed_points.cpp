@@ -1,7 +1,10 @@
 // Measured points: which clouds lie in the frame of the scene, and where they fill its gaps.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cmath>
+#include <filesystem>
+#include <fstream>
 #include <functional>
 
 #include "core/error.h"
@@ -122,6 +125,33 @@ TEST(FixedPoints, OfAFarSceneTheFileIsMeant) {
                       }));
     far.origin = vec_cast<double>(origin);
     EXPECT_NE(verdict(far).find("with (-y, x, z)"), std::string::npos) << verdict(far);
+}
+
+TEST(FixedPoints, EachPlaceVotesOnce) {
+    const std::string file =
+        testing::TempDir() + "fixed_points_" + std::to_string(getpid()) + ".ply";
+    const auto points_of = [&](const std::vector<Vec3f>& points) {
+        std::ofstream ply(file);
+        ply << "ply\nformat ascii 1.0\nelement vertex " << points.size()
+            << "\nproperty float x\nproperty float y\nproperty float z\nend_header\n";
+        for (const Vec3f p : points) ply << p.x << ' ' << p.y << ' ' << p.z << '\n';
+        ply.close();
+        RunOptions options;
+        options.train.tv.enabled = true;
+        options.train.tv.fixed_voters = file;
+        Scene scene;
+        read_fixed_points(options, scene);
+        return scene.fixed_voters.positions.size();
+    };
+    const Vec3f nowhere{std::nanf(""), 0, 0};
+    EXPECT_EQ(points_of({{0, 0, 0}, {1, 0, 0}, nowhere, {0, 1, 0}, {1, 0, 0}}), 3u);
+    try {
+        points_of({{0, 0, 0}, {1, 0, 0}, {0, 0, 0}, {1, 0, 0}});
+        ADD_FAILURE() << "two places have no plane";
+    } catch (const Error& error) {
+        EXPECT_NE(std::string(error.what()).find("2 usable points"), std::string::npos);
+    }
+    std::filesystem::remove(file);
 }
 
 TEST(FixedPoints, WhatCannotBeToldIsRefused) {
