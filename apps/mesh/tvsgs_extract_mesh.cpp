@@ -5,6 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
 #include "core/device_choice.h"
+#include "io/atomic_file.h"
 #include "io/image_file.h"
 #include "io/manifest.h"
 #include "io/mesh_files.h"
@@ -197,11 +198,11 @@ int command(int argc, char** argv) {
     // A picture of that name that we cannot know to be ours is the user's.
     const std::string picture = fs::path(arguments.out).replace_extension(".png").string();
     const auto listing = folder_with_manifest(picture);
-    if (!arguments.no_preview && fs::exists(picture, failure) &&
-        !(listing && is_listed(*listing, picture))) {
+    const bool wanted = !arguments.no_preview && !is_stream(arguments.out);
+    if (wanted && fs::exists(picture, failure) && !(listing && is_listed(*listing, picture))) {
         spdlog::warn("{}: is there already and stays; there is no new picture of the mesh",
                      picture);
-    } else if (!arguments.no_preview) {
+    } else if (wanted) {
         const TriangleMesh none;  // with its background a scene is best seen from within
         write_png(picture,
                   preview_mesh(mesh,

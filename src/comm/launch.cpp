@@ -50,8 +50,8 @@ Launch read_launch(const Environment& env) {
         {mpi, "srun (PMIx)", "PMIX_RANK", "SLURM_STEP_NUM_TASKS", "SLURM_LOCALID", "SLURM_JOB_ID"},
         {environment, "srun", "SLURM_PROCID", "SLURM_STEP_NUM_TASKS", "SLURM_LOCALID",
          "SLURM_JOB_ID"},
-        {environment, "RANK and WORLD_SIZE", "RANK", "WORLD_SIZE", "LOCAL_RANK",
-         "TORCHELASTIC_RUN_ID"}};
+        {environment, "a launcher that sets RANK and WORLD_SIZE", "RANK", "WORLD_SIZE",
+         "LOCAL_RANK", "TORCHELASTIC_RUN_ID"}};
     for (const Names& names : kLaunchers) {
         const auto rank = number_of(env, names.rank), size = number_of(env, names.size);
         if (!rank || !size) continue;

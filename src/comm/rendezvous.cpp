@@ -48,7 +48,7 @@ std::string rendezvous_file(const Launch& launch, const CommOptions& options) {
     if (launch.job.empty())
         throw Error(ExitCode::usage,
                     str(launch.launcher,
-                        " name no job by which processes find each other; expected a file that "
+                        " names no job by which processes find each other; expected a file that "
                         "all of them see, the same for all, and new for each start: "
                         "--set comm.rendezvous=FILE"));
     std::error_code code;

@@ -48,21 +48,22 @@ AtomicFile::AtomicFile(const std::string& path) : path_(path) {
     static std::atomic<int> counter{0};
     namespace fs = std::filesystem;
     std::error_code error;
-    if (const fs::path target = fs::canonical(path, error); !error) path_ = target.string();
+    const bool direct = is_stream(path);
+    if (const fs::path target = fs::canonical(path, error); !direct && !error)
+        path_ = target.string();
     const fs::path folder = fs::path(path_).parent_path();
     error.clear();
     if (!folder.empty()) fs::create_directories(folder, error);
     if (error) throw write_error(path, "making its folder", error.message());
     const fs::file_status status = fs::status(path_, error);
     if (fs::is_directory(status)) throw write_error(path, "writing", "it is a folder");
-    const bool direct = fs::exists(status) && !fs::is_regular_file(status);
     if (!direct) {
         require_replaceable(path_);
         listing_ = folder_with_manifest(path_);
         temporary_ = str(path_, ".tmp-", getpid(), "-", counter++);
         note(temporary_.c_str());
     }
-    file_ = std::fopen((direct ? path_ : temporary_).c_str(), "wb");
+    file_ = direct ? std::fopen(path_.c_str(), "ab") : std::fopen(temporary_.c_str(), "wb");
     if (!file_) {
         const std::string reason = std::strerror(errno);
         if (!direct) forget(temporary_.c_str());
@@ -98,6 +99,15 @@ void AtomicFile::commit() {
         throw write_error(path_, "renaming the finished file", std::strerror(errno));
     forget(temporary_.c_str());
     temporary_.clear();
+}
+
+bool is_stream(const std::string& path) {
+    namespace fs = std::filesystem;
+    std::error_code code;
+    const fs::file_status status = fs::status(path, code);
+    if (!fs::exists(status) || fs::is_directory(status)) return false;
+    return !fs::is_regular_file(status) ||
+           fs::absolute(path, code).lexically_normal().parent_path() == "/dev";
 }
 
 void write_text_file(const std::string& path, std::string_view text) {

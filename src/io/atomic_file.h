@@ -9,10 +9,10 @@
 namespace tvsgs {
 
 /// A file that appears under its name only when commit() has flushed it to disk: a reader never
-/// sees half of it. A link is followed; what is no file (/dev/stdout, a pipe) is written to
-/// directly. In a folder that keeps a list of its files (io/manifest.h) it is added to that. Throws
-/// Error(ExitCode::usage) when a file of that name is there and not ours, Error(ExitCode::io) with
-/// the path and the system's reason.
+/// sees half of it. A link is followed; to a stream (is_stream()) it is written directly, behind
+/// what is there. In a folder that keeps a list of its files (io/manifest.h) it is added to that.
+/// Throws Error(ExitCode::usage) when a file of that name is there and not ours,
+/// Error(ExitCode::io) with the path and the system's reason.
 class AtomicFile {
 public:
     explicit AtomicFile(const std::string& path);  // creates the parent folders
@@ -35,6 +35,9 @@ private:
 /// Removes the temporary files of this process. For signal handlers that end it: calls only what
 /// POSIX allows there.
 void remove_temporary_files() noexcept;
+
+/// What is no file, as a pipe, and what a name in /dev leads to, as /dev/stdout.
+bool is_stream(const std::string& path);
 
 /// The whole text in one go.
 void write_text_file(const std::string& path, std::string_view text);

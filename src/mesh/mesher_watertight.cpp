@@ -32,6 +32,13 @@ ExtractedMesh close_surface(const ViewPoints& points,
                 oriented.size(), field.lonely, points.dropped(), field.finest().spacing,
                 field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
     found.mesh = poisson_surface(field, max_bytes);
+    if (found.mesh.faces.empty()) {
+        found.why_empty =
+            str("the ", oriented.size(),
+                " points that views are sure of close no surface; give more views, or "
+                "leave it open (without --watertight)");
+        return found;
+    }
     const std::vector<Vec3f> colors = points.colors();
     const PointTree<float> tree(oriented.positions);
     found.mesh.colors.resize(found.mesh.vertices.size());

@@ -66,9 +66,7 @@ void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
                     const std::string& why,
                     const SceneOptions& scene) {
-    std::error_code code;
-    const fs::file_status status = fs::status(out, code);
-    if (fs::exists(status) && !fs::is_regular_file(status) && !fs::is_directory(status)) return;
+    if (is_stream(out)) return;
     const std::string found = fs::path(out).extension();
     if (std::find(extensions.begin(), extensions.end(), found) == extensions.end()) {
         std::string expected;
@@ -82,6 +80,16 @@ void require_output(const std::string& out,
     }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
+    // What would come up after all the work otherwise.
+    std::error_code code;
+    fs::path folder = fs::absolute(out, code).lexically_normal().parent_path();
+    while (!fs::exists(folder, code) && folder != folder.parent_path())
+        folder = folder.parent_path();
+    if (!fs::is_directory(folder, code))
+        throw Error(ExitCode::io, str("--out ", out, ": ", folder.string(), " is no folder"));
+    if (::access(folder.c_str(), W_OK) != 0)
+        throw Error(ExitCode::io, str("--out ", out, ": nothing can be written in ",
+                                      folder.string(), ": ", std::strerror(errno)));
 }
 
 void require_free_run_folder(const std::string& path,

@@ -23,8 +23,8 @@ void require_free_run_folder(const std::string& path,
 
 /// Throws Error(ExitCode::usage) unless a file called `out` may be written: it ends in one of
 /// `extensions`, whose format it gets (`why`), does not lie among the photographs or masks of the
-/// scene, and replaces nothing but a file of ours. What is no file, as /dev/stdout, may have any
-/// name.
+/// scene, and replaces nothing but a file of ours. A stream (is_stream()) may have any name. Throws
+/// Error(ExitCode::io) where its folder cannot be written to.
 void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
                     const std::string& why,

@@ -312,6 +312,16 @@ TEST_F(ExtractMesh, WatertightWhateverFollows) {
     EXPECT_NE(bytes.find("property uchar views"), std::string::npos);
 }
 
+TEST_F(ExtractMesh, StandardOutputThatIsAFileGetsThePly) {
+    const Result r = run_tool(
+        folder_, "extract-mesh",
+        "--model splats.ply --scene scene --device cpu --no-masks --error 0 --out /dev/stdout");
+    ASSERT_EQ(r.code, 0) << r;
+    EXPECT_TRUE(r.out.starts_with("ply\n")) << r.out.substr(0, 20);
+    EXPECT_TRUE(r.says("info: /dev/stdout: ")) << r;
+    EXPECT_FALSE(r.says(".png")) << "no picture in /dev: " << r;
+}
+
 TEST_F(ExtractMesh, ARunHasTheMeshWrittenLastInItsFolderOrBesideIt) {
     const fs::path run = folder_ / "run";
     EXPECT_EQ(find_mesh(run.string()), "");

@@ -69,7 +69,7 @@ TEST(Launch, OneProcessNeedsNobody) {
 
 TEST(Rendezvous, ByTheJobOrByAFileThatIsNamed) {
     Launch launch;
-    launch.launcher = "RANK and WORLD_SIZE";
+    launch.launcher = "a launcher that sets RANK and WORLD_SIZE";
     CommOptions options;
     try {
         rendezvous_file(launch, options);

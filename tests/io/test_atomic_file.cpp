@@ -1,3 +1,8 @@
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdio>
+
 #include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/io_test.h"
@@ -84,6 +89,24 @@ TEST_F(AtomicFileTest, WritesToDevicesDirectly) {
     expect_error(ExitCode::io, "/dev/full: writing failed: No space left on device",
                  [] { write_text_file("/dev/full", "x"); });
     EXPECT_TRUE(std::filesystem::is_character_file("/dev/full"));
+}
+
+TEST_F(AtomicFileTest, AppendsToAFileThatStandardOutputIs) {
+    const std::string file = (folder / "out.txt").string();
+    ASSERT_FALSE(is_stream(file));
+    ASSERT_TRUE(is_stream("/dev/stdout"));
+    const pid_t child = fork();
+    if (child == 0) {
+        if (std::freopen(file.c_str(), "w", stdout) == nullptr) _exit(1);
+        std::puts("before");
+        std::fflush(stdout);
+        write_text_file("/dev/stdout", "text");
+        _exit(0);
+    }
+    int status = -1;
+    waitpid(child, &status, 0);
+    EXPECT_EQ(status, 0);
+    EXPECT_EQ(read_bytes(file), "before\ntext");
 }
 
 TEST_F(AtomicFileTest, FollowsLinks) {
