@@ -361,15 +361,15 @@ StagesBench::StagesBench(CLI::App& app)
         ->check(CLI::IsMember(names));
     c.add_option("--scale", scale_,
                  "share of each case's splats and pixels; floors are given at 1 only")
-        ->check(CLI::Range(1e-6, 4.0))
+        ->check(in_range(1e-6, 4.0))
         ->capture_default_str();
     c.add_option("--splats-scale", splats_scale_,
                  "times as many splats, smaller ones: as many over each pixel")
-        ->check(CLI::Range(1e-6, 100.0))
+        ->check(in_range(1e-6, 100.0))
         ->capture_default_str();
     c.add_option("--pixels-scale", pixels_scale_,
                  "times as many pixels, splats larger with them: as many over each pixel")
-        ->check(CLI::Range(1e-6, 100.0))
+        ->check(in_range(1e-6, 100.0))
         ->capture_default_str();
     CLI::Option* const channels = c.add_option("--channels", channels_, "what is rendered")
                                       ->check(CLI::IsMember({"color", "color_plane", "plane"}))

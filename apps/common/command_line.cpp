@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cctype>
 #include <cerrno>
+#include <cmath>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -127,10 +128,23 @@ std::string missing_places(const CLI::App& app) {
 const CLI::Validator kPositive(
     [](std::string& text) {
         double value = 0;
-        const bool good = CLI::detail::lexical_cast(text, value) && value > 0;
+        const bool good =
+            CLI::detail::lexical_cast(text, value) && value > 0 && std::isfinite(value);
         return good ? std::string() : str("expected a number above 0, found '", text, "'");
     },
     "> 0");
+
+CLI::Validator in_range(double low, double high) {
+    return CLI::Validator(
+        [=](std::string& text) {
+            double value = 0;
+            const bool good =
+                CLI::detail::lexical_cast(text, value) && value >= low && value <= high;
+            return good ? std::string()
+                        : str("Value ", text, " not in range [", low, " - ", high, "]");
+        },
+        CLI::Range(low, high).get_description());
+}
 
 void parse_command_line(CLI::App& app, int argc, char* const* argv) {
     app.set_version_flag("-V,--version", kBuildInfo, "print version, build and libraries and stop");
@@ -198,22 +212,20 @@ CLI::Option* add_output_flag(CLI::App& app,
                              const std::string& description) {
     return app.add_option(names, file, description)->each([](const std::string& name) {
         require_replaceable(name);
+        require_no_record(name);
     });
+}
+
+std::string for_shell(const std::string& word) {
+    if (!word.empty() && word.find_first_not_of(kPlainLetters) == word.npos) return word;
+    std::string quoted = "'";
+    for (const char c : word) quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+    return quoted + '\'';
 }
 
 void say_next(std::initializer_list<std::string> words, const std::string& what) {
     std::string line;
-    for (const std::string& word : words) {
-        const bool plain = !word.empty() && word.find_first_not_of(kPlainLetters) == word.npos;
-        line += line.empty() ? "" : " ";
-        if (plain) {
-            line += word;
-            continue;
-        }
-        line += '\'';
-        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-        line += '\'';
-    }
+    for (const std::string& word : words) line += (line.empty() ? "" : " ") + for_shell(word);
     spdlog::info("next: {}   {}", line, what);
 }
 

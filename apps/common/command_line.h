@@ -15,6 +15,9 @@ namespace tvsgs {
 /// For flags that ask for a number above 0.
 extern const CLI::Validator kPositive;
 
+/// For flags that ask for a number: unlike CLI::Range takes no NaN.
+CLI::Validator in_range(double low, double high);
+
 /// Parses with '_' and '-' alike in long flags; of a flag given twice the last counts. Errors
 /// become Error(ExitCode::usage); an unknown flag names the nearest one. Adds --version, --help and
 /// --help-all, and answers them; so, too, what is meant for programs: --help-man (the manual) and
@@ -26,6 +29,9 @@ CLI::Option* add_output_flag(CLI::App& app,
                              const std::string& names,
                              std::string& file,
                              const std::string& description);
+
+/// The word as a shell takes it: in quotes where it needs them.
+std::string for_shell(const std::string& word);
 
 /// The last message of a command: the line to type next, quoted for a shell, and what it does.
 void say_next(std::initializer_list<std::string> words, const std::string& what);

@@ -144,7 +144,7 @@ EvalCommand add_eval_dtu(CLI::App& app) {
     command->add_option("--cull-dilate", a.cull.dilate_px, "pixels by which the masks grow [24]")
         ->check(CLI::Range(0, 200));
     command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
-        ->check(CLI::Range(0.0, 1.0));
+        ->check(in_range(0.0, 1.0));
     command->add_option("--seed", a.seed, "of the thinning's order [0]");
     command->add_option("--order", a.order, "of the thinning: seeded or given [seeded]")
         ->check(CLI::IsMember({"seeded", "given"}));
@@ -160,7 +160,16 @@ EvalCommand add_eval_dtu(CLI::App& app) {
     command->add_flag("--force", a.force, "measure even what seems to be in another frame");
     add_output_flag(*command, "--out", a.out, "JSON file to write as well");
     add_require(*command, a.require, "chamfer<=1.5");
-    return {command, [arguments] { return dtu(*arguments); }};
+    return {command, [arguments, command] {
+                const DtuArguments& given = *arguments;
+                const bool masks = !given.cull.masks.empty();
+                require_owner(*command, "--cull", masks || given.cull.views == "none",
+                              "--cull-masks DIR");
+                require_owner(*command, "--cull-dilate", masks, "--cull-masks DIR");
+                require_owner(*command, "--seed", given.order == "seeded", "--order seeded");
+                require_owner(*command, "--palette", !given.clouds.empty(), "--clouds DIR");
+                return dtu(given);
+            }};
 }
 
 }  // namespace tvsgs

@@ -38,10 +38,10 @@ int geometry(const GeometryArguments& arguments) {
                                  origin_of(arguments.gt)};
     const MeasuredSurface prediction = read_measured(arguments.pred, measure, crop),
                           truth = read_measured(arguments.gt, of_truth(measure), crop);
-    std::optional<SamplePoints> visible;
+    std::optional<MeasuredSurface> visible;
     if (!arguments.visible_gt.empty())
-        visible = read_measured(arguments.visible_gt, of_truth(measure), crop).from;
-    const SamplePoints* const wanted = visible ? &*visible : nullptr;
+        visible = read_measured(arguments.visible_gt, of_truth(measure), crop);
+    const SamplePoints* const wanted = visible ? &visible->from : nullptr;
     const GeometryMetrics result = evaluate_geometry(prediction, truth, wanted, options);
 
     std::vector<Metric> metrics = {{"accuracy", result.accuracy},
@@ -55,7 +55,12 @@ int geometry(const GeometryArguments& arguments) {
         metrics.push_back({str("f1@", t.tau), t.f1});
     }
     JsonLine json = geometry_json(result);
-    json.add_json("points", counts_json(prediction, truth, wanted).text());
+    JsonLine points = counts_json(prediction, truth, wanted);
+    points.add("dropped_not_finite", static_cast<std::int64_t>(prediction.dropped))
+        .add("gt_dropped_not_finite", static_cast<std::int64_t>(truth.dropped));
+    if (visible)
+        points.add("visible_gt_dropped_not_finite", static_cast<std::int64_t>(visible->dropped));
+    json.add_json("points", points.text());
     JsonLine inputs;
     inputs.add("pred", arguments.pred).add("gt", arguments.gt);
     if (!arguments.visible_gt.empty()) inputs.add("visible_gt", arguments.visible_gt);

@@ -3,6 +3,7 @@
 #include <spawn.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdint>
@@ -39,21 +40,9 @@ std::string folder_text(const fs::path& folder) {
 }
 
 /// As joined(), for a shell to read.
-std::string for_shell(const Words& words) {
+std::string shell_line(const Words& words) {
     std::string line;
-    for (const std::string& word : words) {
-        const bool plain =
-            !word.empty() && word.find_first_not_of(
-                                 "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                 "0123456789-_./=,:+@%") == std::string::npos;
-        if (plain) {
-            line += " " + word;
-            continue;
-        }
-        line += " '";
-        for (const char c : word) line += c == '\'' ? std::string("'\\''") : std::string(1, c);
-        line += "'";
-    }
+    for (const std::string& word : words) line += " " + for_shell(word);
     return line;
 }
 
@@ -120,6 +109,12 @@ Words words_of(const std::string& file,
     return words;
 }
 
+/// Names are those of folders below "out".
+void check_name(const std::string& file, const std::string& what, const std::string& name) {
+    if (name.empty() || name == "." || name == ".." || name.find('/') != std::string::npos)
+        refuse(file, str(what, " '", name, "' is no name of a folder, which has no '/'"));
+}
+
 /// One scene of a matrix, with its flags.
 struct MatrixScene {
     std::string name;
@@ -140,8 +135,13 @@ void add_scenes(const std::string& file,
     if (const JsonValue& loop = parts["for_each"]) {
         if (loop.members.size() != 1) refuse(file, "\"for_each\" of " + name + " is not one list");
         const auto& [variable, values] = loop.members.front();
+        const std::string where = str("\"for_each\" of ", name);
+        const Words words = words_of(file, where, values, names);
+        if (words.empty()) refuse(file, where + " is empty");
         each.clear();
-        for (const std::string& value : words_of(file, "\"for_each\" of " + name, values, names)) {
+        for (const std::string& value : words) {
+            if (std::count(words.begin(), words.end(), value) > 1)
+                refuse(file, str(where, " has '", value, "' twice"));
             each.push_back(names);
             each.back()[variable] = value;
         }
@@ -152,6 +152,11 @@ void add_scenes(const std::string& file,
         };
         MatrixScene scene{filled_in(file, name, with), words("train"), words("mesh"),
                           words("eval")};
+        check_name(file, "scene", scene.name);
+        if (std::any_of(scenes.begin(), scenes.end(),
+                        [&](const MatrixScene& other) { return other.name == scene.name; }))
+            refuse(file, str("there are two scenes '", scene.name,
+                             "', which would be one folder; name each with its variable"));
         const Words more = words("eval_if_there");
         if (!more.empty() && fs::exists(more.back()))
             append(scene.eval, more);
@@ -169,13 +174,18 @@ std::vector<std::uint64_t> seeds_of(const std::string& file, const JsonValue& li
         if (!(number >= 0) || number > 1e15 || number != std::floor(number))
             refuse(file, "\"seeds\" holds what is no whole number");
         seeds.push_back(static_cast<std::uint64_t>(number));
+        if (std::count(seeds.begin(), seeds.end(), seeds.back()) > 1)
+            refuse(file, str("\"seeds\" has ", seeds.back(), " twice, which is the same run"));
     }
     if (seeds.empty()) refuse(file, "\"seeds\" is no list of numbers");
     return seeds;
 }
 
 /// True when it is trained, meshed and measured.
-bool complete(const std::string& run, const Words& train, const MatrixScene& scene) {
+bool complete(const std::string& run,
+              const Words& train,
+              const MatrixScene& scene,
+              const MatrixOptions& options) {
     const std::string report = run + "/report.json";
     bool done = false;
     if (fs::is_regular_file(report)) {
@@ -187,7 +197,8 @@ bool complete(const std::string& run, const Words& train, const MatrixScene& sce
                         str(run, ": was trained by\n  ", line, "\nexpected\n  tvsgs-train",
                             joined(train), "\ngive the matrix another \"out\", or remove the run"));
     }
-    const auto step = [&](const char* tool, const Words& words) {
+    const auto step = [&](const char* tool, Words words) {
+        if (options.quiet) words.push_back("--quiet");
         const int code = run_tool(tool, words);
         if (code == 130 || code == 143)
             throw Error(static_cast<ExitCode>(code), str(tool, ": stopped by a signal"));
@@ -225,6 +236,11 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
     const std::string out = filled_in(file, matrix["out"].text_or("runs"), names);
     const std::vector<std::uint64_t> seeds = seeds_of(file, matrix["seeds"]);
 
+    for (const auto& [name, flags] : matrix["configurations"].members) {
+        check_name(file, "configuration", name);
+        if (name.find('=') != std::string::npos)
+            refuse(file, str("configuration '", name, "' has a '=', which ends a name"));
+    }
     std::vector<MatrixScene> scenes;
     for (const auto& [name, parts] : matrix["scenes"].members)
         add_scenes(file, name, parts, names, scenes);
@@ -252,11 +268,11 @@ std::vector<std::string> run_matrix(const MatrixOptions& options) {
                     Words mesh{"--model", run}, eval{"run", "--model", run};
                     append(mesh, scene.mesh), append(eval, scene.eval);
                     std::printf("tvsgs-train%s\ntvsgs-extract-mesh%s\ntvsgs-eval%s\n",
-                                for_shell(train).c_str(), for_shell(mesh).c_str(),
-                                for_shell(eval).c_str());
+                                shell_line(train).c_str(), shell_line(mesh).c_str(),
+                                shell_line(eval).c_str());
                     continue;
                 }
-                if (complete(run, train, scene)) runs.push_back(name + "=" + run);
+                if (complete(run, train, scene, options)) runs.push_back(name + "=" + run);
             }
         }
     return runs;

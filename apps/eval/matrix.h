@@ -11,6 +11,7 @@ struct MatrixOptions {
     std::string data;                 // what "${data}" stands for; empty: nothing
     std::vector<std::string> scenes;  // only these; empty: all
     bool dry_run = false;             // print the commands instead
+    bool quiet = false;               // the commands say no more than warnings and errors
 };
 
 /// Carries out what a matrix file asks for (docs/guide/evaluation.md) and returns its runs as

@@ -63,6 +63,10 @@ int nvs(const NvsArguments& arguments) {
     options.add_to(table);
     table.read_file(run_config_path(arguments.model));
     if (!arguments.scene.empty()) options.scene.path = arguments.scene;
+    // Else it takes the place of the run's folder, which may be gone.
+    if (!arguments.masks.empty() && !arguments.masked && options.scene.masks.empty())
+        throw Error(ExitCode::usage,
+                    str("--masks ", arguments.masks, ": belongs to --masked, which is missing"));
     if (!arguments.masks.empty()) options.scene.masks = arguments.masks;
     options.scene.need_points = false;
     const DeviceChoice device = choose_device(arguments.device);
@@ -120,7 +124,11 @@ EvalCommand add_eval_nvs(CLI::App& app) {
                      "01: colours as they are, as published with 3DGS; -11: as LPIPS means it [01]")
         ->check(CLI::IsMember({"01", "-11"}));
     add_require(*command, a.require, "psnr>=20");
-    return {command, [arguments] { return nvs(*arguments); }};
+    return {command, [arguments, command] {
+                require_owner(*command, "--lpips-range", !arguments->weights.empty(),
+                              "--lpips-weights FILE");
+                return nvs(*arguments);
+            }};
 }
 
 }  // namespace tvsgs

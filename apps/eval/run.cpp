@@ -59,6 +59,34 @@ Words dtu_words(const RunArguments& a, const std::string& scene, bool of_mesh) {
     return words;
 }
 
+/// Flags of an evaluation that is not done would have no effect.
+void check_owners(const RunArguments& a, const std::string& gt) {
+    struct Owned {
+        const char* flag;
+        const std::string& value;
+        bool has_owner;
+        const char* owner;
+    };
+    const bool masks = !a.masks.empty(), tnt = !a.scene_dir.empty();
+    constexpr const char* kTruth = "--gt FILE, here or in training";
+    for (const auto& [flag, value, has_owner, owner] :
+         {Owned{"--cameras", a.cameras, !a.dtu.empty(), "--dtu DIR"},
+          Owned{"--mesh-units", a.units, !a.dtu.empty(), "--dtu DIR"},
+          Owned{"--cull-masks", a.masks, !a.dtu.empty(), "--dtu DIR"},
+          Owned{"--cull", a.cull, !a.dtu.empty(), "--dtu DIR"},
+          Owned{"--cull-dilate", a.dilate, !a.dtu.empty(), "--dtu DIR"},
+          Owned{"--cull", a.cull, masks || a.cull == "none", "--cull-masks DIR"},
+          Owned{"--cull-dilate", a.dilate, masks, "--cull-masks DIR"},
+          Owned{"--visible-gt", a.visible_gt, !gt.empty(), kTruth},
+          Owned{"--crop", a.crop, !gt.empty(), kTruth}, Owned{"--tau", a.tau, !gt.empty(), kTruth},
+          Owned{"--max-distance", a.max_distance, !gt.empty(), kTruth},
+          Owned{"--traj", a.traj, tnt, "--scene-dir DIR"},
+          Owned{"--tnt-tau", a.tnt_tau, tnt, "--scene-dir DIR"}})
+        if (!has_owner && !value.empty())
+            throw Error(ExitCode::usage,
+                        str(flag, " ", value, ": belongs to ", owner, ", which is missing"));
+}
+
 int run(const RunArguments& a) {
     RunOptions options;
     OptionTable table;
@@ -72,13 +100,7 @@ int run(const RunArguments& a) {
     };
     if (a.dtu.empty() != a.scan.empty())
         throw Error(ExitCode::usage, "--dtu DIR and --scan N belong together; one is missing");
-    for (const auto& [flag, value] :
-         {std::pair("--cameras", a.cameras), std::pair("--mesh-units", a.units),
-          std::pair("--cull-masks", a.masks), std::pair("--cull", a.cull),
-          std::pair("--cull-dilate", a.dilate)})
-        if (a.dtu.empty() && !value.empty())
-            throw Error(ExitCode::usage,
-                        str(flag, " ", value, ": belongs to --dtu DIR, which is missing"));
+    check_owners(a, gt);
 
     struct Prediction {
         std::string suffix, file;
@@ -88,7 +110,8 @@ int run(const RunArguments& a) {
     if (!mesh.empty())
         predictions.insert(predictions.begin(), {"", mesh});  // first: the centres take its frame
     else
-        spdlog::info("no mesh in {0}/mesh; tvsgs-extract-mesh --model {0} makes one", a.model);
+        spdlog::info("no mesh in {}/mesh; tvsgs-extract-mesh --model {} makes one", a.model,
+                     for_shell(a.model));
     int done = 0;
     if (fs::is_directory(a.model + "/test")) {
         Words words = flags({{"--model", a.model},
@@ -120,16 +143,15 @@ int run(const RunArguments& a) {
             call(add_eval_dtu, words, out("dtu")), ++done;
         }
         if (!a.scene_dir.empty()) {
-            // The trained frame is that of the scene's own model.
+            // The trained frame is that of the scene's own model; the centres take the mesh's.
             const std::string model = scene + "/sparse/0";
-            Words words =
-                flags({{"--scene-dir", a.scene_dir},
-                       {"--traj", a.traj.empty() && fs::is_directory(model) ? model : a.traj},
-                       {"--tau", a.tnt_tau},
-                       {suffix.empty() ? "--results" : "--align-file",
-                        suffix.empty()            ? alignment
-                        : predictions.size() == 2 ? alignment + "/alignment.txt"
-                                                  : ""}});
+            const bool by_mesh = !suffix.empty() && predictions.size() == 2;
+            const std::string traj = a.traj.empty() && fs::is_directory(model) ? model : a.traj;
+            Words words = flags({{"--scene-dir", a.scene_dir},
+                                 {"--traj", by_mesh ? "" : traj},
+                                 {"--tau", a.tnt_tau},
+                                 {"--results", suffix.empty() ? alignment : ""},
+                                 {"--align-file", by_mesh ? alignment + "/alignment.txt" : ""}});
             words.insert(words.begin(), "tnt");
             call(add_eval_tnt, words, out("tnt")), ++done;
         }

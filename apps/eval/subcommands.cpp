@@ -68,6 +68,21 @@ int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& me
     return static_cast<int>(met ? ExitCode::done : ExitCode::bound);
 }
 
+void require_owner(const CLI::App& command,
+                   const char* flag,
+                   bool has_owner,
+                   const std::string& owner) {
+    const CLI::Option* option = command.get_option(flag);
+    if (has_owner || option->count() == 0) return;
+    throw Error(ExitCode::usage, str(flag, " ", option->results().back(), ": belongs to ", owner,
+                                     ", which is missing"));
+}
+
+void refuse_both(const CLI::App& command, const char* flag, const char* other) {
+    if (command.count(flag) > 0 && command.count(other) > 0)
+        throw Error(ExitCode::usage, str(flag, " and ", other, " exclude each other; give one"));
+}
+
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example) {
     command
         .add_option("--require", require, "KEY<=X or KEY>=X, as " + example + "; else exit code 8")

@@ -46,6 +46,16 @@ std::vector<Bound> parse_bounds(const std::vector<std::string>& texts);
 /// Exit code: that of an unmet bound when one of `bounds` does not hold.
 int check_bounds(const std::vector<Bound>& bounds, const std::vector<Metric>& metrics);
 
+/// Throws Error(ExitCode::usage) where a flag was given without what it belongs to: it would have
+/// no effect.
+void require_owner(const CLI::App& command,
+                   const char* flag,
+                   bool has_owner,
+                   const std::string& owner);
+
+/// Throws Error(ExitCode::usage) where both were given, of which one would have no effect.
+void refuse_both(const CLI::App& command, const char* flag, const char* other);
+
 /// --require, which all subcommands have.
 void add_require(CLI::App& command, std::vector<std::string>& require, const std::string& example);
 

@@ -2,6 +2,7 @@
 #include "report/table.h"
 
 #include <filesystem>
+#include <map>
 #include <memory>
 
 #include "apps/eval/matrix.h"
@@ -15,21 +16,41 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// DIR or LABEL=DIR. Nothing when the run has not finished.
-bool read_run(const std::string& text, TableRun& run) {
-    std::string folder = text;
+/// DIR or LABEL=DIR.
+TableRun named_run(const std::string& text) {
+    TableRun run{"", "", 0, {}, text};
     std::error_code code;
     if (const std::size_t at = text.find('='); at != std::string::npos && !fs::exists(text, code)) {
         run.configuration = text.substr(0, at);
-        folder = text.substr(at + 1);
+        run.folder = text.substr(at + 1);
     }
+    return run;
+}
+
+/// Averaged with itself a run would look like several.
+void refuse_repeated(const std::vector<TableRun>& runs) {
+    std::map<std::pair<std::string, fs::path>, std::string> seen;
+    for (const TableRun& run : runs) {
+        std::error_code code;
+        const fs::path whole = fs::weakly_canonical(run.folder + "/", code);
+        const auto [first, is_new] = seen.emplace(std::pair(run.configuration, whole), run.folder);
+        if (!is_new)
+            throw Error(ExitCode::usage, str("--runs: ", first->second, " and ", run.folder,
+                                             " are the same run; expected each run once"));
+    }
+}
+
+/// Nothing when the run has not finished.
+bool read_run(TableRun& run) {
+    const std::string& folder = run.folder;
     const std::string file = (fs::path(folder) / "report.json").string();
+    std::error_code code;
     if (!fs::is_regular_file(file, code))
         throw Error(ExitCode::input,
                     str(file,
                         ": does not exist; expected the folder of a run; for one that was "
                         "trained by an older version: tvsgs-eval report --run ",
-                        folder));
+                        for_shell(folder)));
     run.report = parse_json_value(read_bytes(file), file);
     if (run.report["format"].text != "tvsgs-report")
         throw Error(ExitCode::input, str(file, ": is no report of tvsgs-train"));
@@ -64,12 +85,15 @@ int table(std::vector<std::string> folders,
         file = parse_json_value(read_bytes(published_file), published_file);
         published = parse_published(file, published_file);
     }
-    std::vector<TableRun> runs;
-    for (const std::string& folder : folders)
-        if (TableRun run; read_run(folder, run)) runs.push_back(std::move(run));
+    std::vector<TableRun> asked, runs;
+    for (const std::string& folder : folders) asked.push_back(named_run(folder));
+    refuse_repeated(asked);
+    for (TableRun& run : asked)
+        if (read_run(run)) runs.push_back(std::move(run));
     if (runs.empty())
         throw Error(ExitCode::input, "none of the runs has finished; expected at least one");
     name_configurations(runs);
+    for (const std::string& sentence : equal_seeds(runs)) spdlog::warn(sentence);
     std::string text = str("# Results of ", runs.size(),
                            " runs\n\nMeans over seeds \u00b1 their "
                            "standard deviation, by ",
@@ -106,8 +130,9 @@ EvalCommand add_eval_table(CLI::App& app) {
     CLI::App* command =
         app.add_subcommand("table", "tables of finished runs, and their errors over time");
     command
-        ->add_option("--runs", arguments->runs,
-                     "run folders DIR or LABEL=DIR; seeds of one configuration are averaged")
+        ->add_option(
+            "--runs", arguments->runs,
+            "run folders DIR or LABEL=DIR; runs that differ in their seed only are averaged")
         ->take_all();
     command->add_option("--matrix", arguments->matrix.file,
                         "JSON file of scenes, configurations and seeds to train and measure first");
@@ -122,7 +147,8 @@ EvalCommand add_eval_table(CLI::App& app) {
                         "(docs/published_figures.json)");
     add_output_flag(*command, "-o,--out", arguments->out,
                     "FILE.md; FILE.csv and plots appear beside it [standard output, no plots]");
-    return {command, [arguments] {
+    return {command, [arguments, command] {
+                arguments->matrix.quiet = command->count("--quiet") > 0;
                 return table(arguments->runs, arguments->matrix, arguments->published,
                              arguments->out);
             }};

@@ -154,7 +154,7 @@ EvalCommand add_eval_tnt(CLI::App& app) {
         ->add_option("--traj-threshold", a.traj_threshold, "within it camera centres agree [0.2]")
         ->check(kPositive);
     command->add_option("--min-opacity", a.min_opacity, "leaves fainter splats out [0: none]")
-        ->check(CLI::Range(0.0, 1.0));
+        ->check(in_range(0.0, 1.0));
     command->add_option("--seed", a.seed, "of the alignment and of area samples [0]");
     command->add_option("--results", a.results,
                         "folder for curves, alignment.txt and clouds coloured by error");
@@ -163,7 +163,15 @@ EvalCommand add_eval_tnt(CLI::App& app) {
     command->add_flag("--force", a.force, "measure even what seems to be misaligned");
     add_output_flag(*command, "--out", a.out, "JSON file to write as well");
     add_require(*command, a.require, "f1>=0.4");
-    return {command, [arguments] { return tnt(*arguments); }};
+    return {command, [arguments, command] {
+                const TntArguments& given = *arguments;
+                refuse_both(*command, "--align-file", "--traj");
+                refuse_both(*command, "--align-file", "--icp-intended");
+                refuse_both(*command, "--no-icp", "--icp-intended");
+                require_owner(*command, "--traj-threshold", !given.traj.empty(), "--traj FILE");
+                require_owner(*command, "--palette", !given.results.empty(), "--results DIR");
+                return tnt(given);
+            }};
 }
 
 }  // namespace tvsgs

@@ -110,7 +110,7 @@ int command(int argc, char** argv) {
                    "seen from two heights [12]")
         ->expected(0, 1)
         ->default_str("12")
-        ->check(CLI::Range(4.0, 200.0));
+        ->check(in_range(4.0, 200.0));
     app.add_option("--views", options.views, "number of views")
         ->check(CLI::Range(2, 9999))
         ->capture_default_str();
@@ -125,11 +125,11 @@ int command(int argc, char** argv) {
                    "default: every eighth view")
         ->check(CLI::Range(0, 9997));
     app.add_option("--arc", options.arc_deg, "degrees of azimuth covered; 360: a ring")
-        ->check(CLI::Range(1.0, 360.0))
+        ->check(in_range(1.0, 360.0))
         ->capture_default_str();
     app.add_option("--elevation-span", options.elevation_span_deg,
                    "degrees between the lowest and the highest of the cameras' three elevations")
-        ->check(CLI::Range(0.0, 56.0))  // 4 to 60 degrees: above the ground disc's edge
+        ->check(in_range(0.0, 56.0))  // 4 to 60 degrees: above the ground disc's edge
         ->capture_default_str();
     app.add_option("--points", options.points,
                    "surface samples for points3D.txt; it gets those that two views see")
@@ -137,11 +137,11 @@ int command(int argc, char** argv) {
         ->capture_default_str();
     app.add_option("--texture", options.texture,
                    "contrast of the surface's own colours; 0: one grey, shaded")
-        ->check(CLI::Range(0.0, 1.0))
+        ->check(in_range(0.0, 1.0))
         ->capture_default_str();
     app.add_option("--shininess", options.shininess,
                    "strength of the highlights, which move with the view; 0: none, 1: up to white")
-        ->check(CLI::Range(0.0, 4.0))
+        ->check(in_range(0.0, 4.0))
         ->capture_default_str();
     app.add_option("--background", options.background,
                    "empty (black); sky: textured, infinitely far away, without points; white: "
@@ -159,20 +159,20 @@ int command(int argc, char** argv) {
     app.add_option("--exposure-drift", options.exposure_drift,
                    "each view is brighter or darker by up to this share; gt/info.json says by how "
                    "much")
-        ->check(CLI::Range(0.0, 0.9))
+        ->check(in_range(0.0, 0.9))
         ->capture_default_str();
     app.add_option("--pose-noise", options.pose_noise,
                    "the poses of the views that train are off, by about that many pixels; "
                    "gt/sparse has the exact ones")
-        ->check(CLI::Range(0.0, 100.0))
+        ->check(in_range(0.0, 100.0))
         ->capture_default_str();
     app.add_option("--color-drift", options.color_drift,
                    "the same of each channel by itself: light of other colours")
-        ->check(CLI::Range(0.0, 0.9))
+        ->check(in_range(0.0, 0.9))
         ->capture_default_str();
     app.add_option("--noise", options.noise,
                    "standard deviation of the sensor noise, in 8-bit steps")
-        ->check(CLI::Range(0.0, 100.0))
+        ->check(in_range(0.0, 100.0))
         ->capture_default_str();
     SynthPriors& priors = options.priors;
     app.add_option("--priors", priors.format, "exact depth and normals as another program has them")
@@ -186,13 +186,13 @@ int command(int argc, char** argv) {
         ->check(quantities);
     app.add_flag("--prior-ray", priors.ray, "depth along the ray instead of the optical axis");
     app.add_option("--prior-scale", priors.scale, "depths are that many times too large")
-        ->check(CLI::Range(1e-3, 1e3))
+        ->check(in_range(1e-3, 1e3))
         ->capture_default_str();
     app.add_option("--prior-noise", priors.noise, "standard deviation, as a share of the depth")
-        ->check(CLI::Range(0.0, 1.0))
+        ->check(in_range(0.0, 1.0))
         ->capture_default_str();
     app.add_option("--prior-holes", priors.holes, "share of the blocks of 8 pixels without a value")
-        ->check(CLI::Range(0.0, 1.0))
+        ->check(in_range(0.0, 1.0))
         ->capture_default_str();
     app.add_option("--prior-normals", priors.frame, "frame of the normals")
         ->check(CLI::IsMember({"camera_opencv", "camera_opengl", "world"}))

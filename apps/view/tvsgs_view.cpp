@@ -43,7 +43,7 @@ Arguments parse(int argc, char** argv) {
     app.add_option("--crop", a.input.crop, "with --gt: selection volume, as tvsgs-eval takes it");
     app.add_option("--megabytes", megabytes,
                    "size of the page, about: harmonics, then the smallest splats give way [40]")
-        ->check(CLI::Range(1.0, 2000.0));
+        ->check(in_range(1.0, 2000.0));
     app.add_option("--max-splats", a.page.max_splats, "the largest so many of each run [all]")
         ->check(CLI::Range(1, 50000000));
     app.add_option("--photos", a.page.max_photos, "at most so many photographs [60]")

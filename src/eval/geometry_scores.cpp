@@ -1,5 +1,6 @@
 #include "eval/geometry_scores.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/error.h"
@@ -90,6 +91,9 @@ MeasuredSurface read_measured(const std::string& path,
                               const Crop& crop) {
     PlyContents ply = read_mesh(path, options.origin, false);
     const bool is_mesh = !ply.faces.empty();
+    const std::vector<Vec3f>& read = ply.points.positions;
+    const auto dropped = static_cast<std::size_t>(
+        std::count_if(read.begin(), read.end(), [](Vec3f p) { return !is_finite(p); }));
     MeasuredSurface result;
     try {
         result = is_mesh
@@ -99,6 +103,10 @@ MeasuredSurface read_measured(const std::string& path,
     } catch (const Error& error) {
         throw Error(error.code(), str(path, ": ", error.what()));
     }
+    result.dropped = dropped;
+    if (dropped > 0)
+        spdlog::warn("{}: {} {} that are not finite were dropped{}", path, dropped,
+                     is_mesh ? "vertices" : "points", is_mesh ? ", with their faces" : "");
     spdlog::info(
         "{}: measured from {} {}, to {}", path, result.from.points.size(),
         is_mesh         ? "samples of the mesh"

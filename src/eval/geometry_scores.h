@@ -35,8 +35,8 @@ MeasuredSurface measured_points(const std::vector<Vec3f>& points,
                                 const MeasureOptions& options,
                                 const Crop& crop);
 
-/// A mesh, a cloud, or the centres of splats. Throws Error(ExitCode::input), with the path, when
-/// nothing is in the crop.
+/// A mesh, a cloud, or the centres of splats; says and counts what is not finite. Throws
+/// Error(ExitCode::input), with the path, when nothing is in the crop.
 MeasuredSurface read_measured(const std::string& path,
                               const MeasureOptions& options,
                               const Crop& crop);

@@ -42,6 +42,7 @@ struct GeometryMetrics {
 struct MeasuredSurface {
     SamplePoints from;
     Surface to;
+    std::size_t dropped = 0;  // points of its file that are not finite
 };
 
 /// `wanted_truth`: what completeness and recall are measured from where that is not all of the

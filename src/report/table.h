@@ -14,14 +14,21 @@ struct TableRun {
     std::string configuration;  // as the user calls it, or empty
     double seed = 0;
     JsonValue report;
+    std::string folder{};  // for messages
 };
 
 /// All numbers of a run by name: "chamfer (centres)", "f1@0.02 (centres)", "psnr", "seconds", ...
 std::map<std::string, double> metrics_of(const JsonValue& report);
 
-/// Runs without a name get the keys in which the runs differ, "tv.enabled=false"; seed, scene and
-/// evaluation do not count.
+/// Runs without a name get the keys in which the runs differ, "tv.enabled=false"; the seed does not
+/// count, nor what scenes have of their own. Runs of one name and scene that differ in what is
+/// trained or scored get the keys in which they do, "ours, scene.resolution=2": what remains in a
+/// row differs in its seed only.
 void name_configurations(std::vector<TableRun>& runs);
+
+/// A sentence for each seed that several runs of a named row have: their spread is not one of
+/// seeds.
+std::vector<std::string> equal_seeds(const std::vector<TableRun>& runs);
 
 /// A result that somebody else has published for the mean over `scenes`, named as ours are.
 struct PublishedFigure {

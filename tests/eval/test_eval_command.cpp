@@ -61,7 +61,11 @@ TEST_F(EvalGeometry, PrintsAndWritesJson) {
     ASSERT_EQ(eval(inputs() + " --tau 0.3,2 --out " + path("result.json")), 0) << messages_;
     EXPECT_NE(output_.find("\"accuracy\": 0.25"), std::string::npos) << output_;
     EXPECT_NE(output_.find("\"precision\": 1, \"recall\": 0.5"), std::string::npos) << output_;
-    EXPECT_NE(output_.find("\"points\": {\"pred\": 2, \"gt\": 4}"), std::string::npos) << output_;
+    EXPECT_NE(output_.find("\"points\": {\"pred\": 2, \"gt\": 4, \"dropped_not_finite\": 0, "
+                           "\"gt_dropped_not_finite\": 0}"),
+              std::string::npos)
+        << output_;
+    EXPECT_EQ(messages_.find("finite"), std::string::npos) << messages_;
     EXPECT_EQ(read("result.json"), output_);
 }
 
@@ -80,6 +84,34 @@ TEST_F(EvalGeometry, MeshesAreMeasuredAsSurfaces) {
     ASSERT_EQ(eval(meshes + " --tau 0.12 --point-samples 500 --require 'recall@0.12<0.5'"), 0);
     EXPECT_EQ(output_.find("_se"), std::string::npos) << output_;
     EXPECT_EQ(eval(meshes + " --samples 500"), 2);
+}
+
+TEST_F(EvalGeometry, WhatIsNotFiniteIsSaidAndCounted) {
+    write("holes.ply", "0 0 0.25\nnan 0 0\n1 0 0.25\n0 inf 0\n");
+    write("torn.ply", "0 0 0\n1 0 0\n1 1 0\n0 1 nan\n", "3 0 1 2\n3 0 2 3\n");
+    write("seen.ply", "0 0 0\n0 0 -inf\n");
+    ASSERT_EQ(eval("--pred " + path("holes.ply") + " --gt " + path("torn.ply") + " --visible-gt " +
+                   path("seen.ply")),
+              0)
+        << messages_;
+    EXPECT_NE(output_.find("\"visible_gt\": 1, \"dropped_not_finite\": 2, "
+                           "\"gt_dropped_not_finite\": 1, \"visible_gt_dropped_not_finite\": 1}"),
+              std::string::npos)
+        << output_;
+    for (const char* said :
+         {"holes.ply: 2 points that are not finite were dropped\n",
+          "torn.ply: 1 vertices that are not finite were dropped, with their faces\n",
+          "seen.ply: 1 points that are not finite were dropped\n", "to 1 triangles"})
+        EXPECT_NE(messages_.find(said), std::string::npos) << said << " in\n" << messages_;
+    // As a prediction, and where so many points on each are compared.
+    ASSERT_EQ(eval("--pred " + path("torn.ply") + " --gt " + path("holes.ply") +
+                   " --point-samples 100 --quiet"),
+              0)
+        << messages_;
+    EXPECT_NE(output_.find("\"dropped_not_finite\": 1, \"gt_dropped_not_finite\": 2}"),
+              std::string::npos)
+        << output_;
+    EXPECT_NE(messages_.find("torn.ply: 1 vertices"), std::string::npos) << "a warning";
 }
 
 TEST_F(EvalGeometry, BoundsDecideTheExitCode) {

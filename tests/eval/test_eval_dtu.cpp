@@ -66,6 +66,19 @@ TEST_F(EvalDtu, ErrorClouds) {
     EXPECT_NE(read("clouds/accuracy.ply"), official);
 }
 
+TEST_F(EvalDtu, FlagsWithoutEffectAreRefused) {
+    for (const auto& [flags, owner] : std::initializer_list<std::pair<const char*, const char*>>{
+             {"--cull all", "--cull-masks DIR"},
+             {"--cull first:3", "--cull-masks DIR"},
+             {"--cull-dilate 24", "--cull-masks DIR"},
+             {"--order given --seed 3", "--order seeded"},
+             {"--palette safe", "--clouds DIR"}})
+        expect_error(2, std::string(": belongs to ") + owner + ", which is missing",
+                     arguments("mesh.ply", flags));
+    EXPECT_EQ(eval(arguments("mesh.ply", "--cull none")), 0) << "as it is: " << messages;
+    EXPECT_EQ(eval(arguments("mesh.ply", "--order seeded --seed 3")), 0) << messages;
+}
+
 TEST_F(EvalDtu, MissingFilesAreNamed) {
     fs::remove(folder / "dtu/ObsMask/Plane1.mat");
     expect_error(3, "dtu/ObsMask/Plane1.mat: no such file", arguments("mesh.ply"));

@@ -89,6 +89,22 @@ TEST_F(EvalTnt, CurvesAndClouds) {
     EXPECT_EQ(value("f1"), f1);
 }
 
+TEST_F(EvalTnt, FlagsWithoutEffectAreRefused) {
+    const std::string file = "--tau 0.02 --align-file " + path("Bump/Bump_trans.txt");
+    expect_error(2, "--align-file and --traj exclude each other",
+                 arguments(file + " --traj " + path("Bump/Bump_COLMAP_SfM.log")));
+    expect_error(2, "--align-file and --icp-intended exclude each other",
+                 arguments(file + " --icp-intended"));
+    expect_error(2, "--no-icp and --icp-intended exclude each other",
+                 arguments("--tau 0.02 --no-icp --icp-intended"));
+    expect_error(2, "--traj-threshold 0.3: belongs to --traj FILE, which is missing",
+                 arguments("--tau 0.02 --traj-threshold 0.3"));
+    expect_error(2, "--palette safe: belongs to --results DIR, which is missing",
+                 arguments("--tau 0.02 --palette safe"));
+    EXPECT_EQ(eval(arguments(file + " --no-icp")), 0) << "as it is: " << messages;
+    EXPECT_NE(output.find("\"traj\": \"\""), std::string::npos) << output;
+}
+
 TEST_F(EvalTnt, IcpAgreesWithTheOracle) {  // io-mesh-eval 7.2: perturbed start
     const double c = 1.01 * std::cos(0.02), s = 1.01 * std::sin(0.02);
     // The perturbation times the true transform [0 -2 0 .5; 2 0 0 -.25; 0 0 2 1].

@@ -172,6 +172,115 @@ TEST(Tables, MeansSpreadAndNames) {
     EXPECT_EQ(cell_of({}).count, 0);
 }
 
+/// A run of the scene "a" with these members of its configuration.
+TableRun configured_run(const std::string& label, double seed, const std::string& config) {
+    TableRun run{"a", label, seed, {}, str("run_", seed)};
+    run.report =
+        parse_json_value(str("{\"config\": {\"seed\": ", seed, config.empty() ? "" : ", ", config,
+                             "}, \"summary\": {\"event\": \"done\", \"psnr\": ", 20 + seed, "}}"),
+                         "made up");
+    return run;
+}
+
+TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
+    const auto names = [](const std::string& label, const std::string& a, const std::string& b) {
+        std::vector<TableRun> runs{configured_run(label, 0, a), configured_run(label, 1, b)};
+        name_configurations(runs);
+        const bool averaged = tables_markdown(runs).find("\u00b1") != std::string::npos;
+        EXPECT_EQ(averaged, runs[0].configuration == runs[1].configuration) << a << " / " << b;
+        return std::pair(runs[0].configuration, runs[1].configuration);
+    };
+    // What is trained, or scored, makes rows.
+    for (const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
+             {R"("scene": {"resolution": 2})", R"("scene": {"resolution": 4})"},
+             {R"("scene": {"eval": true, "test_every": 8})",
+              R"("scene": {"eval": true, "test_every": 4})"},
+             {R"("scene": {"eval": true})", R"("scene": {"eval": false})"},
+             {R"("scene": {"path": "s", "train_list": "s/a.txt"})",
+              R"("scene": {"path": "s", "train_list": "s/b.txt"})"},
+             {R"("scene": {"test_list": "a.txt"})", R"("scene": {"test_list": "b.txt"})"},
+             {R"("scene": {"held_out": "1.png"})", R"("scene": {"held_out": "2.png"})"},
+             {R"("scene": {"masks": ""})", R"("scene": {"masks": "other"})"},
+             {R"("scene": {"images": "images"})", R"("scene": {"images": "images_4"})"},
+             {R"("scene": {"path": "s", "init_ply": "s/init/a.ply"})",
+              R"("scene": {"path": "s", "init_ply": "t/init/a.ply"})"},
+             {R"("iterations": 30)", R"("iterations": 60)"},
+             {R"("loss": {"normal": {"weight": 0}})", R"("loss": {"normal": {"weight": 1}})"},
+             {R"("eval": {"gt": "a.ply"})", R"("eval": {"gt": "b.ply"})"},
+             {R"("eval": {"gt": "a.ply", "max_distance": 0})",
+              R"("eval": {"gt": "a.ply", "max_distance": 2})"}})
+        for (const char* label : {"", "on"}) {
+            const auto [first, second] = names(label, a, b);
+            EXPECT_NE(first, second) << a << " / " << b;
+            EXPECT_TRUE(first.starts_with(*label ? "on, " : "")) << first;
+        }
+    EXPECT_EQ(
+        names("on", R"("scene": {"resolution": 2})", R"("scene": {"resolution": 4})"),
+        std::pair(std::string("on, scene.resolution=2"), std::string("on, scene.resolution=4")));
+    const auto [many, more] =
+        names("on", R"("a": 1, "b": 1, "c": 1, "iterations": 30, "scene": {"resolution": 2})",
+              R"("a": 2, "b": 2, "c": 2, "iterations": 60, "scene": {"resolution": 4})");
+    EXPECT_EQ(many, "on, iterations=30, scene.resolution=2, a=1, and 2 more keys, #1");
+    EXPECT_EQ(more, "on, iterations=60, scene.resolution=4, a=2, and 2 more keys, #2");
+    // Where things lie and when they are looked at makes none, nor does what is not in use.
+    for (
+        const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
+            {R"("scene": {"path": "s", "init_ply": "s/init/a.ply", "masks": "m"})",
+             R"("scene": {"path": "/moved/./s/", "init_ply": "/moved//s/init/a.ply", "masks": "m"})"},
+            {R"("scene": {"photos": "auto"})", R"("scene": {"photos": "file"})"},
+            {R"("scene": {"photo_folder": ""})", R"("scene": {"photo_folder": "/scratch"})"},
+            {R"("scene": {"eval": false, "test_every": 8})",
+             R"("scene": {"eval": false, "test_every": 4})"},
+            {R"("scene": {"path": "s"}, "eval": {"gt": "a.ply", "at": "5,10", "every": 0, "mesh": false})",
+             R"("scene": {"path": "s"}, "eval": {"gt": "./a.ply", "at": "", "every": 100, "mesh": true})"},
+            {R"("eval": {"gt": "", "max_distance": 0})",
+             R"("eval": {"gt": "", "max_distance": 2})"},
+            {R"("iterations": 30)", R"("iterations": 30, "a_new_key": true)"}})
+        for (const char* label : {"", "on"}) {
+            const auto [first, second] = names(label, a, b);
+            EXPECT_EQ(first, second) << a << " / " << b;
+        }
+    EXPECT_EQ(names("on", R"("tv": {"lists": "full"})", R"("tv": {"lists": "compact"})").second,
+              "on");
+    // What the plan decided for all of them is no difference, but it is one to what was asked for.
+    const auto planned = [](TableRun run, const std::string& settings) {
+        run.report.set("plan", parse_json_value("[{\"settings\": {" + settings + "}}]", "plan"));
+        return run;
+    };
+    for (const char* label : {"", "on"}) {
+        std::vector<TableRun> by_plan{
+            planned(configured_run(label, 0, R"("tv": {"k": 20})"), R"("tv.k": "20")"),
+            planned(configured_run(label, 1, R"("tv": {"k": 30})"), R"("tv.k": "30")")};
+        std::vector<TableRun> mixed{by_plan[0], configured_run(label, 1, R"("tv": {"k": 30})")};
+        name_configurations(by_plan), name_configurations(mixed);
+        EXPECT_EQ(by_plan[0].configuration, by_plan[1].configuration);
+        EXPECT_NE(mixed[0].configuration, mixed[1].configuration);
+    }
+    // A scene's own keys make no rows beside those of another scene, and rows are the same in all.
+    std::vector<TableRun> runs{configured_run("on", 0, R"("scene": {"resolution": 2})"),
+                               configured_run("on", 1, R"("scene": {"resolution": 4})")};
+    runs[1].scene = "b";
+    name_configurations(runs);
+    EXPECT_EQ(runs[0].configuration, "on");
+    EXPECT_EQ(runs[1].configuration, "on");
+    runs.push_back(configured_run("on", 2, R"("scene": {"resolution": 4})"));
+    name_configurations(runs);
+    EXPECT_EQ(runs[0].configuration, "on, scene.resolution=2");
+    EXPECT_EQ(runs[1].configuration, runs[2].configuration);
+}
+
+TEST(Tables, EqualSeedsAreSaid) {
+    std::vector<TableRun> runs{configured_run("on", 0, ""), configured_run("on", 1, ""),
+                               configured_run("off", 0, ""), configured_run("on", 0, "")};
+    runs[3].folder = "again";
+    const std::vector<std::string> sentences = equal_seeds(runs);
+    ASSERT_EQ(sentences.size(), 1u);
+    EXPECT_TRUE(sentences[0].starts_with("run_0, again: all of seed 0 in the row 'on' of a"))
+        << sentences[0];
+    runs[3].scene = "b";
+    EXPECT_TRUE(equal_seeds(runs).empty());
+}
+
 TEST(ReportPages, NamesAreTextOnly) {
     const std::string bad = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(1)>";
     JsonValue report = JsonValue::object(), view = JsonValue::object(), run = JsonValue::object(),
@@ -323,6 +432,32 @@ TEST_F(Report, OfRunsThatLackSomething) {
     EXPECT_NE(contents(folder_ / "table.md").find("| ours |"), std::string::npos);
     EXPECT_TRUE(fs::exists(folder_ / "table.csv"));
     EXPECT_TRUE(fs::exists(folder_ / "table_scene_train_3_psnr.svg"));
+}
+
+TEST_F(Report, TablesOfTheSameRunTwice) {
+    fs::create_directory_symlink("run", folder_ / "link");
+    for (const char* runs :
+         {"run run", "on=run on=./run/", "on=run on=link", "a=run b=run b=run"}) {
+        EXPECT_EQ(call(str("tvsgs-eval table --out twice.md --runs ", runs)), 2) << runs;
+        EXPECT_NE(said().find("the same run"), std::string::npos) << said();
+    }
+    EXPECT_FALSE(fs::exists(folder_ / "twice.md"));
+    // Another one of the same seed has no spread of seeds.
+    fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
+    ASSERT_EQ(call("tvsgs-eval table --out twice.md --runs on=run on=again"), 0) << said();
+    EXPECT_NE(said().find("run, again: all of seed 0 in the row 'on'"), std::string::npos)
+        << said();
+    // One of other images is a row of its own.
+    std::string report = contents(folder_ / "again/report.json");
+    const std::string key = "\"resolution\": -1,";
+    ASSERT_NE(report.find(key), std::string::npos);
+    report.replace(report.find(key), key.size(), "\"resolution\": 2,");
+    std::ofstream(folder_ / "again/report.json") << report;
+    ASSERT_EQ(call("tvsgs-eval table --out twice.md --runs on=run on=again"), 0) << said();
+    EXPECT_EQ(said().find("all of seed"), std::string::npos) << said();
+    const std::string table = contents(folder_ / "twice.md");
+    EXPECT_NE(table.find("| on, scene.resolution=2 |"), std::string::npos) << table;
+    EXPECT_NE(table.find("| on, scene.resolution=-1 |"), std::string::npos) << table;
 }
 
 TEST_F(Report, SaysWhatItLacks) {
