@@ -26,14 +26,15 @@ public:
         return done - done_ >= kFewest || seconds - at_ > 0.05 * seconds_;
     }
 
-    /// Fits what remains into the time that remains, at the speed since the last look; never longer
-    /// than the schedule was at first.
+    /// Fits what remains into the time that remains, at the speed since the last look: of the
+    /// iterations that the schedule had at first no more. What an earlier look has squeezed too
+    /// much, as the first iterations were slow, is stretched again.
     void fit(int done, double seconds, TrainOptions& options) {
         const double speed = (done - done_) / std::max(seconds - at_, 1e-6);
-        from_ += (done - fitted_at_) * rate_;
         const double last = original_.iterations,
                      left = std::max(std::floor((seconds_ - seconds) * speed), 1.0);
-        const int iterations = done + static_cast<int>(std::min(left, std::ceil(last - from_)));
+        from_ = std::min(from_ + (done - fitted_at_) * rate_, last - 1);
+        const int iterations = done + static_cast<int>(std::min(left, last - done));
         fit_schedule(original_, from_, options, done, iterations);
         planned_ = iterations - done;
         rate_ = (last - from_) / planned_;
