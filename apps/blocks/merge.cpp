@@ -86,7 +86,11 @@ int merge(const MergeArguments& a) {
     OptionTable table;
     options.add_to(table);
     table.read_file(manifest.folder + "/config.json");
-    if (!a.scene.empty()) table.set("scene.path", a.scene, "--scene");
+    table.set("scene.path", a.scene.empty() ? manifest.scene : a.scene, "--scene");
+    if (lies_in(a.out, manifest.folder))
+        throw Error(ExitCode::usage,
+                    str("--out ", a.out, ": lies in the folder of the blocks, ", manifest.folder,
+                        ", whose runs it might replace; name a place outside of it"));
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
     // 1. Each block's part, then what is far; and how the blocks meet by themselves.
@@ -118,12 +122,14 @@ int merge(const MergeArguments& a) {
                     str(manifest.folder, ": no splat of any block lies in its cell"));
     const std::vector<SeamReport> seams = test_seams(manifest.cells, manifest.neighbours, surface);
 
-    // 2. An ordinary run.
+    const std::string cameras = cameras_of_blocks(manifest);
+    read_sky(options.train.loss.photometric, manifest.folder);
+
+    // 2. An ordinary run; all that it is made of has been read.
     RunFolder run(a.out);
     run.save_config(
         table.json(JsonLine().add("version", kVersion).add("merged_from", manifest.folder).text()));
-    write_text_file(run.path() + "/cameras.json", cameras_of_blocks(manifest));
-    read_sky(options.train.loss.photometric, manifest.folder);
+    write_text_file(run.path() + "/cameras.json", cameras);
     write_sky(run.path(), options.train.loss.photometric);
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
     run.save_splats(whole, manifest.iterations, manifest.origin,
@@ -167,7 +173,7 @@ BlocksCommand add_blocks_merge(CLI::App& app) {
         ->add_option("--fade", a->fade,
                      "over how many of its standard deviations to either side of a cut a splat "
                      "fades into the neighbour's; 0: each is of the block that its centre is in")
-        ->check(CLI::Range(0.0, 10.0))
+        ->check(in_range(0.0, 10.0))
         ->capture_default_str();
     command->add_flag("--overwrite", a->overwrite, "replace the run in an occupied folder");
     return {command, [a](bool) { return merge(*a); }};

@@ -150,6 +150,39 @@ std::vector<std::string> seam_words(const BlocksManifest& manifest, const std::s
     return words;
 }
 
+/// A run that ended, and its process before it could say so.
+bool cannot_go_on(const std::string& run) {
+    std::error_code code;
+    return holds_splats(run) &&
+           fs::directory_iterator(run + "/checkpoints", code) == fs::directory_iterator();
+}
+
+/// Trains while the block counts as not trained. What is refused before it has replaced anything
+/// leaves the block as it was.
+template <class Train>
+void without_record(const BlocksManifest& manifest,
+                    int block,
+                    BlockStage stage,
+                    const std::string& record,
+                    const Train& train) {
+    std::error_code code;
+    const std::string was = fs::is_regular_file(record, code) ? read_bytes(record) : "";
+    fs::remove(record);
+    try {
+        train();
+    } catch (const Error&) {
+        if (!was.empty()) {
+            write_text_file(record, was);
+            try {
+                read_block_result(manifest, block, stage);
+            } catch (const Error&) {
+                fs::remove(record);
+            }
+        }
+        throw;
+    }
+}
+
 int run_block(const RunArguments& a, bool quiet) {
     // Runs keep these paths, and are gone on with from other folders.
     const BlocksManifest manifest =
@@ -167,15 +200,12 @@ int run_block(const RunArguments& a, bool quiet) {
                                          folder, "; wait for it"));
     const bool seams = a.seam_pass;
     const std::string out = seams ? folder + "/seam" : run;
-    if (a.again) {
-        // The first to go: without it the block counts as not trained.
-        fs::remove(folder + (seams ? "/seam.json" : "/done.json"));
-        if (has_manifest(out)) remove_listed_files(out);
-    } else if (const auto done = read_block_result(manifest, a.block, a.stage())) {
-        spdlog::info("block {}: done already, {} splats; --again trains it anew", a.block,
-                     done->splats);
-        return 0;
-    }
+    if (!a.again)
+        if (const auto done = read_block_result(manifest, a.block, a.stage())) {
+            spdlog::info("block {}: done already, {} splats; --again trains it anew", a.block,
+                         done->splats);
+            return 0;
+        }
     const std::string scene = a.scene.empty() ? manifest.scene : a.scene;
     check_scene(manifest, scene);
     BlockResult result;
@@ -189,8 +219,8 @@ int run_block(const RunArguments& a, bool quiet) {
             throw Error(ExitCode::input,
                         str("block ", a.block, ": ", run,
                             "/checkpoints is empty, so there is nothing that the seam pass could "
-                            "go on from; tvsgs-blocks run --block ",
-                            a.block, " --again trains the block anew"));
+                            "go on from; tvsgs-blocks run ",
+                            a.folder, " --block ", a.block, " --again trains the block anew"));
         const PointCloud voters = voters_around(manifest, a.block);
         if (voters.positions.size() < 3) {  // nobody beside it
             result.splats = trained.splats, result.files = trained.files;
@@ -212,8 +242,11 @@ int run_block(const RunArguments& a, bool quiet) {
     if (seams)
         words.insert(words.end(), {"--overwrite", "--resume", run});
     else
-        words.push_back("--resume");
-    with_context(str("training block ", a.block), [&] { run_train(words); });
+        words.push_back(a.again || cannot_go_on(run) ? "--overwrite" : "--resume");
+    const std::string record = folder + (seams ? "/seam.json" : "/done.json");
+    with_context(str("training block ", a.block), [&] {
+        without_record(manifest, a.block, a.stage(), record, [&] { run_train(words); });
+    });
 
     read_summary(out + "/log.jsonl", result);
     const std::string splats = find_splats(out);

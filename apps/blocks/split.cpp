@@ -297,8 +297,9 @@ BlocksCommand add_blocks_split(CLI::App& app) {
         "cut a scene into blocks by a coarse run of the whole, which is trained if absent");
     command->add_option("-s,--scene", a->scene, "folder of the scene [that of --coarse]");
     command->add_option("-o,--out", a->out, "folder to write")->required();
-    command->add_option("--coarse", a->coarse,
-                        "finished run of the whole [trained in OUT/coarse on smaller photographs]");
+    CLI::Option* const coarse = command->add_option(
+        "--coarse", a->coarse,
+        "finished run of the whole [trained in OUT/coarse on smaller photographs]");
     command->add_option("--blocks", a->split.blocks, "how many [by --max-splats]")
         ->check(CLI::Range(1, 4096));
     command
@@ -320,9 +321,12 @@ BlocksCommand add_blocks_split(CLI::App& app) {
                             "target width [-1, or that of --coarse]");
     command->add_option("--iterations", a->iterations, "of each block [those of the coarse run]")
         ->check(CLI::Range(1, 1000000000));
-    command->add_option("--coarse-resolution", a->coarse_resolution,
-                        "of the coarse run's photographs, as -r");
-    command->add_option("--coarse-splats", a->coarse_splats, "at most, of the coarse run");
+    command
+        ->add_option("--coarse-resolution", a->coarse_resolution,
+                     "of the coarse run's photographs, as -r")
+        ->excludes(coarse);
+    command->add_option("--coarse-splats", a->coarse_splats, "at most, of the coarse run")
+        ->excludes(coarse);
     command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
     command
         ->add_option("-c,--config", a->configs,

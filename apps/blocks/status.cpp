@@ -82,8 +82,13 @@ int status(const StatusArguments& a) {
     }
     if (a.json) std::printf("%s\n", json_text(list).c_str());
     if (a.missing && !missing.empty()) std::printf("%s\n", block_list(missing).c_str());
-    if (missing.empty() && !a.missing && !a.json)
-        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "puts them together");
+    if (missing.empty() && !a.missing && !a.json) {
+        const char* const what = "puts them together";
+        if (a.seam_pass)
+            say_next({"tvsgs-blocks", "merge", a.folder, "--seam-pass", "--out", "RUN"}, what);
+        else
+            say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, what);
+    }
     return missing.empty() ? 0 : static_cast<int>(ExitCode::input);
 }
 

@@ -145,6 +145,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                                          "of splats"));
     if (is_run(a.input)) table.read_file(run_config_path(a.input));
     for (const std::string& file : configs) table.read_file(file);
+    table.read_environment();
     flags.set_keys(table);
     table.set_all(settings);
     options.scene.need_points = false;
@@ -155,6 +156,13 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
                    "the name says which format the splats get", options.scene);
     if (fs::is_directory(a.output, failure) || !splat_format(a.output))
         throw Error(ExitCode::usage, str(a.output, ": expected the name of a file"));
+    for (const auto& [flag, format, ending] :
+         {std::tuple("--spz-version", SplatFormat::spz, ".spz"),
+          {"--spz-sh-bits", SplatFormat::spz, ".spz"},
+          {"--sh-palette", SplatFormat::sog, ".sog"}})
+        if (app.count(flag) > 0 && a.format() != format)
+            throw Error(ExitCode::usage, str(flag, ": belongs to ", ending, ", and ", a.output,
+                                             " is another format; leave it out"));
     check_report(a);
     return a;
 }

@@ -1,5 +1,6 @@
 // tvsgs-init: calibrated photographs in, dense coloured cloud and depth maps out; no network.
 #include <filesystem>
+#include <set>
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
@@ -77,16 +78,33 @@ constexpr const char* kPriors = R"({
 }
 )";
 
+/// Those of an earlier call that this one has not written would be taken for its own.
+void remove_other_maps(const std::string& folder, const std::set<std::string>& written) {
+    std::error_code code;
+    const auto listing = folder_with_manifest(fs::path(folder) / "priors.json");
+    std::vector<fs::path> others;
+    for (const char* kind : {"depth", "confidence", "normal", "pictures"})
+        for (fs::recursive_directory_iterator it(fs::path(folder) / kind, code), end;
+             !code && it != end; it.increment(code))
+            if (it->is_regular_file(code) && !written.contains(it->path().string()) && listing &&
+                is_listed(*listing, it->path()))
+                others.push_back(it->path());
+    for (const fs::path& file : others) fs::remove(file, code);
+    if (!others.empty())
+        spdlog::info("{}: {} maps of an earlier call were removed", folder, others.size());
+}
+
 void write_maps(const std::string& folder,
                 const std::vector<View>& views,
                 const std::vector<StereoMaps>& maps,
                 bool pictures) {
+    std::set<std::string> written;
     for (std::size_t v = 0; v < views.size(); ++v) {
         const StereoMaps& map = maps[v];
         const int width = map.camera.width_px, height = map.camera.height_px;
         const std::string stem = fs::path(views[v].name).replace_extension().string();
         const auto path = [&](const char* kind, const char* ending) {
-            return (fs::path(folder) / kind / (stem + ending)).string();
+            return *written.insert((fs::path(folder) / kind / (stem + ending)).string()).first;
         };
         write_npy(path("depth", ".npy"), {height, width}, map.depth.data());
         write_npy(path("confidence", ".npy"), {height, width}, map.confidence.data());
@@ -95,6 +113,7 @@ void write_maps(const std::string& folder,
         write_png(path("pictures", "_depth.png"), depth_image(width, height, map.depth));
         write_png(path("pictures", "_normal.png"), normal_image(width, height, map.normals));
     }
+    remove_other_maps(folder, written);
     write_text_file((fs::path(folder) / "priors.json").string(), kPriors);
 }
 
@@ -116,6 +135,9 @@ int command(int argc, char** argv) {
                                  : Verbosity::normal);
     if (scene_options.path.empty())
         throw Error(ExitCode::usage, "no scene given; expected --scene DIR; see --help");
+    if (!arguments.pictures && arguments.maps.empty())
+        throw Error(ExitCode::usage,
+                    "--no-pictures: belongs to --maps DIR, which is missing; leave it out");
     if (arguments.out.empty() && arguments.maps.empty())
         throw Error(ExitCode::usage,
                     "nothing to write; expected --out CLOUD.ply, --maps DIR or both; see --help");

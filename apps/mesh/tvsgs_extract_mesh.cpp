@@ -131,6 +131,7 @@ Arguments parse(int argc, char** argv, RunOptions& options) {
         table.read_file(run);
     }
     for (const std::string& file : configs) table.read_file(file);
+    table.read_environment();
     flags.set_keys(table);
     table.set_all(settings);
     if (no_masks) options.mesh.masks = false;

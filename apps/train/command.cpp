@@ -143,7 +143,7 @@ Arguments parse(int argc, char* const* argv, bool talks, OptionTable& table) {
                    "write the splats every so many seconds, for tvsgs-view to follow the run [5]")
         ->expected(0, 1)
         ->default_str("5")
-        ->check(CLI::Range(1.0, 1e6))
+        ->check(in_range(1.0, 1e6))
         ->group(group);
     parse_command_line(app, argc, argv);
     init_log(arguments.quiet     ? Verbosity::quiet
@@ -359,6 +359,7 @@ int train_command(int argc, char* const* argv, Processes& job) {
     if (!arguments.plan && leads)
         require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
                                 options.scene);
+    if (leads && !arguments.overwrite) require_nothing_lost(resume, arguments.out);
     options.scene.scratch = existing_folder_above(arguments.out);
     require_iterations_left(resume, options.train.iterations);
     require_same_backbone(resume, options.train.backbone);

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <fstream>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "core/error.h"
@@ -116,6 +117,28 @@ void require_replaceable(const fs::path& file) {
     throw Error(ExitCode::usage, str(file.string(),
                                      ": is there, and not written by tvsgs; move it away, or name "
                                      "another place"));
+}
+
+void require_no_record(const fs::path& file) {
+    constexpr std::string_view kFiles[] = {
+        "config.json", "plan.json",  "memory.json",   "log.jsonl",     "cameras.json",
+        "report.json", "sky.png",    "splits.json",   "exposure.json", "done.json",
+        "seam.json",   "block.json", "manifest.json", "coarse.ply"};
+    constexpr std::string_view kFolders[] = {"point_cloud", "checkpoints", "gt",
+                                             "images",      "masks",       "sparse"};
+    const auto has = [](const auto& names, const std::string& name) {
+        return std::find(std::begin(names), std::end(names), name) != std::end(names);
+    };
+    std::error_code code;
+    const auto folder = folder_with_manifest(file);
+    if (!folder || !fs::is_regular_file(file, code) || !is_listed(*folder, file)) return;
+    const fs::path entry = entry_of(*folder, file);
+    const bool deep = std::any_of(entry.begin(), entry.end(), [&](const fs::path& part) {
+        return has(kFolders, part.string());
+    });
+    if (deep || has(kFiles, entry.filename().string()))
+        throw Error(ExitCode::usage, str(file.string(), ": is one of the files that ",
+                                         folder->string(), " is read by; name another place"));
 }
 
 void list_results(const fs::path& folder, const std::vector<std::string>& names) {

@@ -36,6 +36,10 @@ void list_results(const std::filesystem::path& folder, const std::vector<std::st
 /// Throws Error(ExitCode::usage) when `file` is there, is not empty and is not ours.
 void require_replaceable(const std::filesystem::path& file);
 
+/// Throws Error(ExitCode::usage) when `file`, which a user has named for something new, is what a
+/// folder of results is read by: a configuration, a log, splats, checkpoints, a scene's files.
+void require_no_record(const std::filesystem::path& file);
+
 /// Removes the files of the list, the list, and folders that are empty then.
 void remove_listed_files(const std::filesystem::path& folder);
 

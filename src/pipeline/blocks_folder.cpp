@@ -118,9 +118,9 @@ private:
 
 const char* const kSplitAgain = "run tvsgs-blocks split again, into another folder";
 
-std::string run_again(int block, BlockStage stage) {
-    return str("tvsgs-blocks run --block ", block, stage == BlockStage::seams ? " --seam-pass" : "",
-               " --again trains it anew");
+std::string run_again(const BlocksManifest& manifest, int block, BlockStage stage) {
+    return str("tvsgs-blocks run ", manifest.folder, " --block ", block,
+               stage == BlockStage::seams ? " --seam-pass" : "", " --again trains it anew");
 }
 
 std::string result_file(const BlocksManifest& manifest, int block, BlockStage stage) {
@@ -340,7 +340,7 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest,
                       path = result_file(manifest, block, stage);
     std::error_code code;
     if (!fs::exists(path, code)) return std::nullopt;
-    const Reader in(path, run_again(block, stage));
+    const Reader in(path, run_again(manifest, block, stage));
     BlockResult result;
     result.block = static_cast<int>(in.count("block"));
     result.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
@@ -353,7 +353,7 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest,
     result.seconds = in.number("seconds");
     result.files = in.files();
     if (result.files.empty()) throw in.wrong("it lists no splats");
-    require_files(folder, result.files, str("block ", block), run_again(block, stage));
+    require_files(folder, result.files, str("block ", block), run_again(manifest, block, stage));
     if (stage == BlockStage::seams) {
         result.from = in.crc(in.at(in.root(), "from", JsonValue::Kind::text));
         if (result.from != trained_state(manifest, block))
@@ -367,12 +367,13 @@ BlockResult require_block_result(const BlocksManifest& manifest, int block, Bloc
     auto result = read_block_result(manifest, block, stage);
     const char* const flag = stage == BlockStage::seams ? " --seam-pass" : "";
     if (!result)
-        throw Error(ExitCode::input,
-                    str("block ", block, ": ", result_file(manifest, block, stage),
-                        " is missing, as the block has not been trained to its end; tvsgs-blocks "
-                        "run --block ",
-                        block, flag, " does that, tvsgs-blocks status", flag,
-                        " --missing lists all of them"));
+        throw Error(
+            ExitCode::input,
+            str("block ", block, ": ", result_file(manifest, block, stage),
+                " is missing, as the block has not been trained to its end; tvsgs-blocks "
+                "run ",
+                manifest.folder, " --block ", block, flag, " does that, tvsgs-blocks status ",
+                manifest.folder, flag, " --missing lists all of them"));
     return std::move(*result);
 }
 

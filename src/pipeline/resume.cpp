@@ -34,6 +34,16 @@ bool is_configured(const Resume& resume, const std::string& out) {
     return resume.asked && (resume.point || fs::exists(out + "/config.json", code));
 }
 
+void require_nothing_lost(const Resume& resume, const std::string& out) {
+    if (!resume.in_place() || resume.point || !holds_splats(out)) return;
+    throw Error(
+        ExitCode::usage,
+        str("--resume: ", out,
+            " has splats and no checkpoint (--checkpoint-every 0, or one that was lost), so "
+            "it cannot go on; expected another run, or --overwrite, which removes this one "
+            "and starts from the beginning"));
+}
+
 void require_iterations_left(const Resume& resume, int iterations) {
     if (!resume.point || iterations > resume.done()) return;
     throw Error(ExitCode::usage,

@@ -34,6 +34,10 @@ Resume open_resume(const std::string& given, std::string& out, OptionTable& tabl
 /// Whether open_resume() found what the run in `out` was configured as.
 bool is_configured(const Resume& resume, const std::string& out);
 
+/// Throws Error(ExitCode::usage) where --resume has found no checkpoint in a run that has splats,
+/// which starting anew would remove. `out`: its folder.
+void require_nothing_lost(const Resume& resume, const std::string& out);
+
 /// Throws Error(ExitCode::usage) unless the checkpoint leaves some of so many iterations to do.
 void require_iterations_left(const Resume& resume, int iterations);
 

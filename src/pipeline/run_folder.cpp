@@ -10,11 +10,14 @@
 #include <cmath>
 #include <cstring>
 #include <filesystem>
+#include <map>
 #include <vector>
 
 #include "core/error.h"
+#include "core/log.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
+#include "io/json_value.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
 #include "pipeline/refined_cameras.h"
@@ -40,7 +43,8 @@ bool holds_work(const fs::path& path) {
     return false;
 }
 
-/// Whether `path` is `folder` or lies in it, links followed.
+}  // namespace
+
 bool lies_in(const fs::path& path, const fs::path& folder) {
     std::error_code code;
     if (!fs::is_directory(folder, code)) return false;
@@ -50,6 +54,8 @@ bool lies_in(const fs::path& path, const fs::path& folder) {
     return std::mismatch(outer.begin(), outer.end(), whole.begin(), whole.end()).first ==
            outer.end();
 }
+
+namespace {
 
 void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
     for (const std::string& name : {scene.images, scene.masks, std::string("images"),
@@ -80,6 +86,7 @@ void require_output(const std::string& out,
     }
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
+    require_no_record(out);
     // What would come up after all the work otherwise.
     std::error_code code;
     fs::path folder = fs::absolute(out, code).lexically_normal().parent_path();
@@ -290,10 +297,12 @@ void RunFolder::remove_splats_of_stops(int last) const {
     }
 }
 
-std::string find_splats(const std::string& path) {
+namespace {
+
+/// The largest iteration that has splats in a run folder; -1: none has.
+int newest_splats(const std::string& run) {
     std::error_code code;
-    if (fs::is_regular_file(path, code)) return path;
-    const fs::path folder = fs::path(path) / "point_cloud";
+    const fs::path folder = fs::path(run) / "point_cloud";
     int best = -1;
     for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
         const std::string name = it->path().filename().string(), prefix = "iteration_";
@@ -302,12 +311,25 @@ std::string find_splats(const std::string& path) {
             std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
         if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
     }
+    return best;
+}
+
+}  // namespace
+
+bool holds_splats(const std::string& run) {
+    return newest_splats(run) >= 0;
+}
+
+std::string find_splats(const std::string& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return path;
+    const int best = newest_splats(path);
     if (best < 0)
         throw Error(ExitCode::input,
                     str(path,
                         ": no splats found; expected a splat PLY or a run folder with "
                         "point_cloud/iteration_N/point_cloud.ply"));
-    return str(folder.string(), "/iteration_", best, "/point_cloud.ply");
+    return str((fs::path(path) / "point_cloud").string(), "/iteration_", best, "/point_cloud.ply");
 }
 
 namespace {
@@ -369,6 +391,41 @@ std::string run_config_path(const std::string& path) {
     return config;
 }
 
+void require_scene_of_run(const std::string& run, const Scene& scene) {
+    const std::string file = run + "/cameras.json";
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return;
+    std::map<std::string, Vec3d> centres;
+    const JsonValue cameras = parse_json_value(read_bytes(file), file);
+    for (const JsonValue& camera : cameras.items)
+        if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
+            centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
+    std::vector<double> off;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            if (const auto found = centres.find(view.name); found != centres.end())
+                off.push_back(norm(vec_cast<double>(camera_centre(view.camera)) + scene.origin -
+                                   found->second));
+    if (off.empty()) {
+        if (!centres.empty())
+            spdlog::warn(
+                "{}: none of its views was in the training of {}: taken to be in the same frame",
+                scene.path, run);
+        return;
+    }
+    // Refined poses are a little off those of the scene.
+    constexpr double kOff = 0.05;
+    const double limit = kOff * static_cast<double>(scene.extent);
+    const auto elsewhere =
+        std::count_if(off.begin(), off.end(), [&](double d) { return !(d <= limit); });
+    if (2 * elsewhere > std::ssize(off))
+        throw Error(ExitCode::input,
+                    str(scene.path, ": is not the scene of ", run, ": of ", off.size(),
+                        " views of the same names ", elsewhere,
+                        " stand elsewhere than in its cameras.json; expected the scene that it was "
+                        "trained on, in the same frame"));
+}
+
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
     return with_context(
         str("looking for the scene of ", path, " (--scene DIR names another place)"), [&] {
@@ -378,6 +435,7 @@ Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
                 fs::is_directory(path, code) ? path : fs::path(path).parent_path().string();
             Scene scene = read_scene(of_run);
             if (!options.given_cameras) adopt_refined_cameras(path, scene);
+            require_scene_of_run(path, scene);
             return scene;
         });
 }

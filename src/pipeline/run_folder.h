@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdio>
+#include <filesystem>
 #include <initializer_list>
 #include <string>
 
@@ -29,6 +30,9 @@ void require_output(const std::string& out,
                     std::initializer_list<const char*> extensions,
                     const std::string& why,
                     const SceneOptions& scene);
+
+/// Whether `path` is `folder` or lies in it, links followed.
+bool lies_in(const std::filesystem::path& path, const std::filesystem::path& folder);
 
 class RunFolder {
 public:
@@ -66,6 +70,9 @@ private:
     std::FILE* log_ = nullptr;
 };
 
+/// Whether a run folder holds splats.
+bool holds_splats(const std::string& run);
+
 /// The file with the splats of the largest iteration in a run folder, or `path` itself when it is a
 /// file. Throws Error(ExitCode::input).
 std::string find_splats(const std::string& path);
@@ -82,8 +89,12 @@ std::string find_mesh(const std::string& path);
 /// config.json of a run folder. Throws Error(ExitCode::input) when `path` is no run folder.
 std::string run_config_path(const std::string& path);
 
+/// Throws Error(ExitCode::input) where most views of the run's names stand elsewhere than its
+/// cameras.json has them, by 0.05 extents; warns where no name is the same.
+void require_scene_of_run(const std::string& run, const Scene& scene);
+
 /// The scene that `options` of the run `path` name, with the cameras that the run refined; when
-/// that fails, the message says how to name another.
+/// that fails, or as require_scene_of_run(), the message says how to name another.
 Scene read_scene_of_run(const SceneOptions& options, const std::string& path);
 
 }  // namespace tvsgs

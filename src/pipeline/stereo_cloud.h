@@ -57,7 +57,8 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
                             mask.begin(), mask.end(), [](int m) { return m >= kObjectMask; }))
                       : result.maps[v].depth.size();
     }
-    result.cloud = thin_to_count(result.cloud, std::min(max_points, pixels / 2));
+    const std::size_t most = std::min(max_points, pixels / 2);
+    result.cloud = thin_to_count(result.cloud, most);
     result.cloud = remove_outliers(result.cloud, 20, 2);
     spdlog::info(
         "stereo of {} views: {} points in {:.2f} s; {} after thinning and outliers, {:.2f} s",
@@ -68,7 +69,7 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
                     str("stereo found no surface in ", views.size(),
                         " views; they must overlap, show texture, and lie within the range of "
                         "depths (stereo.depth_near, stereo.depth_far)"));
-    if (result.cloud.positions.size() < kFewStereoPoints)
+    if (result.cloud.positions.size() < kFewStereoPoints && most >= kFewStereoPoints)
         spdlog::warn(
             "stereo found {} points only: little overlap or texture, or a wrong range of "
             "depths (stereo.depth_near, stereo.depth_far)",

@@ -36,6 +36,9 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
     : every_(options.every) {
     std::string text = options.at;
     if (text.empty()) return;
+    if (every_ > 0)
+        throw Error(ExitCode::usage, str("--eval-at ", text, " and --eval-every ", every_,
+                                         ": expected one of them (eval.at, eval.every)"));
     const bool goes_on = text.ends_with(",...");
     if (goes_on) text.resize(text.size() - 4);
     at_ = parse_numbers("--eval-at", text);

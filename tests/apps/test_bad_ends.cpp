@@ -301,7 +301,8 @@ TEST_F(BadEnds, AFinishedRunHasNoSplatsOfWhereItWasStopped) {
 TEST_F(BadEnds, ARunThatStartsAgainKeepsItsPlan) {
     ASSERT_TRUE(fs::exists(folder_ / "run/plan.json")) << "made by the plan";
     fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
-    fs::remove_all(folder_ / "again/checkpoints");  // as if it had been killed before the first
+    for (const char* folder : {"checkpoints", "point_cloud"})  // as if killed before the first
+        fs::remove_all(folder_ / "again" / folder);
     const std::string plan = contents(folder_ / "again/plan.json");
     const Result r = call("train", "--out again --resume --iterations 3 --device cpu");
     EXPECT_EQ(r.code, 0) << r;

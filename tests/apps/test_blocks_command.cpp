@@ -9,6 +9,7 @@
 #include <csignal>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "io/ply.h"
@@ -204,7 +205,7 @@ TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
     const std::string bad = copy("bad");
     const auto merge = [] { return bin("tvsgs-blocks merge bad --out none"); };
     fs::remove(block(bad, 2) / "done.json");
-    expect_message(merge(), 3, {"block 2", "done.json is missing", "run --block 2"});
+    expect_message(merge(), 3, {"block 2", "done.json is missing", "run bad --block 2"});
     fs::copy(block("blocks", 2) / "done.json", block(bad, 2) / "done.json");
     {
         std::fstream file(splats(bad, 2), std::ios::in | std::ios::out | std::ios::binary);
@@ -243,6 +244,49 @@ TEST_F(BlocksCommand, SingleBlocksRunAgainWithTheSameBits) {
     expect_message(train("again", 2, "--again"), 3, {"block 2", "points.ply is damaged"});
     EXPECT_EQ(train("again", 9).code, 2);
     EXPECT_EQ(train("again", 0).code, 2);
+}
+
+TEST_F(BlocksCommand, WhatIsRefusedLeavesBlocksAsTheyWere) {
+    copy("safe");
+    const auto files = [] {
+        std::map<std::string, std::string> all;
+        for (const auto& file : fs::recursive_directory_iterator(folder_ / "safe"))
+            if (file.is_regular_file()) all[file.path()] = contents(file.path());
+        return all;
+    };
+    const auto before = files();
+    expect_message(train("safe", 1, "--again --set nosuch=3"), 2, {"block 1", "nosuch"});
+    expect_message(train("safe", 1, "--again --set model.sh_degree=9"), 2, {"model.sh_degree"});
+    expect_message(train("safe", 1, "--again --scene nowhere"), 3, {"nowhere"});
+    for (const char* out : {"safe", "safe/block_001/run", "safe/merged", "./safe/../safe/seam"})
+        expect_message(bin(std::string("tvsgs-blocks merge safe --overwrite --out ") + out), 2,
+                       {"lies in the folder of the blocks"});
+    expect_message(bin("tvsgs-eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --out "
+                       "safe/manifest.json"),
+                   2, {"safe/manifest.json", "name another place"});
+    EXPECT_EQ(files(), before);
+    expect_message(bin("tvsgs-blocks merge safe --out none --fade nan"), 2, {"--fade", "nan"});
+    expect_message(bin("tvsgs-blocks split --coarse coarse --coarse-splats 9 --out x --blocks 2"),
+                   2, {"--coarse-splats"});
+    EXPECT_FALSE(fs::exists(folder_ / "none"));
+}
+
+TEST_F(BlocksCommand, AMergedRunFindsItsSceneFromElsewhere) {
+    fs::create_directories(folder_ / "a/b");
+    const Result split = run_script(
+        folder_, "cd a/b && " TVSGS_BIN_DIR
+                 "/tvsgs-blocks split --scene ../../scene --coarse ../../coarse --out ../../far "
+                 "--blocks 1 --device cpu >../../out.txt 2>../../err.txt");
+    ASSERT_EQ(split.code, 0) << split;
+    ASSERT_EQ(train("far", 1).code, 0) << contents(folder_ / "err.txt");
+    ASSERT_EQ(bin("tvsgs-blocks merge far --out of_far").code, 0);
+    const std::string scene =
+        json::parse(contents(folder_ / "of_far/config.json"))["scene"]["path"];
+    EXPECT_TRUE(fs::equivalent(scene, folder_ / "scene")) << scene;
+    // Without a checkpoint, as it is merged, nothing can go on; nothing is lost.
+    expect_message(bin("tvsgs-train --resume of_far --iterations 90 --device cpu"), 2,
+                   {"no checkpoint", "--overwrite"});
+    EXPECT_TRUE(fs::exists(folder_ / "of_far/point_cloud/iteration_60/point_cloud.ply"));
 }
 
 TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
@@ -286,7 +330,8 @@ TEST_F(BlocksCommand, TheSeamPassGoesOnFromAllBlocks) {
                    {"block 1", "seam.json is missing", "--block 1 --seam-pass"});
     for (const int b : {2, 3, 1}) ASSERT_EQ(pass(b).code, 0) << contents(folder_ / "err.txt");
     expect_message(pass(2), 0, {"done already"});
-    EXPECT_EQ(bin("tvsgs-blocks status seams --seam-pass").code, 0);
+    expect_message(bin("tvsgs-blocks status seams --seam-pass"), 0,
+                   {"tvsgs-blocks merge seams --seam-pass --out RUN"});
     const fs::path file = block("seams", 2) / "seam/point_cloud/iteration_310/point_cloud.ply";
     const std::string before = contents(file);
     ASSERT_FALSE(before.empty());
@@ -321,6 +366,8 @@ TEST_F(BlocksCommand, RefusesWhatCannotBe) {
     ASSERT_EQ(
         bin("tvsgs-synth --out other --views 4 --width 32 --height 24 --points 500 --quiet").code,
         0);
+    expect_message(bin("tvsgs-blocks split --coarse coarse --scene other --out x --blocks 2"), 3,
+                   {"other: is not the scene of coarse"});
     copy("moved");
     fs::remove(block("moved", 1) / "done.json");
     expect_message(train("moved", 1, "--scene other"), 3, {"are not those of the scene"});

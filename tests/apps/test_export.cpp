@@ -241,7 +241,7 @@ TEST_F(ExportCommand, ItsReportTakesNoNameOfTheSplats) {
         expect_refused("in.spz out.spz --out-report " + report, 2, "--out-report " + report);
     EXPECT_EQ(contents(folder_ / "in.spz"), before);
     EXPECT_FALSE(fs::exists(folder_ / "out.spz"));
-    expect_refused("run x.spz --out-report " + splats_of_run(), 2, "belongs to the splats");
+    expect_refused("run x.spz --out-report " + splats_of_run(), 2, "one of the files that");
 }
 
 TEST_F(ExportCommand, RefusesWithOneLine) {
@@ -252,6 +252,10 @@ TEST_F(ExportCommand, RefusesWithOneLine) {
     expect_refused("some.ply some.ply", 2, "is the file of the splats");
     expect_refused("some.ply x.spz --spz-version 5", 2, "--spz-version");
     expect_refused("some.ply x.spz --spz-sh-bits 5", 2, "two numbers from 1 to 8");
+    expect_refused("some.ply x.sog --spz-version 2", 2, "--spz-version: belongs to .spz");
+    expect_refused("some.ply x.ply --spz-sh-bits 5,4", 2, "--spz-sh-bits: belongs to .spz");
+    expect_refused("some.ply x.spz --sh-palette 10", 2, "--sh-palette: belongs to .sog");
+    expect_refused("some.ply " + splats_of_run(), 2, "one of the files that");
     expect_refused("some.ply x.spz --bbox 1,2,3", 2, "x0 < x1");
     expect_refused("some.ply x.spz --bbox 8,8,8,9,9,9", 3, "none of its 500 splats is left");
     expect_refused("some.ply x.spz --prune-unseen", 2, "give --scene DIR");

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "io/image_file.h"
 #include "io/npz.h"
@@ -123,7 +124,24 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", masked + "maskless", 3,
                    "has no pixel of the object (128 and more); write masks as 0 and 255, leave the "
                    "view out, or leave out --use-masks");
+    expect_refused("init", "--scene scene --out x.ply --no-pictures", 2, "belongs to --maps DIR");
+    expect_refused("init", "--scene scene --out scene/gt/mesh.ply", 2, "name another place");
     EXPECT_FALSE(fs::exists(folder_ / "x.ply"));
+}
+
+TEST_F(InitCommand, MapsAreThoseOfTheLastCall) {
+    const std::string maps = "--scene scene --device cpu --set stereo.iterations=1 --maps maps ";
+    ASSERT_EQ(call("init", maps + "--views 0,1,2"), 0) << err();
+    std::ofstream(folder_ / "maps/notes.txt") << "of the user";
+    ASSERT_EQ(call("init", maps + "--views 1,2 --no-pictures"), 0) << err();
+    std::set<std::string> left;
+    for (const auto& file : fs::recursive_directory_iterator(folder_ / "maps"))
+        if (file.is_regular_file()) left.insert(file.path().lexically_relative(folder_ / "maps"));
+    std::set<std::string> expected{".tvsgs-files", "priors.json", "notes.txt"};
+    for (const char* kind : {"depth", "confidence", "normal"})
+        for (const char* view : {"/0001.npy", "/0002.npy"})
+            expected.insert(std::string(kind) + view);
+    EXPECT_EQ(left, expected);
 }
 
 TEST_F(InitCommand, TrainingMakesItsOwnCloud) {

@@ -273,8 +273,17 @@ TEST_F(ResumeCommand, KilledTenTimes) {
     const Result r = train(arguments);
     ASSERT_EQ(r.code, 0) << r;
     EXPECT_TRUE(splats("killed") == splats("whole"));
-    // Also of a process that was killed before its first checkpoint; what is not ours stays.
+    // A run with splats is not begun anew, unless that is asked for.
     fs::remove_all(folder_ / "killed/checkpoints");
+    const Result refused = train(arguments);
+    EXPECT_EQ(refused.code, 2) << refused;
+    EXPECT_TRUE(refused.says("has splats and no checkpoint")) << refused;
+    EXPECT_TRUE(splats("killed") == splats("whole"));
+    EXPECT_EQ(train(arguments + " --overwrite").code, 0);
+    // But where a process was killed before its first checkpoint; what is not ours stays.
+    for (const char* folder : {"checkpoints", "point_cloud"})
+        fs::remove_all(folder_ / "killed" / folder);
+    fs::create_directories(folder_ / "killed/point_cloud");
     for (const char* name : {"config.json.tmp-1-0", "point_cloud/a.tmp-1-1"})
         std::ofstream(folder_ / "killed" / name) << "half";
     std::ofstream(folder_ / "killed/notes.tmp-1") << "of the user";
