@@ -21,33 +21,40 @@ void for_whole_array(Communicator* peers,
         if (rank_of(peers) == 0) write(array.bytes.data(), array.bytes.size());
         return;
     }
-    // Plane by plane, each from all to rank 0.
+    // Plane by plane, each from the others to rank 0, whose own stays where it is.
     const auto planes = static_cast<std::size_t>(array.planes),
                ranks = static_cast<std::size_t>(peers->size());
     const std::size_t part = array.bytes.size() / planes;
-    Buffer<std::byte, Cpu> sent(part), came;
-    std::vector<std::size_t> begins(ranks + 1, part);
+    const bool leads = peers->rank() == 0;
+    Buffer<std::byte, Cpu> sent(leads ? 0 : part), came;
+    std::vector<std::size_t> begins(ranks + 1, sent.size());
     begins[0] = 0;
     for (std::size_t p = 0; p < planes; ++p) {
-        if (part > 0) std::memcpy(sent.data(), array.bytes.data() + p * part, part);
+        const std::byte* const own = array.bytes.data() + p * part;
+        if (sent.size() > 0) std::memcpy(sent.data(), own, part);
         peers->all_to_all_v("state", sent, begins, came);
-        if (peers->rank() == 0) write(came.data(), came.size());
+        if (!leads) continue;
+        write(own, part);
+        write(came.data(), came.size());
     }
 }
 
-State whole_state(Communicator* peers, const State& part) {
+State room_for_whole(const State& part) {
     State whole;
-    for (const StateArray& array : part.arrays) {
-        const std::size_t count = array.planes == 0 || peers == nullptr ? array.count() : array.all;
-        std::byte* to = nullptr;
-        if (rank_of(peers) == 0)
-            to = whole.add(array.name, array.element_bytes, count, array.real).bytes.data();
-        for_whole_array(peers, array, [&](const std::byte* bytes, std::size_t size) {
+    for (const StateArray& array : part.arrays)
+        whole.add(array.name, array.element_bytes,
+                  part.in_parts && array.planes > 0 ? array.all : array.count(), array.real);
+    return whole;
+}
+
+void gather_state(Communicator* peers, const State& part, State* whole) {
+    for (std::size_t i = 0; i < part.arrays.size(); ++i) {
+        std::byte* to = whole == nullptr ? nullptr : whole->arrays[i].bytes.data();
+        for_whole_array(peers, part.arrays[i], [&](const std::byte* bytes, std::size_t size) {
             if (size > 0) std::memcpy(to, bytes, size);
             to += size;
         });
     }
-    return whole;
 }
 
 std::optional<NotFinite> find_not_finite(Communicator* peers, const State& part) {

@@ -16,8 +16,10 @@ void for_whole_array(Communicator* peers,
                      const StateArray& array,
                      const std::function<void(const std::byte*, std::size_t)>& write);
 
-/// The whole on rank 0; the others get no arrays. All call it.
-State whole_state(Communicator* peers, const State& part);
+/// Arrays as those of the whole, not filled in.
+State room_for_whole(const State& part);
+/// Fills them on rank 0; the others have no room, null. All call it.
+void gather_state(Communicator* peers, const State& part, State* whole);
 
 /// find_not_finite() of the whole, on all processes alike; elements count in the whole.
 std::optional<NotFinite> find_not_finite(Communicator* peers, const State& part);

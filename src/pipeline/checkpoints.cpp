@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "comm/state_parts.h"
+#include "core/buffer.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "io/checkpoint.h"
@@ -137,6 +138,26 @@ std::string write_parts(Communicator& peers,
     return failure;
 }
 
+/// For the whole, with half of what is free left for everything else; null: there is none.
+std::shared_ptr<State> find_room(const State& part) {
+    try {
+        auto whole = std::make_shared<State>(room_for_whole(part));
+        std::int64_t bytes = 0;
+        for (const StateArray& array : whole->arrays)
+            bytes += static_cast<std::int64_t>(array.bytes.size());
+        return bytes < free_host_bytes() / 2 ? whole : nullptr;
+    } catch (const Error&) {  // beyond --host-memory
+        return nullptr;
+    }
+}
+
+/// Whether rank 0 has room; the others ask.
+bool all_gather(Communicator& peers, bool has_room) {
+    std::vector<std::int64_t> room{has_room ? 1 : 0};
+    peers.all_reduce("room for a checkpoint", Communicator::Reduce::min, room);
+    return room[0] == 1;
+}
+
 ResumePoint read_point(const std::string& file) {
     auto state = std::make_shared<State>(read_checkpoint(file));
     return with_context(str("reading ", file), [&] {
@@ -249,11 +270,18 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
     add_values(*about, "run.points", scene_.points.positions.data(),
                scene_.points.positions.size());
     file_ = str(folder_of(run_), "/iteration_", done, ".ckpt");
-    if (peers_ != nullptr) {
-        failure_ = write_parts(*peers_, file_, *about, *state);
-        if (failure_.empty()) keep_newest(run_);
-        return warn_of_failure();
+    if (peers_ == nullptr) return write_in_background(about, state);
+    const std::shared_ptr<State> whole = gathers_ ? find_room(*state) : nullptr;
+    if (all_gather(*peers_, whole != nullptr)) {
+        gather_state(peers_, *state, whole.get());
+        return write_in_background(about, whole);
     }
+    failure_ = write_parts(*peers_, file_, *about, *state);
+    if (failure_.empty()) keep_newest(run_);
+    warn_of_failure();
+}
+
+void CheckpointWriter::write_in_background(std::shared_ptr<const State> about, SharedState state) {
     writing_ =
         std::async(std::launch::async, [about, state, file = file_, run = run_]() -> std::string {
             try {
@@ -267,7 +295,10 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
 }
 
 void send_checkpoint(Communicator& peers, const State& part) {
-    write_parts(peers, "", {}, part);
+    if (all_gather(peers, true))
+        gather_state(&peers, part, nullptr);
+    else
+        write_parts(peers, "", {}, part);
 }
 
 void CheckpointWriter::warn_of_failure() const {

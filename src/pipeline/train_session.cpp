@@ -104,7 +104,9 @@ TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState star
       talk_(inputs.peers),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
-      checkpoints_(run.path(), inputs.config(), inputs.scene, inputs.peers),
+      // On CPUs ranks share the memory of the splats: there the whole would be the largest part.
+      checkpoints_(
+          run.path(), inputs.config(), inputs.scene, inputs.peers, !std::is_same_v<Device, Cpu>),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(

@@ -73,7 +73,7 @@ TEST(StateParts, AreTheWholeDivided) {
                           static_cast<std::size_t>(2 * own.size()));
                 EXPECT_EQ(part.get("splats.sh", 12).count(),
                           static_cast<std::size_t>(4 * own.size()));
-                const State whole = whole_state(peers, part);
+                const State whole = test::whole_state(peers, part);
                 if (peers->rank() == 0)
                     expect_same(whole, one);
                 else

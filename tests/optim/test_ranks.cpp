@@ -163,7 +163,7 @@ End train_on(Communicator* peers,
     callbacks.on_save = [&](int, const SharedState& state) { end.state = state; };
     callbacks.records_at_a_time = 20;
     copy(train<Device>(scene, options, callbacks, {}, start), end.splats);
-    if (end.state) end.state = std::make_shared<State>(whole_state(peers, *end.state));
+    if (end.state) end.state = std::make_shared<State>(test::whole_state(peers, *end.state));
     return end;
 }
 

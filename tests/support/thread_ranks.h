@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "comm/communicator.h"
+#include "comm/state_parts.h"
 
 namespace tvsgs::test {
 
@@ -86,6 +87,14 @@ void on_ranks(int size, const Run& run) {
             run(&communicator);
         });
     for (std::thread& thread : threads) thread.join();
+}
+
+/// The whole on rank 0; the others get no arrays.
+inline State whole_state(Communicator* peers, const State& part) {
+    State whole;
+    if (rank_of(peers) == 0) whole = room_for_whole(part);
+    gather_state(peers, part, rank_of(peers) == 0 ? &whole : nullptr);
+    return whole;
 }
 
 }  // namespace tvsgs::test
