@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <bit>
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -52,11 +54,16 @@ Means means_of(const Gaussians<Cpu>& g, const HalfTurn& turn, const ImageU8& bla
     return out;
 }
 
-Codebook codebook_of(const Vec3f* values, std::size_t count) {
+/// Beyond it a base colour is eighteen times as bright as white, or as dark: one such number among
+/// millions would take the codes of all others.
+constexpr float kBrightest = 64;
+
+/// Of the values up to `most`, and of that for those beyond.
+Codebook codebook_of(const Vec3f* values, std::size_t count, float most = INFINITY) {
     std::vector<float> all;
     all.reserve(3 * count);
     for (std::size_t i = 0; i < count; ++i)
-        for (int c = 0; c < 3; ++c) all.push_back(values[i][c]);
+        for (int c = 0; c < 3; ++c) all.push_back(std::clamp(values[i][c], -most, most));
     return make_codebook(std::move(all));
 }
 
@@ -137,7 +144,7 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
     add(meta["means"]["files"], "means_u.webp", means.high);
 
     const Codebook scale_codes = codebook_of(g.log_scales.data(), count),
-                   color_codes = codebook_of(g.sh.data(), count);
+                   color_codes = codebook_of(g.sh.data(), count, kBrightest);
     ImageU8 scales = blank, quats = blank, colors = blank;
     parallel_for(Cpu{}, g.size(), [&](int index) {
         const auto i = static_cast<std::size_t>(index);

@@ -307,6 +307,18 @@ TEST_F(Sog, KeepsTheBoundsOfEachAttribute) {
         }
 }
 
+TEST_F(Sog, OneAbsurdColourCostsTheOthersLittle) {
+    Gaussians<Cpu> g = test::random_gaussians(5000, 5, 0.05, 0);
+    const double usual = errors_of(g, through(g)).color;
+    for (const float absurd : {1e30f, -1e30f}) {
+        g.sh[0].x = absurd;
+        Gaussians<Cpu> read = through(g);
+        EXPECT_EQ(read.sh[0].x, std::copysign(64.0f, absurd));
+        read.sh[0].x = absurd;
+        EXPECT_LT(errors_of(g, read).color, 2 * usual + 0.01);
+    }
+}
+
 TEST_F(Sog, HarmonicsOfFewKindsAndNumbersAreExact) {
     Gaussians<Cpu> g = test::random_gaussians(2000, 5, 0.05, 2);
     for (std::size_t k = 1; k < 9; ++k)
