@@ -6,17 +6,14 @@
 #include <fstream>
 
 #include "support/command.h"
+#include "support/count_of.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::size_t count_of(const std::string& text, const std::string& part) {
-    std::size_t count = 0;
-    for (std::size_t at = 0; (at = text.find(part, at)) != std::string::npos; ++at) ++count;
-    return count;
-}
+using test::count_of;
 
 class ViewCommand : public testing::Test {
 protected:

@@ -1,5 +1,4 @@
-// Evaluation while training, the report of a run and the tables of several, from the parts to the
-// page in a browser.
+// Evaluation while training and the report of a run, from the parts to the page in a browser.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -11,25 +10,19 @@
 
 #include "io/json_value.h"
 #include "pipeline/train_evaluation.h"
-#include "report/coverage.h"
 #include "report/figures.h"
 #include "report/html.h"
 #include "report/pictures.h"
 #include "report/plot.h"
-#include "report/table.h"
 #include "report/verdict.h"
 #include "support/browser.h"
+#include "support/count_of.h"
 
 namespace tvsgs {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::size_t count_of(const std::string& text, const std::string& part) {
-    std::size_t count = 0;
-    for (std::size_t at = 0; (at = text.find(part, at)) != std::string::npos; ++at) ++count;
-    return count;
-}
+using test::count_of;
 
 TEST(JsonValues, ReadBackAsWritten) {
     const std::string text =
@@ -133,152 +126,6 @@ TEST(ReportPlots, LeaveOutWhatHasNoPlace) {
         EXPECT_NE(text.find("</svg>"), std::string::npos);
     }
     EXPECT_EQ(escaped("<a href='x'>&\"\x1b"), "&lt;a href=&#39;x&#39;&gt;&amp;&quot;\xef\xbf\xbd");
-}
-
-/// A report with only what the tables read.
-TableRun made_up_run(const std::string& scene, bool voting, double seed, double psnr) {
-    TableRun run{scene, "", seed, {}};
-    run.report = parse_json_value(
-        str("{\"config\": {\"seed\": ", seed, ", \"scene\": {\"path\": \"", scene,
-            "\"}, \"tv\": {\"enabled\": ", voting ? "true" : "false",
-            "}}, \"summary\": {\"event\": \"done\", \"psnr\": ", psnr,
-            ", \"seconds\": 10}, \"evaluations\": [{\"seconds\": 1, \"psnr\": ", psnr - 5,
-            "}, {\"seconds\": 10, \"psnr\": ", psnr, "}]}"),
-        "made up");
-    return run;
-}
-
-TEST(Tables, MeansSpreadAndNames) {
-    std::vector<TableRun> runs{made_up_run("a", true, 0, 20), made_up_run("a", true, 1, 22),
-                               made_up_run("a", false, 0, 19), made_up_run("b", true, 0, 30),
-                               made_up_run("b", false, 0, 31)};
-    name_configurations(runs);
-    EXPECT_EQ(runs[0].configuration, "tv.enabled=true");
-    EXPECT_EQ(runs[1].configuration, runs[0].configuration) << "seeds do not count";
-    EXPECT_EQ(runs[2].configuration, "tv.enabled=false");
-    const std::string text = tables_markdown(runs);
-    // sqrt(((20 - 21)^2 + (22 - 21)^2) / 1) = 1.41; the mean over the scenes is (21 + 30) / 2.
-    EXPECT_NE(text.find("| tv.enabled=true | **21 \u00b1 1.4** | 30 | **25.5** |"),
-              std::string::npos)
-        << text;
-    EXPECT_NE(text.find("| tv.enabled=false | 19 | **31** | 25 |"), std::string::npos) << text;
-    EXPECT_EQ(text.find("Chamfer"), std::string::npos) << "no run has it";
-    EXPECT_EQ(count_of(tables_csv(runs), "\n"), 1u + 5 * 2);
-    const std::vector<OverlayPlot> plots = overlay_plots(runs);
-    ASSERT_EQ(plots.size(), 2u) << "PSNR of two scenes";
-    EXPECT_EQ(plots[0].name, "a_psnr");
-    EXPECT_EQ(count_of(plots[0].svg, "class=\"band\""), 1u) << "of the two seeds";
-    EXPECT_EQ(count_of(plots[1].svg, "class=\"band\""), 0u);
-    EXPECT_EQ(cell_of({}).count, 0);
-}
-
-/// A run of the scene "a" with these members of its configuration.
-TableRun configured_run(const std::string& label, double seed, const std::string& config) {
-    TableRun run{"a", label, seed, {}, str("run_", seed)};
-    run.report =
-        parse_json_value(str("{\"config\": {\"seed\": ", seed, config.empty() ? "" : ", ", config,
-                             "}, \"summary\": {\"event\": \"done\", \"psnr\": ", 20 + seed, "}}"),
-                         "made up");
-    return run;
-}
-
-TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
-    const auto names = [](const std::string& label, const std::string& a, const std::string& b) {
-        std::vector<TableRun> runs{configured_run(label, 0, a), configured_run(label, 1, b)};
-        name_configurations(runs);
-        const bool averaged = tables_markdown(runs).find("\u00b1") != std::string::npos;
-        EXPECT_EQ(averaged, runs[0].configuration == runs[1].configuration) << a << " / " << b;
-        return std::pair(runs[0].configuration, runs[1].configuration);
-    };
-    // What is trained, or scored, makes rows.
-    for (const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
-             {R"("scene": {"resolution": 2})", R"("scene": {"resolution": 4})"},
-             {R"("scene": {"eval": true, "test_every": 8})",
-              R"("scene": {"eval": true, "test_every": 4})"},
-             {R"("scene": {"eval": true})", R"("scene": {"eval": false})"},
-             {R"("scene": {"path": "s", "train_list": "s/a.txt"})",
-              R"("scene": {"path": "s", "train_list": "s/b.txt"})"},
-             {R"("scene": {"test_list": "a.txt"})", R"("scene": {"test_list": "b.txt"})"},
-             {R"("scene": {"held_out": "1.png"})", R"("scene": {"held_out": "2.png"})"},
-             {R"("scene": {"masks": ""})", R"("scene": {"masks": "other"})"},
-             {R"("scene": {"images": "images"})", R"("scene": {"images": "images_4"})"},
-             {R"("scene": {"path": "s", "init_ply": "s/init/a.ply"})",
-              R"("scene": {"path": "s", "init_ply": "t/init/a.ply"})"},
-             {R"("iterations": 30)", R"("iterations": 60)"},
-             {R"("loss": {"normal": {"weight": 0}})", R"("loss": {"normal": {"weight": 1}})"},
-             {R"("eval": {"gt": "a.ply"})", R"("eval": {"gt": "b.ply"})"},
-             {R"("eval": {"gt": "a.ply", "max_distance": 0})",
-              R"("eval": {"gt": "a.ply", "max_distance": 2})"}})
-        for (const char* label : {"", "on"}) {
-            const auto [first, second] = names(label, a, b);
-            EXPECT_NE(first, second) << a << " / " << b;
-            EXPECT_TRUE(first.starts_with(*label ? "on, " : "")) << first;
-        }
-    EXPECT_EQ(
-        names("on", R"("scene": {"resolution": 2})", R"("scene": {"resolution": 4})"),
-        std::pair(std::string("on, scene.resolution=2"), std::string("on, scene.resolution=4")));
-    const auto [many, more] =
-        names("on", R"("a": 1, "b": 1, "c": 1, "iterations": 30, "scene": {"resolution": 2})",
-              R"("a": 2, "b": 2, "c": 2, "iterations": 60, "scene": {"resolution": 4})");
-    EXPECT_EQ(many, "on, iterations=30, scene.resolution=2, a=1, and 2 more keys, #1");
-    EXPECT_EQ(more, "on, iterations=60, scene.resolution=4, a=2, and 2 more keys, #2");
-    // Where things lie and when they are looked at makes none, nor does what is not in use.
-    for (
-        const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
-            {R"("scene": {"path": "s", "init_ply": "s/init/a.ply", "masks": "m"})",
-             R"("scene": {"path": "/moved/./s/", "init_ply": "/moved//s/init/a.ply", "masks": "m"})"},
-            {R"("scene": {"photos": "auto"})", R"("scene": {"photos": "file"})"},
-            {R"("scene": {"photo_folder": ""})", R"("scene": {"photo_folder": "/scratch"})"},
-            {R"("scene": {"eval": false, "test_every": 8})",
-             R"("scene": {"eval": false, "test_every": 4})"},
-            {R"("scene": {"path": "s"}, "eval": {"gt": "a.ply", "at": "5,10", "every": 0, "mesh": false})",
-             R"("scene": {"path": "s"}, "eval": {"gt": "./a.ply", "at": "", "every": 100, "mesh": true})"},
-            {R"("eval": {"gt": "", "max_distance": 0})",
-             R"("eval": {"gt": "", "max_distance": 2})"},
-            {R"("iterations": 30)", R"("iterations": 30, "a_new_key": true)"}})
-        for (const char* label : {"", "on"}) {
-            const auto [first, second] = names(label, a, b);
-            EXPECT_EQ(first, second) << a << " / " << b;
-        }
-    EXPECT_EQ(names("on", R"("tv": {"lists": "full"})", R"("tv": {"lists": "compact"})").second,
-              "on");
-    // What the plan decided for all of them is no difference, but it is one to what was asked for.
-    const auto planned = [](TableRun run, const std::string& settings) {
-        run.report.set("plan", parse_json_value("[{\"settings\": {" + settings + "}}]", "plan"));
-        return run;
-    };
-    for (const char* label : {"", "on"}) {
-        std::vector<TableRun> by_plan{
-            planned(configured_run(label, 0, R"("tv": {"k": 20})"), R"("tv.k": "20")"),
-            planned(configured_run(label, 1, R"("tv": {"k": 30})"), R"("tv.k": "30")")};
-        std::vector<TableRun> mixed{by_plan[0], configured_run(label, 1, R"("tv": {"k": 30})")};
-        name_configurations(by_plan), name_configurations(mixed);
-        EXPECT_EQ(by_plan[0].configuration, by_plan[1].configuration);
-        EXPECT_NE(mixed[0].configuration, mixed[1].configuration);
-    }
-    // A scene's own keys make no rows beside those of another scene, and rows are the same in all.
-    std::vector<TableRun> runs{configured_run("on", 0, R"("scene": {"resolution": 2})"),
-                               configured_run("on", 1, R"("scene": {"resolution": 4})")};
-    runs[1].scene = "b";
-    name_configurations(runs);
-    EXPECT_EQ(runs[0].configuration, "on");
-    EXPECT_EQ(runs[1].configuration, "on");
-    runs.push_back(configured_run("on", 2, R"("scene": {"resolution": 4})"));
-    name_configurations(runs);
-    EXPECT_EQ(runs[0].configuration, "on, scene.resolution=2");
-    EXPECT_EQ(runs[1].configuration, runs[2].configuration);
-}
-
-TEST(Tables, EqualSeedsAreSaid) {
-    std::vector<TableRun> runs{configured_run("on", 0, ""), configured_run("on", 1, ""),
-                               configured_run("off", 0, ""), configured_run("on", 0, "")};
-    runs[3].folder = "again";
-    const std::vector<std::string> sentences = equal_seeds(runs);
-    ASSERT_EQ(sentences.size(), 1u);
-    EXPECT_TRUE(sentences[0].starts_with("run_0, again: all of seed 0 in the row 'on' of a"))
-        << sentences[0];
-    runs[3].scene = "b";
-    EXPECT_TRUE(equal_seeds(runs).empty());
 }
 
 TEST(ReportPages, NamesAreTextOnly) {
@@ -496,126 +343,12 @@ TEST_F(Report, SaysWhatItLacks) {
 TEST_F(Report, RefusesWhatCannotBeEvaluated) {
     const std::string train = std::string("tvsgs-train --out refused ") + kFlags;
     EXPECT_EQ(call(train + "--eval-at 5,4"), 2);
+    EXPECT_EQ(call(train + "--eval-at 5 --eval-every 10"), 2);
+    EXPECT_NE(said().find("expected one of them"), std::string::npos) << said();
     EXPECT_EQ(call(train + "--crop scene/gt/info.json"), 2);
     EXPECT_NE(said().find("--gt"), std::string::npos) << said();
     EXPECT_EQ(call(train + "--gt nowhere.ply"), 3);
     EXPECT_FALSE(fs::exists(folder_ / "refused"));
-}
-
-TEST(Coverage, OfTwoViewsSideBySide) {
-    // A wall 4 away. Each view is 4 wide there and 2 aside: they share half.
-    Gaussians<Cpu> wall;
-    std::vector<Vec3f> means;
-    for (int y = -60; y <= 60; ++y)
-        for (int x = -160; x <= 160; ++x)
-            means.push_back({0.025f * static_cast<float>(x), 0.025f * static_cast<float>(y), 4});
-    const auto fill = [&] {
-        resize(wall, static_cast<int>(means.size()), 0);
-        for (std::size_t i = 0; i < means.size(); ++i)
-            wall.means[i] = means[i], wall.opacity_logits[i] = 3;
-    };
-    fill();
-    std::vector<ViewCamera> cameras(3);
-    for (std::size_t i = 0; i < 3; ++i) {
-        ViewCamera& c = cameras[i];
-        c.name = std::string(1, static_cast<char>('a' + i));
-        c.camera = {128, 64, 128, 128, 64, 32, {}};
-        c.camera.camera_from_world.t = {i == 0 ? 1.0f : i == 1 ? -1.0f : 5.0f, 0, 0};
-    }
-    cameras[2].test = true;  // 4 beside of the first
-    const JsonValue c = coverage_json(wall, cameras);
-    EXPECT_NEAR(c["two"].number, 0.5, 0.03) << "a cell";
-    ASSERT_EQ(c["views"].items.size(), 2u);
-    const JsonValue &a = c["views"].items[0], &b = c["views"].items[1];
-    EXPECT_NEAR(a["lone"].number, 0.5, 0.03);
-    EXPECT_EQ(a["side"].text, "left");
-    EXPECT_EQ(b["side"].text, "right");
-    EXPECT_EQ(a["partner"].text, "b");
-    EXPECT_NEAR(a["shared"].number, 0.5, 0.03);
-    EXPECT_EQ(c["gap"]["a"].text + c["gap"]["b"].text, "ab");
-    // In the plane of the centres 28 degrees in the middle of what both see, 27 at its ends.
-    EXPECT_NEAR(c["gap"]["angle_deg"].number, 27, 1.5);
-    ASSERT_EQ(c["test"].items.size(), 1u) << "it shows the wall's left end";
-    EXPECT_EQ(c["test"].items[0]["nearest"].text, "a");
-
-    // A board right before b, without a gap between its splats: what it hides is not shared.
-    for (int y = -100; y <= 100; ++y)
-        for (int x = -100; x <= 100; ++x)
-            means.push_back(
-                {1 + 0.004f * static_cast<float>(x), 0.004f * static_cast<float>(y), 0.5f});
-    fill();
-    const JsonValue hidden = coverage_json(wall, cameras);
-    EXPECT_LT(hidden["gap"]["shared"].number, 0.1);
-    EXPECT_GT(hidden["views"].items[1]["lone"].number, 0.8);
-    EXPECT_FALSE(coverage_json(wall, {}));
-    EXPECT_FALSE(coverage_json(Gaussians<Cpu>{}, cameras));
-}
-
-/// A report of which the verdict says `text`.
-TEST(Verdicts, RestOnWhatWasMeasured) {
-    const auto verdict = [](const std::string& json) {
-        return verdict_of(parse_json_value(json, "made up"));
-    };
-    const auto all = [](const std::vector<std::string>& list) {
-        std::string text;
-        for (const std::string& one : list) text += one + "\n";
-        return text;
-    };
-    const RunVerdict none = verdict("{}");
-    EXPECT_TRUE(none.level.empty()) << none.quality;
-    EXPECT_NE(none.quality.find("not measured"), std::string::npos);
-    EXPECT_TRUE(none.limits.empty()) << all(none.limits);
-    EXPECT_TRUE(none.next.empty()) << "nothing is known of the views: " << all(none.next);
-    const auto level = [&](double psnr, double f1) {
-        return verdict(str("{\"summary\": {\"event\": \"done\", \"psnr\": ", psnr,
-                           ", \"centres\": {\"thresholds\": [{\"tau\": 1, \"f1\": ", f1, "}]}}}"))
-            .level;
-    };
-    EXPECT_EQ(level(27, 0.8), "good");
-    EXPECT_EQ(level(26.9, 0.8), "fair") << "the worse one counts";
-    EXPECT_EQ(level(30, 0.79), "fair");
-    EXPECT_EQ(level(19.9, 0.9), "poor");
-
-    const char* const gaps = R"({"summary": {"event": "done", "psnr": 15, "gaussians": 100},
-        "memory": {"first_splats": 10, "most_splats": 100},
-        "config": {"densify": {"enabled": true}},
-        "views": [{"name": "near", "psnr": 20}, {"name": "far", "psnr": 10}],
-        "evaluations": [{"psnr": 17, "iteration": 50}],
-        "plan": [{"name": "x", "choice": "off", "reason": "1 < 2"},
-                 {"name": "densify", "choice": "off", "reason": "thick",
-                  "kept": {"densify.enabled": "true by --set"}},
-                 {"name": "exposure", "choice": "fitted", "reason": "dark",
-                  "kept": {"loss.photometric.exposure": "false by --set"}}],
-        "coverage": {"two": 0.6, "gap": {"a": "a", "b": "b", "angle_deg": 45, "shared": 0.5},
-            "views": [{"name": "a", "lone": 0.7, "side": "left", "partner": "b", "shared": 0.1},
-                      {"name": "b", "lone": 0.1, "side": "", "partner": "a", "shared": 0.5}],
-            "test": [{"name": "near", "nearest": "a", "angle_deg": 10},
-                     {"name": "far", "nearest": "b", "angle_deg": 80}]}})";
-    const RunVerdict found = verdict(gaps);
-    const std::string limits = all(found.limits), next = all(found.next);
-    for (const char* part :
-         {"1 of 2 test views", "reach 10 dB; the nearer ones reach 20 dB", "40 % of what", ": a.",
-          "up to 45\u00b0 apart, a and b", "Growth stopped at 100",
-          "PSNR was 17 dB after 50 iterations and fell to 15 dB"})
-        EXPECT_NE(limits.find(part), std::string::npos) << part << " is not in\n" << limits;
-    for (const char* part : {"From where the test view far stands: 10 dB", "b, is 80\u00b0 away",
-                             "Between a and b: 45\u00b0",
-                             "What a alone has seen, 70 % of it, most in "
-                             "its left half"})
-        EXPECT_NE(next.find(part), std::string::npos) << part << " is not in\n" << next;
-    EXPECT_EQ(found.left_out, "x (1 < 2).") << "growth was asked for";
-    EXPECT_EQ(limits.find("exposure"), std::string::npos) << "it was not fitted";
-    const RunVerdict object = verdict(
-        R"({"summary": {"event": "done", "psnr": 9, "psnr_masked": 25, "gaussians": 99},
-            "config": {"densify": {"enabled": false}, "loss": {"photometric": {"masks": "object"}}},
-            "memory": {"first_splats": 99, "most_splats": 100},
-            "evaluations": [{"psnr": 12, "psnr_masked": 24, "iteration": 50}]})");
-    EXPECT_TRUE(object.limits.empty()) << all(object.limits);
-    const RunVerdict well = verdict(
-        R"({"summary": {"event": "done"}, "coverage": {"two": 0.97, "views": [], "test": [],
-            "gap": {"a": "a", "b": "b", "angle_deg": 12, "shared": 0.8}}})");
-    EXPECT_TRUE(well.limits.empty()) << all(well.limits);
-    EXPECT_NE(all(well.next).find("No gap was found: 97 %"), std::string::npos) << all(well.next);
 }
 
 /// Headless, printing the page as its scripts leave it; the browser's own errands end at a resolver
