@@ -42,8 +42,7 @@ void for_whole_array(Communicator* peers,
 State room_for_whole(const State& part) {
     State whole;
     for (const StateArray& array : part.arrays)
-        whole.add(array.name, array.element_bytes,
-                  part.in_parts && array.planes > 0 ? array.all : array.count(), array.real);
+        whole.add(array.name, array.element_bytes, whole_count(array), array.real);
     return whole;
 }
 

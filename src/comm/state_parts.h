@@ -16,6 +16,10 @@ void for_whole_array(Communicator* peers,
                      const StateArray& array,
                      const std::function<void(const std::byte*, std::size_t)>& write);
 
+/// Elements of the array in the whole.
+inline std::size_t whole_count(const StateArray& array) {
+    return array.planes > 0 ? array.all : array.count();
+}
 /// Arrays as those of the whole, not filled in.
 State room_for_whole(const State& part);
 /// Fills them on rank 0; the others have no room, null. All call it.

@@ -140,12 +140,11 @@ std::string write_parts(Communicator& peers,
 
 /// For the whole, with half of what is free left for everything else; null: there is none.
 std::shared_ptr<State> find_room(const State& part) {
+    std::size_t bytes = 0;
+    for (const StateArray& array : part.arrays) bytes += whole_count(array) * array.element_bytes;
+    if (bytes > static_cast<std::size_t>(free_host_bytes() / 2)) return nullptr;
     try {
-        auto whole = std::make_shared<State>(room_for_whole(part));
-        std::int64_t bytes = 0;
-        for (const StateArray& array : whole->arrays)
-            bytes += static_cast<std::int64_t>(array.bytes.size());
-        return bytes < free_host_bytes() / 2 ? whole : nullptr;
+        return std::make_shared<State>(room_for_whole(part));
     } catch (const Error&) {  // beyond --host-memory
         return nullptr;
     }
@@ -282,16 +281,19 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
 }
 
 void CheckpointWriter::write_in_background(std::shared_ptr<const State> about, SharedState state) {
-    writing_ =
-        std::async(std::launch::async, [about, state, file = file_, run = run_]() -> std::string {
-            try {
-                write_checkpoint(file, {about.get(), state.get()});
-            } catch (const std::exception& error) {
-                return error.what();
-            }
-            keep_newest(run);
-            return {};
-        });
+    writing_ = std::async(std::launch::async,
+                          [about = std::move(about), state = std::move(state), file = file_,
+                           run = run_]() mutable -> std::string {
+                              // Let go when it is written, not when the next one is.
+                              const auto values = std::move(about), whole = std::move(state);
+                              try {
+                                  write_checkpoint(file, {values.get(), whole.get()});
+                              } catch (const std::exception& error) {
+                                  return error.what();
+                              }
+                              keep_newest(run);
+                              return {};
+                          });
 }
 
 void send_checkpoint(Communicator& peers, const State& part) {

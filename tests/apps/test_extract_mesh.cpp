@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -354,6 +355,9 @@ TEST_F(ExtractMesh, RefusesWhatContradictsItself) {
     expect_refused("--texture 4096", 2, "would be a PLY, which has none");
     expect_refused("--texture big", 2, "expected auto, none, or a side of 256 to 8192");
     expect_refused("--texture-format tga", 2, "jpg, png, webp");
+    ::setenv("TVSGS_MESH__NOSUCH", "1", 1);
+    expect_refused("", 2, "environment variable TVSGS_MESH__NOSUCH");
+    ::unsetenv("TVSGS_MESH__NOSUCH");
     const Result bad = extract("", "refused.stl");
     EXPECT_EQ(bad.code, 2) << bad;
     EXPECT_TRUE(bad.says("expected a name that ends in .glb, .obj or .ply")) << bad;
