@@ -11,7 +11,6 @@ packages=(
     libopencv-dnn-dev libmd-dev  # for tvsgs-priors: OpenCV's core and DNN modules alone, 43 MB on disk
     libjemalloc-dev  # for tvsgs-extract-mesh to take less time
     libcpp-httplib-dev  # for tvsgs-view to serve pages
-    libopenmpi-dev openmpi-bin  # for tvsgs-train as several processes: 12 MB to fetch, 53 MB on disk
     libgtest-dev libgmock-dev libbenchmark-dev
     "$@"
 )

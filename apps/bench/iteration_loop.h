@@ -21,19 +21,12 @@ struct BenchIteration<Device>::Parts {
         : step(options.iterations),
           iteration(scene, options, false),
           losses(make_terms<Device>(scene, options)),
-          splats(copy_of(from, options.optim.harmonics)),
+          splats(copy_of(from)),
           // At rate 0 the view stays the same.
-          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats, 1, nullptr, waits(options.optim)) {
-        if (waits(options.optim))
-            iteration.backbone().set_harmonics(
-                [this](const SplatPlaces& places, std::size_t room, int sh_degree) {
-                    return adam.fetch_harmonics(places, room, sh_degree, splats);
-                });
-    }
+          adam({0, 0, 1, 0, 0, 0, 0, 0}, splats) {}
 
-    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from, KeepHarmonics harmonics) {
+    static Gaussians<Device> copy_of(const Gaussians<Cpu>& from) {
         Gaussians<Device> to;
-        to.sh.put(memory_of(harmonics));
         copy(from, to);
         return to;
     }
@@ -53,9 +46,8 @@ template <class Device>
 void BenchIteration<Device>::run(StageClock<Device>& clock) {
     Parts& p = *parts_;
     std::swap(p.iteration.details, clock);
-    const DeviceView<Device>& view =
-        p.iteration.fetch(p.step, 0, p.losses, [] { return std::pair(0, 0); });
-    p.iteration.propagate(p.step, p.step, view, p.splats, p.losses, p.field, true, {},
+    const DeviceView<Device>& view = p.iteration.fetch(p.step, 0, p.losses, [] { return 0; });
+    p.iteration.propagate(p.step, view, p.splats, p.losses, p.field, true, {},
                           [&](auto& values) { p.guard.watch(p.step, view.index, values.span()); });
     p.iteration.descend(p.step, p.adam, p.splats, true, p.guard.halted());
     std::swap(p.iteration.details, clock);

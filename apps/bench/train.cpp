@@ -64,13 +64,13 @@ TrainTimes train_once(const Scene& scene,
         out.stages = report.stages;
         out.stages_of_s = clock.seconds() - begin;
     };
-    const auto look = [&](int step, const SplatsNow<Device>& splats_now) {
+    const auto look = [&](int step, const Gaussians<Device>& splats) {
         if (profile || wanted.empty() || (step % psnr_every != 0 && step != options.iterations))
             return;
         synchronize(Device{});
         clock.pause();
         const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
-        out.last_psnr = score_views(splats_now(), scene.test, options, no_pictures).mean_psnr;
+        out.last_psnr = score_views(splats, scene.test, options, no_pictures).mean_psnr;
         for (Reached& r : wanted)
             if (r.seconds < 0 && out.last_psnr >= r.psnr)
                 r.seconds = clock.seconds() - begin, r.iteration = step;

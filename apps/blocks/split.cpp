@@ -86,7 +86,6 @@ void configure(const SplitArguments& a, const std::string& coarse, OptionTable& 
     if (a.iterations > 0) table.set("iterations", std::to_string(a.iterations), by);
     for (const char* key : {"eval.gt", "eval.at", "init.fixed_splats"}) table.set(key, "", by);
     table.set("eval.every", "0", by), table.set("eval.mesh", "false", by);
-    table.set("optim.harmonics", "device", by);  // as fixed splats are drawn with those that train
 }
 
 void check_supported(const RunOptions& options) {

@@ -229,7 +229,7 @@ void say_next(std::initializer_list<std::string> words, const std::string& what)
     spdlog::info("next: {}   {}", line, what);
 }
 
-int run_command(const std::function<int()>& command, const std::function<void()>& before_message) {
+int run_command(const std::function<int()>& command) {
     guard_standard_streams();
     end_on_signals();
     try {
@@ -243,17 +243,14 @@ int run_command(const std::function<int()>& command, const std::function<void()>
                      strsignal(stopped.signal));
         return 128 + stopped.signal;
     } catch (const Error& error) {
-        before_message();
         std::fprintf(stderr, "error: %s\n", error.what());
         return static_cast<int>(error.code());
     } catch (const std::filesystem::filesystem_error& error) {
-        before_message();
         // A link to itself, a folder that may not be entered, a name that is too long.
         std::fprintf(stderr, "error: %s: %s\n", error.path1().c_str(),
                      error.code().message().c_str());
         return static_cast<int>(ExitCode::io);
     } catch (const std::bad_alloc&) {
-        before_message();
         // The library does not say how much it was asked for.
         const Error explained = out_of_memory(
             str("the host gave no more beside the ", memory_use(Cpu{}).current_bytes >> 20,
@@ -261,7 +258,6 @@ int run_command(const std::function<int()>& command, const std::function<void()>
         std::fprintf(stderr, "error: %s\n", explained.what());
         return static_cast<int>(ExitCode::memory);
     } catch (const std::exception& error) {
-        before_message();
         std::fprintf(stderr, "error: internal: %s\n", error.what());
         return static_cast<int>(ExitCode::internal);
     }

@@ -37,8 +37,7 @@ std::string for_shell(const std::string& word);
 void say_next(std::initializer_list<std::string> words, const std::string& what);
 
 /// Runs a command; every exception ends as one message on standard error and the exit code of its
-/// kind. `before_message` is called before what is no signal is said.
-int run_command(
-    const std::function<int()>& command, const std::function<void()>& before_message = [] {});
+/// kind.
+int run_command(const std::function<int()>& command);
 
 }  // namespace tvsgs

@@ -12,7 +12,6 @@
 #include "pipeline/initial_points.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/planned_scene.h"
-#include "pipeline/ranks.h"
 #include "pipeline/resume.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -35,8 +34,7 @@ struct Arguments {
 };
 
 /// Defaults < configuration files in order < environment < command line, all in one table.
-/// Of several processes only the first one talks.
-Arguments parse(int argc, char* const* argv, bool talks, OptionTable& table) {
+Arguments parse(int argc, char* const* argv, OptionTable& table) {
     Arguments arguments;
     CLI::App app{
         "Trains Gaussian splats on calibrated photographs; tensor voting keeps the surface.",
@@ -149,11 +147,6 @@ Arguments parse(int argc, char* const* argv, bool talks, OptionTable& table) {
     init_log(arguments.quiet     ? Verbosity::quiet
              : arguments.verbose ? Verbosity::verbose
                                  : Verbosity::normal);
-    if (!talks) {
-        spdlog::set_level(spdlog::level::off);
-        set_progress_style(ProgressStyle::quiet);
-        arguments.quiet = true;
-    }
     if (!arguments.quiet && arguments.progress != "auto")
         set_progress_style(arguments.progress == "json" ? ProgressStyle::json
                                                         : ProgressStyle::plain);
@@ -200,10 +193,9 @@ Scene read_training_scene(const DeviceChoice& device,
                           const Arguments& arguments,
                           RunOptions& options,
                           OptionTable& table,
-                          RunPlan& plan,
-                          const ProcessCount& processes) {
+                          RunPlan& plan) {
     const auto& point = arguments.resume.point;
-    if (!point) return read_and_plan(device, arguments.plan, options, table, plan, processes);
+    if (!point) return read_and_plan(device, arguments.plan, options, table, plan);
     // Stereo went by the points that the scene came with.
     options.scene.need_points = !needs_of(options.train.loss).view_maps.empty();
     options.scene.points_required = false;
@@ -228,14 +220,12 @@ std::int64_t first_splats(const Resume& resume, const Scene& scene) {
 std::string run_info(const DeviceChoice& device,
                      const Resume& resume,
                      const std::string& changed,
-                     int processes,
                      int argc,
                      char* const* argv) {
     std::string line;
     for (int i = 0; i < argc; ++i) line += (i ? " " : "") + std::string(argv[i]);
     JsonLine info;
     info.add("version", kVersion).add("device", device.description).add("command_line", line);
-    if (processes > 1) info.add("processes", processes);
     if (resume.point) info.add("resumed_from", resume.done()).add_json("changed", changed);
     return info.text();
 }
@@ -259,17 +249,6 @@ void say_what_is_trained(const Scene& scene, const DeviceChoice& device, const M
     spdlog::info(memory.text());
 }
 
-/// What all processes have to be asked for alike.
-Facts facts_of(const Arguments& arguments, const DeviceChoice& device, const OptionTable& table) {
-    Facts facts = config_values(table);
-    facts.emplace_back("--device", device.cuda ? "cuda" : "cpu");
-    facts.emplace_back("version", kVersion);
-    facts.emplace_back("--report-every", str(arguments.session.report_every));
-    facts.emplace_back("--checkpoint-every", str(arguments.session.checkpoint_every));
-    facts.emplace_back("iterations of the checkpoint", str(arguments.resume.done()));
-    return facts;
-}
-
 /// A run without a report has what was asked for.
 void report_if_possible(const std::string& run, const Scene& scene) {
     try {
@@ -281,10 +260,7 @@ void report_if_possible(const std::string& run, const Scene& scene) {
 }
 
 /// What --plan says of memory and time, once there is a cloud to train from.
-void print_costs(const DeviceChoice& device,
-                 RunOptions& options,
-                 Scene& scene,
-                 const ProcessCount& processes) {
+void print_costs(const DeviceChoice& device, RunOptions& options, Scene& scene) {
     if (options.scene.init_ply.empty() && needs_stereo(options, scene)) {
         std::fputs(
             "memory and time: not known before stereo has made its cloud; tvsgs-init --out "
@@ -294,15 +270,9 @@ void print_costs(const DeviceChoice& device,
     }
     TrainOptions training = options.train;
     const auto splats = static_cast<std::int64_t>(scene.points.positions.size());
-    std::printf("%s\n", plan_memory(scene, options.memory, splats, device.cuda, training, processes)
-                            .text()
-                            .c_str());
+    std::printf("%s\n",
+                plan_memory(scene, options.memory, splats, device.cuda, training).text().c_str());
     std::fflush(stdout);
-    if (processes.all > 1) {
-        std::printf("time: not known of %d processes; --plan on one measures it for one\n",
-                    processes.all);
-        return;
-    }
     try {
         std::printf("%s\n", plan_time(device, scene, training).text().c_str());
     } catch (const Error& error) {
@@ -313,124 +283,66 @@ void print_costs(const DeviceChoice& device,
 }  // namespace
 
 int train_command(int argc, char* const* argv) {
-    Processes alone;
-    return train_command(argc, argv, alone);
-}
-
-int train_command(int argc, char* const* argv, Processes& job) {
     // 1. What is asked for.
-    const Launch& launch = job.launch;
-    const bool leads = launch.rank == 0;
-    const int processes = launch.size;
-    if (!leads && std::freopen("/dev/null", "w", stdout) == nullptr)
-        throw Error(ExitCode::io, "/dev/null: cannot be written");
     RunOptions options;
     OptionTable table;
     options.add_to(table);
-    Arguments arguments = parse(argc, argv, leads, table);
+    Arguments arguments = parse(argc, argv, table);
     const Resume& resume = arguments.resume;
     if (arguments.list_keys) {
         std::fputs(table.help().c_str(), stdout);
         return 0;
     }
     check_options(options);
-    const DeviceChoice device = choose_device(arguments.device, launch);
-    if (launch.several() && device.cuda)
-        job.peers = job.join_gpus(launch, options.train.comm, std::move(job.peers));
-    Communicator* const peers = job.peers.get();
-    if (launch.several() && peers == nullptr)
-        throw Error(ExitCode::usage,
-                    str(launch.launcher, " has started ", processes,
-                        " processes, which find each other by NCCL, a GPU each",
-                        job.gpus_can_meet ? "" : ", without which this program was built",
-                        "; expected mpirun or srun --mpi, or one process"));
-    if (peers != nullptr) {
-        peers->set_limit(options.train.comm.timeout);
-        require_same_facts(peers, "the configuration", facts_of(arguments, device, table));
-    }
-    const bool planned = options.plan.enabled && !resume.point;
-    if (!planned || !table.option("comm.batch").source.empty())
-        check_ranks(options.train, processes);
-    std::optional<Truth> truth;
-    if (leads)
-        truth = read_truth(options.eval,
-                           options.eval.gt.empty() ? Vec3d{} : read_scene_origin(options.scene));
+    const DeviceChoice device = choose_device(arguments.device);
+    const std::optional<Truth> truth = read_truth(
+        options.eval, options.eval.gt.empty() ? Vec3d{} : read_scene_origin(options.scene));
     if (arguments.out.empty()) arguments.out = default_run_folder(options.scene.path);
-    if (!arguments.plan && leads)
+    if (!arguments.plan)
         require_free_run_folder(arguments.out, arguments.overwrite, resume.in_place(),
                                 options.scene);
-    if (leads && !arguments.overwrite) require_nothing_lost(resume, arguments.out);
+    if (!arguments.overwrite) require_nothing_lost(resume, arguments.out);
     options.scene.scratch = existing_folder_above(arguments.out);
     require_iterations_left(resume, options.train.iterations);
     require_same_backbone(resume, options.train.backbone);
-    require_same_batch(resume, options.train.comm.batch);
     if (resume.point) check_start(*resume.point->state, options.train);
 
     // 2. The scene, and what it needs.
-    const ProcessCount count{processes, peers == nullptr ? 1 : peers->local_size()};
     RunPlan plan(table);
-    Scene scene = read_training_scene(device, arguments, options, table, plan, count);
-    if (const std::string why = settle_harmonics(scene, options.train); !why.empty())
-        spdlog::info("optim.harmonics = device, not waiting: {}", why);
+    Scene scene = read_training_scene(device, arguments, options, table, plan);
     if (arguments.plan) {
-        if (!leads) return 0;
         std::fputs(plan.text().c_str(), stdout);
         std::fflush(stdout);
-        check_batch(scene, options.train, processes);
-        print_costs(device, options, scene, count);
+        print_costs(device, options, scene);
         return 0;
     }
-    if (peers != nullptr) {
-        peers->wait_for_all("scene");
-        require_same_facts(peers, "the scene", facts_of(scene));
-        Facts planned_facts = facts_of(arguments, device, table);
-        // By the memory that each has, and of no consequence for results.
-        std::erase_if(planned_facts, [](const auto& fact) {
-            return fact.first == "photo_bytes" || fact.first == "scene.photos" ||
-                   fact.first == "tv.lists";
-        });
-        require_same_facts(peers, "the planned configuration", planned_facts);
-    }
-    check_batch(scene, options.train, processes);
     const std::string changed = resume.point ? changed_values(resume.configured, table) : "";
     TrainOptions training = options.train;  // the configuration keeps the cap that was asked for
-    const MemoryPlan memory = plan_memory(scene, options.memory, first_splats(resume, scene),
-                                          device.cuda, training, count);
-    share_memory_limits(peers, training);
-    // Held no longer than it is needed: with several processes it is the state of them all.
-    SharedState start = resume.point ? std::move(arguments.resume.point->state) : nullptr;
-    SessionInputs session{.scene = scene,
-                          .training = training,
-                          .options = options,
-                          .session = arguments.session,
-                          .resume = resume,
-                          .truth = truth,
-                          .config = {},
-                          .write_report = {},
-                          .peers = peers};
-    if (!leads) {
-        follow_session(device, session, std::move(start));
-        return 0;
-    }
+    const MemoryPlan memory =
+        plan_memory(scene, options.memory, first_splats(resume, scene), device.cuda, training);
 
     // 3. The run.
-    session.config = [&] {
-        return table.json(run_info(device, resume, changed, processes, argc, argv));
-    };
+    const auto config = [&] { return table.json(run_info(device, resume, changed, argc, argv)); };
     const std::string plan_text = plan_json(plan, arguments);
     RunFolder run(arguments.out, resume.point && resume.in_place() ? resume.done() : -1);
-    run.save_config(session.config());
+    run.save_config(config());
     write_text_file(run.path() + "/memory.json", memory.json() + "\n");
     if (!plan_text.empty()) write_text_file(run.path() + "/plan.json", plan_text);
     write_sky(run.path(), training.loss.photometric);
     log_resume(resume, changed, run);
     run.save_cameras(scene);
     say_what_is_trained(scene, device, memory);
-    if (const int batch = training.comm.batch; batch > 1)
-        spdlog::info("{} photographs a step, on {} process{}", batch, processes,
-                     processes == 1 ? "" : "es");
-    session.write_report = [&] { report_if_possible(run.path(), scene); };
-    run_session(device, session, std::move(start), run);
+    const SessionInputs session{.scene = scene,
+                                .training = training,
+                                .options = options,
+                                .session = arguments.session,
+                                .resume = resume,
+                                .truth = truth,
+                                .config = config,
+                                .write_report = [&] { report_if_possible(run.path(), scene); }};
+    // Moved: the session frees the state as soon as it has loaded it.
+    run_session(device, session, resume.point ? std::move(arguments.resume.point->state) : nullptr,
+                run);
     spdlog::info("{}: splats", find_splats(run.path()));
     say_next({"tvsgs-extract-mesh", "--model", run.path()}, "makes the surface");
     return 0;

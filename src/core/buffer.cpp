@@ -38,7 +38,7 @@ void set_memory_limit(Cpu, std::int64_t bytes) {
 
 namespace detail {
 
-void* allocate(Cpu, std::size_t bytes, Memory) {
+void* allocate(Cpu, std::size_t bytes) {
     if (bytes == 0) return nullptr;
     const std::size_t rounded = (bytes + kAlignment - 1) / kAlignment * kAlignment;
     const bool allowed = host_ledger().allows(bytes);
@@ -48,7 +48,7 @@ void* allocate(Cpu, std::size_t bytes, Memory) {
     return data;
 }
 
-void release(Cpu, void* data, std::size_t bytes, Memory) {
+void release(Cpu, void* data, std::size_t bytes) {
     std::free(data);
     host_ledger().give_back(bytes);
 }

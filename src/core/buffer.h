@@ -49,15 +49,12 @@ void set_memory_limit(Cuda, std::int64_t bytes);
 inline void synchronize(Cpu) {}
 void synchronize(Cuda);
 
-/// Where a buffer of a GPU lies: in its memory, or in the host's, which it reaches over the bus.
-enum class Memory : std::uint8_t { device, host };
-
 namespace detail {
-// Throw Error(ExitCode::memory) with the size asked for and the memory there is. A CPU has one.
-void* allocate(Cpu, std::size_t bytes, Memory memory);
-void* allocate(Cuda, std::size_t bytes, Memory memory);
-void release(Cpu, void* data, std::size_t bytes, Memory memory);
-void release(Cuda, void* data, std::size_t bytes, Memory memory);
+// Throw Error(ExitCode::memory) with the requested size and the memory that is left.
+void* allocate(Cpu, std::size_t bytes);
+void* allocate(Cuda, std::size_t bytes);
+void release(Cpu, void* data, std::size_t bytes);
+void release(Cuda, void* data, std::size_t bytes);
 void fill_zero(Cpu, void* data, std::size_t bytes);
 void fill_zero(Cuda, void* data, std::size_t bytes);
 // Host to device and back wait until the copy is done.
@@ -67,9 +64,8 @@ void copy(Cuda, const void* from, Cpu, void* to, std::size_t bytes);
 void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes);
 }  // namespace detail
 
-/// Owns [size] elements for `Device`, in its memory unless put() elsewhere. Movable; copied only by
-/// name, with copy(). The only caller of the device's allocator. Growing loses the contents;
-/// shrinking keeps the memory.
+/// Owns [size] elements in the memory of `Device`. Movable; copied only by name, with copy(). The
+/// only caller of the device's allocator. Growing loses the contents; shrinking keeps the memory.
 template <class T, class Device>
 class Buffer {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -84,38 +80,22 @@ public:
     }
     ~Buffer() { release(); }
 
-    /// Loses the contents unless it lies there already.
-    void put(Memory memory) {
-        if (memory == memory_) return;
-        release();
-        memory_ = memory;
-    }
-    Memory memory() const { return memory_; }
-
     /// Contents are undefined if the capacity had to grow, else kept.
     void resize(std::size_t size) {
         if (size > capacity_) {
             // A quarter to spare on re-growth, so that slowly growing counts allocate rarely.
             const std::size_t wanted = capacity_ == 0 ? size : size + size / 4;
             release();
-            data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T), memory_));
+            data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T)));
             capacity_ = wanted;
         }
         size_ = size;
     }
-    void fill_zero() {
-        if (memory_ == Memory::host) {
-            synchronize(Device{});
-            detail::fill_zero(Cpu{}, data_, size_ * sizeof(T));
-        } else {
-            detail::fill_zero(Device{}, data_, size_ * sizeof(T));
-        }
-    }
+    void fill_zero() { detail::fill_zero(Device{}, data_, size_ * sizeof(T)); }
     void swap(Buffer& other) noexcept {
         std::swap(data_, other.data_);
         std::swap(size_, other.size_);
         std::swap(capacity_, other.capacity_);
-        std::swap(memory_, other.memory_);
     }
 
     std::size_t size() const { return size_; }
@@ -137,40 +117,28 @@ public:
 private:
     void release() {
         detail::release(Device{}, std::exchange(data_, nullptr),
-                        std::exchange(capacity_, 0) * sizeof(T), memory_);
+                        std::exchange(capacity_, 0) * sizeof(T));
         size_ = 0;
     }
 
     T* data_ = nullptr;
     std::size_t size_ = 0, capacity_ = 0;
-    Memory memory_ = Memory::device;
 };
-
-namespace detail {
-/// What lies on the host is copied there without a word to the device, which may be at it.
-template <class T, class Device>
-void settle(const Buffer<T, Device>& buffer) {
-    if (buffer.memory() == Memory::host) synchronize(Device{});
-}
-}  // namespace detail
 
 /// `to` is resized and overwritten.
 template <class T, class From, class To>
 void copy(const Buffer<T, From>& from, Buffer<T, To>& to) {
     to.resize(from.size());
-    detail::settle(from), detail::settle(to);
     detail::copy(From{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
 }
 template <class T, class To>
 void copy(const std::vector<T>& from, Buffer<T, To>& to) {
     to.resize(from.size());
-    detail::settle(to);
     detail::copy(Cpu{}, from.data(), To{}, to.data(), from.size() * sizeof(T));
 }
 template <class T, class From>
 std::vector<T> to_host(const Buffer<T, From>& from) {
     std::vector<T> host(from.size());
-    detail::settle(from);
     detail::copy(From{}, from.data(), Cpu{}, host.data(), from.size() * sizeof(T));
     return host;
 }

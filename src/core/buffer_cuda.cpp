@@ -62,23 +62,8 @@ std::string use_cuda_device(int index) {
 
 namespace detail {
 
-/// Memory of the host that kernels reach at the same address, and that stays where it is.
-static void* allocate_on_host(std::size_t bytes) {
-    if (!host_ledger().allows(bytes)) throw_out_of_host_memory(bytes, false);
-    void* data = nullptr;
-    if (const cudaError_t status = cudaHostAlloc(&data, bytes, cudaHostAllocDefault);
-        status != cudaSuccess) {
-        cudaGetLastError();
-        if (status != cudaErrorMemoryAllocation) check_cuda(status);
-        throw_out_of_host_memory(bytes, true);
-    }
-    host_ledger().take(bytes);
-    return data;
-}
-
-void* allocate(Cuda, std::size_t bytes, Memory memory) {
+void* allocate(Cuda, std::size_t bytes) {
     if (bytes == 0) return nullptr;
-    if (memory == Memory::host) return allocate_on_host(bytes);
     void* data = nullptr;
     const std::int64_t held = ledger.current;
     if (!ledger.allows(bytes))
@@ -98,14 +83,9 @@ void* allocate(Cuda, std::size_t bytes, Memory memory) {
     return data;
 }
 
-void release(Cuda, void* data, std::size_t bytes, Memory memory) {
+void release(Cuda, void* data, std::size_t bytes) {
     if (data == nullptr) return;
     // Runs in destructors: an error here shows at the next checked call.
-    if (memory == Memory::host) {
-        cudaDeviceSynchronize();  // kernels may still be at it
-        cudaFreeHost(data);
-        return host_ledger().give_back(bytes);
-    }
     cudaFree(data);
     ledger.give_back(bytes);
 }
@@ -114,15 +94,14 @@ void fill_zero(Cuda, void* data, std::size_t bytes) {
     if (bytes > 0) check_cuda(cudaMemsetAsync(data, 0, bytes));
 }
 
-// CUDA sees by the addresses which way it goes: a buffer may lie on the host.
 void copy(Cpu, const void* from, Cuda, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDefault));
+    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice));
 }
 void copy(Cuda, const void* from, Cpu, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDefault));
+    if (bytes > 0) check_cuda(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost));
 }
 void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes) {
-    if (bytes > 0) check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDefault));
+    if (bytes > 0) check_cuda(cudaMemcpyAsync(to, from, bytes, cudaMemcpyDeviceToDevice));
 }
 
 }  // namespace detail

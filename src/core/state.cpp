@@ -51,7 +51,7 @@ const StateArray& State::get_one(std::string_view name, std::size_t element_byte
 
 StateArray& State::add(std::string name, std::size_t element_bytes, std::size_t count, bool real) {
     arrays.push_back({std::move(name), static_cast<std::uint32_t>(element_bytes), real,
-                      Buffer<std::byte, Cpu>(element_bytes * count), 0, 0});
+                      Buffer<std::byte, Cpu>(element_bytes * count)});
     return arrays.back();
 }
 

@@ -1,13 +1,11 @@
 #include "optim/adam.h"
 
-#include "optim/asked_harmonics_impl.h"
-#include "optim/waiting_harmonics_impl.h"
 #include "render/fused_gradients.h"
 
 namespace tvsgs {
 
 void update_parameters(Cpu, int count, const AdamBody& body, const int* halted) {
-    // Asked once: a loop that asks every time is three times as slow.
+    // Tested once: a test inside the loop makes it three times as slow.
     if (halted == nullptr || *halted == 0) parallel_for(Cpu{}, count, body);
 }
 
@@ -23,12 +21,11 @@ void step_run(const ShAdam& sh, int k, int begin, int end, const Vec3f* dL, cons
     auto *const m = reinterpret_cast<float*>(sh.m + at), *const v =
                                                              reinterpret_cast<float*>(sh.v + at);
     const float step = k == 0 ? scale.step_dc : scale.step_rest, root = scale.root;
-    const AdamDecay<float> decay = scale.decay;
     const int count = 3 * (end - begin);
     const auto* const gradient = reinterpret_cast<const float*>(dL);
 #pragma omp simd
     for (int j = 0; j < count; ++j)
-        value[j] = adam_update(value[j], gradient[j], m[j], v[j], step, root, decay);
+        value[j] = adam_update(value[j], gradient[j], m[j], v[j], step, root);
 }
 
 /// Keeps the gradients of the harmonics of a chunk, coefficient major.
@@ -67,11 +64,6 @@ int chunks(int count) {
 
 void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step) {
     if (step.halted != nullptr && *step.halted != 0) return;
-    if (step.taken != nullptr)
-        return gradients.visit([&](const auto& vjp) {
-            parallel_for(Cpu{}, count,
-                         [&](int i) { step_splat_in_view<kMaxShCount>(vjp, step, i); });
-        });
     gradients.visit([&](const auto& vjp) {
         parallel_for_heavy(Cpu{}, chunks(count), [&](int chunk) {
             const int begin = chunk * kChunk, end = std::min(count, begin + kChunk);
@@ -88,13 +80,5 @@ void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& 
         });
     });
 }
-
-template void fetch_in_view(Cpu, const WaitingArrays&);
-template void bring_back(Cpu, const WaitingArrays&);
-template void catch_up(Cpu, const WaitingArrays&);
-template void find_part_edges(Cpu, Span<const std::uint32_t>, int, std::uint32_t*);
-template void list_asked(Cpu, const SplatPlaces&, Part, std::uint32_t, Span<int>);
-template void give_rows(Cpu, const MovingHarmonics&, Span<const int>, Vec3f*);
-template void take_rows(Cpu, const MovingHarmonics&, Span<const int>, const Vec3f*);
 
 }  // namespace tvsgs

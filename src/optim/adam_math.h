@@ -14,50 +14,28 @@ struct AdamScale {
     float root;  // 1 / sqrt(1 - beta2^t)
 };
 
-/// The betas of one photograph; a step that stands for B of them has them to the power of B, rates
-/// x sqrt(B) and eps / sqrt(B).  [Zhao24]
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999, kAdamEps = 1e-15;
 
-/// Of step t, each of `batch` photographs.
-inline AdamScale adam_scale(float rate, int t, int batch = 1) {
-    const double photographs = static_cast<double>(t) * batch;
-    return {static_cast<float>(static_cast<double>(rate) / (1 - std::pow(kAdamBeta1, photographs))),
-            static_cast<float>(1 / std::sqrt(1 - std::pow(kAdamBeta2, photographs)))};
-}
-
-/// How a step moves the moments.
-template <class Real>
-struct AdamDecay {
-    Real beta1 = Real(kAdamBeta1), share1 = Real(0.1), share2 = Real(0.001), eps = Real(kAdamEps);
-};
-inline AdamDecay<float> adam_decay(int batch) {
-    if (batch == 1) return {};
-    const double beta1 = std::pow(kAdamBeta1, batch), beta2 = std::pow(kAdamBeta2, batch);
-    return {static_cast<float>(beta1), static_cast<float>(1 - beta1), static_cast<float>(1 - beta2),
-            static_cast<float>(kAdamEps / std::sqrt(batch))};
+/// The scale of step t, which counts from 1.
+inline AdamScale adam_scale(float rate, int t) {
+    return {static_cast<float>(static_cast<double>(rate) / (1 - std::pow(kAdamBeta1, t))),
+            static_cast<float>(1 / std::sqrt(1 - std::pow(kAdamBeta2, t)))};
 }
 
 /// One Adam step of one number; moments are updated in place, the new value is returned. Every
 /// kernel gets the same bits: there is nothing in it that a compiler may or may not fuse.
 template <class Real>
-TVSGS_HD Real adam_update(Real value,
-                          Real gradient,
-                          Real& m,
-                          Real& v,
-                          Real step,
-                          Real root,
-                          const AdamDecay<Real>& decay = {}) {
-    m = multiply_add(decay.beta1, m, decay.share1 * gradient);
-    // By its share, which floats hold to the last digit: their 1 - 0.999 is off by 1.3e-5 of
-    // itself.
-    v = multiply_add(decay.share2, multiply_add(gradient, gradient, -v), v);
-    return value - step * m / multiply_add(root, std::sqrt(v), decay.eps);
+TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real step, Real root) {
+    // 1 - beta as a literal: in float, 1 - 0.999f is off by 1.3e-5 of itself.
+    constexpr Real kShare1 = Real(0.1), kShare2 = Real(0.001);
+    m = multiply_add(Real(kAdamBeta1), m, kShare1 * gradient);
+    v = multiply_add(kShare2, multiply_add(gradient, gradient, -v), v);
+    return value - step * m / multiply_add(root, std::sqrt(v), Real(kAdamEps));
 }
 
 /// A step of the spherical harmonics: the base colour has a rate of its own.
 struct ShScale {
     float step_dc, step_rest, root;
-    AdamDecay<float> decay;
 };
 
 /// The spherical harmonics and their moments, coefficient major as in Gaussians::sh.
@@ -101,12 +79,11 @@ struct ShAdam {
                               const ShScale& s) {
         for (int j = 0; j < 3 * kGroup; ++j)
             g.value[j] = adam_update(g.value[j], dL[j], g.m[j], g.v[j],
-                                     3 * first + j < 3 ? s.step_dc : s.step_rest, s.root, s.decay);
+                                     3 * first + j < 3 ? s.step_dc : s.step_rest, s.root);
     }
 };
 
-/// Takes this iteration's step of a Gaussian's harmonics where sh_color_vjp finds their gradients:
-/// of those at `at` of their arrays.
+/// Takes the SH step of Gaussian `at` where sh_color_vjp finds its gradients.
 template <int kGroup_>
 struct ShStep {
     static constexpr int kGroup = kGroup_;

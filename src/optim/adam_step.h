@@ -30,7 +30,6 @@ GeometrySpans geometry_spans(Gaussians<Device>& g) {
 /// Rates with bias correction, as AdamScale::step.
 struct GeometryScale {
     float mean, log_scale, quat, opacity_logit, root;
-    AdamDecay<float> decay;
 };
 
 // Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
@@ -44,7 +43,7 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
                                    const GeometryScale& scale,
                                    bool with_opacity) {
     const auto step = [&scale](float& value, float dL, float& moment, float& second, float rate) {
-        value = adam_update(value, dL, moment, second, rate, scale.root, scale.decay);
+        value = adam_update(value, dL, moment, second, rate, scale.root);
     };
     for (int k = 0; k < 3; ++k) {
         step(splat.mean[k], gradient.mean[k], m.mean[k], v.mean[k], scale.mean);
@@ -65,19 +64,15 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
 struct AdamStep {
     GeometrySpans values, m, v;
     GeometrySpans extra;  // gradients that losses give without the image; may be null
-    ShAdam sh;            // of all splats; where `taken` is given, by place of those in view
+    ShAdam sh;
     GeometryScale geometry_scale;
     ShScale sh_scale;
     bool with_opacity;
     const int* halted;  // where *halted (may be null) is not 0, nothing changes
-    /// Of each splat the steps of its harmonics that were taken, of `due`; null: none waits. See
-    /// WaitingHarmonics.
-    std::uint16_t* taken = nullptr;
-    int due = 0;
 };
 
-/// The step of Gaussian i's geometry; `visit` is given the gradients of its harmonics, see
-/// sh_color_vjp. True if there are none; the caller then steps them by gradients of zero.
+/// Steps Gaussian i's geometry and gives its SH gradients to `visit`, see sh_color_vjp. Returns
+/// true where there are none; the caller then takes the SH step with gradients of zero.
 template <SplatVjp Vjp, class Visit>
 TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();
@@ -89,26 +84,8 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
     return !colored;
 }
 
-/// A splat in view that draws nothing, behind others, has no gradient: its harmonics' steps wait
-/// on, but all of them are taken of the view's copy, in vain, each time that it is in view. So no
-/// more than these wait; fewer would have more to bring back.
-inline constexpr int kMostInVain = 8;
-
-/// The same where harmonics wait that are out of view or, for a while, get no gradient.
-template <int kGroup, SplatVjp Vjp>
-TVSGS_HD void step_splat_in_view(const Vjp& vjp, const AdamStep& in, int i) {
-    const std::uint32_t at = vjp.sums.places.of(i);
-    ShStep<kGroup> sh{in.sh, static_cast<int>(at), in.sh_scale};
-    if (step_splat(vjp, in, i, sh)) {
-        const bool in_view = Vjp::kColor && at < in.sh.stride;
-        if (!in_view || in.due - in.taken[i] < kMostInVain) return;
-        sh.decay();
-    }
-    in.taken[i] = static_cast<std::uint16_t>(in.due + 1);
-}
-
-// The twins go through the harmonics in the order that suits them: on a GPU each lane through those
-// of its Gaussian, on a CPU one coefficient after the other of some Gaussians side by side.
+// The order of the SH steps differs: a GPU lane steps all coefficients of its Gaussian, a CPU
+// thread one coefficient of 64 Gaussians after the other.
 void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step);
 void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep& step);
 

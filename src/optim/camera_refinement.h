@@ -7,7 +7,6 @@
 #include <utility>
 #include <vector>
 
-#include "core/periods.h"
 #include "core/scene.h"
 #include "core/state.h"
 #include "render/camera_math.h"
@@ -91,9 +90,7 @@ private:
 template <class Device>
 class TrainedCameras {
 public:
-    /// Each step stands for `batch` iterations.
-    TrainedCameras(const Scene& scene, const CameraOptions& options, int batch = 1)
-        : options_(options), batch_(batch) {
+    TrainedCameras(const Scene& scene, const CameraOptions& options) : options_(options) {
         if (!options.refine) return;
         refined_.emplace(scene, options);
         gradients_.resize(static_cast<std::size_t>(kCameraNumbers * refined_->views()));
@@ -108,9 +105,7 @@ public:
 
     /// After each step; after the last one of a round the poses step.
     void step_done(int step, int iterations) {
-        if (!active(step) || !passes_multiple(step, batch_, refined_->views()) ||
-            step >= iterations)
-            return;
+        if (!active(step) || step % refined_->views() != 0 || step >= iterations) return;
         const double all = iterations - options_.start + 1, left = (iterations - step) / all;
         const double reach = 2 * static_cast<double>(options_.bound_px) * refined_->views() / all;
         refined_->step(to_host(gradients_),
@@ -140,7 +135,6 @@ private:
     bool active(int step) const { return refined_ && step >= options_.start; }
 
     CameraOptions options_;
-    int batch_;
     std::optional<CameraRefinement> refined_;
     Buffer<double, Device> gradients_;  // [views kCameraNumbers] of the round so far
     bool moved_ = true;

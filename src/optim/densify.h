@@ -5,10 +5,8 @@
 #include <algorithm>
 #include <functional>
 
-#include "comm/communicator.h"
 #include "core/options.h"
 #include "core/parallel.h"
-#include "core/periods.h"
 #include "core/scan.h"
 #include "optim/adam.h"
 #include "optim/densify_bodies.h"
@@ -78,14 +76,8 @@ struct DensifyOptions {
 template <class Device>
 class Densifier {
 public:
-    /// Each step stands for `batch` iterations. `peers`: as TrainCallbacks has them; each keeps the
-    /// statistics of its part of the splats, and counts for trims what its share of the views sees.
-    Densifier(const DensifyOptions& options,
-              float extent,
-              std::uint64_t seed,
-              int batch = 1,
-              Communicator* peers = nullptr)
-        : options_(options), extent_(extent), seed_(seed), batch_(batch), peers_(peers) {}
+    Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
+        : options_(options), extent_(extent), seed_(seed) {}
 
     /// What the cloud leaves open around each splat, [N], where covered ones are spared.
     void set_open(const std::vector<float>& open) { copy(open, open_); }
@@ -96,41 +88,18 @@ public:
         bool opacity_reset = false;
     };
 
-    /// Adds the statistics of a render to `sums`, which has an entry for each splat.
-    void count_view(const ScreenStatistics<Device>& screen,
-                    Buffer<GrowthStatistics, Device>& sums) const {
-        parallel_for(Device{}, static_cast<int>(sums.size()),
-                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
-                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
-                                    options_.rule, weights(), sums.span()});
-    }
-
-    /// The sums since the last growth, of this process's part of the splats, where views are
-    /// counted at that step; else null.
-    Buffer<GrowthStatistics, Device>* sums_at(int step, const Gaussians<Device>& g) {
-        if (!acts(step)) return nullptr;
-        if (counted_ != g.size()) reset_statistics(g.size());
-        return &statistics_;
-    }
-
-    /// Adds the statistics of the last render and does what is due.
+    /// Adds the statistics of the last render. When due, grows, prunes, trims and resets; `observe`
+    /// renders the training views and calls its argument with the statistics of each.
+    /// [docs/method/pgsr.md#growth]
     template <class Observe>
     Event step(int step,
                const ScreenStatistics<Device>& screen,
                Gaussians<Device>& g,
                Adam<Device>& adam,
                const Observe& observe) {
-        if (auto* const sums = sums_at(step, g)) count_view(screen, *sums);
-        return this->step(step, g, adam, observe);
-    }
-
-    /// When due, grows, prunes, trims and resets. `observe` renders this process's share of the
-    /// training views and calls its argument with the statistics of each.
-    /// [docs/method/pgsr.md#growth]
-    template <class Observe>
-    Event step(int step, Gaussians<Device>& g, Adam<Device>& adam, const Observe& observe) {
         Event event;
         if (!acts(step)) return event;
+        count_view(screen, g.means.size());
         if (grows(step)) {
             grow_and_prune(step, g);
             event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
@@ -148,7 +117,7 @@ public:
                 Device{}, g.size(),
                 ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
                                  std::as_const(g.log_scales).span(), std::as_const(g.filter).span(),
-                                 weights(), g.opacity_logits.span(), adam.part(),
+                                 weights(), g.opacity_logits.span(),
                                  adam.first_moments().opacity_logits.span(),
                                  adam.second_moments().opacity_logits.span()});
             event.opacity_reset = true;
@@ -160,13 +129,13 @@ public:
     bool may_change_structure(int step) const { return acts(step) && (grows(step) || trims(step)); }
 
     bool resets_opacity(int step) const {
-        return acts(step) && passes_multiple(step, batch_, options_.opacity_reset_every);
+        return acts(step) && step % options_.opacity_reset_every == 0;
     }
 
     void state(StateVisitor<Device>& visit) {
-        visit.part("densify.statistics", statistics_, counted_);
+        visit("densify.statistics", statistics_);
         if (visit.loading() ? visit.has("densify.open") : !open_.empty())
-            visit.splats("densify.open", open_);
+            visit("densify.open", open_);
     }
 
     /// Old index of each splat after a step that changed the structure.
@@ -177,44 +146,38 @@ private:
         return options_.enabled && options_.spare_covered < 1 && step < options_.until;
     }
 
-    bool grows(int step) const {
-        return step - step % options_.every > options_.from &&
-               passes_multiple(step, batch_, options_.every);
-    }
+    bool grows(int step) const { return step > options_.from && step % options_.every == 0; }
 
     bool trims(int step) const {
-        return options_.trim_min_views > 0 && passes_multiple(step, batch_, options_.trim_every);
+        return options_.trim_min_views > 0 && step % options_.trim_every == 0;
     }
 
     GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-    void reset_statistics(int count) {
-        counted_ = count;
-        statistics_.resize(static_cast<std::size_t>(own_part(peers_, count).size()));
-        statistics_.fill_zero();
+    /// Sums since the last growth; growth empties them.
+    void count_view(const ScreenStatistics<Device>& screen, std::size_t splats) {
+        if (statistics_.size() != splats) {
+            statistics_.resize(splats);
+            statistics_.fill_zero();
+        }
+        parallel_for(Device{}, static_cast<int>(splats),
+                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
+                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
+                                    options_.rule, weights(), statistics_.span()});
     }
 
     /// Fills growth_ and counts_.
     void grow_and_prune(int step, const Gaussians<Device>& g) {
         const std::size_t n = g.means.size();
         growth_.resize(n), score_.resize(n), counts_.resize(n);
-        const Part own = own_part(peers_, g.size());
-        const auto part = [&own](auto span) {
-            return span.sub(static_cast<std::size_t>(own.begin),
-                            static_cast<std::size_t>(own.size()));
-        };
         propose_growth<Device>(
             options_.rule,
-            {statistics_, part(g.log_scales.span()), options_.gradient_threshold,
+            {statistics_, g.log_scales.span(), options_.gradient_threshold,
              options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-             options_.percent_dense * extent_, options_.abs_radius_px, peers_},
-            part(growth_.span()), part(score_.span()));
-        share_parts(
-            peers_, "growth", Device{},
-            {{growth_.data(), sizeof *growth_.data()}, {score_.data(), sizeof *score_.data()}},
-            g.size());
+             options_.percent_dense * extent_, options_.abs_radius_px},
+            growth_.span(), score_.span());
         apply_quotas(g.size());
         const float infinite = 3e38f;
         parallel_for(
@@ -223,7 +186,7 @@ private:
                       logit(options_.min_opacity),
                       step > options_.prune_large_after ? options_.prune_large * extent_ : infinite,
                       weights(), counts_.span()});
-        reset_statistics(0);  // the next accumulation starts from zero at the new size
+        statistics_.resize(0);
     }
 
     /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index.
@@ -267,7 +230,6 @@ private:
             parallel_for(Device{}, static_cast<int>(n),
                          CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
         });
-        sum_over_ranks(peers_, "trim", front_views_);
         parallel_for(Device{}, g.size(),
                      KeepSeenBody{front_views_.span(), options_.trim_min_views, weights(),
                                   counts_.span(), growth_.span()});
@@ -278,7 +240,6 @@ private:
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
-        const int before = g.size();
         const std::size_t n = static_cast<std::size_t>(total);
         parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
         parallel_for(Device{}, g.size(),
@@ -291,50 +252,23 @@ private:
             ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
-        // 2. All to their places: what the splats inherit goes there at once.
-        order_by_place(g.means.span(), place_order(batch_), first_, counts_);
+        // 2. All to their places in memory, with everything that splats inherit.
+        morton_order(g.means.span(), first_);
         gather_shapes(first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
         gather(first_.span(), {}, is_new_, child_of_split_);
         gather_rest({}, g);
         if (!open_.empty()) gather(parents_.span(), {}, open_, scratch1_);
         for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
-            inherit(before, *moments);
-        adam.set_splats(total);
-        reset_statistics(0);
+            inherit(*moments);
+        statistics_.resize(0);
         return true;
     }
 
-    /// The moments of new splats, of which there were `before`. They lie with whoever had the
-    /// parents; array by array, all get them for as long as they take out those of their part.
-    void inherit(int before, Gaussians<Device>& moments) {
-        if (peers_ == nullptr) {
-            gather_shapes(parents_.span(), is_new_.span(), moments);
-            return gather_rest(is_new_.span(), moments);
-        }
-        const int after = static_cast<int>(parents_.size());
-        const Part from = own_part(peers_, before), to = own_part(peers_, after);
-        const auto had = static_cast<std::size_t>(from.size()),
-                   has = static_cast<std::size_t>(to.size()),
-                   first = static_cast<std::size_t>(to.begin);
-        for_each_array(
-            [&]<class T>(const SplatArray& array, Buffer<T, Device>& values) {
-                if (values.empty() && array.optional) return;
-                Buffer<T, Device> mine(static_cast<std::size_t>(array.planes) * has);
-                auto& all = scratch_of({.name = array.name}, values);
-                all.resize(static_cast<std::size_t>(before));
-                for (std::size_t p = 0; p < static_cast<std::size_t>(array.planes); ++p) {
-                    detail::copy(Device{}, values.data() + p * had, Device{},
-                                 all.data() + from.begin, had * sizeof(T));
-                    share_parts(peers_, "moments", Device{}, all.data(), before);
-                    parallel_for(Device{}, to.size(),
-                                 GatherBody<T>{std::as_const(parents_).span().sub(first, has),
-                                               std::as_const(is_new_).span().sub(first, has),
-                                               all.data(), mine.data() + p * has});
-                }
-                values.swap(mine);
-            },
-            moments);
+    /// Moments go with their splats; new splats start with 0.
+    void inherit(Gaussians<Device>& moments) {
+        gather_shapes(parents_.span(), is_new_.span(), moments);
+        gather_rest(is_new_.span(), moments);
     }
 
     void gather_shapes(Span<const int> from,
@@ -375,10 +309,7 @@ private:
     DensifyOptions options_;
     float extent_;
     std::uint64_t seed_;
-    int batch_;
-    Communicator* peers_;
-    int counted_ = 0;                              // splats with statistics: all, or none
-    Buffer<GrowthStatistics, Device> statistics_;  // of this process's part of them
+    Buffer<GrowthStatistics, Device> statistics_;  // [N]; empty after each growth
     Buffer<float, Device> open_;                   // [N], or empty
     Buffer<Growth, Device> growth_;
     Buffer<float, Device> score_;

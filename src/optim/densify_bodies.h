@@ -6,7 +6,6 @@
 
 #include "core/gaussians.h"
 #include "core/parallel.h"
-#include "core/part.h"
 #include "core/rng.h"
 #include "core/smoothing_filter.h"
 #include "optim/growth_rules.h"
@@ -108,8 +107,7 @@ struct ResetOpacityBody {
     Span<const float> filter;  // or empty
     GrowthWeights weights;
     Span<float> logits;
-    Part part;
-    Span<float> m, v;  // of these splats
+    Span<float> m, v;
     TVSGS_HD void operator()(int i) const {
         const float weight = weights(i), most = reset + (1 - weight) * (1 - reset);
         if (!(most < 1)) return;
@@ -119,7 +117,7 @@ struct ResetOpacityBody {
             limit = own < 1 ? std::log(own / (1 - own)) : logits[i];
         }
         logits[i] = logits[i] < limit ? logits[i] : limit;
-        if (part.holds(i)) m[i - part.begin] = v[i - part.begin] = 0;
+        m[i] = v[i] = 0;
     }
 };
 

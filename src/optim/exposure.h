@@ -122,12 +122,12 @@ struct ExposurePullTerm {
     }
 };
 
-/// Whether there is something to learn: lesson[count], behind the gradient.
+/// Writes behind the gradient whether exposures step: gradient[count].
 struct ExposureOpenBody {
-    double* lesson;
+    double* gradient;
     int count;
     ExposureGate gate;
-    TVSGS_HD void operator()(int) const { lesson[count] = gate.open(); }
+    TVSGS_HD void operator()(int) const { gradient[count] = gate.open(); }
 };
 
 /// Adam, rate 1e-3, betas 0.9 and 0.99, eps 1e-8, over all photographs: those not looked at go on
@@ -135,18 +135,18 @@ struct ExposureOpenBody {
 struct ExposureStepBody {
     Span<ExposureState> states;
     int current, count;
-    const double* lesson;  // [count] the current one's gradient, of the L1 term; whether to learn
+    const double* gradient;  // [count] of the L1 term by the current one; then whether to step
     float pull;
 
     TVSGS_HD void operator()(int i) const {
-        if (!(lesson[count] > 0)) return;
+        if (!(gradient[count] > 0)) return;
         ExposureState& s = states[i];
         ++s.steps;
         const float t = static_cast<float>(s.steps);
         const float correction1 = 1 - std::pow(0.9f, t), correction2 = 1 - std::pow(0.99f, t);
         for (int k = 0; k < count; ++k) {
             const float pulled = k < kGainValues ? 0 : 2 * pull * s.value[k],
-                        g = i == current ? static_cast<float>(lesson[k]) + pulled : 0;
+                        g = i == current ? static_cast<float>(gradient[k]) + pulled : 0;
             s.m[k] = 0.9f * s.m[k] + 0.1f * g;
             s.v[k] = 0.99f * s.v[k] + 0.01f * g * g;
             s.value[k] -=
@@ -158,7 +158,7 @@ struct ExposureStepBody {
 template <class Device>
 class Exposure {
 public:
-    /// With `held` [view][values] these stay, and nothing is learnt.
+    /// With `held` [view][values] exposures are constants.
     Exposure(ExposureModel model, float pull, const HeldExposures* held = nullptr)
         : count_(model == ExposureModel::affine ? kAffineValues : kGainValues),
           pull_(pull),
@@ -172,12 +172,12 @@ public:
             return;
         }
         if (model == ExposureModel::none) return;
-        lesson_.resize(static_cast<std::size_t>(count_) + 1);
-        lesson_.fill_zero();
+        gradient_.resize(static_cast<std::size_t>(count_) + 1);
+        gradient_.fill_zero();
     }
 
-    /// Adds the L1 term with the view's exposure, and `value` what its matrix costs, and leaves in
-    /// lesson() what learn() takes. `gate.ssim_loss` has to be known.
+    /// Adds the L1 term with the view's exposure, adds the cost of its matrix to `value`, and keeps
+    /// the gradient for step(). `gate.ssim_loss` has to be known.
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,
@@ -188,7 +188,7 @@ public:
                 Span<float> pixel_loss,
                 double* value) {
         require_states(views);
-        if (!held_) lesson_.fill_zero();
+        if (!held_) gradient_.fill_zero();
         const std::size_t pixels = in.images.color.size();
         per_pixel_.resize(static_cast<std::size_t>(count_) * pixels);
         const ExposureGate gate{ssim_loss, limit};
@@ -201,24 +201,19 @@ public:
         for (int k = 0; k < count_; ++k) {
             const float* const of_value = per_pixel_.data() + static_cast<std::size_t>(k) * pixels;
             add_sum(Device{}, static_cast<int>(pixels), ReadValue{{of_value, pixels}}, 1,
-                    objective.partial.span(), lesson_.data() + k);
+                    objective.partial.span(), gradient_.data() + k);
         }
         if (count_ > kGainValues)
             add_sum(Device{}, count_ - kGainValues, ExposurePullTerm{own, gate, pull_}, 1,
                     objective.partial.span(), value);
-        parallel_for(Device{}, 1, ExposureOpenBody{lesson_.data(), count_, gate});
+        parallel_for(Device{}, 1, ExposureOpenBody{gradient_.data(), count_, gate});
     }
 
-    /// Improves the exposures by a lesson of photograph `view`.
-    void learn(int view, int views, const double* lesson) {
-        if (held_) return;
-        require_states(views);
+    /// Steps the exposures by the gradient of the last add_l1(), which was of photograph `view`.
+    void step(int view, int views) {
         parallel_for(Device{}, views,
-                     ExposureStepBody{states_.span(), view, count_, lesson, pull_});
+                     ExposureStepBody{states_.span(), view, count_, gradient_.data(), pull_});
     }
-
-    /// Of the last photograph; empty where exposures are not fitted.
-    const Buffer<double, Device>& lesson() const { return lesson_; }
 
     void state(StateVisitor<Device>& visit) {
         if (!held_) visit.optional("exposure", states_);
@@ -249,7 +244,7 @@ private:
     float pull_;
     bool held_;
     Buffer<ExposureState, Device> states_;
-    Buffer<double, Device> lesson_;
+    Buffer<double, Device> gradient_;
     Buffer<float, Device> per_pixel_;
 };
 

@@ -7,7 +7,6 @@
 #include <cstdint>
 #include <vector>
 
-#include "comm/communicator.h"
 #include "core/gaussians.h"
 #include "core/parallel.h"
 #include "core/quantile.h"
@@ -24,7 +23,7 @@ struct GrowthStatistics {
 
 enum class Growth : std::uint8_t { none, clone, split, abs_split };
 
-/// What a rule goes by: of the splats of this process's part.
+/// Inputs of a growth rule, one entry per splat.
 template <class Device>
 struct GrowthInputs {
     const Buffer<GrowthStatistics, Device>& statistics;
@@ -32,7 +31,6 @@ struct GrowthInputs {
     float gradient_threshold, abs_gradient_threshold;  // per NDC unit
     float size_threshold;                              // of the largest scale, world units
     float abs_radius_px;
-    Communicator* peers = nullptr;
 
     int size() const { return log_scales.size(); }
 };
@@ -94,25 +92,17 @@ struct QuantileBody {
     }
 };
 
-/// As propose_growth(). The quantile, over the splats of all processes, is found on the host: it is
-/// rare, and the same on both devices.
+/// As propose_growth(). The host finds the quantile: growth is rare, and both devices get the same.
 template <class Device>
 void grow_by_quantile(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     std::vector<float> abs;
-    std::vector<std::int64_t> above{0};
+    std::int64_t above = 0;
     for (const GrowthStatistics& s : to_host(in.statistics)) {
         abs.push_back(s.mean_abs_gradient());
-        above[0] += s.mean_gradient() >= in.gradient_threshold;
-    }
-    if (in.peers != nullptr) {
-        Buffer<float, Cpu> mine, all;
-        copy(abs, mine);
-        in.peers->all_gather_v("growth", mine, mine.size(), all);
-        abs = to_host(all);
-        in.peers->all_reduce("growth", Communicator::Reduce::sum, above);
+        above += s.mean_gradient() >= in.gradient_threshold;
     }
     const double share =
-        abs.empty() ? 0 : static_cast<double>(above[0]) / static_cast<double>(abs.size());
+        abs.empty() ? 0 : static_cast<double>(above) / static_cast<double>(abs.size());
     parallel_for(Device{}, in.size(),
                  QuantileBody{in.statistics.span(), in.log_scales, in.gradient_threshold,
                               quantile(abs, 1 - share), in.size_threshold, growth, score});
@@ -126,8 +116,8 @@ TVSGS_HD inline float abs_gradient_of_view(GrowthRule rule, Vec2f sums) {
     return rule == GrowthRule::quantile ? sums.x + sums.y : std::sqrt(dot(sums, sums));
 }
 
-/// Overwrites the growth that a rule proposes for each splat of the part, and the score by which a
-/// quota would choose.
+/// Overwrites the growth that a rule proposes for each splat, and the score by which a quota
+/// chooses.
 template <class Device>
 void propose_growth(GrowthRule rule,
                     const GrowthInputs<Device>& in,

@@ -53,8 +53,7 @@ public:
 
     /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
     Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
-        : batched_(options.comm.batch > 1),
-          backbone_(make_backbone<Device>(options.backbone, options.render)),
+        : backbone_(make_backbone<Device>(options.backbone, options.render)),
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
@@ -62,7 +61,6 @@ public:
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->moves_cameras());
-        check_harmonics(scene, options, backbone_->fuses());
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
@@ -72,35 +70,32 @@ public:
         objective_.count.resize(1);
     }
 
-    /// The view with its photograph, for iteration `number`. `next()`: number and view of the one
-    /// after it, whose photographs then come while the device works; asked only where they are not
-    /// all there.
-    template <class Next>
-    const DeviceView<Device>& fetch(int number, int view, const Losses& losses, const Next& next) {
+    /// The view of iteration `step` with its photograph. `next_view()`: of the iteration after it;
+    /// called only where not all photographs are on the device. Its photographs are copied while
+    /// the device works.
+    template <class NextView>
+    const DeviceView<Device>& fetch(int step,
+                                    int view,
+                                    const Losses& losses,
+                                    const NextView& next_view) {
         const DeviceView<Device>& here = views_.get(view);
         if (views_.all_resident()) return here;
-        const bool looks_around = needs_at(losses, number, view, true).other_views > 0;
+        const bool looks_around = needs_at(losses, step, view, true).other_views > 0;
         if (looks_around)
-            for (const int other : others_->choose(number, view)) views_.get(other);
-        const auto [next_number, after] = next();
-        views_.prefetch(after);
+            for (const int other : others_->choose(step, view)) views_.get(other);
+        const int next = next_view();
+        views_.prefetch(next);
         if (looks_around)
-            for (const int other : others_->choose(next_number, after)) views_.prefetch(other);
+            for (const int other : others_->choose(step + 1, next)) views_.prefetch(other);
         return here;
     }
 
-    /// Before its photographs, also where a process has none.
-    void begin_step(int step) { sh_degree_ = sh_degree_at(model_, step); }
-
-    /// Iteration `number` of the step that ends with iteration `step`: renders the view, adds up
-    /// the losses, and goes back to the splats: into the gradients, or half of the way where the
-    /// backbone fuses the rest with Adam's step. `watch(values)` is given the losses. Terms learn
-    /// at once, unless the step looks at several photographs. Without `for_step` only the
-    /// statistics of the screen are asked for. What moves cameras adds its derivatives by this one
-    /// to `by_camera`, unless that is empty.
+    /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or to
+    /// the sums over pixels where the backbone fuses the rest with Adam's step. `watch(values)` is
+    /// given the losses. Without `for_step` only the screen statistics are computed. Terms that
+    /// move cameras add their derivatives by this camera to `by_camera`, unless that is empty.
     template <class Watch>
-    void propagate(int number,
-                   int step,
+    void propagate(int step,
                    const DeviceView<Device>& view,
                    const Gaussians<Device>& gaussians,
                    const Losses& losses,
@@ -108,17 +103,17 @@ public:
                    bool for_step,
                    Span<double> by_camera,
                    const Watch& watch) {
-        begin_step(step);
+        sh_degree_ = sh_degree_at(model_, step);
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         OtherViews<Device>* others = nullptr;
-        if (needs_at(losses, number, view.index, true).other_views > 0)
+        if (needs_at(losses, step, view.index, true).other_views > 0)
             clock("other views", [&] {
                 details("other views, forward", [&] {
-                    others_->begin(number, view.index, views_.views(), drawn);
+                    others_->begin(step, view.index, views_.views(), drawn);
                     if (others_->count() > 0) others = others_.get();
                 });
             });
-        const LossNeeds needs = needs_at(losses, number, view.index, others != nullptr);
+        const LossNeeds needs = needs_at(losses, step, view.index, others != nullptr);
         const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
             return backbone_->forward(drawn, view.camera, sh_degree_, needs.maps);
         });
@@ -126,13 +121,11 @@ public:
             details("clear gradients", [&] { clear(gaussians, needs, images); });
             if (others) details("compare views", [&] { others->compare(images); });
             for (std::size_t i = 0; i < losses.size(); ++i) {
-                if (!losses[i]->active(number)) continue;
+                if (!losses[i]->active(step)) continue;
                 details(loss_stages_[i].c_str(), [&] {
                     losses[i]->add_to(objective_, objective_.values.data() + i,
                                       {gaussians, images, view, field,
-                                       backbone_->statistics().radii_px.span(), number, others});
-                    if (const auto* const lesson = losses[i]->lesson(); lesson && !batched_)
-                        losses[i]->learn(number, view.index, lesson->data());
+                                       backbone_->statistics().radii_px.span(), step, others});
                 });
                 if (!by_camera.empty() && losses[i]->moves_cameras())
                     details("camera gradient", [&] { find_camera_gradient(drawn, by_camera); });
@@ -153,24 +146,21 @@ public:
         });
     }
 
-    /// Adam's step along what propagate() gave, or along the mean over `photographs` of their
-    /// `sum`.
+    /// Adam's step along the gradients of the last propagate().
     void descend(int step,
                  Adam<Device>& adam,
                  Gaussians<Device>& gaussians,
                  bool with_opacity,
-                 const int* halted,
-                 Gaussians<Device>* sum = nullptr,
-                 int photographs = 1) {
-        Gaussians<Device>& gradients = sum == nullptr ? objective_.dL_dgaussians : *sum;
+                 const int* halted) {
+        Gaussians<Device>& gradients = objective_.dL_dgaussians;
         clock("adam", [&] {
             details("project backward and Adam", [&] {
                 if (fused_ != nullptr)
                     adam.step(step, extent_, sh_degree_, *fused_, gradients, gaussians,
                               with_opacity, halted);
                 else
-                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity, halted,
-                              1 / static_cast<float>(photographs));
+                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity,
+                              halted);
             });
         });
         if (bounds_.on())
@@ -180,7 +170,7 @@ public:
                                    gaussians.log_scales.span(), halted});
     }
 
-    /// In the place of descend(): the statistics that its second half of the way would write.
+    /// Instead of descend(): writes the screen statistics.
     void finish_statistics() {
         if (fused_ != nullptr) write_statistics(Device{}, *fused_);
     }
@@ -192,19 +182,16 @@ public:
         copy_bound_cameras();
     }
 
-    /// Before the first step, and after each of iterations [first, step]; see Backbone::prepare().
-    void prepare(int first, int step, bool changed, Gaussians<Device>& gaussians) {
-        for (int number = first; number <= step; ++number)
-            backbone_->prepare(number, changed && number == step, cameras_, gaussians);
+    /// Before the first step (`step` is 0), and after each; see Backbone::prepare().
+    void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
+        backbone_->prepare(step, changed, cameras_, gaussians);
     }
 
-    /// visit(statistics) of what each training view sees of the splats, fixed ones last: of every
-    /// `ranks`-th view from `rank` on.
+    /// visit(statistics) for each training view; the entries of fixed splats are last.
     template <class Visit>
-    void observe(const Gaussians<Device>& gaussians, int rank, int ranks, const Visit& visit) {
+    void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
         for (const auto& view : views_.views()) {
-            if (view.index % ranks != rank) continue;
             backbone_->forward(drawn, view.camera, 0, kGeometryMaps);
             backbone_->observe(drawn);
             visit(backbone_->statistics());
@@ -215,19 +202,12 @@ public:
     OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
     const Objective<Device>& objective() const { return objective_; }
 
-    // Of a step of several photographs: what propagate() gave of one of them.
-    Gaussians<Device>& gradients() { return objective_.dL_dgaussians; }
-    Buffer<double, Device>& values() { return objective_.values; }
-    int sh_degree() const { return sh_degree_; }
-    /// gradients() have been taken from there, and left as zeros.
-    void gradients_are_taken() { taken_ = true; }
-
     // Times, unless switched on not taken: the parts of a training, and the parts of these.
     StageClock<Device> clock, details;
 
 private:
-    /// Gradients that are in no memory cannot be added up, nor parted from those of fixed splats.
-    bool fuses() const { return !batched_ && fixed_.none() && backbone_->fuses(); }
+    /// Fixed splats need gradients in memory, to be separated from those of the trained ones.
+    bool fuses() const { return fixed_.none() && backbone_->fuses(); }
 
     void copy_bound_cameras() {
         if (bounds_.on()) copy(cameras_, bound_cameras_);
@@ -264,12 +244,11 @@ private:
         if (fuses())
             resize_geometry(by_splat, needs.splat_gradients ? gaussians.size() : 0);
         else if (by_splat.size() != gaussians.size() || by_splat.sh_degree != gaussians.sh_degree)
-            taken_ = false, resize(by_splat, gaussians.size(), gaussians.sh_degree);
-        if (!std::exchange(taken_, false)) fill_zero(by_splat);
+            resize(by_splat, gaussians.size(), gaussians.sh_degree);
+        fill_zero(by_splat);
         objective_.values.fill_zero();
     }
 
-    bool batched_;
     std::unique_ptr<Backbone<Device>> backbone_;
     std::unique_ptr<OtherViews<Device>> others_;
     DeviceViews<Device> views_;
@@ -282,8 +261,7 @@ private:
     Objective<Device> objective_;
     ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
     std::vector<std::string> loss_stages_;
-    int sh_degree_ = 0;   // of the step under way
-    bool taken_ = false;  // gradients() are zeros
+    int sh_degree_ = 0;  // of the step in progress
     /// Of the last propagate(); null: the gradients are in the objective.
     const FusedGradients* fused_ = nullptr;
 };

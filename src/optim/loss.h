@@ -94,14 +94,6 @@ public:
                         double* value,
                         const LossInputs<Device>& in) = 0;
 
-    /// Numbers that the last add_to() has left for learn(), always as many; null: the term learns
-    /// nothing from a photograph.
-    virtual const Buffer<double, Device>* lesson() const { return nullptr; }
-
-    /// Takes the lesson, on the device, of iteration `number`, which has looked at `view`. A step
-    /// of several photographs gives the lessons of all in their order when it has looked at them.
-    virtual void learn(int /*number*/, int /*view*/, const double* /*lesson*/) {}
-
     /// A term that keeps something from step to step has to show it here: what is not shown is not
     /// in checkpoints, and resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}

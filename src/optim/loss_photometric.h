@@ -78,13 +78,7 @@ public:
                              objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
-    }
-
-    const Buffer<double, Device>* lesson() const override {
-        return exposure_.lesson().empty() ? nullptr : &exposure_.lesson();
-    }
-    void learn(int number, int view, const double* lesson) override {
-        if (exposes_at(number)) exposure_.learn(view, views_, lesson);
+        if (expose && !exposure_.held()) exposure_.step(in.view.index, views_);
     }
 
     void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }

@@ -185,20 +185,6 @@ Decision plan_settings(int train_views, bool measured_points) {
             {}};
 }
 
-Decision plan_batch(int train_views, int processes) {
-    const bool many = train_views >= kDenseViews;
-    Settings settings;
-    if (many) settings.emplace_back("comm.batch", str(processes));
-    return {"batch",
-            many ? str(processes, " a step") : "not planned",
-            str("processes that share the photographs of a step: ", processes,
-                "; training views: ", compared(train_views, kDenseViews),
-                many ? "" : ", too few to look at several in each unasked (comm.batch)"),
-            static_cast<double>(train_views),
-            kDenseViews,
-            settings};
-}
-
 Decision plan_cloud(const SceneLook& look, bool dense) {
     if (dense) {
         const int least = InitOptions{}.min_points;

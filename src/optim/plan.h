@@ -85,9 +85,6 @@ Decision plan_sky(double share);
 /// Which settings to start from: "sparse" or "dense", which measured points have no votes in.
 Decision plan_settings(int train_views, bool measured_points);
 
-/// How many photographs a step of so many processes looks at.
-Decision plan_batch(int train_views, int processes);
-
 /// On the cloud that comes with the scene: whether stereo makes another one.
 Decision plan_cloud(const SceneLook& look, bool dense);
 

@@ -41,63 +41,6 @@ void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
                     "moves cameras; set one to false or the other above 0");
 }
 
-std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses) {
-    if (options.comm.batch > 1)
-        return str("a step of comm.batch = ", options.comm.batch,
-                   " photographs adds up gradients of all splats");
-    if (options.cameras.refine)
-        return "what refines poses (cameras.refine) looks at harmonics of all splats";
-    if (scene.fixed_splats || !options.init.fixed_splats.empty())
-        return "fixed splats (init.fixed_splats) are drawn with copies of all";
-    if (!fuses) return str("backbone '", options.backbone, "' writes gradients of all splats");
-    return "";
-}
-
-void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses) {
-    if (!waits(options.optim)) return;
-    const bool host = options.optim.harmonics == KeepHarmonics::host;
-    if (const std::string why = why_harmonics_stay(scene, options, fuses); !why.empty())
-        throw Error(ExitCode::usage, str("optim.harmonics = ", host ? "host" : "waiting", ": ", why,
-                                         "; expected optim.harmonics = device, or a run without"));
-}
-
-std::string settle_harmonics(const Scene& scene, TrainOptions& options) {
-    const bool fuses = make_backbone<Cpu>(options.backbone, options.render)->fuses();
-    if (options.optim.harmonics != KeepHarmonics::waiting) {
-        check_harmonics(scene, options, fuses);
-        return "";
-    }
-    const std::string why = why_harmonics_stay(scene, options, fuses);
-    if (!why.empty()) options.optim.harmonics = KeepHarmonics::device;
-    return why;
-}
-
-void check_ranks(const TrainOptions& options, int ranks) {
-    const int batch = options.comm.batch;
-    if (ranks > batch)
-        throw Error(ExitCode::usage,
-                    str(ranks, " processes share the photographs of a step, and comm.batch = ",
-                        batch, "; expected --set comm.batch=", ranks,
-                        " or more, which is another training than with ", batch, ", or ", batch,
-                        batch == 1 ? " process" : " processes"));
-    if (ranks == 1) return;
-    for (const TermOnList& term : terms_on_list(options.loss))
-        if (term.weight > 0 && term.needs.kept_per_pixel > 0)
-            throw Error(ExitCode::usage,
-                        str("loss.", term.key,
-                            ".weight is above 0, and the term keeps maps of the views that a "
-                            "process has looked at; expected 0, or one process"));
-}
-
-void check_batch(const Scene& scene, const TrainOptions& options, int ranks) {
-    const int batch = options.comm.batch, views = static_cast<int>(scene.train.size());
-    if (batch > 1 && batch > views)
-        throw Error(ExitCode::usage,
-                    str("comm.batch = ", batch, ": a step looks at different views, and there are ",
-                        views, "; expected ", views, " at most"));
-    check_ranks(options, ranks);
-}
-
 std::vector<TermOnList> terms_on_list(const LossOptions& options) {
     std::vector<TermOnList> list;
     visit_losses<Cpu>(options, {},

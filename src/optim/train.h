@@ -7,8 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "comm/communicator.h"
-#include "comm/options.h"
 #include "core/scene.h"
 #include "core/stage_clock.h"
 #include "core/state.h"
@@ -34,25 +32,11 @@ struct ModelOptions {
     }
 };
 
-/// Where colours and their moments lie. `waiting`: on the device, where steps of splats out of view
-/// wait until they are seen, as they always do on the host (optim/waiting_harmonics.h).
-enum class KeepHarmonics { device, waiting, host };
-inline Memory memory_of(KeepHarmonics keep) {
-    return keep == KeepHarmonics::host ? Memory::host : Memory::device;
-}
-
 struct OptimOptions {
-    KeepHarmonics harmonics = KeepHarmonics::device;
     bool skip_step_on_structure_change = true;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field.choice("harmonics", harmonics, {"device", "waiting", "host"},
-                     "where colours and their moments lie, with the same results; waiting: on the "
-                     "GPU, but steps of splats out of view wait until they are seen: faster where "
-                     "a view sees a small part of a large scene; host: 576 bytes a splat less of "
-                     "the GPU's memory at degree 3; each step then moves those that its view sees "
-                     "over the bus and back");
         field("skip_step_on_structure_change", skip_step_on_structure_change,
               "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
               "the official "
@@ -63,11 +47,6 @@ struct OptimOptions {
 /// Whether growth spares what the initial cloud covers.
 inline bool spares(const DensifyOptions& o) {
     return o.enabled && o.spare_covered > 0;
-}
-
-/// Whether steps of harmonics out of view wait.
-inline bool waits(const OptimOptions& o) {
-    return o.harmonics != KeepHarmonics::device;
 }
 
 struct TrainOptions {
@@ -84,7 +63,6 @@ struct TrainOptions {
     BoundOptions bounds;
     TvOptions tv;
     InitOptions init;
-    CommOptions comm;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -104,7 +82,6 @@ struct TrainOptions {
         field.group("bounds", bounds, "how large and long splats may get");
         field.group("tv", tv, "tensor voting");
         field.group("init", init, "the first Gaussians");
-        field.group("comm", comm, "photographs of a step, and processes that share them");
     }
 };
 
@@ -151,40 +128,19 @@ struct TrainCallbacks {
     /// The run was rolled back to where it had `done` iterations; `what` says why.
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;
-
-    /// The other processes of this training, at most TrainOptions::comm.batch in all; null: none.
-    /// All have the same scene, options, start and answers of these callbacks. The photographs of a
-    /// step are dealt to them; gradients, values of losses, statistics of growth and what terms
-    /// learn are gathered and added in the order of the photographs. So all have the same splats,
-    /// those that one process would have.
-    Communicator* peers = nullptr;
-    int records_at_a_time = 0;  // see StepBatch
 };
 
-/// The splats after the step, asked for by who looks at them: some of it may have waited, or be
-/// with other processes. So of several processes all have to ask after the same steps.
-template <class Device>
-using SplatsNow = std::function<const Gaussians<Device>&()>;
 /// Called between two steps.
 template <class Device>
-using AfterStep = std::function<void(int step, const SplatsNow<Device>& splats_now)>;
+using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
-/// device type give the same bits, also when the training goes on from a saved state, `start`, and
-/// for any number of processes. Of these each keeps its part of what changes from step to step but
-/// for the parameters: on_save gives it its part of the state (comm/state_parts.h), and `start` may
-/// be such a part or the whole.
+/// device type give the same bits, also when the training goes on from a saved state, `start`.
 ///
-/// A step looks at comm.batch photographs, and iterations count these. It goes along the mean of
-/// their gradients; events are due at the step whose photographs they fall among. A round of the
-/// views leaves out, by draw, those that do not fill a step.
-///
-/// Losses are looked at every step, all parameters every hundred and before anything is reported,
-/// saved, pruned or returned; harmonics on the host, or that are with other processes, every
-/// thousand, and not for reports, but where something else is at fault. The first
-/// number that is not finite takes the run back to its last saved state (or its start) and divides
-/// the learning rate of what went wrong by ten; the second one is an Error(ExitCode::numerical)
-/// that names loss, view, parameter and splat.
+/// The guard checks losses every step, and all parameters every hundred steps and before they are
+/// reported, saved, pruned or returned. The first number that is not finite takes the run back to
+/// its last saved state (or its start) and divides the learning rate of the group at fault by ten;
+/// the second one is an Error(ExitCode::numerical) that names loss, view, parameter and splat.
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
@@ -195,25 +151,6 @@ Gaussians<Device> train(const Scene& scene,
 /// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
 /// have no derivatives by them. train() does so, too.
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
-
-/// Why harmonics cannot wait, or lie on the host: a step would want all of them. Empty where they
-/// can. `fuses`: of the rasteriser.
-std::string why_harmonics_stay(const Scene& scene, const TrainOptions& options, bool fuses);
-
-/// Throws Error(ExitCode::usage) where they are to wait all the same. train() does so, too.
-void check_harmonics(const Scene& scene, const TrainOptions& options, bool fuses);
-
-/// As check_harmonics(), but where they are to wait on the device and cannot, none does: another
-/// run's configuration may ask for it, and the results are the same. Returns why; else nothing.
-std::string settle_harmonics(const Scene& scene, TrainOptions& options);
-
-/// Throws Error(ExitCode::usage) where there are more processes than photographs of a step, or a
-/// term keeps what one process alone knows.
-void check_ranks(const TrainOptions& options, int ranks);
-
-/// Throws Error(ExitCode::usage) where a step would look at more photographs than there are,
-/// and as check_ranks(). train() does so, too.
-void check_batch(const Scene& scene, const TrainOptions& options, int ranks);
 
 /// Iterations that a saved state has behind it.
 int iterations_done(const State& state);

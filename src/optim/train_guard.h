@@ -126,15 +126,14 @@ public:
     /// splats as they are, so that check() still finds the numbers that made it.
     const int* halted() const { return &fault_.data()->step; }
 
-    /// Waits for the device. `step`: of this look, for the message. `all`: with the harmonics.
+    /// Waits for the device. `step`: of this check, for the message.
     std::optional<Fault> check(int step,
-                               bool all,
                                Gaussians<Device>& g,
                                const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                                const std::vector<View>& views) {
         const LossFault loss = to_host(fault_)[0];
         counts_.fill_zero();
-        for (int i = 0; i < (all ? kParameterGroups : kGeometryGroups); ++i) {
+        for (int i = 0; i < kParameterGroups; ++i) {
             const GroupFloats floats = group_floats(g, static_cast<ParameterGroup>(i));
             add_sum(Device{}, floats.count, NotFiniteTerm{floats.begin}, 1, partial_.span(),
                     counts_.data() + i);

@@ -1,7 +1,6 @@
 // The loop itself; included by one file per device.
 #pragma once
 
-#include "optim/batch.h"
 #include "optim/train_state.h"
 
 namespace tvsgs {
@@ -26,83 +25,60 @@ Gaussians<Device> train(const Scene& scene,
                         const TrainCallbacks& callbacks,
                         const AfterStep<Device>& after_step,
                         SharedState start) {
-    check_batch(scene, options, size_of(callbacks.peers));
     Iteration<Device> iteration(scene, options, callbacks.goes_on);
-    // A photograph can ask where it is drawn from harmonics that are fetched.
-    const bool asks = !scene.fixed_splats && iteration.backbone().fuses();
-    Training<Device> t(scene, options, callbacks, asks, std::move(start));
-    StepBatch<Device> batch(callbacks.peers, callbacks.records_at_a_time);
-    const int each = options.comm.batch;  // photographs of a step
     iteration.clock = StageClock<Device>(callbacks.profile);
+    GuardedTraining<Device> training(scene, options, callbacks, std::move(start));
     const auto follow_cameras = [&] {
-        const CameraRefinement* const moved = t->cameras.take_moved();
+        const CameraRefinement* const moved = training.state().cameras.take_moved();
         if (moved == nullptr) return;
         iteration.set_cameras(moved->cameras());
         if (callbacks.on_cameras) callbacks.on_cameras(*moved);
     };
 
-    const SplatsNow<Device> splats_now = [&t]() -> const Gaussians<Device>& {
-        t->adam.catch_up(t->gaussians);
-        return t->gaussians;
-    };
-    if (t->adam.fetches())
-        iteration.backbone().set_harmonics(
-            [&t](const SplatPlaces& places, std::size_t room, int sh_degree) {
-                return t->adam.fetch_harmonics(places, room, sh_degree, t->gaussians);
-            });
-
-    // A step is the iterations [first, step].
-    while (t->done < options.iterations) {
-        const int first = t->done + 1, step = std::min(t->done + each, options.iterations);
-        if (callbacks.peers != nullptr) callbacks.peers->set_iteration(step);
+    while (training.state().done < options.iterations) {
+        TrainState<Device>& s = training.state();  // a rollback replaces it
+        const int step = s.done + 1;
         if (callbacks.stop_requested && callbacks.stop_requested()) {
-            t.stop();
+            training.stop();
             break;
         }
-        if (callbacks.save_due && callbacks.save_due(first - 1) && !t.save()) continue;
+        if (callbacks.save_due && callbacks.save_due(s.done) && !training.save()) continue;
         follow_cameras();
-        if (first == 1) iteration.prepare(0, 0, true, t->gaussians);
-        if (t->voter.due(step, each)) iteration.clock("voting", [&] { t.vote(step); });
+        if (step == 1) iteration.prepare(0, true, s.gaussians);
+        if (s.voter.due(step)) iteration.clock("voting", [&] { training.vote(step); });
 
-        // Where splats come and go, gradients are lost, as in the official codes.
-        const bool changes = t->densifier.may_change_structure(step);
-        const bool steps = !changes && step < options.iterations;
-        if (t.batched()) {
-            batch.propagate(first, step, iteration, t, steps);
-        } else {
-            const DeviceView<Device>& view =
-                iteration.fetch(step, t->sampler.view(step), t->losses,
-                                [&] { return std::pair(step + 1, t->sampler.view(step + 1)); });
-            iteration.propagate(step, step, view, t->gaussians, t->losses, t->field, steps,
-                                t->cameras.gradient_of(step, view.index),
-                                [&](auto& values) { t.watch(step, view.index, values.span()); });
-        }
+        // An iteration that adds or removes splats takes no step, as in the official codes. Growth
+        // and resets of the last iteration would never be trained: it has neither.
+        const bool last = step == options.iterations,
+                   changes = s.densifier.may_change_structure(step), steps = !changes && !last;
+        const DeviceView<Device>& view = iteration.fetch(step, s.sampler.view(step), s.losses,
+                                                         [&] { return s.sampler.view(step + 1); });
+        iteration.propagate(step, view, s.gaussians, s.losses, s.field, steps,
+                            s.cameras.gradient_of(step, view.index),
+                            [&](auto& values) { training.watch(step, view.index, values.span()); });
         const bool report = callbacks.report_due && callbacks.report_due(step);
-        // A splat that is pruned could no longer be named.
-        const bool look = report || changes || passes_multiple(step, each, kCheckEvery) || !steps;
-        const bool far = changes || !steps || passes_multiple(step, each, kCheckFarEvery);
-        if (look && !t.check(step, far)) continue;
-        if (report) callbacks.on_report(make_report(step, iteration, t.state()));
+        // Before splats come or go: a removed splat could no longer be named.
+        if ((report || !steps || step % kCheckEvery == 0) && !training.check(step)) continue;
+        if (report) callbacks.on_report(make_report(step, iteration, s));
         if (steps)
             iteration.descend(
-                step, t->adam, t->gaussians,
-                !(options.optim.skip_step_on_structure_change && t->densifier.resets_opacity(step)),
-                t.halted(), t.batched() ? &batch.gradients() : nullptr, step - first + 1);
+                step, s.adam, s.gaussians,
+                !(options.optim.skip_step_on_structure_change && s.densifier.resets_opacity(step)),
+                training.halted());
         else
             iteration.finish_statistics();
-        // What the last iteration grew or faded no other would train.
-        if (step < options.iterations)
-            iteration.clock("densify", [&] { t.grow(first, step, iteration); });
-        t->cameras.step_done(step, options.iterations);
-        t.step_done(step);
-        if (after_step) after_step(step, splats_now);
+        if (!last) iteration.clock("densify", [&] { training.grow(step, iteration); });
+        s.cameras.step_done(step, options.iterations);
+        training.step_done(step);
+        if (after_step) after_step(step, s.gaussians);
     }
     follow_cameras();
-    for (const auto& loss : t->losses)
+    TrainState<Device>& end = training.state();
+    for (const auto& loss : end.losses)
         if (const HeldExposures found = loss->exposures(); !found.empty() && callbacks.on_exposures)
             callbacks.on_exposures(found);
-    if (callbacks.on_end) callbacks.on_end(t->done);
-    return std::move(t->gaussians);
+    if (callbacks.on_end) callbacks.on_end(end.done);
+    return std::move(end.gaussians);
 }
 
 }  // namespace tvsgs

@@ -3,7 +3,6 @@
 
 #include <algorithm>
 
-#include "comm/state_parts.h"
 #include "core/error.h"
 #include "core/rng.h"
 #include "optim/fixed_voters.h"
@@ -13,24 +12,21 @@
 
 namespace tvsgs {
 
-/// Iterations between looks at all parameters, and at those among them that lie on the host.
-inline constexpr int kCheckEvery = 100, kCheckFarEvery = 1000;
+/// Iterations between checks of all parameters.
+inline constexpr int kCheckEvery = 100;
 
-/// Training views without replacement: a new shuffled round whenever one is used up. A step of
-/// `batch` photographs looks at as many views; a round has so many as fill its steps.
+/// Training views without replacement: a new shuffled round whenever one is used up.
 class ViewSampler {
 public:
-    ViewSampler(int count, std::uint64_t seed, int batch = 1)
-        : order_(static_cast<std::size_t>(count)),
-          seed_(seed),
-          round_size_(count - count % batch) {}
+    ViewSampler(int count, std::uint64_t seed)
+        : order_(static_cast<std::size_t>(count)), seed_(seed) {}
 
     /// The view of an iteration, which count from 1.
     int view(int iteration) {
-        const int round = (iteration - 1) / round_size_;
+        const int views = static_cast<int>(order_.size()), round = (iteration - 1) / views;
         if (round != round_) shuffle(static_cast<std::uint32_t>(round));
         round_ = round;
-        return order_[static_cast<std::size_t>((iteration - 1) % round_size_)];
+        return order_[static_cast<std::size_t>((iteration - 1) % views)];
     }
 
     int next() { return view(++drawn_); }
@@ -48,7 +44,7 @@ private:
 
     std::vector<int> order_;
     std::uint64_t seed_;
-    int round_size_, round_ = -1, drawn_ = 0;
+    int round_ = -1, drawn_ = 0;
 };
 
 /// The objective's terms for a scene.
@@ -76,26 +72,18 @@ struct TrainState {
     ViewSampler sampler;
     int done = 0;
 
-    /// `asks`: as Adam has it.
-    TrainState(const Scene& scene,
-               const TrainOptions& o,
-               const State* from,
-               Communicator* peers,
-               bool asks)
+    TrainState(const Scene& scene, const TrainOptions& o, const State* from)
         : gaussians(first_gaussians(scene, o, from)),
           losses(make_terms<Device>(scene, o)),
-          voter(o.tv, peers),
-          adam(o.lr, gaussians, o.comm.batch, peers, waits(o.optim), asks),
-          densifier(
-              o.densify, scene.extent, static_cast<std::uint64_t>(o.seed), o.comm.batch, peers),
-          cameras(scene, o.cameras, o.comm.batch),
-          sampler(static_cast<int>(scene.train.size()),
-                  static_cast<std::uint64_t>(o.seed),
-                  o.comm.batch) {
+          voter(o.tv),
+          adam(o.lr, gaussians),
+          densifier(o.densify, scene.extent, static_cast<std::uint64_t>(o.seed)),
+          cameras(scene, o.cameras),
+          sampler(static_cast<int>(scene.train.size()), static_cast<std::uint64_t>(o.seed)) {
         if (o.tv.enabled && !scene.fixed_voters.positions.empty())
             voter.set_fixed_voters(make_fixed_voters(scene.fixed_voters, o.tv));
         if (from != nullptr)
-            load(*from, o, peers);
+            load(*from, o);
         else if (spares(o.densify))
             densifier.set_open(open_shares(scene.train, to_host(gaussians.means),
                                            uses_masks(o.loss.photometric.masks)));
@@ -108,11 +96,11 @@ struct TrainState {
         densifier.state(visit);
         for (const auto& term : losses) term->state(visit);
         cameras.state(visit);
-        visit.splats("tv.tensors", field.tensors);
-        visit.splats("tv.eigenvalues", field.eigenvalues);
-        visit.splats("tv.normals", field.normals);
-        visit.splats("tv.targets", field.targets);
-        visit.splats("tv.flags", field.flags);
+        visit("tv.tensors", field.tensors);
+        visit("tv.eigenvalues", field.eigenvalues);
+        visit("tv.normals", field.normals);
+        visit("tv.targets", field.targets);
+        visit("tv.flags", field.flags);
         typename TensorVoter<Device>::Progress progress = voter.progress();
         visit.value("tv.searched_at", progress.searched_at);
         visit.value("tv.changed", progress.changed);
@@ -120,7 +108,7 @@ struct TrainState {
         // The lists are a pure function of the splats searched, and many times as large.
         for_each_array(
             [&](const SplatArray& array, auto& values) {
-                if (array.shape) visit.splats(str("tv.searched.", array.name), values);
+                if (array.shape) visit(str("tv.searched.", array.name), values);
             },
             searched);
         if (visit.loading()) voter.restore(progress, searched);
@@ -131,20 +119,17 @@ private:
                                              const TrainOptions& o,
                                              const State* from) {
         Gaussians<Device> g;
-        g.sh.put(memory_of(o.optim.harmonics));
         if (from != nullptr) return g;
         Gaussians<Cpu> first = init_gaussians(scene, o.init, o.model.sh_degree);
-        sort_by_place(first, place_order(o.comm.batch));
+        sort_by_place(first);
         copy(first, g);
         return g;
     }
 
-    void load(const State& from, const TrainOptions& o, Communicator* peers) {
-        if (!from.in_parts) {  // else it has never been a file
-            check_start(from, o);
-            check_shapes(from);
-        }
-        StateVisitor<Device> visitor(from, state_parts(peers));
+    void load(const State& from, const TrainOptions& o) {
+        check_start(from, o);
+        check_shapes(from);
+        StateVisitor<Device> visitor(from);
         visit(visitor);
     }
 
@@ -192,32 +177,29 @@ private:
     }
 };
 
-/// The state with its guard: the last good copy, and what happens when numbers leave the finite.
+/// A training state and its last good copy: rolls back when a number is not finite.
 template <class Device>
-class Training {
+class GuardedTraining {
 public:
-    Training(const Scene& scene,
-             const TrainOptions& options,
-             const TrainCallbacks& callbacks,
-             bool asks,
-             SharedState start)
+    GuardedTraining(const Scene& scene,
+                    const TrainOptions& options,
+                    const TrainCallbacks& callbacks,
+                    SharedState start)
         : scene_(scene),
           options_(options),
           callbacks_(callbacks),
-          asks_(asks),
           injected_(callbacks.injected_fault),
           good_(std::move(start)) {
-        if (const auto bad = good_ ? find_not_finite(peers(), *good_) : std::nullopt)
+        if (const auto bad = good_ ? find_not_finite(*good_) : std::nullopt)
             throw Error(ExitCode::numerical,
                         str("the checkpoint's '", bad->array, "' is not finite at ", bad->element));
         restart();
-        if (good_ && peers() != nullptr) good_ = capture();  // the own part of it
-        if (const auto fault = look(0))
+        if (const auto fault = find_fault(0))
             throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
     }
 
-    TrainState<Device>* operator->() { return state_.get(); }
-    const TrainState<Device>& state() const { return *state_; }
+    /// Replaced where save() or check() has rolled back.
+    TrainState<Device>& state() { return *state_; }
 
     void vote(int step) {
         TrainState<Device>& s = *state_;
@@ -242,21 +224,15 @@ public:
 
     const int* halted() const { return guard_.halted(); }
 
-    /// Growth, trims and resets where they are due among iterations [first, step], and what follows
-    /// from them. What a batch has seen has been counted.
-    void grow(int first, int step, Iteration<Device>& iteration) {
+    /// Grows, trims and resets where due, and tells the voter and the rasteriser.
+    void grow(int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
-        if (auto* const sums = s.densifier.sums_at(step, s.gaussians); sums && !batched())
-            s.densifier.count_view(iteration.backbone().statistics(), *sums);
-        const auto event =
-            s.densifier.step(step, s.gaussians, s.adam, [&](const auto& count_views) {
-                iteration.observe(s.gaussians, rank_of(peers()), size_of(peers()), count_views);
-            });
+        const auto event = s.densifier.step(
+            step, iteration.backbone().statistics(), s.gaussians, s.adam,
+            [&](const auto& count_views) { iteration.observe(s.gaussians, count_views); });
         if (event.structure_changed) s.voter.structure_changed(s.densifier.parents(), s.field);
-        iteration.prepare(first, step, event.structure_changed, s.gaussians);
+        iteration.prepare(step, event.structure_changed, s.gaussians);
     }
-
-    bool batched() const { return options_.comm.batch > 1; }
 
     void step_done(int step) {
         state_->done = step;
@@ -265,21 +241,19 @@ public:
         parallel_for(Device{}, 1, SpoilBody{floats.begin + injected_.splat * floats.width});
     }
 
-    /// True when all is finite; else the run has been rolled back, and `done` says to where. `far`
-    /// as Guard::check() has it: all that waits is taken before, as it has to be before splats come
-    /// or go, are saved or returned.
-    bool check(int step, bool far = true) {
-        const auto fault = look(step, far);
+    /// True when all parameters are finite; else rolls back, and state().done says to where.
+    bool check(int step) {
+        const auto fault = find_fault(step);
         if (fault) roll_back(*fault);
         return !fault;
     }
 
-    /// As check(); the state that is handed on has been looked at to the last moment of Adam.
+    /// As check(), Adam's moments included; then hands on the state.
     bool save() {
         const int done = state_->done;
         if (!check(done)) return false;
         SharedState state = capture();
-        if (const auto bad = find_not_finite(peers(), *state)) {
+        if (const auto bad = find_not_finite(*state)) {
             roll_back({str("iteration ", done, ": element ", bad->element, " of '", bad->array,
                            "' is not finite"),
                        {}});
@@ -290,7 +264,7 @@ public:
         return true;
     }
 
-    /// Before an early end: what is left is finite.
+    /// Before an early end: leaves a finite state.
     void stop() {
         if (callbacks_.on_save ? !save() : !check(state_->done)) {
             good_ = capture();
@@ -299,33 +273,20 @@ public:
     }
 
 private:
-    Communicator* peers() const { return callbacks_.peers; }
-
     void restart() {
         state_.reset();  // first, so that the device never holds two
-        state_ = std::make_unique<TrainState<Device>>(scene_, options_, good_.get(),
-                                                      callbacks_.peers, asks_);
+        state_ = std::make_unique<TrainState<Device>>(scene_, options_, good_.get());
         guard_.reset();
     }
 
-    auto look(int step, bool far = true) {
+    auto find_fault(int step) {
         TrainState<Device>& s = *state_;
-        const auto check = [&](bool all) {
-            return guard_.check(step, all, s.gaussians, s.losses, scene_.train);
-        };
-        const bool all = far || s.adam.at_hand(s.gaussians);
-        if (far) s.adam.catch_up(s.gaussians);
-        auto fault = check(all);
-        if (fault && !all) {  // all that is at fault is to be named
-            s.adam.catch_up(s.gaussians);
-            fault = check(true);
-        }
-        return fault;
+        return guard_.check(step, s.gaussians, s.losses, scene_.train);
     }
 
     SharedState capture() {
         auto state = std::make_shared<State>();
-        StateVisitor<Device> visitor(*state, state_parts(peers()));
+        StateVisitor<Device> visitor(*state);
         state_->visit(visitor);
         return state;
     }
@@ -361,7 +322,6 @@ private:
     const Scene& scene_;
     const TrainOptions& options_;
     const TrainCallbacks& callbacks_;
-    bool asks_;
     InjectedFault injected_;
     SharedState good_;  // null: the start
     std::unique_ptr<TrainState<Device>> state_;

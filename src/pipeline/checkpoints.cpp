@@ -5,7 +5,6 @@
 #include <cstring>
 #include <filesystem>
 
-#include "comm/state_parts.h"
 #include "core/buffer.h"
 #include "core/error.h"
 #include "core/log.h"
@@ -66,95 +65,6 @@ void keep_newest(const std::string& run) {
     const auto all = checkpoints_of(run);
     std::error_code code;
     for (std::size_t i = kKept; i < all.size(); ++i) fs::remove(all[i].second, code);
-}
-
-/// What the table says of the whole arrays, on rank 0.
-std::vector<CheckpointEntry> entries_of_all(Communicator& peers, const State& part) {
-    const auto planes_of = [](const StateArray& array) {
-        return static_cast<std::size_t>(array.planes);
-    };
-    // 1. Checksums of the planes of the parts.
-    std::vector<std::uint32_t> mine;
-    for (const StateArray& array : part.arrays)
-        for (std::size_t p = 0; p < planes_of(array); ++p) {
-            const std::size_t bytes = array.bytes.size() / planes_of(array);
-            mine.push_back(checksum(array.bytes.data() + p * bytes, bytes));
-        }
-    std::vector<std::byte> all;
-    peers.all_gather_v("checksums", mine.data(), mine.size() * sizeof mine[0], all);
-    // 2. Those of the whole.
-    std::vector<CheckpointEntry> entries;
-    std::size_t plane = 0;
-    for (const StateArray& array : part.arrays) {
-        if (array.planes == 0) {
-            entries.push_back(entry_of(array));
-            continue;
-        }
-        CheckpointEntry entry{array.name, array.element_bytes, array.real,
-                              array.all * array.element_bytes, 0};
-        const auto splats = static_cast<int>(array.all / planes_of(array));
-        for (std::size_t p = 0; p < planes_of(array); ++p, ++plane)
-            for (int r = 0; r < peers.size(); ++r) {
-                std::uint32_t crc = 0;
-                std::memcpy(
-                    &crc,
-                    all.data() + (static_cast<std::size_t>(r) * mine.size() + plane) * sizeof crc,
-                    sizeof crc);
-                const Part of_rank = part_of(splats, r, peers.size());
-                entry.crc = checksum_of_both(
-                    entry.crc, crc, static_cast<std::size_t>(of_rank.size()) * array.element_bytes);
-            }
-        entries.push_back(entry);
-    }
-    return entries;
-}
-
-/// Rank 0 writes `about` and the parts of all into `file`; returns why it could not. The others are
-/// done with when all has been sent, also where it cannot be written.
-std::string write_parts(Communicator& peers,
-                        const std::string& file,
-                        const State& about,
-                        const State& part) {
-    std::string failure;
-    const auto try_to = [&](const auto& act) {
-        if (peers.rank() != 0 || !failure.empty()) return;
-        try {
-            act();
-        } catch (const std::exception& error) {
-            failure = error.what();
-        }
-    };
-    std::vector<CheckpointEntry> entries;
-    for (const StateArray& array : about.arrays) entries.push_back(entry_of(array));
-    for (CheckpointEntry& entry : entries_of_all(peers, part)) entries.push_back(std::move(entry));
-    std::optional<CheckpointFile> to;
-    try_to([&] { to.emplace(file, entries); });
-    const auto write = [&](const std::byte* bytes, std::size_t count) {
-        try_to([&] { to->write(bytes, count); });
-    };
-    for (const StateArray& array : about.arrays) write(array.bytes.data(), array.bytes.size());
-    for (const StateArray& array : part.arrays) for_whole_array(&peers, array, write);
-    try_to([&] { to->commit(); });
-    return failure;
-}
-
-/// For the whole, with half of what is free left for everything else; null: there is none.
-std::shared_ptr<State> find_room(const State& part) {
-    std::size_t bytes = 0;
-    for (const StateArray& array : part.arrays) bytes += whole_count(array) * array.element_bytes;
-    if (bytes > static_cast<std::size_t>(free_host_bytes() / 2)) return nullptr;
-    try {
-        return std::make_shared<State>(room_for_whole(part));
-    } catch (const Error&) {  // beyond --host-memory
-        return nullptr;
-    }
-}
-
-/// Whether rank 0 has room; the others ask.
-bool all_gather(Communicator& peers, bool has_room) {
-    std::vector<std::int64_t> room{has_room ? 1 : 0};
-    peers.all_reduce("room for a checkpoint", Communicator::Reduce::min, room);
-    return room[0] == 1;
 }
 
 ResumePoint read_point(const std::string& file) {
@@ -269,25 +179,13 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
     add_values(*about, "run.points", scene_.points.positions.data(),
                scene_.points.positions.size());
     file_ = str(folder_of(run_), "/iteration_", done, ".ckpt");
-    if (peers_ == nullptr) return write_in_background(about, state);
-    const std::shared_ptr<State> whole = gathers_ ? find_room(*state) : nullptr;
-    if (all_gather(*peers_, whole != nullptr)) {
-        gather_state(peers_, *state, whole.get());
-        return write_in_background(about, whole);
-    }
-    failure_ = write_parts(*peers_, file_, *about, *state);
-    if (failure_.empty()) keep_newest(run_);
-    warn_of_failure();
-}
-
-void CheckpointWriter::write_in_background(std::shared_ptr<const State> about, SharedState state) {
     writing_ = std::async(std::launch::async,
-                          [about = std::move(about), state = std::move(state), file = file_,
-                           run = run_]() mutable -> std::string {
-                              // Let go when it is written, not when the next one is.
-                              const auto values = std::move(about), whole = std::move(state);
+                          [about = std::shared_ptr<const State>(std::move(about)), whole = state,
+                           file = file_, run = run_]() mutable -> std::string {
+                              // Frees the state once it is written, not at the next checkpoint.
+                              const auto values = std::move(about), splats = std::move(whole);
                               try {
-                                  write_checkpoint(file, {values.get(), whole.get()});
+                                  write_checkpoint(file, {values.get(), splats.get()});
                               } catch (const std::exception& error) {
                                   return error.what();
                               }
@@ -296,21 +194,11 @@ void CheckpointWriter::write_in_background(std::shared_ptr<const State> about, S
                           });
 }
 
-void send_checkpoint(Communicator& peers, const State& part) {
-    if (all_gather(peers, true))
-        gather_state(&peers, part, nullptr);
-    else
-        write_parts(peers, "", {}, part);
-}
-
-void CheckpointWriter::warn_of_failure() const {
-    if (!failure_.empty()) spdlog::warn("checkpoint not saved: {}; those before it stay", failure_);
-}
-
 std::optional<std::string> CheckpointWriter::finish() {
     if (writing_.valid()) {
         failure_ = writing_.get();
-        warn_of_failure();
+        if (!failure_.empty())
+            spdlog::warn("checkpoint not saved: {}; the older ones stay", failure_);
     }
     if (file_.empty() || !failure_.empty()) return std::nullopt;
     return file_;

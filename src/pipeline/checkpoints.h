@@ -48,23 +48,13 @@ std::vector<std::pair<std::string, std::string>> config_values(const OptionTable
 std::string changed_values(const std::vector<std::pair<std::string, std::string>>& before,
                            const OptionTable& table);
 
-/// Writes checkpoints and keeps the newest two of a run. One that cannot be written is a warning:
-/// the ones before stay, and the training goes on, as files are written in the background. Of
-/// several processes all come by, and rank 0 first gathers their parts, or, without room for the
-/// whole on the host, writes them as they come while all wait.
+/// Writes checkpoints in the background and keeps the newest two of a run. A checkpoint that cannot
+/// be written is a warning: the older ones stay, and the training goes on.
 class CheckpointWriter {
 public:
-    /// `scene` must outlive it. `gathers`: where there is room.
-    CheckpointWriter(std::string run,
-                     std::string config,
-                     const Scene& scene,
-                     Communicator* peers = nullptr,
-                     bool gathers = false)
-        : run_(std::move(run)),
-          config_(std::move(config)),
-          scene_(scene),
-          peers_(peers),
-          gathers_(gathers) {}
+    /// `scene` must outlive it.
+    CheckpointWriter(std::string run, std::string config, const Scene& scene)
+        : run_(std::move(run)), config_(std::move(config)), scene_(scene) {}
     CheckpointWriter(const CheckpointWriter&) = delete;
     CheckpointWriter& operator=(const CheckpointWriter&) = delete;
     ~CheckpointWriter() { finish(); }
@@ -81,19 +71,11 @@ public:
     const std::string& failure() const { return failure_; }
 
 private:
-    void write_in_background(std::shared_ptr<const State> about, SharedState state);
-    void warn_of_failure() const;
-
     std::string run_, config_;
     const Scene& scene_;
-    Communicator* peers_;
-    bool gathers_;
     std::optional<std::uint32_t> photos_;
     std::string file_, failure_;
     std::future<std::string> writing_;  // the failure
 };
-
-/// What the other processes do while rank 0 is in CheckpointWriter::save().
-void send_checkpoint(Communicator& peers, const State& part);
 
 }  // namespace tvsgs

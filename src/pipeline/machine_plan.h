@@ -2,7 +2,6 @@
 // [docs/guide/plan.md]
 #pragma once
 
-#include <optional>
 #include <string>
 
 #include "optim/plan.h"
@@ -26,25 +25,15 @@ ExpectedSplats expected_splats(const Scene& scene,
 struct MachineInputs {
     bool cuda = false;
     MemoryLimits limits;
-    ProcessCount processes;
     std::int64_t first = 0;  // splats at the start
     ExpectedSplats expected;
-    bool may_stream = false;           // photo_bytes is the plan's to choose
-    bool may_compact = false;          // tv.lists as well
-    bool may_leave_harmonics = false;  // and optim.harmonics
+    bool may_stream = false;   // the plan may choose photo_bytes
+    bool may_compact = false;  // the plan may choose tv.lists
 };
 
 /// The first of these that holds the expected splats: all on the device; photographs on the host;
-/// compact lists of votes; both; all that and colours on the host; blocks, or more GPUs, of which
-/// it only speaks. Where none does, training takes what holds most splats if the first ones fit
-/// into it, and stops growing there; else it cannot start, and plan_memory() says so. Of several
-/// processes each holds its share.
+/// compact lists of votes; both. Where none does, it proposes blocks and takes the one that holds
+/// most splats: growth stops there, or plan_memory() refuses where the first splats do not fit.
 Decision plan_machines(const Scene& scene, const TrainOptions& options, const MachineInputs& in);
-
-/// To be asked before plan_machines(): steps of colours out of view wait on a GPU that has room for
-/// it, where no view sees more than a small part of many splats.
-std::optional<Decision> plan_waiting(const Scene& scene,
-                                     const TrainOptions& options,
-                                     const MachineInputs& in);
 
 }  // namespace tvsgs

@@ -27,11 +27,6 @@ constexpr std::int64_t kPerViewSplat = 28, kPerSplatInView = 200, kPerFragment =
 constexpr std::int64_t kPerColorPixel = 110, kPerPlanePixel = 76, kPerOtherPixel = 84;
 // Votes: records, field and scratch, without the lists; what a checkpoint has of them:
 constexpr std::int64_t kPerVoter = 450, kPerVoterState = 120;
-// Of these, what of several processes each has for its part alone: sums and scales of votes; and
-// beside them tiles of lists on their way to the processes of their receivers.
-constexpr std::int64_t kPerVoterPart = 60, kPerVoterOnItsWay = 150;
-// Where colours lie on the host: a counter, and a number by place.
-constexpr std::int64_t kPerWaiting = 6;
 constexpr std::int64_t kProgram = 32 * kMiB;
 
 /// What DeviceViews makes of a mask that terms look at.
@@ -133,16 +128,9 @@ std::int64_t view_bytes_per_splat(double share_in_view) {
            std::llround(share_in_view * (kPerSplatInView + kFragmentsPerSplat * kPerFragment));
 }
 
-std::int64_t bytes_over_bus(const Scene& scene, const TrainOptions& options, std::int64_t splats) {
-    // Values and two moments.
-    const double each = 3.0 * 4 * 3 * sh_count(options.model.sh_degree);
-    return std::llround(share_in_view(scene) * each * static_cast<double>(splats));
-}
-
-MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda, const ProcessCount& processes) {
+MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda) {
     MemoryLimits limits;
     limits.host = limit_of(Cpu{}, "memory.host", memory.host);
-    if (memory.host.empty()) limits.host /= processes.here;
     limits.device = limits.host;
     if (!memory.gpu.empty()) parse_bytes("memory.gpu", memory.gpu);  // also where it does not count
     if constexpr (kHasCuda) {
@@ -192,8 +180,7 @@ std::int64_t photo_budget(const Scene& scene, const TrainOptions& options, bool 
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& o,
                            std::int64_t splats,
-                           bool cuda,
-                           const ProcessCount& processes) {
+                           bool cuda) {
     const LossNeeds needs = needs_of(o.loss);
     const bool plane = has(needs.maps, kGeometryMaps);
     const bool votes = o.tv.enabled;
@@ -203,45 +190,21 @@ MemoryPlan estimate_memory(const Scene& scene,
     const std::int64_t fixed = scene.fixed_splats ? scene.fixed_splats->size() : 0;
     const bool compact = make_backbone<Cpu>(o.backbone, o.render)->fuses(),
                fuses = compact && fixed == 0;
-    // Of several processes each holds the parameters, and what else is but for its part.
-    const auto part = [&](std::int64_t bytes) {
-        return (bytes + processes.all - 1) / processes.all;
-    };
-    // A step of several photographs adds up gradients of one at a time. Records of them are under
-    // way for some of the splats at a time, sent and received; at other times harmonics of what is
-    // in view, in the same memory.
-    constexpr std::int64_t kStatistics = 16, kIndices = 8, kTouched = 8;
-    const std::int64_t records = processes.all > 1 ? 2 * (parameters + kStatistics + kIndices) : 0;
-    const std::int64_t exchanged =
-        processes.all > 1 ? records / kExchangesOfPhotograph + kStatistics + kTouched : 0;
-    const std::int64_t gradients = o.comm.batch > 1
-                                       ? parameters + part(parameters + kStatistics) + exchanged
-                                   : !fuses                ? parameters
-                                   : needs.splat_gradients ? geometry
-                                                           : 0;
+    const std::int64_t gradients = !fuses ? parameters : needs.splat_gradients ? geometry : 0;
     const std::int64_t renders = 1 + needs.rendered_views;
 
     MemoryPlan plan;
     plan.first = splats;
     MemoryNeed& buffers = plan.buffers;
-    // Colours on the host, with their moments. There, and where they wait, those of a view beside
-    // them, and a counter each.
-    const bool left = cuda && o.optim.harmonics == KeepHarmonics::host;
-    const std::int64_t colors = left ? parameters - geometry : 0;
     // Values, two moments and gradients; growing takes room for another copy, and buffers that grow
     // have a quarter to spare.
     const std::int64_t drawn = renders * view_bytes_per_splat(compact ? share_in_view(scene) : 1);
-    buffers.per_splat = parameters + part(2 * parameters) + gradients + drawn;
+    buffers.per_splat = 3 * parameters + gradients + drawn;
     // Beside fixed splats: values and gradients of all that is drawn, once more.
     if (fixed > 0) buffers.per_splat += 2 * parameters;
     if (o.cameras.refine) buffers.per_splat += sizeof(CameraGradient<float>);
-    if (votes) {
-        const std::int64_t lists = o.tv.lists == ListStorage::full ? 8 * o.tv.k : 2 * o.tv.k,
-                           on_its_way = processes.all > 1 ? kPerVoterOnItsWay : 0;
-        buffers.per_splat += kPerVoter - kPerVoterPart + part(kPerVoterPart + lists + on_its_way);
-    }
-    if (waits(o.optim)) buffers.per_splat += kPerWaiting - 3 * colors + bytes_over_bus(scene, o, 1);
-    if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters - colors) * 5 / 4;
+    if (votes) buffers.per_splat += kPerVoter + (o.tv.lists == ListStorage::full ? 8 : 2) * o.tv.k;
+    if (grows(o)) buffers.per_splat = (buffers.per_splat + parameters) * 5 / 4;
     const std::int64_t per_pixel =
         kPerColorPixel + (plane ? kPerPlanePixel : 0) + needs.rendered_views * kPerOtherPixel;
     const std::int64_t photos = device_bytes(scene.train, needs),
@@ -254,14 +217,12 @@ MemoryPlan estimate_memory(const Scene& scene,
         most = std::max(most, photo_bytes(v) + mask_bytes(v, needs));
     }
     // Else those of a few, grey ones beside the colours.
-    buffers.fixed =
-        (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
-        per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn) +
-        records * (grows(o) ? kLeastExchanged : std::min<std::int64_t>(splats, kLeastExchanged));
+    buffers.fixed = (all ? photos : views_at_hand(needs) * (most + largest_view(scene))) +
+                    per_pixel * largest_view(scene) + kept + fixed * (3 * parameters + drawn);
 
     // A checkpoint is held until the next one is, and both meanwhile.
-    const std::int64_t state = part(3 * parameters + (votes ? kPerVoterState : 0));
-    plan.host.per_splat = 2 * state + parameters + (grows(o) ? 4 * colors * 5 / 4 : 3 * colors);
+    const std::int64_t state = 3 * parameters + (votes ? kPerVoterState : 0);
+    plan.host.per_splat = 2 * state + parameters;
     plan.host.fixed = kProgram + host_bytes(scene.train) + host_bytes(scene.test) + 2 * kept +
                       fixed * parameters +
                       static_cast<std::int64_t>(scene.points.positions.size() * 3 * sizeof(Vec3f));
@@ -277,10 +238,9 @@ MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,
                        bool cuda,
-                       TrainOptions& options,
-                       const ProcessCount& processes) {
-    MemoryPlan plan = estimate_memory(scene, options, splats, cuda, processes);
-    plan.limits = memory_limits(memory, cuda, processes);
+                       TrainOptions& options) {
+    MemoryPlan plan = estimate_memory(scene, options, splats, cuda);
+    plan.limits = memory_limits(memory, cuda);
     options.photo_bytes = photo_budget(scene, options, cuda);
     if (!memory.host.empty()) set_memory_limit(Cpu{}, plan.limits.host);
     if constexpr (kHasCuda) {
@@ -288,7 +248,7 @@ MemoryPlan plan_memory(const Scene& scene,
     }
     if (cuda && photos_crowd(scene, options, plan.limits.device)) {
         options.photo_bytes = plan.limits.device / 4;
-        plan.buffers = estimate_memory(scene, options, splats, cuda, processes).buffers;
+        plan.buffers = estimate_memory(scene, options, splats, cuda).buffers;
     }
     const std::int64_t fit = fitting(plan, plan.limits);
     if (cuda) require("GPU", scene.path, plan.buffers, splats, plan.limits.device, fit);

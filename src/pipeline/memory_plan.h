@@ -27,20 +27,13 @@ struct MemoryNeed {
     std::int64_t at(std::int64_t splats) const { return fixed + per_splat * splats; }
 };
 
-/// How many processes train, and how many of them on this machine.
-struct ProcessCount {
-    int all = 1, here = 1;
-};
-
 /// Bytes that may be used; with the CPU as the device both are the host's.
 struct MemoryLimits {
     std::int64_t device = 0, host = 0;
 };
 /// What `memory` says, else most of what is free. Throws Error(ExitCode::usage) for limits that are
 /// none.
-MemoryLimits memory_limits(const MemoryOptions& memory,
-                           bool cuda,
-                           const ProcessCount& processes = {});
+MemoryLimits memory_limits(const MemoryOptions& memory, bool cuda);
 
 /// An estimate: measured peaks of trainings lie between half of it and all of it
 /// (tests/reliability).
@@ -65,9 +58,6 @@ double share_in_view(const Scene& scene);
 /// Of what one render keeps for its way back, where a share of the splats is in view.
 std::int64_t view_bytes_per_splat(double share_in_view);
 
-/// What a step moves at most over the bus each way where colours lie on the host, bytes.
-std::int64_t bytes_over_bus(const Scene& scene, const TrainOptions& options, std::int64_t splats);
-
 /// How many splats fit into `limits`; INT64_MAX where they take nothing.
 std::int64_t fitting(const MemoryPlan& needs, const MemoryLimits& limits);
 
@@ -89,22 +79,20 @@ std::int64_t blocks_for(std::int64_t splats, std::int64_t fitting);
 /// What to type for it.
 std::string split_command(const std::string& scene, std::int64_t blocks);
 
-/// The needs of one of the processes, for `splats` at the start.
+/// The needs for `splats` at the start.
 MemoryPlan estimate_memory(const Scene& scene,
                            const TrainOptions& options,
                            std::int64_t splats,
-                           bool cuda,
-                           const ProcessCount& processes = {});
+                           bool cuda);
 
 /// With limits from `memory`, else from what is free; lowers options.densify.max_gaussians to what
 /// fits, and to options.densify.max_per_pixel, and makes the limits those of the allocators. Throws
 /// Error(ExitCode::memory) when the first splats do not fit, Error(ExitCode::usage) for limits that
-/// are none. Processes of a machine share what is free on it; limits that are given are each one's.
+/// are none.
 MemoryPlan plan_memory(const Scene& scene,
                        const MemoryOptions& memory,
                        std::int64_t splats,
                        bool cuda,
-                       TrainOptions& options,
-                       const ProcessCount& processes);
+                       TrainOptions& options);
 
 }  // namespace tvsgs

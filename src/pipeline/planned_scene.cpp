@@ -82,19 +82,15 @@ Decision held_exposure(const Decision& decision, const RunOptions& options) {
 void plan_machine(const DeviceChoice& device,
                   const RunOptions& options,
                   const Scene& scene,
-                  const ProcessCount& processes,
                   RunPlan& plan) {
     MachineInputs in;
     in.cuda = device.cuda;
-    in.limits = memory_limits(options.memory, device.cuda, processes);
-    in.processes = processes;
+    in.limits = memory_limits(options.memory, device.cuda);
     in.first = static_cast<std::int64_t>(scene.points.positions.size());
     in.expected =
         expected_splats(scene, options.train, in.first, plan.pinned("densify.max_gaussians"));
     in.may_stream = !plan.pinned("photo_bytes");
     in.may_compact = !plan.pinned("tv.lists");
-    in.may_leave_harmonics = !plan.pinned("optim.harmonics");
-    if (const auto waiting = plan_waiting(scene, options.train, in)) plan.apply(*waiting);
     plan.apply(plan_machines(scene, options.train, in));
 }
 
@@ -204,8 +200,7 @@ Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
                     OptionTable& table,
-                    RunPlan& plan,
-                    const ProcessCount& processes) {
+                    RunPlan& plan) {
     if (!options.plan.enabled && !plan_only) {
         options.scene.points_required = options.train.init.min_points == 0;
         Scene scene = read_views(options, false, table);
@@ -220,7 +215,7 @@ Scene read_and_plan(const DeviceChoice& device,
     options.scene.points_required = false;
     const ChosenViews chosen = choose_views(options.scene);
     if (options.scene.photo_memory == 0)
-        options.scene.photo_memory = memory_limits(options.memory, device.cuda, processes).host / 4;
+        options.scene.photo_memory = memory_limits(options.memory, device.cuda).host / 4;
     if (const PhotoStorage photos = photo_storage(chosen, options.scene);
         photos.in_file && options.scene.photos == PhotoPlace::automatic)
         plan.apply({"photographs",
@@ -235,8 +230,6 @@ Scene read_and_plan(const DeviceChoice& device,
     Scene scene = load_and_hold_out(chosen, options, false, table);
     read_fixed_points(options, scene);
 
-    if (processes.all > 1)
-        plan.apply(plan_batch(static_cast<int>(scene.train.size()), processes.all));
     for (const Decision& decision : plan_masks(look_at_masks(scene.train, scene.points.positions)))
         plan.apply(decision);
     const MaskUse use = options.train.loss.photometric.masks;
@@ -290,7 +283,7 @@ Scene read_and_plan(const DeviceChoice& device,
     }
     plan_thickness(options.train, plan);
     check_consistency(options.train);
-    plan_machine(device, options, scene, processes, plan);
+    plan_machine(device, options, scene, plan);
     if (!plan_only) spdlog::info("the plan (--plan prints it alone):\n{}", plan.text());
     read_fixed_splats(options, scene);  // as the rasteriser that was chosen draws them
     if (!plan_only) provide_maps(device, options, std::move(found), scene);

@@ -34,7 +34,6 @@ Scene read_and_plan(const DeviceChoice& device,
                     bool plan_only,
                     RunOptions& options,
                     OptionTable& table,
-                    RunPlan& plan,
-                    const ProcessCount& processes = {});
+                    RunPlan& plan);
 
 }  // namespace tvsgs

@@ -65,18 +65,6 @@ void require_same_backbone(const Resume& resume, const std::string& backbone) {
     }
 }
 
-void require_same_batch(const Resume& resume, int batch) {
-    if (!resume.point) return;
-    std::string was = "1";  // of runs that did not know of it
-    for (const auto& [key, value] : resume.configured)
-        if (key == "comm.batch") was = value;
-    if (was == str(batch)) return;
-    throw Error(ExitCode::usage,
-                str(resume.point->file, ": its steps looked at ", was,
-                    " photographs each, and the run is to go on with comm.batch = ", batch,
-                    "; expected ", was, ", or a new run (without --resume)"));
-}
-
 void log_resume(const Resume& resume, const std::string& changed, RunFolder& run) {
     if (resume.point) {
         const ResumePoint& point = *resume.point;

@@ -41,10 +41,8 @@ void require_nothing_lost(const Resume& resume, const std::string& out);
 /// Throws Error(ExitCode::usage) unless the checkpoint leaves some of so many iterations to do.
 void require_iterations_left(const Resume& resume, int iterations);
 
-/// Throws Error(ExitCode::usage) where the checkpoint's splats are another rasteriser's, or its
-/// steps looked at another number of photographs.
+/// Throws Error(ExitCode::usage) where the checkpoint's splats are another rasteriser's.
 void require_same_backbone(const Resume& resume, const std::string& backbone);
-void require_same_batch(const Resume& resume, int batch);
 
 /// Says and logs where the run goes on. `changed`: of the configuration, see changed_values().
 /// Checkpoints of iterations that are done anew are removed.

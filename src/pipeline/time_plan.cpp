@@ -26,7 +26,7 @@ std::vector<double> step_ends(const Scene& scene, const TrainOptions& options) {
         const bool enough = ends.size() > kWarmUp + kFewest;
         return steady_seconds() - begin > (enough ? kSeconds : kPatience);
     };
-    const auto after_step = [&](int, const SplatsNow<Device>&) {
+    const auto after_step = [&](int, const Gaussians<Device>&) {
         synchronize(Device{});
         ends.push_back(steady_seconds());
     };
@@ -55,7 +55,7 @@ std::string TimePlan::text() const {
 
 TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOptions& options) {
     TrainOptions trial = options;
-    const int batch = options.comm.batch, iterations = std::min(options.iterations, kTrial * batch);
+    const int iterations = std::min(options.iterations, kTrial);
     fit_schedule(trial, iterations);
     const std::vector<double> ends =
         on_device(device, [&](auto tag) { return step_ends<decltype(tag)>(scene, trial); });
@@ -63,8 +63,8 @@ TimePlan plan_time(const DeviceChoice& device, const Scene& scene, const TrainOp
     plan.iterations = options.iterations, plan.grows = options.densify.enabled;
     if (ends.size() < 2) return plan;
     const std::size_t first = std::min<std::size_t>(kWarmUp, ends.size() - 1) - 1;
-    plan.steps = static_cast<int>(ends.size() - 1 - first) * batch;
-    plan.of = std::max(1, iterations - kWarmUp * batch);
+    plan.steps = static_cast<int>(ends.size() - 1 - first);
+    plan.of = std::max(1, iterations - kWarmUp);
     plan.each = (ends.back() - ends[first]) / plan.steps;
     plan.low = kLow * plan.each * options.iterations;
     plan.high = kHigh * plan.each * options.iterations * (plan.steps < plan.of ? kUnseen : 1);

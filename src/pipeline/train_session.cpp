@@ -1,7 +1,6 @@
 #include "pipeline/train_session.h"
 
 #include "core/log.h"
-#include "core/periods.h"
 #include "io/ply.h"
 #include "optim/fixed_splats.h"
 #include "optim/time_budget.h"
@@ -9,7 +8,6 @@
 #include "pipeline/exposures.h"
 #include "pipeline/live_snapshots.h"
 #include "pipeline/progress.h"
-#include "pipeline/ranks.h"
 #include "pipeline/refined_cameras.h"
 #include "pipeline/signals.h"
 #include "pipeline/train_evaluation.h"
@@ -18,27 +16,7 @@
 namespace tvsgs {
 namespace {
 
-// What all processes of a run have to do at the same steps.
-
-bool report_due(const SessionInputs& in, const TrainOptions& training, int step) {
-    const int batch = training.comm.batch;
-    return step <= batch || step == training.iterations ||
-           passes_multiple(step, batch, in.session.report_every);
-}
-
-bool save_due(const SessionInputs& in, const TrainOptions& training, int done) {
-    const int every = in.session.checkpoint_every, batch = training.comm.batch;
-    return every > 0 && done > in.resume.done() &&
-           (passes_multiple(done, batch, every) || done + batch >= training.iterations);
-}
-
-/// A process that is asked to end does not wait for long for one that may be gone.
-void heed_signals(const SessionInputs& in) {
-    if (in.peers != nullptr)
-        in.peers->set_asked_to_end([] { return SignalGuard::received() != 0; });
-}
-
-/// Whether rank 0 may have to evaluate after a step.
+/// Whether the splats may have to be evaluated after a step.
 bool evaluates_on_the_way(const RunOptions& options) {
     return !options.eval.at.empty() || options.eval.every > 0 ||
            options.plan.until == Until::converged;
@@ -55,10 +33,12 @@ private:
     Gaussians<Device> train_or_explain();
     Gaussians<Device> train_in_budget();
     TrainCallbacks callbacks();
+    bool report_due(int step) const;
+    bool save_due(int done) const;
     bool stop_requested();
     void save(int done, const SharedState& state);
     void roll_back(int done, const std::string& why);
-    void evaluate_if_due(int step, const SplatsNow<Device>& splats_now);
+    void evaluate_if_due(int step, const Gaussians<Device>& splats);
     void evaluate_now(int step, const Gaussians<Device>& splats);
     void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
@@ -81,7 +61,6 @@ private:
     const SignalGuard signals_;  // there is work to save from here on
     const SessionInputs& in_;
     RunFolder& run_;
-    RankTalk talk_;
     TrainOptions training_;  // in_.training with the schedule that it goes by now
     TrainProgress progress_;
     CheckpointWriter checkpoints_;
@@ -94,28 +73,22 @@ private:
     int done_;                                 // iterations
     SharedState state_;                        // where the next training begins; null: as a new one
     bool fit_now_ = false;                     // the training pauses for a new schedule
-    bool shows_ = false;                       // the splats after this step
 };
 
 template <class Device>
 TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run)
     : in_(inputs),
       run_(run),
-      talk_(inputs.peers),
       training_(inputs.training),
       progress_(training_, inputs.resume.seconds()),
-      // On CPUs ranks share the memory of the splats: there the whole would be the largest part.
-      checkpoints_(
-          run.path(), inputs.config(), inputs.scene, inputs.peers, !std::is_same_v<Device, Cpu>),
+      checkpoints_(run.path(), inputs.config(), inputs.scene),
       live_(run.path(), inputs.scene.origin, inputs.session.live_every),
       budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
       scores_(
           inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
       fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
       done_(inputs.resume.done()),
-      state_(std::move(start)) {
-    heed_signals(in_);
-}
+      state_(std::move(start)) {}
 
 template <class Device>
 void TrainSession<Device>::run() {
@@ -176,12 +149,12 @@ Gaussians<Device> TrainSession<Device>::train_or_explain() {
 template <class Device>
 Gaussians<Device> TrainSession<Device>::train_in_budget() {
     TrainCallbacks told = callbacks();
-    const auto after_step = [this](int step, const SplatsNow<Device>& splats_now) {
+    const auto after_step = [this](int step, const Gaussians<Device>& splats) {
         done_ = step;
-        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats_now);
-        if (shows_) {
+        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats);
+        if (live_.due()) {
             Gaussians<Cpu> now;
-            copy(splats_now(), now);
+            copy(splats, now);
             live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
         }
     };
@@ -197,16 +170,15 @@ Gaussians<Device> TrainSession<Device>::train_in_budget() {
 template <class Device>
 TrainCallbacks TrainSession<Device>::callbacks() {
     TrainCallbacks told;
-    told.peers = in_.peers;
     told.profile = in_.session.profile;
-    told.report_due = [this](int step) { return report_due(in_, training_, step); };
+    told.report_due = [this](int step) { return report_due(step); };
     told.on_report = [this](const TrainReport& report) {
         run_.log(progress_.json(report));
         progress_.show(report);
     };
     told.stop_requested = [this] { return stop_requested(); };
     told.on_end = [this](int done) { done_ = done; };
-    told.save_due = [this](int done) { return save_due(in_, training_, done); };
+    told.save_due = [this](int done) { return save_due(done); };
     told.on_save = [this](int done, const SharedState& state) { save(done, state); };
     told.on_cameras = [this](const CameraRefinement& refined) { refined_ = refined; };
     told.on_exposures = [this](const HeldExposures& found) { exposures_ = found; };
@@ -215,15 +187,22 @@ TrainCallbacks TrainSession<Device>::callbacks() {
 }
 
 template <class Device>
+bool TrainSession<Device>::report_due(int step) const {
+    return step == 1 || step == training_.iterations || step % in_.session.report_every == 0;
+}
+
+template <class Device>
+bool TrainSession<Device>::save_due(int done) const {
+    const int every = in_.session.checkpoint_every;
+    return every > 0 && done > in_.resume.done() &&
+           (done % every == 0 || done + 1 == training_.iterations);
+}
+
+template <class Device>
 bool TrainSession<Device>::stop_requested() {
-    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over(),
-               fit = !stop && budget_.due(done_, own_seconds());
-    const NextStep next = talk_.next(stop          ? NextStep::stop
-                                     : fit         ? NextStep::fit
-                                     : live_.due() ? NextStep::show
-                                                   : NextStep::go_on);
-    fit_now_ = next == NextStep::fit, shows_ = next == NextStep::show;
-    return ends(next);
+    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over();
+    fit_now_ = !stop && budget_.due(done_, own_seconds());
+    return stop || fit_now_;
 }
 
 template <class Device>
@@ -240,13 +219,11 @@ void TrainSession<Device>::roll_back(int done, const std::string& why) {
 }
 
 template <class Device>
-void TrainSession<Device>::evaluate_if_due(int step, const SplatsNow<Device>& splats_now) {
-    const bool due = scores_.due(step, progress_.seconds()) && step != training_.iterations;
-    if (!talk_.agree("evaluation", due)) return;
+void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& splats) {
+    if (!scores_.due(step, progress_.seconds()) || step == training_.iterations) return;
     synchronize(Device{});
     progress_.pause();
-    const Gaussians<Device>& splats = splats_now();  // all of them take part in it
-    talk_.alone([&] { evaluate_now(step, splats); });
+    evaluate_now(step, splats);
     progress_.resume();
 }
 
@@ -271,7 +248,6 @@ void TrainSession<Device>::place_cameras(const std::vector<Camera>& cameras) con
 template <class Device>
 void TrainSession<Device>::fit_to_budget() {
     budget_.fit(done_, own_seconds(), training_);
-    talk_.share_schedule(training_);
     copy_schedule(training_, in_.options.train);
     progress_.set_schedule(training_);
     run_.save_config(in_.config());
@@ -378,48 +354,7 @@ void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
             scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
 }
 
-/// The training of a process that follows.
-template <class Device>
-void follow(const SessionInputs& in, SharedState state) {
-    const SignalGuard signals;
-    heed_signals(in);
-    RankTalk talk(in.peers);
-    TrainOptions training = in.training;
-    bool fit = false, shows = false;
-    TrainCallbacks told;
-    told.peers = in.peers;
-    told.report_due = [&](int step) { return report_due(in, training, step); };
-    told.on_report = [](const TrainReport&) {};
-    told.stop_requested = [&] {
-        const NextStep next = talk.next(NextStep::go_on);
-        fit = next == NextStep::fit, shows = next == NextStep::show;
-        return ends(next);
-    };
-    told.save_due = [&](int done) { return save_due(in, training, done); };
-    told.on_save = [&](int, const SharedState& saved) {
-        state = saved;
-        if (!fit) send_checkpoint(*in.peers, *saved);
-    };
-    told.goes_on = true;
-    const auto after_step = [&](int, const SplatsNow<Device>& splats_now) {
-        if (evaluates_on_the_way(in.options) && talk.agree("evaluation", false)) {
-            splats_now();
-            talk.alone([] {});
-        }
-        if (shows) splats_now();
-    };
-    for (;;) {
-        train<Device>(in.scene, training, told, after_step, std::exchange(state, nullptr));
-        if (!fit) return;
-        talk.share_schedule(training);
-    }
-}
-
 }  // namespace
-
-void follow_session(const DeviceChoice& device, const SessionInputs& inputs, SharedState start) {
-    on_device(device, [&](auto tag) { follow<decltype(tag)>(inputs, std::move(start)); });
-}
 
 void run_session(const DeviceChoice& device,
                  const SessionInputs& inputs,

@@ -31,7 +31,6 @@ struct SessionInputs {
     const std::optional<Truth>& truth;
     std::function<std::string()> config;  // the text of config.json, of `options` as they are
     std::function<void()> write_report;   // when all that it tells of is in the run folder
-    Communicator* peers = nullptr;        // the other processes; null: none
 };
 
 /// Trains, and leaves in `run` what docs/guide/commands.md lists; its first files are there. Where
@@ -42,9 +41,5 @@ void run_session(const DeviceChoice& device,
                  const SessionInputs& inputs,
                  SharedState start,
                  RunFolder& run);
-
-/// What the other processes do while rank 0 is in run_session(): they share its training, and say
-/// and write nothing. Throws Error.
-void follow_session(const DeviceChoice& device, const SessionInputs& inputs, SharedState start);
 
 }  // namespace tvsgs

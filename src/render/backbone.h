@@ -153,20 +153,6 @@ struct BlendWork {
 };
 
 struct FusedGradients;  // fused_gradients.h
-struct SplatPlaces;     // splat_places.h
-
-/// Spherical harmonics, coefficient major with `stride` splats per coefficient: of all splats, or
-/// of those of a view by their place in it.
-struct Harmonics {
-    const Vec3f* sh;
-    std::size_t stride;
-    bool by_place;
-};
-
-/// Gives those of a view, up to a degree; `room`: places that there are. They are read until the
-/// view's Adam step.
-using FetchHarmonics =
-    std::function<Harmonics(const SplatPlaces& places, std::size_t room, int sh_degree)>;
 
 template <class Device>
 class Backbone {
@@ -219,14 +205,6 @@ public:
     virtual const FusedGradients* blend_backward(const Gaussians<Device>& /*gaussians*/,
                                                  const ImageGradients<Device>& /*dL_dimages*/) {
         return nullptr;
-    }
-
-    /// From now on forward() takes harmonics from what `fetch` gives: the Gaussians' own are not up
-    /// to date. Where they are not by place they have been brought into the Gaussians that it was
-    /// given, and what goes back may read them there, of splats in view. To be implemented where it
-    /// fuses.
-    virtual void set_harmonics(FetchHarmonics /*fetch*/) {
-        throw Error(ExitCode::internal, "a backbone that fuses does not fetch harmonics");
     }
 
     /// Whether add_camera_gradient() is implemented.

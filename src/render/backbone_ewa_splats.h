@@ -130,8 +130,11 @@ private:
     /// Completes the sums of Gaussian i and writes its statistics, those of absolute values without
     /// depth along rays; `at`: its place. False if it drew nothing: `g` is then unchanged.
     TVSGS_HD bool finish(int i, std::uint32_t& at, SplatGradients<float>& g) const {
-        const SplatGradients<float>* const blended = sums.of(i, at);
-        if (blended == nullptr) return false;
+        const SplatGradients<float>* const blended = sums.find(i, at);
+        if (blended == nullptr) {
+            sums.write(i, {}, {}, 0);
+            return false;
+        }
         g = *blended;
         if constexpr (has_ray(kChannels)) {
             if (const RayDepthGradients* const by_depth = ray_gradients(at)) {

@@ -122,8 +122,11 @@ private:
     /// Completes the sums of Gaussian i and writes its statistics; `at`: its place. False if it
     /// drew nothing.
     TVSGS_HD bool finish(int i, std::uint32_t& at, RadeGradients<float>& all) const {
-        const RadeGradients<float>* const blended = sums.of(i, at);
-        if (blended == nullptr) return false;
+        const RadeGradients<float>* const blended = sums.find(i, at);
+        if (blended == nullptr) {
+            sums.write(i, {}, {}, 0);
+            return false;
+        }
         all = *blended;
         SplatGradients<float>& g = all.of;
         complete(g, shapes[at]);

@@ -148,8 +148,11 @@ private:
                          std::uint32_t& at,
                          Gradients& g,
                          SurfelMatrixGradient<float>& matrix) const {
-        const Gradients* const blended = sums.of(i, at);
-        if (blended == nullptr) return false;
+        const Gradients* const blended = sums.find(i, at);
+        if (blended == nullptr) {
+            sums.write(i, {}, {}, 0);
+            return false;
+        }
         g = *blended;
         const SurfelShape<float> s = shapes[at];
         matrix = surfel_inverse_vjp(s, g.inverse);

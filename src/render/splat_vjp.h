@@ -46,16 +46,15 @@ struct SplatSums {
     Span<Vec2f> stat_grad, stat_abs;  // [N], overwritten: ScreenStatistics
     Span<int> stat_front;
 
-    /// Null if splat i drew nothing; its statistics are then written, as zeros. Else `place` is
-    /// that of its records.
-    TVSGS_HD const Gradients* of(int i, std::uint32_t& place) const {
+    /// The sums of splat i, and the place of its records. Null if it drew nothing.
+    TVSGS_HD const Gradients* find(int i, std::uint32_t& place) const {
         place = places.of(i);
         if (place < fragment_counts.count && fragment_counts[place] != 0 &&
             drawn[first_fragment[place]])
             return &fragments[first_fragment[place]];
-        write(i, {}, {}, 0);
         return nullptr;
     }
+    /// Overwrites the screen statistics of splat i.
     TVSGS_HD void write(int i, Vec2f by_ndc, Vec2f abs_by_ndc, float front_pixels) const {
         stat_grad[i] = by_ndc, stat_abs[i] = abs_by_ndc;
         stat_front[i] = static_cast<int>(front_pixels);

@@ -34,8 +34,6 @@ public:
         write_statistics(Device{}, *this->blend_backward(g, {}));
     }
 
-    void set_harmonics(FetchHarmonics fetch) final { fetch_harmonics_ = std::move(fetch); }
-
     bool moves_cameras() const final { return true; }
 
     void add_camera_gradient(const Gaussians<Device>& g,
@@ -106,14 +104,10 @@ protected:
 private:
     template <class Record>
     void find_colors(const Gaussians<Device>& g, const ViewColors& view, Span<Record> features) {
-        const Harmonics harmonics =
-            fetch_harmonics_ ? fetch_harmonics_(places(), features.count, view.sh_degree)
-                             : Harmonics{g.sh.data(), g.means.size(), /*by_place=*/false};
         parallel_for(Device{}, g.size(),
-                     ColorBody<Record>{view, g.means.span(), harmonics, places(), features});
+                     ColorBody<Record>{view, g.means.span(), g.sh.data(), places(), features});
     }
 
-    FetchHarmonics fetch_harmonics_;  // null: they are the Gaussians'
     PlaceFinder<Device> finder_;
     Buffer<CameraGradient<float>, Device> of_camera_;  // [N] none where no camera moves
     Buffer<double, Device> partial_;

@@ -17,7 +17,7 @@ template <class Record>
 struct ColorBody {
     ViewColors view;
     Span<const Vec3f> means;
-    Harmonics harmonics;
+    const Vec3f* sh;  // coefficient major
     SplatPlaces places;
     Span<Record> features;
 
@@ -25,9 +25,8 @@ struct ColorBody {
         const std::uint32_t at = places.of(i);
         if (at >= features.count) return;
         const Vec3f direction = normalize(means[i] - view.centre);
-        features[at].f.color =
-            sh_color<float>(view.sh_degree, direction, harmonics.sh, harmonics.stride,
-                            harmonics.by_place ? at : static_cast<std::size_t>(i));
+        features[at].f.color = sh_color<float>(view.sh_degree, direction, sh, means.count,
+                                               static_cast<std::size_t>(i));
     }
 };
 

@@ -84,7 +84,6 @@ bool changes_results(const std::string& key) {
                                              "eval.taus",
                                              "photo_bytes",
                                              "tv.lists",
-                                             "optim.harmonics",
                                              "comm.timeout",
                                              "comm.rendezvous",
                                              "mesh.memory",

@@ -5,14 +5,13 @@
 namespace tvsgs {
 namespace detail {
 
-HostLists unpacked(const CompactLists& lists, Part voters, int k, Part receivers) {
+HostLists unpacked(const CompactLists& lists, int voters, int k, int usable) {
     HostLists out;
-    out.receivers.resize(std::size_t(voters.size()) * k);
-    for (int voter = voters.begin; voter < voters.end; ++voter)
-        lists.receivers_of(SerialWarp{}, voter,
-                           out.receivers.data() + std::size_t(voter - voters.begin) * k);
+    out.receivers.resize(std::size_t(voters) * k);
+    for (int voter = 0; voter < voters; ++voter)
+        lists.receivers_of(SerialWarp{}, voter, out.receivers.data() + std::size_t(voter) * k);
     out.begin.push_back(0);
-    for (int rank = receivers.begin; rank < receivers.end; ++rank) {
+    for (int rank = 0; rank < usable; ++rank) {
         lists.for_each_voter<1>(SerialWarp{}, rank,
                                 [&](std::uint32_t voter) { out.voters.push_back(voter); });
         out.begin.push_back(static_cast<std::int64_t>(out.voters.size()));

@@ -89,10 +89,10 @@ TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
     b = {xy, sign + n.y * n.y * c, -n.y};
 }
 
-/// What (sin theta / L)^2 is multiplied by in a vote's exponent, L being the whitened distance:
+/// The factor of (sin theta / L)^2 in a vote's exponent, L being the whitened distance:
 /// c kappa^2 / tau^2. Scale-free, a vote at 45 degrees has a tenth of a straight one's strength at
-/// the median distance, tau / tau_per_median, whatever that is; the paper's constant does so where
-/// it is 2.
+/// any median distance, tau / tau_per_median; with the paper's constant only where that distance
+/// is 2.
 template <class Real>
 TVSGS_HD Real curvature_factor(bool scale_free, Real tau, Real tau_per_median) {
     const Real median = scale_free ? tau / tau_per_median : Real(2);
@@ -250,7 +250,7 @@ TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
         select(reaches, a, none) * d + select(reaches, b, none) * voter.normal_world, rule);
 }
 
-/// What a receiver adds up. A vote of strength 0 is none.
+/// The sums of one receiver. A vote of strength 0 is none.
 template <class Real>
 struct VoteSums {
     Sym3<Real> tensor{};

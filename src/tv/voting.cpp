@@ -1,6 +1,7 @@
 #include "tv/voting.h"
 
 #include "core/log.h"
+#include "tv/internal/voting_details.h"
 #include "tv/internal/voting_impl.h"
 
 namespace tvsgs {

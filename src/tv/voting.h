@@ -7,7 +7,6 @@
 #include <string>
 #include <vector>
 
-#include "comm/communicator.h"
 #include "core/gaussians.h"
 #include "core/options.h"
 #include "tv/internal/neighbour_lists.h"
@@ -123,14 +122,13 @@ struct TensorField {
 /// Intermediate results of the last event, on the host; for tests and reports.
 struct VotingDetails {
     int k = 0;                             // receivers per voter
-    std::vector<std::uint32_t> receivers;  // [N, k] of voter i; zeros for those that take no part
+    std::vector<std::uint32_t> receivers;  // [N, k] zeros for voters that take no part
     std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
     std::vector<std::uint32_t> voters;     // ascending; a fixed voter counts from N on
     std::vector<float> tau;                // [N] scale of voting; 0: silent
     std::vector<float> variability;        // [N] radians; infinite where the normal is ambiguous
-    std::vector<float>
-        strength;  // [N] RMS of received votes; infinite where the normal is ambiguous
-    std::vector<std::uint8_t> left_out;  // [N] in the top 5% of both
+    std::vector<float> strength;           // [N] RMS of the votes received; infinite likewise
+    std::vector<std::uint8_t> left_out;    // [N] in the top 5% of both
 };
 
 /// Measured points that vote, never move, are never rendered and have no loss.
@@ -148,32 +146,32 @@ struct VotingStage {
     double ms;
 };
 
-/// What the last event did and what it cost; filled on request only.
+/// Work and cost of the last event; filled on request only.
 struct VotingProfile {
     std::vector<VotingStage> stages;  // "keys", "tree", "search", "reverse" if lists were rebuilt;
                                       // "records", "centres", "eigen", "masks", "virtual"
     std::size_t bytes = 0;            // of lists and scratch, on the device
     std::int64_t candidates = 0, leaves = 0;  // of the last search
     std::int64_t silent_voters = 0;
-    std::int64_t votes = 0,
-                 culled_votes = 0;  // at the centres, cast by plates; culled: below 1e-12
+    std::int64_t votes = 0, culled_votes = 0;  // of plates at the centres; culled: of decay 0
 };
 
 struct SplatSpans;
+namespace detail {
+template <class Device>
+struct VotingState;
+}
 
-/// Owns the neighbour lists and all scratch memory of the votes.
+/// Votes when they are due; keeps the neighbour lists and all scratch memory of the votes.
 template <class Device>
 class TensorVoter {
 public:
-    /// Of several processes, which all hold the splats and the field, each keeps the lists of its
-    /// part of them, and finds their votes; all call the same.
-    explicit TensorVoter(const TvOptions& options, Communicator* peers = nullptr);
+    explicit TensorVoter(const TvOptions& options);
     ~TensorVoter();
 
-    /// True at the iterations that vote: `start`, and every `vote_every` after it, and after
-    /// structure_changed(). Of steps that stand for `batch` iterations: at those that end with one
-    /// of these or have it behind them.
-    bool due(int step, int batch = 1) const;
+    /// True at the iterations that vote: `start`, every `vote_every` after it, and the first one
+    /// after structure_changed().
+    bool due(int step) const;
 
     /// One voting event on the current splats; searches neighbours when a refresh is due.
     /// With fewer than two splats nothing is valid and the field is cleared. Without `targets`
@@ -191,52 +189,31 @@ public:
     /// Replaces the fixed voters; the next vote() searches neighbours anew.
     void set_fixed_voters(const FixedVoters& voters);
 
-    /// What else than the splats and the field decides about the next vote().
+    /// Decides about the next vote(), together with the splats and the field.
     struct Progress {
-        int searched_at = -1;  // iteration whose neighbours still hold; -1: the next vote searches
+        int searched_at = -1;  // iteration of the lists that still hold; -1: the next vote searches
         bool changed = false;  // structure_changed() since the last vote
     };
     Progress progress() const;
 
-    /// Goes on from a progress(); `searched` are the splats at its `searched_at`.
+    /// Continues from a progress(); `searched` are the splats at its `searched_at`.
     void restore(const Progress& progress, const Gaussians<Device>& searched);
 
     /// With profiling on, vote() waits for the device around each stage.
     void set_profiling(bool on);
     VotingProfile profile() const;
 
-    /// Of all processes, which all call it.
     VotingDetails details() const;
 
-    /// For tests: lists [N, k] from elsewhere, as if searched at `step`; they hold until the next
-    /// refresh.
+    /// For tests: uses these lists [N, k] as if searched at `step`, until the next refresh.
     void set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers);
 
 private:
-    struct State;
-
     void measure_noise(const SplatSpans& splats);
-    void refresh(int step, const SplatSpans& splats);
-    template <class Real, class Lists>
-    void event(const Lists& lists,
-               const SplatSpans& splats,
-               bool targets,
-               TensorField<Device>& field);
-    template <class Ballot>
-    void count_votes(const Ballot& ballot);
-
-    /// values[i] <- what the process has found whose part splat i is, by its rank.
-    template <class T>
-    void share_field(Buffer<T, Device>& values, Buffer<T, Device>& scratch);
-    /// data[r] <- what the process has found whose part rank r is.
-    template <class T>
-    void share_ranks(T* data);
-    /// all[r] <- those of the parts, in order.
-    void gather_ranks(const Buffer<float, Device>& part, Buffer<float, Device>& all);
+    void search(int step, const SplatSpans& splats);
 
     TvOptions options_;
-    Communicator* peers_;
-    std::unique_ptr<State> state_;
+    std::unique_ptr<detail::VotingState<Device>> state_;
 };
 
 }  // namespace tvsgs

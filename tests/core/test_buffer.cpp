@@ -64,19 +64,5 @@ TEST(Buffer, MemoryUseFollowsAllocations) {
     EXPECT_GE(memory_use(Cpu{}).peak_bytes, before.current_bytes + (1 << 20));
 }
 
-TEST(Buffer, PutElsewhereItLosesItsContentsAndGoesOn) {
-    Buffer<int, Cpu> buffer = to_device<Cpu>(std::vector<int>{1, 2, 3}), other(5);
-    buffer.put(Memory::device);
-    EXPECT_EQ(buffer.size(), 3u) << "it was there";
-    buffer.put(Memory::host);
-    EXPECT_TRUE(buffer.empty());
-    buffer.resize(4);
-    buffer.fill_zero();
-    EXPECT_EQ(to_host(buffer), (std::vector<int>{0, 0, 0, 0}));
-    buffer.swap(other);
-    EXPECT_EQ(buffer.memory(), Memory::device);
-    EXPECT_EQ(other.memory(), Memory::host);
-}
-
 }  // namespace
 }  // namespace tvsgs

@@ -47,33 +47,6 @@ TEST_P(CoreCuda, SameDraws) {
     }
 }
 
-struct AddOneBody {
-    Span<int> values;
-    TVSGS_HD void operator()(int i) const { values[i] += 1; }
-};
-
-TEST_P(CoreCuda, KernelsReachWhatLiesOnTheHost) {
-    const int count = GetParam();
-    const MemoryUse host = memory_use(Cpu{}), device = memory_use(Cuda{});
-    {
-        Buffer<int, Cuda> values, copied;
-        values.put(Memory::host);
-        values.resize(count);
-        EXPECT_EQ(memory_use(Cuda{}).current_bytes, device.current_bytes);
-        EXPECT_EQ(memory_use(Cpu{}).current_bytes - host.current_bytes, count * sizeof(int));
-        values.fill_zero();
-        parallel_for(Cuda{}, count, AddOneBody{values.span()});
-        copy(values, copied);  // on the device
-        parallel_for(Cuda{}, count, AddOneBody{copied.span()});
-        copy(copied, values);
-        EXPECT_EQ(to_host(copied), std::vector<int>(count, 2));
-        EXPECT_EQ(to_host(values), std::vector<int>(count, 2));
-        copy(std::vector<int>(count, 7), values);
-        EXPECT_EQ(to_host(values), std::vector<int>(count, 7));
-    }
-    EXPECT_EQ(memory_use(Cpu{}).current_bytes, host.current_bytes);
-}
-
 struct Term {
     Span<const float> values;
     TVSGS_HD float operator()(int i) const { return values[i]; }

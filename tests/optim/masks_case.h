@@ -42,7 +42,6 @@ MaskResult evaluate_masks(const MaskCase& c) {
     objective.partial.resize(kSumBlocks);
     copy(std::vector<double>{0}, objective.values);
     loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, c.step});
-    if (const auto* const lesson = loss.lesson()) loss.learn(c.step, view.index, lesson->data());
     MaskResult result{
         to_host(objective.values)[0], to_host(dL.color), to_host(dL.transmittance), {}};
     for (const ExposureState& state : to_host(loss.exposure().states()))

@@ -206,7 +206,6 @@ ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
         objective.dL_dimages.color.fill_zero();
         copy(std::vector<double>{0}, objective.values);
         loss.add_to(objective, objective.values.data(), {gaussians, images, view, field, {}, step});
-        loss.learn(step, view.index, loss.lesson()->data());
         result.last_value = to_host(objective.values)[0];
         if (step == 1) result.first_value = result.last_value;
     }

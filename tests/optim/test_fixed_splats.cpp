@@ -151,9 +151,9 @@ TEST(FixedSplats, GradientsAreThoseOfTheWhole) {
         Iteration<Cpu> iteration(of, options, true);
         const auto terms = make_terms<Cpu>(of, options);
         TensorField<Cpu> field;
-        const auto next = [] { return std::pair{1, 0}; };
-        iteration.propagate(1, 1, iteration.fetch(1, 0, terms, next), splats, terms, field, false,
-                            {}, [](auto&) {});
+        const auto next = [] { return 0; };
+        iteration.propagate(1, iteration.fetch(1, 0, terms, next), splats, terms, field, false, {},
+                            [](auto&) {});
         iteration.finish_statistics();
         return to_host(iteration.backbone().statistics().dL_dmeans2d);
     };

@@ -1,5 +1,4 @@
-// The step that is taken without gradients in memory, and the one whose harmonics wait: the same
-// bits as the plain way, for every rasteriser and set of maps.
+// The fused step gives the bits of the plain step, for every rasteriser and set of maps.
 #include <algorithm>
 #include <cstring>
 #include <functional>
@@ -32,10 +31,9 @@ struct Stepped {
     std::vector<Vec2f> by_ndc, abs_by_ndc;  // statistics of the last step
     std::vector<int> front;
     std::vector<float> radii_px;
-    std::vector<Vec3f> behind;  // harmonics before the steps were taken that waited
 };
 
-enum class Way { in_memory, fused, waiting, on_host };
+enum class Way { in_memory, fused };
 
 /// A rasteriser that makes `maps`, and depth as `depth` says.
 struct Drawn {
@@ -99,8 +97,6 @@ template <class Device>
 Stepped step_views(
     Way way, int steps, const Drawn& drawn, bool with_extra = true, Maps without_map = Maps::none) {
     Gaussians<Device> g, extra, gradients;
-    const bool waits = way == Way::waiting || way == Way::on_host;
-    if (way == Way::on_host) g.sh.put(Memory::host);
     copy(test::random_gaussians(120, 7, 0.05), g);
     BackboneOptions render;
     render.depth = drawn.depth;
@@ -108,11 +104,7 @@ Stepped step_views(
     backbone->prepare(0, true, narrow_cameras(), g);
     AdamOptions options;
     options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
-    Adam<Device> adam(options, g, 1, nullptr, way == Way::waiting);
-    if (waits)
-        backbone->set_harmonics([&](const SplatPlaces& places, std::size_t room, int degree) {
-            return adam.fetch_harmonics(places, room, degree, g);
-        });
+    Adam<Device> adam(options, g);
     for (int t = 1; t <= steps; ++t) {
         const int degree = std::min(3, t / 8);
         if (with_extra) {
@@ -139,10 +131,6 @@ Stepped step_views(
         backbone->prepare(t, false, narrow_cameras(), g);
     }
     Stepped out;
-    if (waits) {
-        out.behind = to_host(g.sh);
-        adam.catch_up(g);
-    }
     copy(g, out.g), copy(adam.first_moments(), out.m), copy(adam.second_moments(), out.v);
     const ScreenStatistics<Device>& seen = backbone->statistics();
     out.by_ndc = to_host(seen.dL_dmeans2d), out.abs_by_ndc = to_host(seen.abs_dL_dmeans2d);
@@ -177,91 +165,6 @@ TEST(FusedStep, WithoutGradientsInMemoryTheBitsAreTheSame) {
         EXPECT_TRUE(same_bits(step_views<Cpu>(Way::in_memory, 40, drawn),
                               step_views<Cpu>(Way::fused, 40, drawn)))
             << text(drawn);
-}
-
-template <class Device>
-void expect_waiting_changes_nothing(const Drawn& drawn, int steps) {
-    const Stepped fused = step_views<Device>(Way::fused, steps, drawn);
-    for (const Way way : {Way::waiting, Way::on_host}) {
-        const Stepped waited = step_views<Device>(way, steps, drawn);
-        EXPECT_TRUE(same_bits(waited, fused)) << text(drawn);
-        EXPECT_FALSE(same_bits(waited.behind, to_host(waited.g.sh)))
-            << text(drawn) << ": none waited";
-    }
-}
-
-template <class Device>
-void steps_that_wait_give_the_same_bits() {
-    bool more_than_may_wait = true;  // once, for the time
-    for (const Drawn& drawn : all_drawn()) {
-        if (!has(drawn.maps, Maps::color)) continue;
-        expect_waiting_changes_nothing<Device>(
-            drawn, more_than_may_wait ? WaitingHarmonics<Device>::kMost + 30 : 40);
-        more_than_may_wait = false;
-    }
-}
-
-TEST(FusedStep, StepsThatWaitGiveTheSameBits) {
-    steps_that_wait_give_the_same_bits<Cpu>();
-}
-
-/// Of splats that draw nothing, some of them in view.
-struct HiddenVjp {
-    static constexpr bool kColor = true;
-    struct {
-        SplatPlaces places;
-    } sums;
-    template <class Visit>
-    bool operator()(int, const SplatGeometry&, SplatGeometry&, Visit&) const {
-        return false;
-    }
-    void observe(int) const {}
-};
-
-TEST(FusedStep, HiddenOnesInViewDoNotFallFarBehind) {
-    // Splat 1 is in view, splat 0 is not.
-    const std::vector<float> radii{0, 1};
-    const std::vector<std::uint32_t> before{0, 0, 1};
-    const HiddenVjp vjp{{{{radii.data(), 2}, {before.data(), 3}}}};
-    Gaussians<Cpu> g, m, v;
-    for (Gaussians<Cpu>* of : {&g, &m, &v}) resize(*of, 2, 0), fill_zero(*of);
-    Vec3f value{1, 1, 1}, first{1, 1, 1}, second{1, 1, 1};
-    std::uint16_t taken[] = {3, 3};
-    AdamStep step{geometry_spans(g),
-                  geometry_spans(m),
-                  geometry_spans(v),
-                  {},
-                  {&value, &first, &second, 1, 1},
-                  {},
-                  {0.5f, 0.5f, 1, adam_decay(1)},
-                  true,
-                  nullptr,
-                  taken};
-    const auto both = [&](int due) {
-        step.due = due;
-        for (const int i : {0, 1}) step_splat_in_view<1>(vjp, step, i);
-    };
-    both(3 + kMostInVain - 1);
-    EXPECT_EQ(taken[1], 3) << "one that waits costs less than bringing it back";
-    EXPECT_EQ(value.x, 1);
-    step.sh.stride = 0;  // of a view without colours
-    both(3 + kMostInVain);
-    EXPECT_EQ(taken[1], 3);
-    step.sh.stride = 1;
-    both(3 + kMostInVain);
-    EXPECT_EQ(taken[1], 3 + kMostInVain + 1);
-    EXPECT_LT(value.x, 1);
-    EXPECT_FLOAT_EQ(first.x, 0.9f);
-    EXPECT_EQ(taken[0], 3) << "it is not in view";
-}
-
-TEST(FusedStep, WithoutColoursNoneIsAskedFor) {
-    for (const Drawn& drawn : all_drawn()) {
-        if (has(drawn.maps, Maps::color)) continue;
-        EXPECT_TRUE(same_bits(step_views<Cpu>(Way::waiting, 3, drawn),
-                              step_views<Cpu>(Way::fused, 3, drawn)))
-            << text(drawn);
-    }
 }
 
 TEST(FusedStep, EachMapHasItsShare) {
@@ -397,11 +300,6 @@ TEST(AdamTwins, FusedOnAGpuIsAsInMemory) {
                                   step_views<Cuda>(Way::fused, steps, drawn, steps == 2),
                                   text(drawn));
     }
-}
-
-TEST(AdamTwins, StepsThatWaitGiveTheSameBits) {
-    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) steps_that_wait_give_the_same_bits<Cuda>();
 }
 
 }  // namespace

@@ -70,11 +70,6 @@ TEST(Plan, SettingsByTheNumberOfViews) {
     EXPECT_EQ(plan_settings(40, true).choice, "sparse") << "measured points need votes";
 }
 
-TEST(Plan, ProcessesShareAStepOfManyViews) {
-    EXPECT_EQ(plan_batch(40, 4).settings, (Settings{{"comm.batch", "4"}}));
-    EXPECT_TRUE(plan_batch(39, 4).settings.empty());
-}
-
 TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
     SceneLook look;
     look.points = 10000, look.pixels = 20000, look.points_per_pixel = 0.5;

@@ -142,71 +142,6 @@ TEST(Repeat, PhotographsFromTheHostChangeNothing) {
     photographs_from_the_host_change_nothing<Cpu>();
 }
 
-/// Through growth, trims, resets and a saved state that goes on where harmonics lie elsewhere.
-template <class Device>
-void colours_kept_otherwise_change_nothing(KeepHarmonics keep) {
-    Scene scene = rendered_scene();
-    for (View& view : scene.train) view.camera.fx_px *= 3, view.camera.fy_px *= 3;  // see a part
-    TrainOptions options = everything_on(120);
-    const Outcome here = run<Device>(scene, options, {after(59), {}, {}});
-    options.optim.harmonics = keep;
-    const Outcome there = run<Device>(scene, options, {after(59), {}, {}});
-    EXPECT_EQ(there.end, 120);
-    EXPECT_TRUE(same_bits(here.gaussians, there.gaussians));
-    ASSERT_EQ(here.saved.size(), 1u);
-    ASSERT_EQ(there.saved.size(), 1u);
-    EXPECT_TRUE(same_bits(*here.saved[0].state, *there.saved[0].state));
-    const Outcome resumed = run<Device>(scene, options, {{}, here.saved[0].state, {}});
-    EXPECT_TRUE(same_bits(here.gaussians, resumed.gaussians));
-}
-
-TEST(Repeat, ColoursOnTheHostChangeNothing) {
-    colours_kept_otherwise_change_nothing<Cpu>(KeepHarmonics::host);
-}
-TEST(Repeat, ColoursThatWaitChangeNothing) {
-    colours_kept_otherwise_change_nothing<Cpu>(KeepHarmonics::waiting);
-}
-
-TEST(Repeat, ColoursGoToTheHostWhereNoStepWantsAllOfThem) {
-    const Scene scene = rendered_scene();
-    Scene beside_fixed = scene;
-    beside_fixed.fixed_splats = std::make_shared<Gaussians<Cpu>>();
-    TrainOptions batched = everything_on(2), refined = batched;
-    batched.comm.batch = 2, refined.cameras.refine = true;
-    const auto refused = [](const Scene& of, TrainOptions options, const char* why) {
-        options.optim.harmonics = KeepHarmonics::host;
-        try {
-            check_harmonics(of, options, std::string(why) != "backbone");
-            ADD_FAILURE() << why;
-        } catch (const Error& error) {
-            EXPECT_EQ(error.code(), ExitCode::usage);
-            EXPECT_NE(std::string(error.what()).find(why), std::string::npos) << error.what();
-        }
-    };
-    refused(scene, batched, "comm.batch = 2");
-    refused(scene, refined, "cameras.refine");
-    refused(beside_fixed, everything_on(2), "init.fixed_splats");
-    refused(scene, everything_on(2), "backbone");
-    check_harmonics(scene, batched, true);  // they are to stay
-}
-
-TEST(Repeat, ColoursThatCannotWaitDoNot) {
-    const Scene scene = rendered_scene();
-    TrainOptions options = everything_on(2);
-    const auto settled = [&](KeepHarmonics keep, int batch) {
-        options.optim.harmonics = keep, options.comm.batch = batch;
-        const std::string why = settle_harmonics(scene, options);
-        EXPECT_EQ(why.empty(), options.optim.harmonics == keep) << why;
-        return options.optim.harmonics;
-    };
-    for (const KeepHarmonics keep :
-         {KeepHarmonics::device, KeepHarmonics::waiting, KeepHarmonics::host})
-        EXPECT_EQ(settled(keep, 1), keep);
-    EXPECT_EQ(settled(KeepHarmonics::waiting, 2), KeepHarmonics::device);
-    // Whoever wants them on the host wants the memory.
-    EXPECT_THROW(settled(KeepHarmonics::host, 2), Error);
-}
-
 TEST(Resume, TwiceSixtyAre120) {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(120);
@@ -276,10 +211,9 @@ struct GroupCase {
 };
 
 template <class Device>
-void parameters_are_watched(KeepHarmonics harmonics = KeepHarmonics::device) {
+void parameters_are_watched() {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(32);
-    options.optim.harmonics = harmonics;
     options.loss.multi_view_ncc.weight = 0;
     for (const GroupCase c : {GroupCase{ParameterGroup::means, "the centre of splat 7 is"},
                               {ParameterGroup::scales, "the scale of splat 7 is"},
@@ -342,31 +276,6 @@ void losses_are_watched() {
 TEST(Guard, ParametersAreWatched) {
     parameters_are_watched<Cpu>();
 }
-TEST(Guard, ParametersAreWatchedWhereColoursLieOnTheHost) {
-    parameters_are_watched<Cpu>(KeepHarmonics::host);
-}
-TEST(Guard, ParametersAreWatchedWhereColoursWait) {
-    parameters_are_watched<Cpu>(KeepHarmonics::waiting);
-}
-/// Where nothing else asks for a look at all of them before.
-TEST(Guard, AColourOnTheHostIsNamedInTheEnd) {
-    const Scene scene = rendered_scene();
-    TrainOptions options = everything_on(110);
-    options.densify.enabled = false;
-    for (const int splat : {7, 80}) {
-        options.optim.harmonics = KeepHarmonics::device;
-        const Plan plan{after(12), {}, {24, -1, ParameterGroup::sh_dc, splat, 1}};
-        const Outcome device = run<Cpu>(scene, options, plan);
-        options.optim.harmonics = KeepHarmonics::host;
-        const Outcome host = run<Cpu>(scene, options, plan);
-        ASSERT_EQ(host.rollbacks.size(), 1u);
-        const std::string& said = host.rollbacks[0];
-        EXPECT_NE(said.find(str("the base colour of splat ", splat, " is")), std::string::npos)
-            << said;
-        EXPECT_NE(said.find("with lr.sh_dc divided"), std::string::npos) << said;
-        EXPECT_TRUE(same_bits(host.gaussians, device.gaussians));
-    }
-}
 
 TEST(Guard, LossesAreWatched) {
     losses_are_watched<Cpu>();
@@ -408,20 +317,9 @@ TEST(RepeatTwins, CudaPhotographsFromTheHostChangeNothing) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) photographs_from_the_host_change_nothing<Cuda>();
 }
-TEST(RepeatTwins, CudaColoursOnTheHostChangeNothing) {
-    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) colours_kept_otherwise_change_nothing<Cuda>(KeepHarmonics::host);
-}
-TEST(RepeatTwins, CudaColoursThatWaitChangeNothing) {
-    if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
-    if constexpr (kHasCuda) colours_kept_otherwise_change_nothing<Cuda>(KeepHarmonics::waiting);
-}
-
 TEST(GuardTwins, CudaParameters) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) parameters_are_watched<Cuda>();
-    if constexpr (kHasCuda) parameters_are_watched<Cuda>(KeepHarmonics::host);
-    if constexpr (kHasCuda) parameters_are_watched<Cuda>(KeepHarmonics::waiting);
 }
 TEST(GuardTwins, CudaLosses) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();

@@ -46,32 +46,6 @@ TEST(MemoryPlan, CountsMapsOfViewsThatComeAsTheyAreNeeded) {
     EXPECT_EQ(with - without, 2 * 200 * 100 * 4);  // two views at a time
 }
 
-TEST(MemoryPlan, CountsWhatStepsOfSeveralPhotographsHold) {
-    const Scene scene;
-    TrainOptions o;
-    o.densify.enabled = o.tv.enabled = false;
-    const auto per_splat = [&](int batch, int processes) {
-        o.comm.batch = batch;
-        return estimate_memory(scene, o, 100, true, {processes, processes}).buffers.per_splat;
-    };
-    const std::int64_t parameters = 236;
-    EXPECT_GE(per_splat(4, 1), per_splat(1, 1) + parameters) << "the sum beside the gradients";
-    EXPECT_EQ(per_splat(8, 1), per_splat(4, 1)) << "one photograph at a time";
-    // Of the rest each of them has its share: two moments and the sum.
-    EXPECT_LE(per_splat(4, 4), per_splat(4, 1) - 3 * parameters / 2);
-    EXPECT_GE(per_splat(4, 4), per_splat(4, 1) - 3 * parameters) << "the parameters all of them";
-    EXPECT_LT(per_splat(8, 8), per_splat(8, 4));
-    o.tv.enabled = true, o.tv.k = 100;
-    o.tv.lists = ListStorage::full;
-    const std::int64_t lists = 800, voting = per_splat(4, 1) - per_splat(4, 4);
-    o.tv.enabled = false;
-    EXPECT_GE(voting, per_splat(4, 1) - per_splat(4, 4) + lists / 2);
-    const auto on_host = [&](int processes) {
-        return estimate_memory(scene, o, 100, true, {processes, processes}).host.per_splat;
-    };
-    EXPECT_LE(on_host(4), on_host(1) - 2 * 3 * parameters / 2) << "two states";
-}
-
 TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
     Scene scene = scene_of(9);
     TrainOptions o;
@@ -191,101 +165,6 @@ TEST(Machines, EachLevelOnEitherSideOfWhatItHolds) {
     EXPECT_LE(decided(voting(), 0).measured, decided(voting(), 0).threshold);
 }
 
-/// With all points beside the views.
-Scene scene_with_few_in_view() {
-    Scene scene = scene_of(9);
-    for (View& view : scene.train)
-        view.camera.fx_px = view.camera.fy_px = 100, view.camera.cx_px = 100,
-        view.camera.cy_px = 50;
-    for (int i = 0; i < 1000; ++i) scene.points.positions.push_back({5000, 0, 2});
-    return scene;
-}
-
-TEST(Machines, ColoursGoToTheHostAfterAllThatCostsLess) {
-    const Scene scene = scene_with_few_in_view();
-    const std::int64_t splats = 200000;
-    TrainOptions both = voting(), left = voting();
-    both.photo_bytes = left.photo_bytes = 1;
-    both.tv.lists = left.tv.lists = ListStorage::compact;
-    left.optim.harmonics = KeepHarmonics::host;
-    const auto decided = [&](const TrainOptions& options, std::int64_t more, bool may = true) {
-        MachineInputs in = inputs(splats, limits_for(scene, left, splats, more));
-        in.may_leave_harmonics = may;
-        return plan_machines(scene, options, in);
-    };
-    const Decision taken = decided(voting(), 0);
-    EXPECT_EQ(taken.choice, "compact lists, photographs on the host, colours on the host");
-    EXPECT_EQ(
-        taken.settings,
-        (Settings{{"photo_bytes", "1"}, {"tv.lists", "compact"}, {"optim.harmonics", "host"}}));
-    // A twentieth in view, of 576 bytes each.
-    EXPECT_NE(taken.reason.find("a step moves up to 0.00576 GB over the bus and back"),
-              std::string::npos)
-        << taken.reason;
-    EXPECT_EQ(decided(voting(), -1).choice, "blocks");
-    EXPECT_EQ(decided(voting(), 0, false).choice, "blocks");
-    const std::int64_t more = estimate_memory(scene, both, splats, true).buffers.at(splats) -
-                              estimate_memory(scene, left, splats, true).buffers.at(splats);
-    EXPECT_EQ(decided(voting(), more).choice, "compact lists, photographs on the host");
-    TrainOptions batched = voting(), refined = voting();
-    batched.comm.batch = 2, refined.cameras.refine = true;
-    EXPECT_EQ(decided(batched, 0).choice, "blocks") << "adds up all gradients";
-    EXPECT_EQ(decided(refined, 0).choice, "blocks") << "looks at all harmonics";
-}
-
-TEST(Machines, ColoursOutOfViewWaitWhereTheyAreMany) {
-    const Scene scene = scene_with_few_in_view();  // a twentieth, as it is foreseen
-    const std::int64_t enough = 2800000;           // 2.66 million out of view
-    const auto decided = [&](const Scene& of, const TrainOptions& options, std::int64_t splats,
-                             std::int64_t room = std::int64_t{1} << 40) {
-        MachineInputs in = inputs(splats, {room, room});
-        in.may_leave_harmonics = true;
-        return plan_waiting(of, options, in);
-    };
-    const auto taken = decided(scene, voting(), enough);
-    ASSERT_TRUE(taken);
-    EXPECT_EQ(taken->choice, "wait out of view");
-    EXPECT_EQ(taken->settings, (Settings{{"optim.harmonics", "waiting"}}));
-    EXPECT_NE(taken->reason.find("of 2.8 M: 2.66 >= 2.5"), std::string::npos) << taken->reason;
-    EXPECT_FALSE(decided(scene, voting(), 2600000));
-    EXPECT_FALSE(decided(scene_of(9), voting(), 100 * enough)) << "nobody knows what a view sees";
-    Scene more = scene;  // a tenth, a quarter of that more, and a twentieth
-    for (int i = 0; i < 111; ++i) more.points.positions.push_back({0, 0, 2});
-    EXPECT_FALSE(decided(more, voting(), 100 * enough)) << "a view sees too many";
-    TrainOptions batched = voting(), waits = voting(), left = voting();
-    batched.comm.batch = 2;
-    EXPECT_FALSE(decided(scene, batched, enough));
-    left.optim.harmonics = KeepHarmonics::host;
-    EXPECT_FALSE(decided(scene, left, enough));
-    waits.optim.harmonics = KeepHarmonics::waiting, waits.photo_bytes = 1;
-    const std::int64_t takes = estimate_memory(scene, waits, enough, true).buffers.at(enough);
-    EXPECT_TRUE(decided(scene, voting(), enough, takes));
-    EXPECT_FALSE(decided(scene, voting(), enough, takes - 1000));
-    MachineInputs in = inputs(enough, {std::int64_t{1} << 40, std::int64_t{1} << 40});
-    EXPECT_FALSE(plan_waiting(scene, voting(), in)) << "the user has said where they lie";
-    in.may_leave_harmonics = true, in.cuda = false;
-    EXPECT_FALSE(plan_waiting(scene, voting(), in));
-}
-
-TEST(MemoryPlan, CountsColoursWhereTheyLie) {
-    const Scene scene = scene_with_few_in_view();
-    TrainOptions o;
-    o.densify.enabled = o.tv.enabled = false;
-    const MemoryPlan here = estimate_memory(scene, o, 100, true);
-    o.optim.harmonics = KeepHarmonics::host;
-    const MemoryPlan there = estimate_memory(scene, o, 100, true);
-    // But for a twentieth in view, a counter, and a number by place.
-    EXPECT_EQ(here.buffers.per_splat - there.buffers.per_splat, 3 * 192 - 29 - 6);
-    EXPECT_EQ(there.host.per_splat - here.host.per_splat, 3 * 192);
-    o.optim.harmonics = KeepHarmonics::waiting;
-    EXPECT_EQ(estimate_memory(scene, o, 100, true).buffers.per_splat - here.buffers.per_splat,
-              29 + 6);
-    o.optim.harmonics = KeepHarmonics::host;
-    o.densify.enabled = true;
-    const MemoryPlan grows = estimate_memory(scene, o, 100, true);
-    EXPECT_EQ(grows.host.per_splat - here.host.per_splat, 4 * 192 * 5 / 4) << "and a copy";
-}
-
 TEST(Machines, WhatTheUserSetsIsNotTheirs) {
     const Scene scene = scene_of(9);
     MachineInputs in = inputs(200000, limits_for(scene, voting(), 200000, -1));
@@ -299,28 +178,6 @@ TEST(Machines, WhatTheUserSetsIsNotTheirs) {
     silent.tv.enabled = false;
     in = inputs(200000, limits_for(scene, silent, 200000, -100000000));
     EXPECT_EQ(plan_machines(scene, silent, in).choice, "blocks") << "no votes, no lists";
-}
-
-TEST(Machines, SeveralProcessesHoldMore) {
-    const Scene scene = scene_of(9);
-    const std::int64_t splats = 200000;
-    TrainOptions options = voting();
-    options.comm.batch = 4;
-    MachineInputs in = inputs(splats, limits_for(scene, options, splats, 0));
-    in.limits.device = in.limits.device * 3 / 4;
-    in.may_stream = in.may_compact = false;
-    const Decision alone = plan_machines(scene, options, in);
-    EXPECT_EQ(alone.choice, "blocks");
-    EXPECT_NE(alone.reason.find(", or 4 GPUs: mpirun -n 4 tvsgs-train ... --set comm.batch=4"),
-              std::string::npos)
-        << alone.reason;
-    in.processes = {4, 4};
-    const Decision four = plan_machines(scene, options, in);
-    EXPECT_EQ(four.choice, "4 GPUs");
-    EXPECT_LT(four.measured, alone.measured);
-    in.processes = {1, 1};
-    in.limits.device /= 10;
-    EXPECT_EQ(plan_machines(scene, options, in).reason.find("mpirun"), std::string::npos);
 }
 
 TEST(Machines, GrowthStopsWhereNoMoreFit) {

@@ -103,9 +103,6 @@ TEST_F(PlanCommand, WhatTheUserSetsStays) {
                       "/configs/pgsr_sparse.json");
     EXPECT_NE(unplanned.out.find("is not planned"), std::string::npos) << unplanned.out;
     EXPECT_EQ(call("train", "--scene scene --resume nothing --plan").code, 2);
-    const Result batch = call("train", "--scene scene --device cpu --plan --set comm.batch=99");
-    EXPECT_EQ(batch.code, 2) << "what a run would refuse: " << batch;
-    EXPECT_TRUE(batch.says("comm.batch = 99: a step looks at different views")) << batch;
     const Result mesh = call("train",
                              "--scene scene --device cpu --plan --set mesh.method=tetrahedra --set "
                              "mesh.watertight=true");

@@ -1,11 +1,9 @@
-// Both forms of the lists hold the same edges in the same order, and so do the parts of several
-// processes: all results agree bit for bit.
+// Both forms of the lists hold the same edges in the same order: all results agree bit for bit.
 #include <cstring>
 
 #include "apps/bench/cloud.h"
 #include "core/error.h"
 #include "core/gaussians.h"
-#include "support/thread_ranks.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {
@@ -27,16 +25,13 @@ struct Outcome {
     std::size_t bytes = 0;
 };
 
-/// Two events, the second on lists searched anew, into memory that is there already.
+/// Two events; the second searches again and reuses the memory of the first.
 template <class Device>
-Outcome run(const Gaussians<Cpu>& cloud,
-            TvOptions options,
-            const FixedVoters& fixed,
-            Communicator* peers = nullptr) {
+Outcome run(const Gaussians<Cpu>& cloud, TvOptions options, const FixedVoters& fixed) {
     options.refresh_every = 1;
     Gaussians<Device> splats;
     copy(cloud, splats);
-    TensorVoter<Device> voter(options, peers);
+    TensorVoter<Device> voter(options);
     if (fixed.size() > 0) voter.set_fixed_voters(fixed);
     TensorField<Device> field;
     for (const int step : {1, 2}) voter.vote(step, splats, field);
@@ -139,81 +134,6 @@ TYPED_TEST(ListForms, AgreeOnGivenLists) {
     for (int i = 0; i < kCount; ++i)
         ASSERT_EQ(sorted_row(full.details.receivers, k, i), sorted_row(receivers, k, i));
     EXPECT_EQ(full.details.begin[6] - full.details.begin[5], kCount - 1);
-}
-
-/// Of one process and of several; processes may store their lists in different forms.
-template <class Device>
-void expect_same_on_ranks(const std::string& shape,
-                          int count,
-                          const TvOptions& options,
-                          int fixed_count = 0) {
-    const Gaussians<Cpu> cloud = make_bench_cloud(shape, count, 7);
-    const FixedVoters fixed = some_fixed(fixed_count, 3);
-    const Outcome one = run<Device>(cloud, options, fixed);
-    for (const int ranks : {2, 3, 4}) {
-        std::vector<Outcome> outcomes(static_cast<std::size_t>(ranks));
-        on_ranks(ranks, [&](ThreadRank* peers) {
-            TvOptions mine = options;
-            if (peers->rank() == 1) mine.lists = ListStorage::compact;
-            outcomes[static_cast<std::size_t>(peers->rank())] =
-                run<Device>(cloud, mine, fixed, peers);
-        });
-        for (const Outcome& outcome : outcomes) {
-            SCOPED_TRACE(str(shape, ", ", count, " splats, ", ranks, " processes"));
-            expect_same_fields(one.field, outcome.field);
-        }
-        // Beside the lists there are the tree and the records of all.
-        if (count < 1000 || options.lists == ListStorage::compact) continue;
-        const double edges = double(count + fixed_count) * one.field.details.k;
-        EXPECT_LT(double(outcomes[0].bytes), double(one.bytes) - 8 * edges * (1 - 1.3 / ranks));
-    }
-}
-
-TYPED_TEST(ListForms, PartsOfProcessesAgree) {
-    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
-    TvOptions options;
-    options.k = 20;
-    for (const std::string& shape : bench_shapes())
-        expect_same_on_ranks<TypeParam>(shape, 500, options);
-    for (const int count : {0, 1, 2, 3, 33, 65, 130})  // some processes have none
-        expect_same_on_ranks<TypeParam>("coincident", count, options);
-    expect_same_on_ranks<TypeParam>("planes", 300, options, 333);
-    options.lists = ListStorage::compact;
-    options.strength = VoteStrength::literal;
-    options.targets = Targets::anchor;
-    expect_same_on_ranks<TypeParam>("sphere", 700, options, 65);
-    options.targets = Targets::votes;
-    options.vote_map = VoteMap::unit;
-    options.precision = VotePrecision::double_precision;
-    options.flatness_limit_position = 0.3f;
-    expect_same_on_ranks<TypeParam>("cluster", 300, options);
-    options = {};
-    options.k = 60;
-    expect_same_on_ranks<TypeParam>("sphere", 3000, options);
-}
-
-TYPED_TEST(ListForms, PartsOfProcessesInheritAlike) {
-    TVSGS_SKIP_WITHOUT_DEVICE(TypeParam);
-    TvOptions options;
-    options.k = 16;
-    // A third of the splats is new, and begins with a ball round of its own.
-    const auto grow = [&](Communicator* peers) {
-        Gaussians<TypeParam> splats;
-        copy(make_bench_cloud("sphere", 300, 1), splats);
-        TensorVoter<TypeParam> voter(options, peers);
-        TensorField<TypeParam> field;
-        voter.vote(1, splats, field);
-        copy(make_bench_cloud("sphere", 400, 2), splats);
-        std::vector<int> parents;
-        for (int i = 0; i < 400; ++i) parents.push_back(i % 3 == 0 ? -1 : i % 300);
-        const auto there = to_device<TypeParam>(parents);
-        voter.structure_changed(there.span(), field);
-        voter.vote(2, splats, field);
-        voter.vote(3, splats, field, false);
-        return read(field, voter);
-    };
-    const FieldOnHost one = grow(nullptr);
-    on_ranks(3, [&](ThreadRank* peers) { expect_same_fields(one, grow(peers)); });
 }
 
 }  // namespace

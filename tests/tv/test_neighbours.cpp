@@ -1,7 +1,7 @@
 // Exact neighbours, against brute force, for each twin.
 #include "core/error.h"
 #include "tv/internal/neighbours.h"
-#include "tv/internal/voting_impl.h"
+#include "tv/internal/voting_details.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {

@@ -104,7 +104,7 @@ inline int search_capacity(int wanted) {
     return (2 * wanted + 64 + 31) / 32 * 32;
 }
 
-/// What a query had to look at.
+/// Points and leaves that a query visited.
 struct SearchCounts {
     int candidates = 0, leaves = 0;
 };
@@ -131,13 +131,13 @@ public:
         window_end_ = window_begin_ + window;
         for (int leaf = window_begin_; leaf < window_end_; ++leaf) scan_leaf(leaf);
         shrink();
-        // 2. Whatever else may hold a nearer point.
+        // 2. All other nodes that may hold a nearer point.
         descend<kMaxTreeLevels - 1>(0);
         shrink();
         return count_;
     }
     TVSGS_HD const SearchCounts& counts() const { return counts_; }
-    /// Of the leaves that the search began with: negative below, 0 inside, positive above.
+    /// Side of the leaves that the search began with: negative below, 0 inside, positive above.
     TVSGS_HD int side_of_window(std::uint32_t rank) const {
         const int leaf = static_cast<int>(rank) / kTreeFanout;
         return leaf < window_begin_ ? -1 : leaf < window_end_ ? 0 : 1;
@@ -163,7 +163,7 @@ private:
         counts_.leaves += 1;
     }
 
-    /// Keeps the wanted smallest keys; the largest of them bounds what may still enter.
+    /// Keeps the wanted smallest keys; only keys below the largest of them may enter from now on.
     TVSGS_HD void shrink() {
         if (count_ < wanted_ || count_ == 0) return;
         counts_.candidates += count_;

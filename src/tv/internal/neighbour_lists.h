@@ -1,6 +1,5 @@
-// How the lists of neighbours are stored, and how they are read. Both forms hold the same edges in
-// the same order, and hand them to the lanes of a warp in the same way: sums over them agree bit
-// for bit.
+// The two forms of the lists of neighbours, and how warps read them. Both hold the same edges in
+// the same order and give them to the same lanes: sums over them agree bit for bit.
 #pragma once
 
 #include <bit>
@@ -10,16 +9,15 @@
 
 namespace tvsgs {
 
-/// full: one number per edge and direction. compact: about a byte per edge for both.
+/// full: one number per edge and direction. compact: about a byte per edge for both directions.
 enum class ListStorage { full, compact };
 
 /// Plain lists.
 struct FullLists {
-    int k;                                    // receivers of each voter
-    Span<const std::uint32_t> receivers;      // [voters, k] ascending for each voter
-    Span<const std::int64_t> begin;           // [usable + 1] where receiver i's voters begin
-    Span<const std::uint32_t> voters;         // ascending for each receiver
-    int first_voter = 0, first_receiver = 0;  // of those whose lists are here
+    int k;                                // receivers of each voter
+    Span<const std::uint32_t> receivers;  // [voters, k] ascending for each voter
+    Span<const std::int64_t> begin;       // [usable + 1] where receiver i's voters begin
+    Span<const std::uint32_t> voters;     // ascending for each receiver
 
     /// Of one warp, for receivers_of().
     static std::size_t scratch_bytes(int /*k*/) { return 0; }
@@ -27,29 +25,28 @@ struct FullLists {
     /// The voter's k receivers.
     template <class Warp>
     TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
-        return receivers.data + std::size_t(voter - first_voter) * k;
+        return receivers.data + std::size_t(voter) * k;
     }
     /// action(voter) for this lane's share of the voters of the splat at `rank`: number e goes to
     /// the lanes of number e modulo kStride.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
-        rank -= first_receiver;
         const std::int64_t end = begin[rank + 1];
         for (std::int64_t e = begin[rank] + warp.lane() % kStride; e < end; e += kStride)
             action(voters[e]);
     }
 };
 
-/// Who of 32 voters votes for whom of 8 receivers. Both sides are neighbours in Morton order, hence
-/// in space, so that few tiles hold all edges: on surfaces 75 for 32 voters of 100 votes each.
-/// One sector of memory.  [docs/method/voting.md#lists-of-voters]
+/// The votes of 32 voters for 8 receivers, a bit each. Both sides are neighbours in Morton order,
+/// hence in space, so that few tiles hold all edges: on surfaces 75 for 32 voters of 100 votes
+/// each. One sector of memory.  [docs/method/voting.md#lists-of-voters]
 struct alignas(32) EdgeTile {
     static constexpr int kVoters = 32, kReceivers = 8;
     std::uint32_t voters[kReceivers];  // bit v of word r: voter v votes for receiver r
 };
 
-/// The members of a set of up to 32 numbers, from `first` on, go to `out` after those of the lanes
-/// before; returns how many there are in all.
+/// Writes first + i to `out` for each bit i of the mask, after the numbers of the lower lanes;
+/// returns how many all lanes write.
 template <class Warp>
 TVSGS_HD int write_members(const Warp& warp,
                            std::uint32_t mask,
@@ -80,20 +77,17 @@ struct CompactLists {
     Span<const EdgeTile> tiles;                // ordered by block of voters, then of receivers
     Span<const std::uint32_t> receiver_block;  // of each tile
     Span<const std::int64_t> voter_begin;      // [blocks of voters + 1]
-    // The other way: ordered by block of receivers, then of voters.
-    Span<const EdgeTile> received;    // the same tiles; of several processes those of its receivers
-    Span<const std::uint32_t> place;  // in `received`
+    // The same tiles ordered by block of receivers, then of voters.
+    Span<const std::uint32_t> place;  // in `tiles`
     Span<const std::uint32_t> voter_block;
     Span<const std::int64_t> receiver_begin;  // [blocks of receivers + 1]
-    int first_voter = 0, first_receiver = 0;  // of those whose lists are here
 
     static std::size_t scratch_bytes(int k) { return std::size_t(k) * sizeof(std::uint32_t); }
 
     template <class Warp>
     TVSGS_HD const std::uint32_t* receivers_of(const Warp& warp, int voter, void* scratch) const {
         auto* list = static_cast<std::uint32_t*>(scratch);
-        const int block = (voter - first_voter) / EdgeTile::kVoters,
-                  bit = voter % EdgeTile::kVoters;
+        const int block = voter / EdgeTile::kVoters, bit = voter % EdgeTile::kVoters;
         const std::int64_t end = voter_begin[block + 1];
         int count = 0;
         for (std::int64_t first = voter_begin[block]; first < end; first += Warp::kLanes) {
@@ -113,21 +107,21 @@ struct CompactLists {
 
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
-        std::int64_t end = 0, first = range_of(rank, end);
+        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
+        std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers];
         if constexpr (Warp::kLanes == 1) {
             for (; first < end; ++first)
                 for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
-                    action(voter_of_tile(first) +
-                           static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
+                    action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
-            // 32 tiles at a time, a lane each, then the voters in them, number e to lane e % 32.
-            // Those of an incomplete 32 wait in their lanes for the next tiles.
+            // Reads 32 tiles at a time, one in each lane, then gives voter number e in them to lane
+            // e % 32. The last voters, if fewer than 32, stay in their lanes until the next tiles.
             std::uint32_t mine = 0;
             int found = 0;
             for (bool last = false; !last;) {
                 const std::int64_t t = first + warp.lane();
                 const std::uint32_t mask = t < end ? voters_in(t, rank) : 0;
-                const std::uint32_t base = t < end ? voter_of_tile(t) : 0;
+                const std::uint32_t base = t < end ? first_voter(t) : 0;
                 const int count = std::popcount(mask), before = warp.sum_before(count);
                 const int known = found;
                 found += warp.from_lane(before + count, Warp::kLanes - 1);
@@ -149,29 +143,24 @@ struct CompactLists {
         }
     }
 
-    /// The voters of the splat at `rank` to `out`, for which it takes a whole warp.
+    /// Writes the voters of the splat at `rank` to `out`; takes a whole warp.
     template <class Warp>
     TVSGS_HD void write_voters(const Warp& warp, int rank, std::uint32_t* out) const {
-        std::int64_t end = 0;
-        for (std::int64_t first = range_of(rank, end); first < end; first += Warp::kLanes) {
+        const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
+        for (std::int64_t first = receiver_begin[rank / EdgeTile::kReceivers]; first < end;
+             first += Warp::kLanes) {
             const std::int64_t t = first + warp.lane();
             out += write_members(warp, t < end ? voters_in(t, rank) : 0,
-                                 t < end ? voter_of_tile(t) : 0, out);
+                                 t < end ? first_voter(t) : 0, out);
         }
     }
 
     TVSGS_HD std::uint32_t voters_in(std::int64_t t, int rank) const {
-        return received[place[t]].voters[rank % EdgeTile::kReceivers];
+        return tiles[place[t]].voters[rank % EdgeTile::kReceivers];
     }
 
 private:
-    /// The tiles of the receivers around `rank`: the first, and the end.
-    TVSGS_HD std::int64_t range_of(int rank, std::int64_t& end) const {
-        const int block = (rank - first_receiver) / EdgeTile::kReceivers;
-        end = receiver_begin[block + 1];
-        return receiver_begin[block];
-    }
-    TVSGS_HD std::uint32_t voter_of_tile(std::int64_t t) const {
+    TVSGS_HD std::uint32_t first_voter(std::int64_t t) const {
         return voter_block[t] * EdgeTile::kVoters;
     }
     /// Number e of the members of the lanes' sets, `before` of which are in lower lanes.
@@ -187,7 +176,7 @@ private:
     }
 };
 
-/// Owns tiles. Their number is known when all are made: the buffers may be longer.
+/// Owns tiles. The buffers may be longer than `count`, which is known when all tiles are made.
 template <class Device>
 struct EdgeTiles {
     std::size_t count = 0;
@@ -195,22 +184,5 @@ struct EdgeTiles {
     Buffer<std::uint32_t, Device> receiver_block, place, voter_block;
     Buffer<std::int64_t, Device> voter_begin, receiver_begin;
 };
-
-/// Lists by voters and by receivers: of one process the same tiles.
-template <class Device>
-CompactLists compact_lists(const EdgeTiles<Device>& cast,
-                           const EdgeTiles<Device>& received,
-                           int first_voter,
-                           int first_receiver) {
-    return {{cast.tiles.data(), cast.count},
-            {cast.receiver_block.data(), cast.count},
-            cast.voter_begin.span(),
-            {received.tiles.data(), received.count},
-            {received.place.data(), received.count},
-            {received.voter_block.data(), received.count},
-            received.receiver_begin.span(),
-            first_voter,
-            first_receiver};
-}
 
 }  // namespace tvsgs

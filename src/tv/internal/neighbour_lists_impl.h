@@ -1,6 +1,6 @@
-// How lists are made: tiles from the voters' ascending lists, then, for full lists, the receivers'
-// lists from the tiles. The cost is linear in the edges, however many voters one receiver has, and
-// every list comes out in order without being sorted.
+// Makes tiles from the voters' ascending lists, then, for full lists, the receivers' lists from the
+// tiles. The cost is linear in the edges, however many voters one receiver has, and every list is
+// ascending without a sort.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace tvsgs::detail {
 
-/// Tiles of 32 voters by a merge of their ascending lists; counts them, or writes them.
+/// Merges the ascending lists of 32 voters into tiles; counts the tiles, or writes them.
 struct TileBody {
     static constexpr std::uint32_t kNone = ~0u;  // no rank is so large
     static constexpr std::size_t kScratch = 3 * EdgeTile::kVoters * sizeof(std::uint32_t);
@@ -18,7 +18,7 @@ struct TileBody {
     int voters, k;
     Span<const std::uint32_t> receivers;  // [voters, k]
     Span<int> counts;                     // [blocks]; empty: write
-    Span<const std::int64_t> begin;       // [blocks + 1] of the blocks' tiles, from `used` on
+    Span<const std::int64_t> begin;       // [blocks + 1] first tile of each block, from `used` on
     std::int64_t used;
     Span<EdgeTile> tiles;
     Span<std::uint32_t> receiver_block;
@@ -73,7 +73,7 @@ private:
     }
 };
 
-/// Counts for a scan: a zero after them, so that it ends with the total.
+/// Counts for a scan, with a zero after them, so that the scan ends with the total.
 struct CountTerm {
     Span<const int> counts;
     TVSGS_HD std::int64_t operator()(std::int64_t i) const {
@@ -81,7 +81,7 @@ struct CountTerm {
     }
 };
 
-/// receiver_begin[b]: the first tile of the sorted ones with a block of b or later.
+/// receiver_begin[b]: the first of the sorted tiles whose block is b or later.
 struct ReceiverBeginBody {
     Span<const std::uint32_t> sorted_blocks;
     Span<std::int64_t> receiver_begin;
@@ -98,75 +98,31 @@ struct ReceiverBeginBody {
     }
 };
 
-/// The last entry of [0, size - 1) that is not above `value`; the very last one is above it.
-template <class T>
-TVSGS_HD int last_not_above(Span<const T> ascending, std::int64_t value) {
-    int low = 0, high = ascending.size() - 1;
-    while (high - low > 1) {
-        const int middle = (low + high) / 2;
-        (std::int64_t(ascending[middle]) <= value ? low : high) = middle;
-    }
-    return low;
-}
-
-/// The block of voters that a tile is of: the last that begins at or before it.
+/// Finds the block of voters of each tile: the last block that begins at or before the tile.
 struct VoterBlockBody {
     Span<const std::uint32_t> place;
     Span<const std::int64_t> voter_begin;
     Span<std::uint32_t> voter_block;
     TVSGS_HD void operator()(int t) const {
-        voter_block[t] = static_cast<std::uint32_t>(last_not_above(voter_begin, place[t]));
+        int low = 0, high = voter_begin.size() - 1;  // voter_begin[high] is above all places
+        while (high - low > 1) {
+            const int middle = (low + high) / 2;
+            (voter_begin[middle] <= std::int64_t(place[t]) ? low : high) = middle;
+        }
+        voter_block[t] = static_cast<std::uint32_t>(low);
     }
 };
 
-/// The process that a tile's receivers belong to.
-struct OwnerBody {
-    Span<const std::uint32_t> receiver_block;
-    Span<const int> begins;  // of the processes' parts
-    Span<std::uint32_t> owners;
-    TVSGS_HD void operator()(int t) const {
-        owners[t] = static_cast<std::uint32_t>(
-            last_not_above(begins, std::int64_t{receiver_block[t]} * EdgeTile::kReceivers));
-    }
-};
-
-/// Tiles in the order of their owners, with blocks of voters as in the whole, and of receivers as
-/// the owner counts them.
-struct SendTileBody {
-    Span<const EdgeTile> tiles;
-    Span<const std::uint32_t> receiver_block;
-    Span<const std::int64_t> voter_begin;
-    int first_voter_block;
-    Span<const int> begins;
-    Span<const std::uint32_t> order, owners;  // owners: sorted
-    Span<EdgeTile> sent;
-    Span<std::uint32_t> sent_receivers, sent_voters;
-    TVSGS_HD void operator()(int t) const {
-        const std::uint32_t from = order[t];
-        sent[t] = tiles[from];
-        sent_receivers[t] = receiver_block[from] -
-                            static_cast<std::uint32_t>(begins[owners[t]] / EdgeTile::kReceivers);
-        sent_voters[t] =
-            static_cast<std::uint32_t>(first_voter_block + last_not_above(voter_begin, from));
-    }
-};
-
-struct TakeBody {
-    Span<const std::uint32_t> from, place;
-    Span<std::uint32_t> to;
-    TVSGS_HD void operator()(int t) const { to[t] = from[place[t]]; }
-};
-
-/// Numbers of voters of one block of receivers.
+/// Counts the voters of each receiver of one block.
 struct DegreeBody {
     CompactLists lists;
-    Span<int> degrees;  // [own receivers]
+    Span<int> degrees;  // [usable]
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int block, void*) const {
         int sums[EdgeTile::kReceivers] = {};
         for (std::int64_t t = lists.receiver_begin[block] + warp.lane();
              t < lists.receiver_begin[block + 1]; t += Warp::kLanes) {
-            const EdgeTile tile = lists.received[lists.place[t]];
+            const EdgeTile tile = lists.tiles[lists.place[t]];
             for (int r = 0; r < EdgeTile::kReceivers; ++r) sums[r] += std::popcount(tile.voters[r]);
         }
         for (int r = 0; r < EdgeTile::kReceivers; ++r) {
@@ -181,39 +137,38 @@ struct WriteVotersBody {
     Span<const std::int64_t> begin;
     Span<std::uint32_t> voters;
     template <class Warp>
-    TVSGS_HD void operator()(const Warp& warp, int i, void*) const {
-        lists.write_voters(warp, lists.first_receiver + i, voters.data + begin[i]);
+    TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
+        lists.write_voters(warp, rank, voters.data + begin[rank]);
     }
 };
 
-/// Lists on the host, whatever form they are stored in: those that are here.
+/// The lists on the host, as full lists.
 struct HostLists {
     std::vector<std::uint32_t> receivers, voters;
     std::vector<std::int64_t> begin;
 };
-HostLists unpacked(const CompactLists& lists, Part voters, int k, Part receivers);
+HostLists unpacked(const CompactLists& lists, int voters, int k, int usable);
 
 template <class Device>
 HostLists host_lists(const Neighbours<Device>& near) {
     if (near.storage == ListStorage::full)
         return {to_host(near.receivers), to_host(near.voters), to_host(near.begin)};
     const CompactLists there = near.compact_lists();
-    const auto here = []<class T>(Span<const T> span) {  // no more than there are
+    const auto here = []<class T>(Span<const T> span) {
         std::vector<T> values(span.count);
         copy(Device{}, span.data, Cpu{}, values.data(), span.count * sizeof(T));
         return values;
     };
-    const auto tiles = here(there.tiles), received = here(there.received);
+    const auto tiles = here(there.tiles);
     const auto receiver_block = here(there.receiver_block), place = here(there.place),
                voter_block = here(there.voter_block);
     const auto voter_begin = here(there.voter_begin), receiver_begin = here(there.receiver_begin);
     const auto span = []<class T>(const std::vector<T>& values) {
         return Span<const T>{values.data(), values.size()};
     };
-    const CompactLists lists{span(tiles),          span(receiver_block), span(voter_begin),
-                             span(received),       span(place),          span(voter_block),
-                             span(receiver_begin), there.first_voter,    there.first_receiver};
-    return unpacked(lists, near.own_voters, near.k, near.own_receivers);
+    const CompactLists lists{span(tiles), span(receiver_block), span(voter_begin),
+                             span(place), span(voter_block),    span(receiver_begin)};
+    return unpacked(lists, near.voters_count, near.k, near.usable);
 }
 
 template <class... Buffers>
@@ -238,7 +193,7 @@ void resize_tiles(EdgeTiles<Device>& tiles, std::size_t size) {
     resize_keeping(tiles.receiver_block, tiles.count, size);
 }
 
-/// Room for `size` elements and no more: the memory reported is the memory held.
+/// Makes room for `size` elements and no more: the memory reported is the memory held.
 template <class T, class Device>
 void reserve(Buffer<T, Device>& buffer, std::size_t size) {
     if (size <= buffer.size()) return;
@@ -253,7 +208,7 @@ void begin_tiles(EdgeTiles<Device>& tiles, int voters) {
     tiles.voter_begin.fill_zero();
 }
 
-/// Appends the tiles of the voters from `first`, a multiple of 32, on. Waits for the device, as the
+/// Appends the tiles of the voters from `first` on, a multiple of 32. Waits for the device, as the
 /// memory needed depends on the lists.
 template <class Device>
 void add_tiles(NeighbourScratch<Device>& s,
@@ -276,7 +231,7 @@ void add_tiles(NeighbourScratch<Device>& s,
 
     const std::size_t needed = tiles.count + static_cast<std::size_t>(added);
     if (needed > tiles.tiles.size()) {
-        // Other voters will need about as many.
+        // The remaining voters will need about as many.
         const double all = static_cast<double>(tiles.voter_begin.size() - 1);
         const double guess = 1.02 * static_cast<double>(needed) * all / (done + blocks);
         resize_tiles(tiles, done + blocks < all ? static_cast<std::size_t>(guess) : needed);
@@ -291,130 +246,66 @@ void add_tiles(NeighbourScratch<Device>& s,
     tiles.count = needed;
 }
 
-/// Tiles of own voters go to the processes of their receivers; those of own receivers come, ordered
-/// by voters, as rank after rank has the voters in order. Returns the voters' blocks of these.
+/// Orders the tiles by receivers. s.rows grows to two numbers per tile.
 template <class Device>
-Buffer<std::uint32_t, Device> exchange_tiles(Communicator& peers,
-                                             NeighbourScratch<Device>& s,
-                                             Neighbours<Device>& out) {
-    const EdgeTiles<Device>& tiles = out.tiles;
-    const int count = static_cast<int>(tiles.count), ranks = peers.size();
-    std::vector<int> begins;
-    for (const std::size_t begin : part_begins(out.voters_count, ranks))
-        begins.push_back(static_cast<int>(begin));
-    const auto parts = to_device<Device>(begins);
-    Buffer<std::uint32_t, Device> owners(tiles.count), sorted(tiles.count), order(tiles.count),
-        spare, sent_receivers(tiles.count), sent_voters(tiles.count), voter_block;
-    Buffer<EdgeTile, Device> sent(tiles.count);
-    const Span<const std::uint32_t> receiver_block{tiles.receiver_block.data(), tiles.count};
-    parallel_for(Device{}, count, OwnerBody{receiver_block, parts.span(), owners.span()});
-    stable_order(std::as_const(owners).span(), ranks, sorted.span(), order.span(), spare, s.sort);
-    Buffer<std::int64_t, Device> sent_begin(static_cast<std::size_t>(ranks) + 1);
-    parallel_for(Device{}, ranks + 1,
-                 ReceiverBeginBody{std::as_const(sorted).span(), sent_begin.span()});
-    parallel_for(Device{}, count,
-                 SendTileBody{{tiles.tiles.data(), tiles.count},
-                              receiver_block,
-                              tiles.voter_begin.span(),
-                              out.own_voters.begin / EdgeTile::kVoters,
-                              parts.span(),
-                              std::as_const(order).span(),
-                              std::as_const(sorted).span(),
-                              sent.span(),
-                              sent_receivers.span(),
-                              sent_voters.span()});
-    std::vector<std::size_t> to;
-    for (const std::int64_t begin : to_host(sent_begin))
-        to.push_back(static_cast<std::size_t>(begin));
-    EdgeTiles<Device>& received = out.received;
-    received.count = peers.all_to_all_v("lists of votes", sent, to, received.tiles).back();
-    peers.all_to_all_v("lists of votes", sent_receivers, to, received.receiver_block);
-    peers.all_to_all_v("lists of votes", sent_voters, to, voter_block);
-    return voter_block;
-}
-
-/// The order by receivers. `scratch` grows to two numbers per tile. `voter_block`: of each tile,
-/// where they are not those of tiles.voter_begin.
-template <class Device>
-void index_tiles(NeighbourScratch<Device>& s,
-                 int receivers,
-                 Buffer<std::uint32_t, Device>& scratch,
-                 EdgeTiles<Device>& tiles,
-                 const Buffer<std::uint32_t, Device>* block_of_voters = nullptr) {
+void index_tiles(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
+    EdgeTiles<Device>& tiles = out.tiles;
     const int count = static_cast<int>(tiles.count);
-    const int blocks = blocks_of(receivers, EdgeTile::kReceivers);
+    const int blocks = blocks_of(out.usable, EdgeTile::kReceivers);
     if (tiles.tiles.size() > tiles.count + tiles.count / 8) resize_tiles(tiles, tiles.count);
     reserve(tiles.place, tiles.count), reserve(tiles.voter_block, tiles.count);
     tiles.receiver_begin.resize(std::size_t(blocks) + 1);
     const Span<std::uint32_t> place{tiles.place.data(), tiles.count};
     const Span<std::uint32_t> voter_block{tiles.voter_block.data(), tiles.count};
-    stable_order({tiles.receiver_block.data(), tiles.count}, blocks, voter_block, place, scratch,
+    stable_order({tiles.receiver_block.data(), tiles.count}, blocks, voter_block, place, s.rows,
                  s.sort);
     parallel_for(Device{}, blocks + 1, ReceiverBeginBody{voter_block, tiles.receiver_begin.span()});
-    if (block_of_voters == nullptr)
-        parallel_for(Device{}, count, VoterBlockBody{place, tiles.voter_begin.span(), voter_block});
-    else
-        parallel_for(Device{}, count, TakeBody{block_of_voters->span(), place, voter_block});
+    parallel_for(Device{}, count, VoterBlockBody{place, tiles.voter_begin.span(), voter_block});
 }
 
 /// Fills out.begin and out.voters from the tiles.
 template <class Device>
 void write_full_lists(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
-    const int receivers = out.own_receivers.size();
-    s.cursors.resize(receivers);
-    out.begin.resize(std::size_t(receivers) + 1);
+    s.cursors.resize(out.usable);
+    out.begin.resize(std::size_t(out.usable) + 1);
+    out.voters.resize(std::size_t(out.voters_count) * out.k);
     const CompactLists lists = out.compact_lists();
-    for_each_warp(Device{}, blocks_of(receivers, EdgeTile::kReceivers), 0,
+    for_each_warp(Device{}, blocks_of(out.usable, EdgeTile::kReceivers), 0,
                   DegreeBody{lists, s.cursors.span()});
     exclusive_scan(CountTerm{s.cursors.span()}, out.begin, s.sort);
-    std::int64_t edges = std::int64_t{out.voters_count} * out.k;  // how many of them come here?
-    if (out.in_parts) copy(Device{}, out.begin.data() + receivers, Cpu{}, &edges, sizeof edges);
-    out.voters.resize(static_cast<std::size_t>(edges));
-    for_each_warp(Device{}, receivers, 0,
+    for_each_warp(Device{}, out.usable, 0,
                   WriteVotersBody{lists, out.begin.span(), out.voters.span()});
 }
 
-inline constexpr int kChunkEdges = 8 << 20;  // 32 MB in the compact form
-
-/// Calls search(first, count, rows) for consecutive voters, which writes their ascending lists,
-/// and stores them in the form asked for. Of several processes each asks for its part of them.
+/// Calls search(first, count, rows) for consecutive voters, which writes their ascending lists, and
+/// stores them in the form out.storage.
 template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,
                  const Search& search,
                  const StageDone& done = {},
-                 int chunk_edges = kChunkEdges,
-                 Communicator* peers = nullptr) {
+                 int chunk_edges = 8 << 20) {  // 32 MB in the compact form
     const auto finish = [&](const char* stage) {
         if (done) done(stage);
     };
-    out.divide(peers);
-    const Part own = out.own_voters;
     const bool full = out.storage == ListStorage::full;
     const int chunk =
-        full ? own.size()
+        full ? out.voters_count
              : std::max(chunk_edges / out.k / EdgeTile::kVoters, 1) * EdgeTile::kVoters;
     Buffer<std::uint32_t, Device>& rows = full ? out.receivers : s.rows;
-    begin_tiles(out.tiles, own.size());
-    if (own.size() == 0) rows.resize(0);
-    for (int first = own.begin; first < own.end; first += chunk) {
-        const int count = std::min(chunk, own.end - first);
+    begin_tiles(out.tiles, out.voters_count);
+    for (int first = 0; first < out.voters_count; first += chunk) {
+        const int count = std::min(chunk, out.voters_count - first);
         rows.resize(std::size_t(count) * out.k);
         search(first, count, rows);
         finish("search");
-        add_tiles(s, rows, first - own.begin, out.k, out.tiles);
+        add_tiles(s, rows, first, out.k, out.tiles);
         finish("reverse");
     }
-    if (peers == nullptr) {
-        index_tiles(s, out.usable, s.rows, out.tiles);
-    } else {
-        const auto block_of_voters = exchange_tiles(*peers, s, out);
-        if (!full) resize_tiles(out.tiles, out.tiles.count);
-        index_tiles(s, out.own_receivers.size(), s.rows, out.received, &block_of_voters);
-    }
+    index_tiles(s, out);
     if (full) {
         write_full_lists(s, out);
-        free_memory(out.tiles, out.received, s.rows);
+        free_memory(out.tiles, s.rows);
     }
     finish("reverse");
 }

@@ -1,4 +1,4 @@
-// What both twins of find_neighbours() share: only the sorts and the loops differ.
+// find_neighbours() for both devices: only the sorts and the loops differ.
 #pragma once
 
 #include <limits>
@@ -88,7 +88,7 @@ struct TreePointBody {
     }
 };
 
-/// Where a point that is not in the tree would be: the rank to begin a search at.
+/// Finds the rank at which a point that is not in the tree begins its search.
 struct CodeSearch {
     Span<const std::uint64_t> codes;  // high words, ascending
     const float* quantiles;
@@ -147,8 +147,8 @@ struct QueryBody {
     }
 
 private:
-    /// A search meets ranks in ascending order but for the window it begins with, and selections
-    /// of up to 512 keep the order: what is in the window, below it, above it is sorted.
+    /// A search meets ranks in ascending order except for the window it begins with, and selections
+    /// of up to 512 keep the order: the ranks in the window, below it and above it are each sorted.
     template <class Warp>
     TVSGS_HD void write_ascending(const Warp& warp,
                                   const NearestSearch<Warp>& search,
@@ -260,7 +260,6 @@ void find_neighbours(const NeighbourQuery& query,
     out.voters_count = out.usable + query.fixed.size();
     out.storage = query.storage;
     s.counts.resize(query.count_work ? out.voters_count : 0);
-    s.counts.fill_zero();
     store_lists(
         s, out,
         [&](int first, int count, Buffer<std::uint32_t, Device>& rows) {
@@ -269,7 +268,7 @@ void find_neighbours(const NeighbourQuery& query,
                                     CodeSearch{s.codes.span(), s.stats.data() + 2}, wanted, out.k,
                                     capacity, first, rows.span(), s.counts.span()});
         },
-        done, kChunkEdges, query.peers);
+        done);
 
     if (query.count_work) {
         out.candidates = static_cast<std::int64_t>(
@@ -277,8 +276,7 @@ void find_neighbours(const NeighbourQuery& query,
         out.leaves =
             static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
     }
-    // The event needs none of it.
-    if (out.storage == ListStorage::compact || query.peers != nullptr)
+    if (out.storage == ListStorage::compact)  // the event needs none of it
         free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);
 }
 

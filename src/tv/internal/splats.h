@@ -15,7 +15,7 @@ struct SplatSpans {
     TVSGS_HD Vec3<Real> scales(int i) const {
         return exp(vec_cast<Real>(log_scales[i]));
     }
-    /// Others neither vote nor receive.
+    /// Splats that are not usable neither vote nor receive.
     TVSGS_HD bool usable(int i) const {
         const Quatf q = quats[i];
         const Vec3f s = scales<float>(i);
@@ -31,7 +31,7 @@ struct SplatSpans {
 /// Measured points that vote and do nothing else.
 struct FixedVoterSpans {
     Span<const Vec3f> means, normals;  // normals: unit
-    Span<const float> scales;          // world units; the radius of what a point stands for
+    Span<const float> scales;          // world units; the radius of the surface a point stands for
     Span<const float> weights;         // strength of its votes
 
     TVSGS_HD int size() const { return means.size(); }

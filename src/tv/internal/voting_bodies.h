@@ -1,4 +1,4 @@
-// One voting event, element by element; both twins run these.  [docs/method/voting.md#one-event]
+// The kernels of one voting event; both devices run them.  [docs/method/voting.md#one-event]
 #pragma once
 
 #include "core/eigen.h"
@@ -6,7 +6,7 @@
 
 namespace tvsgs::detail {
 
-/// One receiver's sums of a round at the centres, of ball votes or of plate votes.
+/// Sums the votes that one receiver gets at its centre, of balls or of plates.
 template <class Real, class Lists>
 struct CentreRoundBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
@@ -16,8 +16,8 @@ struct CentreRoundBody {
     bool ball_round;  // only splats without a tensor cast and receive
     Ranks ranks;
     Span<const std::uint8_t> flags;
-    PartSpan<Sym3f> sums;  // by rank, as the next two
-    PartSpan<float> strengths, strong_votes;
+    Span<Sym3f> sums;  // by rank, as the next two
+    Span<float> strengths, strong_votes;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
@@ -43,13 +43,13 @@ struct CentreRoundBody {
     }
 };
 
-/// For reports: votes cast by plates at the centres, and those among them that are zero.
+/// For reports: counts the votes of plates at the centres, and how many of them are zero.
 template <class Real, class Lists>
 struct VoteCountBody {
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    PartSpan<float> votes, culled;  // by rank
+    Span<float> votes, culled;  // by rank
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
@@ -80,13 +80,13 @@ struct SilentTerm {
 inline constexpr std::uint8_t kValidNow =
     128;  // this round reached the splat; cleared at the end of the event
 
-/// Takes over valid sums as the new tensors. Others keep what they had, and are masked out of both
+/// Makes valid sums the new tensors. The other splats keep their tensors, and take no part in the
 /// losses. In double on both devices: a flat voter magnifies the error of its normal a hundredfold
 /// in the next round.
 struct EigenBody {
     bool ball_round;
     Ranks ranks;
-    PartSpan<const Sym3f> sums;
+    Span<const Sym3f> sums;
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
@@ -112,9 +112,9 @@ struct EigenBody {
     }
 };
 
-/// Root mean square angle between a splat's normal and its receivers', of which ambiguous ones,
-/// being noise, do not count. Infinite, as is the strength, where its own is ambiguous, so that
-/// both statistics sort such splats to the end.
+/// Root mean square angle between a splat's normal and its receivers' normals; ambiguous normals
+/// are noise and do not count. Where the splat's own normal is ambiguous, variability and strength
+/// become infinite: both sort the splat to the end.
 template <class Lists>
 struct VariabilityBody {
     int k;
@@ -122,7 +122,7 @@ struct VariabilityBody {
     Ranks ranks;
     Span<const RankVector> rank_normals;
     Span<const std::uint8_t> flags;
-    PartSpan<float> variability, strengths;
+    Span<float> variability, strengths;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int rank, void* scratch) const {
@@ -155,15 +155,13 @@ TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
                               (double(sorted[high]) - double(sorted[low])) * (position - low));
 }
 
-/// Who takes part in the position loss.
+/// Chooses the splats that take part in the position loss.
 struct MaskBody {
     Ranks ranks;
     float min_votes;
     const double* valid_count;
-    PartSpan<const float> variability, strengths, strong_votes;
-    Span<const float> sorted_variability, sorted_strengths;
-    Span<std::uint8_t> flags;
-    PartSpan<std::uint8_t> left_out;  // by rank
+    Span<const float> variability, strengths, sorted_variability, sorted_strengths, strong_votes;
+    Span<std::uint8_t> flags, left_out;  // left_out: by rank
 
     TVSGS_HD void operator()(int rank) const {
         const int i = ranks.splat(rank);
@@ -179,8 +177,7 @@ struct MaskBody {
     }
 };
 
-/// Before an event: nothing is valid yet, and the target of a splat that takes no part is its
-/// centre.
+/// Begins an event: no splat is valid yet, and each target is the centre.
 struct BeginBody {
     Span<const Vec3f> means;
     Span<std::uint8_t> flags;
@@ -199,7 +196,7 @@ struct AnchorBody {
     }
 };
 
-/// Entries of new splats from their parents; a negative parent is none.
+/// Copies the entries of new splats from their parents; zero where the parent is negative.
 template <class T>
 struct InheritBody {
     Span<const int> parents;
@@ -208,8 +205,8 @@ struct InheritBody {
     TVSGS_HD void operator()(int i) const { to[i] = parents[i] < 0 ? T{} : from[parents[i]]; }
 };
 
-/// No splat has a target, as after an event without any, or when children may have moved: those
-/// count again after the next event, which due() orders at once.
+/// Takes all splats out of the position loss until the next event: after an event without targets,
+/// and after structure_changed(), when children may have moved.
 struct ClearPositionBody {
     Span<std::uint8_t> flags;
     TVSGS_HD void operator()(int i) const { flags[i] &= kHasTensor | kNormalValid; }

@@ -1,48 +1,24 @@
-// What tests and reports read of an event, and lists that they set; the end of voting_impl.h.
+// TensorVoter::details() and set_receivers(), for tests and reports.
 #pragma once
 
-#include "tv/internal/voting_impl.h"
+#include <algorithm>
+
+#include "tv/internal/voting_state.h"
 
 namespace tvsgs {
 namespace detail {
-
-/// Values of the processes' parts, one after the other, on the host.
-template <class T>
-std::vector<T> of_all(Communicator* peers, const std::vector<T>& part) {
-    if (peers == nullptr) return part;
-    Buffer<T, Cpu> mine, all;
-    copy(part, mine);
-    peers->all_gather_v("details", mine, mine.size(), all);
-    return to_host(all);
-}
-
-/// The lists of all processes.
-template <class Device>
-HostLists all_lists(const Neighbours<Device>& near, Communicator* peers) {
-    HostLists lists = host_lists(near);
-    if (peers == nullptr) return lists;
-    std::vector<int> counts;
-    for (std::size_t i = 0; i + 1 < lists.begin.size(); ++i)
-        counts.push_back(static_cast<int>(lists.begin[i + 1] - lists.begin[i]));
-    lists.receivers = of_all(peers, lists.receivers);
-    lists.voters = of_all(peers, lists.voters);
-    lists.begin.assign(1, 0);
-    for (const int count : of_all(peers, counts)) lists.begin.push_back(lists.begin.back() + count);
-    return lists;
-}
 
 /// Lists of ranks as lists of splats, on the host.
 template <class Device>
 VotingDetails lists_by_splat(const Neighbours<Device>& near,
                              int count,
-                             const std::vector<int>& fixed_order = {},
-                             Communicator* peers = nullptr) {
+                             const std::vector<int>& fixed_order = {}) {
     VotingDetails result;
     result.k = near.k;
     result.begin.assign(static_cast<std::size_t>(count) + 1, 0);
     if (near.k == 0) return result;
     const auto points = to_host(near.points);
-    const HostLists lists = all_lists(near, peers);
+    const HostLists lists = host_lists(near);
     const auto splat = [&](std::uint32_t voter) {
         if (voter < points.size()) return points[voter].index;
         return static_cast<std::uint32_t>(count + fixed_order[voter - points.size()]);
@@ -72,7 +48,7 @@ template <class Device>
 void TensorVoter<Device>::set_receivers(int step,
                                         int k,
                                         const std::vector<std::uint32_t>& receivers) {
-    State& s = *state_;
+    auto& s = *state_;
     Neighbours<Device>& near = s.neighbours;
     const int count = static_cast<int>(receivers.size()) / k;
     std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are splats
@@ -87,20 +63,20 @@ void TensorVoter<Device>::set_receivers(int step,
         const auto from = sorted.begin() + std::ptrdiff_t(first) * k;
         copy(std::vector<std::uint32_t>(from, from + std::ptrdiff_t(rows) * k), to);
     });
-    s.refreshed_at = step;
-    s.stale = s.no_balls = false;
+    s.searched_at = step;
+    s.stale = s.all_have_tensors = false;
 }
 
 template <class Device>
 VotingDetails TensorVoter<Device>::details() const {
-    const State& s = *state_;
+    const auto& s = *state_;
     VotingDetails result =
-        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order, peers_);
+        detail::lists_by_splat(s.neighbours, std::max(s.listed, 0), s.fixed_order);
     const auto points = to_host(s.neighbours.points);
     const auto by_splat = [&]<class T>(const Buffer<T, Device>& values, std::vector<T>& out) {
         out.assign(static_cast<std::size_t>(std::max(s.listed, 0)), T{});
-        const std::vector<T> host = detail::of_all(peers_, to_host(values));
-        if (host.size() < points.size()) return;  // no event yet
+        if (values.size() < points.size()) return;  // no event yet
+        const std::vector<T> host = to_host(values);
         for (std::size_t rank = 0; rank < points.size(); ++rank)
             out[points[rank].index] = host[rank];
     };

@@ -1,5 +1,5 @@
-// Splats and fixed voters in the order of the lists, and the records they vote with; both twins run
-// these.  [docs/method/voting.md#one-vote]
+// Splats and fixed voters in the order of the lists, and the records they vote with; for both
+// devices.  [docs/method/voting.md#one-vote]
 #pragma once
 
 #include <cstring>
@@ -61,7 +61,7 @@ struct Ranks {
     }
 };
 
-/// By rank, what is near in space is near in memory. One 16-byte load each.
+/// Vectors by rank: near in space is near in memory. One 16-byte load each.
 struct alignas(16) RankVector {
     Vec3f v;
 };
@@ -105,23 +105,8 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 #endif
 }
 
-/// by_rank[r] <- by_splat[the splat of rank r], and back.
-template <class T>
-struct ToRanksBody {
-    Ranks ranks;
-    Span<const T> by_splat;
-    Span<T> by_rank;
-    TVSGS_HD void operator()(int rank) const { by_rank[rank] = by_splat[ranks.splat(rank)]; }
-};
-template <class T>
-struct ToSplatsBody {
-    Ranks ranks;
-    Span<const T> by_rank;
-    Span<T> by_splat;
-    TVSGS_HD void operator()(int rank) const { by_splat[ranks.splat(rank)] = by_rank[rank]; }
-};
-
-/// The part of the records that TauBody reads: W, and inverse_tau2, 0 where the voter cannot vote.
+/// Fills the entries of the records that TauBody reads: mean, W, and inverse_tau2, 0 where the
+/// voter cannot vote.
 template <class Real>
 struct WhiteningBody {
     Ranks ranks;
@@ -150,7 +135,7 @@ struct TauBody {
     Lists lists;
     Span<const RankVector> means;
     Span<const VoterRecord<Real>> records;
-    PartSpan<float> tau;
+    Span<float> tau;
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
@@ -168,8 +153,7 @@ struct TauBody {
     }
 };
 
-/// Saliency of the splats that have a tensor, and their number, for the common rescale of literal
-/// strengths.
+/// Saliency of the splats that have a tensor; its mean rescales literal strengths.
 struct SaliencyTerm {
     Span<const Vec3f> eigenvalues;
     Span<const std::uint8_t> flags;
@@ -191,17 +175,17 @@ struct FlagTerm {
     TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
 };
 
-/// How voter i votes this round: with the plate of the tensor it has, else (strength 1, normal 0)
-/// as a ball. A splat whose normal comes of rounding errors is silent: where no other splat votes,
-/// its vote would decide.
+/// A voter with a tensor votes as the tensor's plate, others as a ball (strength 1, normal 0). A
+/// splat whose normal comes from rounding errors is silent: where no other splat votes, its vote
+/// would decide.
 struct OrientationBody {
     Ranks ranks;
     bool literal;
     const double* saliency_sum;  // and the number of terms after it
     Span<const Vec3f> eigenvalues, normals;
     Span<const std::uint8_t> flags;
-    PartSpan<Vec3f> voter_normals;
-    PartSpan<float> voter_strengths;
+    Span<Vec3f> voter_normals;
+    Span<float> voter_strengths;
 
     TVSGS_HD void operator()(int voter) const {
         if (voter >= ranks.usable()) {
@@ -234,9 +218,9 @@ struct RecordBody {
     const double* noise;
     bool scale_free;
     double tau_per_median;
-    PartSpan<const float> tau;
-    PartSpan<const Vec3f> voter_normals;
-    PartSpan<const float> voter_strengths;
+    Span<const float> tau;
+    Span<const Vec3f> voter_normals;
+    Span<const float> voter_strengths;
     Span<VoterRecord<Real>> records;
 
     TVSGS_HD void operator()(int voter) const {
@@ -254,7 +238,7 @@ struct RecordBody {
     }
 };
 
-/// Who receives from whom.
+/// The votes that each splat receives.
 template <class Real, class Lists>
 struct Ballot {
     Span<const VoterRecord<Real>> records;
@@ -262,9 +246,9 @@ struct Ballot {
     Lists lists;
     VoteRule rule;
 
-    /// action(record) for each voter of the splat at `rank`: number e in the lanes e, e + kStride,
-    /// ... A CPU thread gets a Pack of records at a time, the last one filled up with voters that
-    /// are silent.
+    /// Calls action(record) for each voter of the splat at `rank`: number e in the lanes e, e +
+    /// kStride, ... A CPU thread gets a Pack of records at a time, the last one filled up with
+    /// silent voters.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
         if constexpr (Warp::kLanes == 1) {

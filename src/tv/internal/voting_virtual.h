@@ -1,4 +1,4 @@
-// The pass over virtual receivers: where along its normal a splat's surface is most salient.
+// The pass over virtual receivers: finds where along its normal a splat's surface is most salient.
 // [docs/method/voting.md#one-event]
 #pragma once
 
@@ -15,7 +15,7 @@ struct VirtualBody {
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    bool centre_known;  // the centre's tensor is of the same voters: no need to vote there again
+    bool centre_known;  // the centre's tensor comes from the same voters: no vote there again
     float range;        // reach, in largest scales
     float margin;       // of lambda_1, by which a receiver must beat the centre
     Ranks ranks;
@@ -36,7 +36,7 @@ struct VirtualBody {
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
         const Vec3<Real> l =
             centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, rank, mean);
-        // What is to be beaten by more than rounding; a tie keeps the nearer, then the negative.
+        // A receiver wins by more than rounding; a tie keeps the nearer, then the negative one.
         const Real rounding = Real(kRoundingMargin) * l.x;
         Best best{l.y - l.z + Real(margin) * l.x - rounding, rounding, 0};
         if constexpr (Warp::kLanes == 1) {
@@ -83,7 +83,7 @@ private:
         int m;
     };
 
-    /// In steps from the centre: 1, 2, ... for one side; -1, 1, -2, 2, ... for both.
+    /// Position t in steps from the centre: 1, 2, ... for one side; -1, 1, -2, 2, ... for both.
     template <int kCount>
     TVSGS_HD static constexpr int position(int t) {
         return kCount <= kSide ? t + 1 : t % 2 == 0 ? -t / 2 - 1 : t / 2 + 1;
@@ -118,7 +118,7 @@ private:
         });
     }
 
-    /// What a vote reads of a record whose place is known.
+    /// The entries of a record that a vote reads when d and dw are known.
     template <class Few, class Lane>
     TVSGS_HD static decltype(auto) pairwise(const VoterRecord<Lane>& voter) {
         if constexpr (std::is_same_v<Few, Lane>)

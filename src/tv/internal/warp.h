@@ -1,6 +1,5 @@
-// The 32 threads that work on one splat together, and what they do in common. Searches and votes
-// are written once for a Warp type: CudaWarp (warp_cuda.h) is the real one, SerialWarp is one CPU
-// thread in its place.
+// Warps: 32 threads that work on one splat together. Searches and votes are written once for a Warp
+// type: CudaWarp (warp_cuda.h) is a real warp, SerialWarp is one CPU thread in its place.
 #pragma once
 
 #include <algorithm>
@@ -19,7 +18,7 @@ namespace tvsgs {
 
 struct SerialWarp {
     static constexpr int kLanes = 1;
-    /// What one lane computes with. As wide as WideWarp's: the same sums, slower.
+    /// The numbers of one lane. As wide as WideWarp's: the same sums, slower.
     template <class Real>
     using Lane = Abreast<Pack<Real>, 2>;
 

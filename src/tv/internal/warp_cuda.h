@@ -1,4 +1,4 @@
-// CUDA twins of warp.h. For .cu files only.
+// Warps, loops and sorts of warp.h on a GPU. For .cu files only.
 #pragma once
 
 #include <thrust/iterator/counting_iterator.h>
@@ -263,8 +263,8 @@ public:
 };
 
 namespace detail {
-/// Blocks that should fit a multiprocessor at a time: what a body with long waits for memory asks
-/// for with kMinBlocks, at the cost of registers.
+/// Blocks that should fit a multiprocessor at a time. A body with long waits for memory sets
+/// kMinBlocks, at the cost of registers.
 template <class Body>
 constexpr int min_blocks() {
     if constexpr (requires { Body::kMinBlocks; })
@@ -289,7 +289,7 @@ void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body)
     if (count <= 0) return;
     constexpr std::size_t kBlockBytes = 32 << 10;  // below the 48 KiB that need no opting in
     const std::size_t bytes = (scratch_bytes + 15) / 16 * 16;
-    int warps = 8;  // neighbours in space: what one reads is then in the cache of the others
+    int warps = 8;  // neighbours in space, which read the same memory from the cache
     while (warps > 1 && bytes * warps > kBlockBytes) warps /= 2;
     detail::warp_kernel<<<(count + warps - 1) / warps, 32 * warps, bytes * warps>>>(
         count, static_cast<int>(bytes), body);
