@@ -35,7 +35,7 @@ struct SurfaceSample {
 /// What a view says of a sample. It sees it if its depth there agrees and it faces the view, and it
 /// looks through it if its depth is behind it and the pixel trusted; else it looks past it. What
 /// has no depth and is outside of its mask is off the object.
-/// [docs/method/evidence.md#what-a-view-says]
+/// [docs/method/evidence.md#how-a-view-judges-a-face]
 enum class Verdict : std::uint8_t {
     nothing,
     sees,

@@ -28,7 +28,7 @@ double median_depth(const std::vector<Sighting>& seen);
 
 /// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
 /// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
-/// [docs/method/masks.md#what-could-be-matched]
+/// [docs/method/masks.md#pixels-that-could-be-matched]
 class Matchable {
 public:
     /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
