@@ -8,7 +8,6 @@ packages=(
     libeigen3-dev nlohmann-json3-dev libcli11-dev libstb-dev libspdlog-dev libfmt-dev libnanoflann-dev libzip-dev zlib1g-dev libmatio-dev
     libwebp-dev  # for textures as WebP, and splats as SOG
     libzstd-dev  # for splats as SPZ version 4
-    libopencv-dnn-dev libmd-dev  # for tvsgs-priors: OpenCV's core and DNN modules alone, 43 MB on disk
     libjemalloc-dev  # for tvsgs-extract-mesh to take less time
     libcpp-httplib-dev  # for tvsgs-view to serve pages
     libgtest-dev libgmock-dev libbenchmark-dev

@@ -1,4 +1,4 @@
-// What the tests of priors share: a made scene, priors written for it, and what was read.
+// Makes a scene, writes priors for it and reads them.
 #pragma once
 
 #include <gtest/gtest.h>

@@ -105,7 +105,6 @@ protected:
             std::string tool = "tvsgs-" + m.str(1);
             if (tool == "tvsgs-help" || !(is_built(tool) || m.str().starts_with("tvsgs-")))
                 continue;
-            if (tool == "tvsgs-priors" && !is_built(tool)) continue;  // optional
             if (!is_built(tool)) {
                 unknown.push_back(tool);
                 continue;
@@ -135,8 +134,6 @@ protected:
 const std::vector<std::pair<std::string, std::string>> kNotRun = {
     {"tvsgs-prepare ", "needs COLMAP, and minutes"},
     {"tvsgs-blocks ", "trains five times; test_blocks_command types the same"},
-    {"--preset midas", "needs a network that is not ours"},
-    {"--model mine.onnx", "needs a network of the reader's"},
     {"tvsgs-view RUN", "serves a browser until it is ended"},  // without --out; see below
     {"ycb_table", "needs a scene that a clone does not hold"},
     {"stone_bust", "needs a scene that a clone does not hold"},
