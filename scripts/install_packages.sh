@@ -6,8 +6,8 @@ set -euo pipefail
 packages=(
     cmake ninja-build g++ pkg-config
     libeigen3-dev nlohmann-json3-dev libcli11-dev libstb-dev libspdlog-dev libfmt-dev libnanoflann-dev libzip-dev zlib1g-dev libmatio-dev
-    libwebp-dev  # for textures as WebP, and splats as SOG
-    libzstd-dev  # for splats as SPZ version 4
+    libwebp-dev  # WebP photographs and textures, SOG
+    libzstd-dev  # SPZ version 4
     libjemalloc-dev  # for tvsgs-extract-mesh to take less time
     libcpp-httplib-dev  # for tvsgs-view to serve pages
     libgtest-dev libgmock-dev libbenchmark-dev

@@ -7,8 +7,6 @@
 #include "core/device_choice.h"
 #include "core/local_origin.h"
 #include "io/read_file.h"
-#include "io/webp.h"
-#include "io/zstd.h"
 #include "mesh/upright.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -180,8 +178,6 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
     out.low_pass_px2 = double{options.train.render.low_pass_px2};
     out.antialiased =
         make_backbone<Cpu>(options.train.backbone, options.train.render)->fades_thin_splats();
-    if (a.format() == SplatFormat::sog && !has_webp()) webp_lossless_bytes({});  // which says so
-    if (a.format() == SplatFormat::spz && a.spz_version == 4 && !has_zstd()) zstd_frame({});
     return out;
 }
 

@@ -77,7 +77,7 @@ void check_png_chunks(const std::string& path, std::string_view bytes) {
 ImageSize size_in(const std::string& path, std::string_view bytes, std::int64_t max_pixels) {
     ImageSize size{};
     const bool known = is_webp(bytes)
-                           ? read_webp_size(path, bytes, size.width, size.height, size.channels)
+                           ? read_webp_size(bytes, size.width, size.height, size.channels)
                            : stbi_info_from_memory(reinterpret_cast<const stbi_uc*>(bytes.data()),
                                                    static_cast<int>(bytes.size()), &size.width,
                                                    &size.height, &size.channels) != 0;

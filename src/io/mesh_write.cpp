@@ -136,11 +136,9 @@ std::vector<std::string> mesh_files(const std::string& path, bool textured, Text
 }
 
 void require_texture_format(const std::string& path, TextureFormat format) {
-    if (format != TextureFormat::webp) return;
-    if (mesh_format(path) == MeshFormat::obj)
+    if (format == TextureFormat::webp && mesh_format(path) == MeshFormat::obj)
         throw Error(ExitCode::usage,
                     str(path, ": programs that read OBJ take no WebP; expected jpg or png"));
-    if (!has_webp()) webp_bytes({}, kQuality);  // which says so
 }
 
 std::string encode_texture(const ImageU8& image, TextureFormat format) {

@@ -19,14 +19,13 @@ struct SogOptions {
 /// smaller then. The same for any number of threads. Positions get 16 bits per axis, on a scale
 /// that is finer near zero; rotations are off by less than a degree; scales, colours and the
 /// harmonics' palette go by 256 values that suit them. Throws Error(ExitCode::numerical) for what
-/// is not finite, Error(ExitCode::input) for no splats, or more than the pictures hold,
-/// Error(ExitCode::usage) without libwebp.
+/// is not finite, Error(ExitCode::input) for no splats, or more than the pictures hold.
 std::string sog_bytes(const std::string& path,
                       const Gaussians<Cpu>& gaussians,
                       const SogOptions& options = {});
 
 /// Version 2. Throws Error(ExitCode::input), before it takes memory that the file does not bear
-/// out, and Error(ExitCode::usage) without libwebp. Opacities of 0 and 1 have logits of -30 and 30.
+/// out. Opacities of 0 and 1 have logits of -30 and 30.
 Gaussians<Cpu> read_sog(const std::string& path, SplatFrame frame = SplatFrame::rdf);
 
 }  // namespace tvsgs

@@ -112,7 +112,7 @@ private:
             fail("holds no ", shown(names[at].get<std::string>()), ", which it refers to");
         const std::string where = where_of(found->first);
         int width = 0, height = 0, channels = 0;
-        if (!read_webp_size(where, found->second, width, height, channels))
+        if (!read_webp_size(found->second, width, height, channels))
             throw input_error(where, ": is no WebP picture");
         if (std::int64_t{width} * height < least)
             throw input_error(where, ": ", width, "x", height, " pixels; expected at least ",

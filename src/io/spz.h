@@ -26,9 +26,8 @@ struct SpzOptions {
 /// farthest one leaves of 24. What bounds the errors is in docs/guide/exporting.md; scales outside
 /// of [exp(-10), exp(5.9375)] and colours outside of [-0.44, 1.44] come to these limits. Opacities
 /// below 1/510 become 0. Throws Error(ExitCode::numerical) for what is not finite,
-/// Error(ExitCode::input) when there is no splat, or one farther than 2^23 from zero,
-/// Error(ExitCode::usage) for version 4 without libzstd. `name` is for messages; Gaussians::filter
-/// has to be empty.
+/// Error(ExitCode::input) when there is no splat, or one farther than 2^23 from zero.
+/// `name` is for messages; Gaussians::filter has to be empty.
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& gaussians,
                                     const SpzOptions& options = {},
                                     const std::string& name = "SPZ");

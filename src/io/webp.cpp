@@ -7,10 +7,6 @@
 
 namespace tvsgs {
 
-bool has_webp() {
-    return true;
-}
-
 std::string webp_bytes(const ImageU8& image, int quality) {
     std::uint8_t* encoded = nullptr;
     const std::size_t size = WebPEncodeRGB(image.pixels.data(), image.width, image.height,
@@ -45,8 +41,7 @@ std::string webp_lossless_bytes(const ImageU8& image) {
     return {reinterpret_cast<const char*>(memory.mem), memory.size};
 }
 
-bool read_webp_size(
-    const std::string&, std::string_view bytes, int& width, int& height, int& channels) {
+bool read_webp_size(std::string_view bytes, int& width, int& height, int& channels) {
     WebPBitstreamFeatures features;
     if (WebPGetFeatures(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(),
                         &features) != VP8_STATUS_OK ||
@@ -65,7 +60,7 @@ bool decode_webp(std::string_view bytes, ImageU8& image) {
 
 ImageU8 decode_webp(std::string_view bytes, const std::string& where, std::int64_t max_pixels) {
     int width = 0, height = 0, channels = 0;
-    if (!read_webp_size(where, bytes, width, height, channels))
+    if (!read_webp_size(bytes, width, height, channels))
         throw Error(ExitCode::input, str(where, ": is no WebP picture"));
     if (std::int64_t{width} * height > max_pixels)
         throw Error(ExitCode::input, str(where, ": ", width, "x", height,

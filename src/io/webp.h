@@ -1,4 +1,4 @@
-// WebP pictures, where libwebp was found when this was built.
+// WebP pictures, by libwebp.
 #pragma once
 
 #include <string>
@@ -10,10 +10,6 @@ namespace tvsgs {
 
 inline constexpr int kWebpMaxSide = 16383;  // of the format
 
-bool has_webp();
-
-// What encodes throws Error(ExitCode::usage) without libwebp.
-
 /// Of 3 channels, with losses; `quality` 1 to 100.
 std::string webp_bytes(const ImageU8& image, int quality);
 
@@ -24,10 +20,8 @@ inline bool is_webp(std::string_view bytes) {
     return bytes.starts_with("RIFF") && bytes.substr(0, 12).ends_with("WEBP");
 }
 
-/// Reads the start of a file; false where it is damaged. `channels` is 3 or 4. Throws
-/// Error(ExitCode::input) without libwebp; `where`: what the message calls it.
-bool read_webp_size(
-    const std::string& where, std::string_view bytes, int& width, int& height, int& channels);
+/// Reads the start of a file; false where it is damaged. `channels` is 3 or 4.
+bool read_webp_size(std::string_view bytes, int& width, int& height, int& channels);
 
 /// Decodes into `image`, of 3 or 4 channels and the size of the file; false where it is damaged.
 bool decode_webp(std::string_view bytes, ImageU8& image);

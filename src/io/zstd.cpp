@@ -10,10 +10,6 @@
 
 namespace tvsgs {
 
-bool has_zstd() {
-    return true;
-}
-
 std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes) {
     const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
                                                                        ZSTD_freeCCtx);

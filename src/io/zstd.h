@@ -1,4 +1,4 @@
-// Frames of zstd, where libzstd was found when this was built.
+// Frames of zstd.
 #pragma once
 
 #include <cstdint>
@@ -8,14 +8,11 @@
 
 namespace tvsgs {
 
-bool has_zstd();
-
-/// One frame with its checksum; the same bytes for any number of threads. Throws
-/// Error(ExitCode::usage) without libzstd.
+/// One frame with its checksum; the same bytes for any number of threads.
 std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes);
 
 /// Fills all of `out`. Throws Error(ExitCode::input) where the frame is damaged or holds another
-/// number of bytes, and without libzstd; `where`: what the message calls it.
+/// number of bytes; `where`: what the message calls it.
 void read_zstd_frame(std::span<const std::uint8_t> frame,
                      std::span<std::uint8_t> out,
                      const std::string& where);

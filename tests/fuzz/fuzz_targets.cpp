@@ -275,13 +275,8 @@ const std::vector<Target>& targets() {
         {"priors", "priors/priors.json", read_priors_file, nullptr},
         {"depth_params", "sparse/0/depth_params.json", read_params, nullptr},
         {"depth_paths", "transforms.json", read_depth_paths, nullptr},
+        {"sog", "a.sog", [](S, S file) { read_sog(file); }, with_pictures},
     };
-    static const bool with_sog = [] {
-        if (has_webp())
-            all.push_back({"sog", "a.sog", [](S, S file) { read_sog(file); }, with_pictures});
-        return has_webp();
-    }();
-    (void)with_sog;
     return all;
 }
 

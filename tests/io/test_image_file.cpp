@@ -50,8 +50,7 @@ TEST_F(ImageFile, GreyIsExpandedAndSixteenBitsAreRounded) {
     EXPECT_EQ(read_image(path).pixels, (std::vector<std::uint8_t>{0, 1, 255}));
 }
 
-TEST_F(ImageFile, WebpIsReadWhereItsLibraryIs) {
-    if (!has_webp()) GTEST_SKIP() << "built without libwebp";
+TEST_F(ImageFile, WebpIsRead) {
     ImageU8 image(40, 30, 3);
     for (int y = 0; y < 30; ++y)
         for (int x = 0; x < 40; ++x)

@@ -277,10 +277,6 @@ TEST_F(Zip, IsReadAsWrittenAndTheSameAgain) {
 
 class Sog : public IoTest {
 protected:
-    void SetUp() override {
-        IoTest::SetUp();
-        if (!has_webp()) GTEST_SKIP() << "this build has no libwebp";
-    }
     Gaussians<Cpu> through(const Gaussians<Cpu>& g, const SogOptions& options = {}) const {
         return read_sog(write("a.sog", sog_bytes("a.sog", g, options)), options.frame);
     }

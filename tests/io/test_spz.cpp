@@ -9,7 +9,6 @@
 #include "io/splat_errors.h"
 #include "io/spz.h"
 #include "io/spz_math.h"
-#include "io/zstd.h"
 #include "io_test.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
@@ -129,7 +128,6 @@ TEST(Spz, OfVersionTwoDiffersInItsRotations) {
 }
 
 TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
-    if (!has_zstd()) GTEST_SKIP() << "no libzstd in this build";
     for (const int degree : {0, 3}) {
         const Gaussians<Cpu> g = test::random_gaussians(300, 4, 0.05, degree);
         SpzOptions options;
@@ -175,7 +173,6 @@ TEST(Spz, OfVersionFourHasTheNumbersOfVersionThree) {
 }
 
 TEST(Spz, RefusesDamagedFilesOfVersionFour) {
-    if (!has_zstd()) GTEST_SKIP() << "no libzstd in this build";
     SpzOptions options;
     options.version = 4;
     const Bytes inside = gunzip(spz_bytes(test::random_gaussians(40, 2))),
@@ -231,7 +228,6 @@ TEST(Spz, RoundsHarmonicsByTheirDegree) {
 
 TEST(Spz, KeepsTheBoundsOfEachAttribute) {
     for (const int version : {2, 3, 4}) {
-        if (version == 4 && !has_zstd()) continue;
         for (int degree = 0; degree <= 3; ++degree)
             for (const SplatFrame frame : {SplatFrame::rub, SplatFrame::rdf, SplatFrame::luf}) {
                 Gaussians<Cpu> g = test::random_gaussians(1000, 7, 0.05, degree);

@@ -327,7 +327,6 @@ TEST_F(Prepare, PosesThatAreKnownAreKept) {
     EXPECT_TRUE(other.says("names 0 of the photographs")) << other;
     EXPECT_EQ(text("calls.txt").find("feature_extractor"), std::string::npos);
     // A photograph that became a PNG is known by its own name.
-    if (!has_webp()) return;
     ImageU8 picture(64, 48, 3, 90);
     write("photos/IMG_1.webp", webp_bytes(picture, 90));
     fs::remove(folder / "photos/IMG_1.JPG");
