@@ -48,8 +48,8 @@ bool read_run(TableRun& run) {
     if (!fs::is_regular_file(file, code))
         throw Error(ExitCode::input,
                     str(file,
-                        ": does not exist; expected the folder of a run; for one that was "
-                        "trained by an older version: tvsgs-eval report --run ",
+                        ": does not exist; expected the folder of a run; for a run without "
+                        "a report: tvsgs-eval report --run ",
                         for_shell(folder)));
     run.report = parse_json_value(read_bytes(file), file);
     if (run.report["format"].text != "tvsgs-report")

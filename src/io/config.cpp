@@ -161,26 +161,15 @@ auto find_option(Options& options, const std::string& key) {
     return found == options.end() ? nullptr : &*found;
 }
 
-/// `now`: what the key would be called, if its group has another name.
 [[noreturn]] void throw_unknown(const std::vector<Option>& options,
                                 const std::string& key,
-                                const std::string& now,
                                 const std::string& source) {
     std::vector<std::string> keys;
     for (const Option& option : options) keys.push_back(option.key);
-    const std::string near = nearest_name(now, keys);
+    const std::string near = nearest_name(key, keys);
     throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
                                      near.empty() ? "tvsgs-train --list-keys prints them all"
                                                   : str("did you mean '", near, "'?")));
-}
-
-[[noreturn]] void throw_twice(const std::string& source,
-                              const std::string& key,
-                              const std::string& earlier) {
-    throw Error(ExitCode::usage,
-                str(source, ": key '", key, "' ",
-                    key == earlier ? "appears twice" : str("is '", earlier, "' by another name"),
-                    "; remove one"));
 }
 
 /// Appends every leaf below `json` with its dotted key.
@@ -199,29 +188,9 @@ void flatten(const Json& json,
 
 }  // namespace
 
-bool OptionTable::is_retired(const std::string& key, const std::string& source) const {
-    const auto retired = retired_.find(key);
-    if (retired == retired_.end()) return false;
-    spdlog::warn("{}: key '{}' has no effect any more: {}", source, key, retired->second);
-    return true;
-}
-
-std::string OptionTable::current_name(const std::string& key) const {
-    if (const auto found = renamed_.find(key); found != renamed_.end()) return found->second;
-    for (const auto& [old, now] : renamed_) {
-        if (!old.ends_with('.')) continue;
-        if (key.starts_with(old)) return now + key.substr(old.size());
-        if (key + "." == old) return now.substr(0, now.size() - 1);
-    }
-    return key;
-}
-
 Option& OptionTable::find(const std::string& key, const std::string& source) {
-    const std::string now = current_name(key);
-    Option* option = find_option(options_, now);
-    if (!option) throw_unknown(options_, key, now, source);
-    if (now != key && noted_.insert(key).second)
-        spdlog::info("{}: key '{}' is called '{}' now", source, key, now);
+    Option* option = find_option(options_, key);
+    if (!option) throw_unknown(options_, key, source);
     return *option;
 }
 
@@ -235,15 +204,13 @@ void OptionTable::set(Option& option, std::string_view value, const std::string&
 }
 
 void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
-    const std::string name = normalized(key);
-    if (is_retired(name, source)) return;
-    set(find(name, source), value, source);
+    set(find(normalized(key), source), value, source);
 }
 
 const Option& OptionTable::option(std::string_view key) const {
     const std::string name = normalized(key);
     const Option* found = find_option(options_, name);
-    if (!found) throw_unknown(options_, name, name, "the program");
+    if (!found) throw_unknown(options_, name, "the program");
     return *found;
 }
 
@@ -276,9 +243,9 @@ void OptionTable::read_text_below(const std::string& source, const std::string& 
 void OptionTable::read(const std::string& path, const std::string& text, bool below) {
     std::vector<std::pair<std::string, Json>> leaves;
     flatten(parse_json(path, text, ExitCode::usage), "", leaves);
-    std::map<std::string, std::string> seen;  // option's key -> what the file calls it
+    std::set<std::string> seen;
     for (const auto& [key, value] : leaves) {
-        const auto in_group = [group = current_name(key) + "."](const Option& option) {
+        const auto in_group = [group = key + "."](const Option& option) {
             return option.key.starts_with(group);
         };
         if (value.is_object() && std::any_of(options_.begin(), options_.end(), in_group))
@@ -286,10 +253,9 @@ void OptionTable::read(const std::string& path, const std::string& text, bool be
         if (std::any_of(options_.begin(), options_.end(), in_group))
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " is a group of keys; expected an object, {...}"));
-        if (is_retired(key, path)) continue;
         Option& option = find(key, path);
-        const auto [earlier, is_first] = seen.emplace(option.key, key);
-        if (!is_first) throw_twice(path, key, earlier->second);
+        if (!seen.insert(key).second)
+            throw Error(ExitCode::usage, str(path, ": key '", key, "' appears twice; remove one"));
         if (!json_fits(value, option.kind))
             throw Error(ExitCode::usage,
                         str(path, ": ", key, " = ",
@@ -308,17 +274,13 @@ void OptionTable::read_environment() {
         if (text.starts_with("TVSGS_") && equals != std::string_view::npos)
             variables.emplace(text.substr(0, equals), text.substr(equals + 1));
     }
-    std::map<std::string, std::string> seen;  // option's key -> what its variable calls it
     for (const auto& [name, value] : variables) {
         std::string key = name.substr(6);
         for (std::size_t at; (at = key.find("__")) != std::string::npos;)
             key[at] = '.', key.erase(at + 1, 1);
         std::transform(key.begin(), key.end(), key.begin(),
                        [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-        const std::string source = str("environment variable ", name);
-        const auto [earlier, is_first] = seen.emplace(current_name(normalized(key)), key);
-        if (!is_first && earlier->second != key) throw_twice(source, key, earlier->second);
-        set(key, value, source);
+        set(key, value, str("environment variable ", name));
     }
 }
 

@@ -7,7 +7,6 @@
 #include <functional>
 #include <initializer_list>
 #include <map>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -39,14 +38,6 @@ public:
         options.fields(collector);
     }
 
-    /// A key of earlier versions: it has no effect any more, and a warning says why.
-    void retire(const std::string& key, const std::string& why) { retired_[key] = why; }
-
-    /// A key of earlier versions that has another name now; with a dot at the end of both, a group
-    /// of keys. Whatever sets keys takes the old name for the new one, and a note says so, once for
-    /// each key of this table. Messages suggest new names only.
-    void rename(const std::string& old, const std::string& now) { renamed_[old] = now; }
-
     /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says
     /// where it came from in messages. Unknown keys throw Error(ExitCode::usage) naming the nearest
     /// one; so do values of a wrong type or out of range.
@@ -55,9 +46,9 @@ public:
     /// Each of `settings` is KEY=VALUE, as given to --set.
     void set_all(const std::vector<std::string>& settings);
 
-    /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors,
-    /// and so is a key beside its old name. The key "comment" is ignored at every level, and "info"
-    /// at the top level, so that a run's resolved config.json can be fed back.
+    /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors.
+    /// The key "comment" is ignored at every level, and "info" at the top level, so that a run's
+    /// resolved config.json can be fed back.
     void read_file(const std::string& path);
 
     /// The same for the text of such a file; `source` is what messages call it.
@@ -69,8 +60,7 @@ public:
     /// The option of that key. Throws as set() does.
     const Option& option(std::string_view key) const;
 
-    /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64). A
-    /// key beside its old name is an error.
+    /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
     void read_environment();
 
     /// The resolved configuration as nested JSON, `info_json` (a JSON object, may be empty) added
@@ -84,11 +74,6 @@ public:
 
 private:
     void read(const std::string& source, const std::string& text, bool below);
-    /// Warns when it is.
-    bool is_retired(const std::string& key, const std::string& source) const;
-    /// What a key, or a group without its dot, is called now.
-    std::string current_name(const std::string& key) const;
-    /// The option of a key by either name, with the note on an old one. Throws as set() does.
     Option& find(const std::string& key, const std::string& source);
     void set(Option& option, std::string_view value, const std::string& source);
 
@@ -124,8 +109,6 @@ private:
                         const char* help);
     };
     std::vector<Option> options_;
-    std::map<std::string, std::string> retired_, renamed_;
-    std::set<std::string> noted_;  // old names that a note was said about
 };
 
 /// The lists of a JSON object such as splits.json, as text; values that are no lists of names or

@@ -54,15 +54,12 @@ void require_iterations_left(const Resume& resume, int iterations) {
 
 void require_same_backbone(const Resume& resume, const std::string& backbone) {
     if (!resume.point) return;
-    for (const auto& [key, value] : resume.configured) {
-        if (key != "backbone") continue;
-        const std::string was = current_backbone_name(value);
-        if (was == current_backbone_name(backbone)) return;
-        throw Error(ExitCode::usage,
-                    str(resume.point->file, ": its splats are those of backbone '", was,
-                        "', and the run is to go on with '", backbone, "'; expected backbone ", was,
-                        ", or a new run (without --resume)"));
-    }
+    for (const auto& [key, value] : resume.configured)
+        if (key == "backbone" && value != backbone)
+            throw Error(ExitCode::usage,
+                        str(resume.point->file, ": its splats are those of backbone '", value,
+                            "', and the run is to go on with '", backbone, "'; expected backbone ",
+                            value, ", or a new run (without --resume)"));
 }
 
 void log_resume(const Resume& resume, const std::string& changed, RunFolder& run) {

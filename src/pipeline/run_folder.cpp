@@ -136,12 +136,11 @@ void require_free_run_folder(const std::string& path,
         throw Error(ExitCode::usage, str(config,
                                          ": was not written by tvsgs-train, so its folder is not "
                                          "overwritten; name another with --out"));
-    if (replace && !has_manifest(path))
+    if (!has_manifest(path))
         throw Error(ExitCode::usage,
                     str(path,
-                        ": is a run of an earlier version, which kept no list of its files, so "
-                        "that yours cannot be told from them; remove it yourself, or name another "
-                        "with --out"));
+                        ": lacks the list of its files (.tvsgs-files), so yours cannot be told "
+                        "from them; copy it with that list, or name another folder with --out"));
 }
 
 namespace {
@@ -161,18 +160,6 @@ void remove_leftovers(const fs::path& folder) {
             found.push_back(it->path());
     }
     for (const fs::path& file : found) fs::remove(file, code);
-}
-
-/// The list of a run that an earlier version began, which kept none: all that a run has.
-void list_all(const fs::path& folder) {
-    start_manifest(folder);
-    std::error_code code;
-    for (const std::string_view entry : kEntries) {
-        if (fs::is_regular_file(folder / entry, code)) add_to_manifest(folder, folder / entry);
-        for (fs::recursive_directory_iterator it(folder / entry, code), end; !code && it != end;
-             it.increment(code))
-            if (it->is_regular_file(code)) add_to_manifest(folder, it->path());
-    }
 }
 
 /// Of a line of the log; 0: it has none.
@@ -214,7 +201,6 @@ RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
     }
     const bool go_on = done >= 0;
     if (!code) remove_leftovers(folder);
-    if (!code && go_on && !has_manifest(folder)) list_all(folder);
     if (!code && go_on) {
         write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
     } else if (!code) {

@@ -52,13 +52,6 @@ struct RunOptions {
         table.add("memory", memory);
         table.add("plan", plan);
         table.add("output", output);
-        table.rename("core.", "render.");
-        table.retire("optim.adam",
-                     "every splat steps every iteration, with the same results; waiting gained "
-                     "too little on some scenes and lost on others");
-        table.retire("scene.undistort_fisheye", "fisheyes are undistorted as other lenses are");
-        table.retire("eval.samples",
-                     "distances to meshes are exact; eval.point_samples is the measure it named");
     }
 };
 

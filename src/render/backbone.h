@@ -264,8 +264,4 @@ std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
 /// Names of ours that draw discs (`flat`), or ellipsoids: "a, b".
 std::string backbones_of(bool flat);
 
-/// The name that a backbone of ours has now, of one that earlier versions knew it by; other names
-/// as they are.
-std::string current_backbone_name(const std::string& name);
-
 }  // namespace tvsgs

@@ -9,10 +9,6 @@ std::string backbones_of(bool flat) {
     return names;
 }
 
-std::string current_backbone_name(const std::string& name) {
-    return current_name(name);
-}
-
 template void write_statistics(Cpu, const FusedGradients&);
 template void add_backbone<Cpu>(const std::string&, MakeBackbone<Cpu>);
 template std::unique_ptr<Backbone<Cpu>> make_backbone<Cpu>(const std::string&,

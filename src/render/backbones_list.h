@@ -46,11 +46,6 @@ inline void refuse_pixel_center(const char* backbone, const BackboneOptions& o) 
     refuse(backbone, o.pixel_center != PixelCenter::exact, "pixel_center");
 }
 
-/// Earlier versions called a rasteriser after the methods that it serves.
-inline std::string current_name(const std::string& name) {
-    return name == "3dgs" || name == "pgsr" ? "ewa" : name;
-}
-
 template <class Device>
 struct BackboneEntry {
     const char* name;
@@ -83,14 +78,13 @@ inline constexpr BackboneEntry<Device> kBackbones[] = {
 template <class Device>
 std::unique_ptr<Backbone<Device>> make_backbone(const std::string& name,
                                                 const BackboneOptions& options) {
-    const std::string now = current_name(name);
     std::string known;
     for (const auto& entry : kBackbones<Device>) {
-        if (entry.name == now) return entry.make(options);
+        if (entry.name == name) return entry.make(options);
         known += str(known.empty() ? "" : ", ", entry.name);
     }
     for (const auto& [added, make] : added_backbones<Device>()) {
-        if (added == now) return make(options);
+        if (added == name) return make(options);
         known += ", " + added;
     }
     throw Error(ExitCode::usage, str("backbone '", name, "' is not known; there are: ", known));

@@ -122,8 +122,7 @@ public:
             if (!planned.contains(key)) asked_for_.insert(key);
         }
     }
-    /// Neither a key that all leave to the plan sets runs apart, nor one that a run lacks, as it is
-    /// of an older version.
+    /// Neither a key that all leave to the plan sets runs apart, nor one that a run lacks.
     template <class Counts>
     void add_differing(Keys& keys, const Counts& counts) const {
         for (const auto& [key, found] : values_)

@@ -35,7 +35,7 @@ protected:
                   0);
         std::ofstream(folder_ / "config.json") << R"({
             "scene": {"path": "scene", "split": "train_all"},
-            "iterations": 60, "backbone": "pgsr", "init": {"min_points": 0},
+            "iterations": 60, "backbone": "ewa", "init": {"min_points": 0},
             "loss": {"tv_normal": {"weight": 0.05}, "tv_position": {"weight": 0.05}},
             "tv": {"k": 20, "refresh_every": 25},
             "densify": {"from": 20, "every": 15, "max_gaussians": 4500}})";

@@ -145,24 +145,6 @@ TEST_F(Cli, ItsConfigurationRepeatsTheRun) {
     EXPECT_TRUE(splats("again") == splats("run"));
 }
 
-TEST_F(Cli, RunsOfOlderKeysGoOn) {
-    fs::copy(folder_ / "run", folder_ / "older", fs::copy_options::recursive);
-    std::string config = contents(folder_ / "run/config.json");
-    const std::size_t at = config.find("\"render\": {");
-    ASSERT_NE(at, config.npos);
-    std::ofstream(folder_ / "older/config.json") << config.replace(at, 8, "\"core\"");
-    const Result nvs = call("eval", "nvs -m older --device cpu --require 'psnr>=5'");
-    ASSERT_EQ(nvs.code, 0) << nvs;
-    EXPECT_TRUE(nvs.says("key 'core.near' is called 'render.near' now")) << nvs;
-    const Result mesh =
-        call("extract-mesh", "-m older --mesh-resolution 48 --clusters 1 --device cpu");
-    ASSERT_EQ(mesh.code, 0) << mesh;
-    const Result again = call("train", "--config older/config.json --device cpu --out renamed");
-    ASSERT_EQ(again.code, 0) << again;
-    EXPECT_TRUE(splats("renamed") == splats("run"));
-    EXPECT_FALSE(json::parse(contents(folder_ / "renamed/config.json")).contains("core"));
-}
-
 TEST_F(Cli, MeshAndScores) {
     const Result mesh =
         call("extract-mesh", "-m run --mesh-resolution 48 --clusters 1 --device cpu");

@@ -37,7 +37,7 @@ protected:
         // Voting every 10, searches every 25, growth every 15 iterations.
         std::ofstream(folder_ / "config.json") << R"({
             "scene": {"path": "scene", "views": "0,1,2"},
-            "iterations": 120, "backbone": "pgsr", "init": {"min_points": 0},
+            "iterations": 120, "backbone": "ewa", "init": {"min_points": 0},
             "loss": {"flatten": {"weight": 1}, "tv_normal": {"weight": 0.05},
                      "tv_position": {"weight": 0.05}},
             "tv": {"k": 20, "refresh_every": 25},

@@ -205,7 +205,7 @@ seed("lists", "good_lists", '{"train": ["a.png", "b"], "test": [3, 4], "other": 
 seed("json", "good_report", '{"a": [1, 2.5e-3, null, true], "b": {"c": "\\u00e9\\n"}, "d": -0}')
 seed("config", "good_nested",
      '{"comment": "x", "tv": {"k": 20, "whiten": false}, "loss.flatten.weight": 1e2, '
-     '"densify": {"max_gaussians": 100}, "backbone": "pgsr", "info": {"version": "1"}}')
+     '"densify": {"max_gaussians": 100}, "backbone": "ewa", "info": {"version": "1"}}')
 seed("config", "unknown_key", '{"tv": {"kk": 20}}')
 seed("config", "twice", '{"tv": {"k": 20}, "tv.k": 3}')
 

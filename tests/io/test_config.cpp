@@ -1,10 +1,6 @@
-#include <spdlog/sinks/ostream_sink.h>
-#include <spdlog/spdlog.h>
-
 #include <cmath>
 #include <cstdlib>
 #include <limits>
-#include <sstream>
 
 #include "io/config.h"
 #include "io/io_test.h"
@@ -98,75 +94,6 @@ TEST_F(Config, UnknownKeysNameTheNearest) {
     expect_error(ExitCode::usage, "TVSGS_TV__SEDE: unknown key 'tv.sede'; did you mean 'tv.seed'?",
                  [&] { table.read_environment(); });
     unsetenv("TVSGS_TV__SEDE");
-}
-
-TEST_F(Config, RetiredKeysHaveNoEffect) {
-    table.retire("tv.gone", "nothing needs it");
-    read(R"({"tv": {"gone": 5, "seed": 3}})");
-    table.set("tv.gone", "5", "--set");
-    EXPECT_EQ(options.seed, 3);
-    expect_error(ExitCode::usage, "unknown key 'tv.gon'",
-                 [&] { table.set("tv.gon", "5", "--set"); });
-}
-
-TEST_F(Config, RenamedKeysSetTheNewOnes) {
-    table.rename("votes.", "tv.");
-    table.rename("reach", "tv.range");
-    read(R"({"votes": {"refresh-every": 5, "photometric": {"weight": 1}}, "reach": 0.3})");
-    EXPECT_EQ(options.refresh_every, 5);
-    EXPECT_EQ(options.photometric.weight, 1);
-    EXPECT_EQ(options.range, 0.3f);
-    table.set_all({"votes.refresh-every=6", "reach=0.4"});
-    EXPECT_EQ(options.refresh_every, 6);
-    EXPECT_EQ(options.range, 0.4f);
-    EXPECT_EQ(table.option("tv.range").source, "--set");
-    setenv("TVSGS_VOTES__REFRESH_EVERY", "8", 1);
-    table.read_environment();
-    EXPECT_EQ(options.refresh_every, 8);
-    setenv("TVSGS_TV__REFRESH_EVERY", "9", 1);
-    expect_error(ExitCode::usage,
-                 "'votes.refresh_every' is 'tv.refresh_every' by another name; remove one",
-                 [&] { table.read_environment(); });
-    unsetenv("TVSGS_VOTES__REFRESH_EVERY"), unsetenv("TVSGS_TV__REFRESH_EVERY");
-    read(R"({"votes": {}})");
-    table.read_text_below("the plan", R"({"votes": {"refresh_every": 7, "seed": 2}})");
-    EXPECT_NE(options.refresh_every, 7) << "something has set it";
-    EXPECT_EQ(options.seed, 2);
-    EXPECT_EQ(table.json().find("votes"), std::string::npos);
-    EXPECT_EQ(table.help().find("votes."), std::string::npos);
-}
-
-TEST_F(Config, ARenamedKeyIsNotedOnce) {
-    table.rename("votes.", "tv.");
-    std::ostringstream said;
-    const auto previous = spdlog::default_logger();
-    spdlog::set_default_logger(std::make_shared<spdlog::logger>(
-        "test", std::make_shared<spdlog::sinks::ostream_sink_mt>(said)));
-    table.set("votes.seed", "1", "--set");
-    const std::string once = said.str();
-    table.set("votes.seed", "2", "--set");
-    read(R"({"votes": {"seed": 3}, "tv": {"range": 0.2}})");
-    const std::string twice = said.str();
-    table.set("votes.range", "0.3", "--set");
-    spdlog::set_default_logger(previous);
-    EXPECT_NE(once.find("--set: key 'votes.seed' is called 'tv.seed' now"), std::string::npos)
-        << once;
-    EXPECT_EQ(twice, once);
-    EXPECT_NE(said.str().find("key 'votes.range' is called 'tv.range' now"), std::string::npos)
-        << said.str();
-}
-
-TEST_F(Config, RenamedKeysAreNotSuggestedNorGivenTwice) {
-    table.rename("votes.", "tv.");
-    expect_usage_error("unknown key 'votes.sed'; did you mean 'tv.seed'?",
-                       R"({"votes": {"sed": 5}})");
-    expect_usage_error("'tv.seed' is 'votes.seed' by another name; remove one",
-                       R"({"votes": {"seed": 1}, "tv": {"seed": 1}})");
-    expect_usage_error("'votes.seed' is 'tv.seed' by another name; remove one",
-                       R"({"tv.seed": 1, "votes.seed": 1})");
-    expect_usage_error("votes is a group of keys", R"({"votes": 5})");
-    expect_error(ExitCode::usage, "tv.seed = 'x': expected an integer",
-                 [&] { table.set("votes.seed", "x", "--set"); });
 }
 
 TEST_F(Config, DuplicateKeys) {

@@ -264,12 +264,6 @@ TEST_F(OddScenes, EveryDistortionThatIsUndone) {
     write(model_file("lens", "cameras"),
           "1 RAD_TAN_THIN_PRISM_FISHEYE 48 36 57 57 24 18 0 0 0 0 0 0 0 0 0 0 0 0\n");
     expect_refused("--scene lens --views 0,1", 3, "camera 1 uses RAD_TAN_THIN_PRISM_FISHEYE");
-    // A key of earlier versions.
-    write(model_file("lens", "cameras"), "1 OPENCV_FISHEYE 48 36 57 57 24 18 0 0 0 0\n");
-    EXPECT_TRUE(expect_trained("--scene lens --views 0,1 --iterations 1 --set "
-                               "scene.undistort_fisheye=true",
-                               "old_key", 1)
-                    .says("has no effect any more"));
 }
 
 TEST_F(OddScenes, MeasuredPointsThatAreNotFinite) {

@@ -325,8 +325,6 @@ TEST(Backbones, UnknownNameListsTheKnownOnes) {
     } catch (const std::exception& error) {
         EXPECT_NE(std::string(error.what()).find("ewa"), std::string::npos);
     }
-    for (const char* earlier : {"3dgs", "pgsr"})
-        EXPECT_NE(make_backbone<Cpu>(earlier, {}), nullptr);
 }
 
 /// sqrt(sum (a-b)^2 / sum a^2) over all floats.
