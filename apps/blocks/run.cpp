@@ -9,11 +9,11 @@
 
 #include "apps/blocks/subcommands.h"
 #include "apps/train/command.h"
+#include "io/built_in_configs.h"
 #include "io/json_value.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
 #include "pipeline/blocks_seams.h"
-#include "pipeline/built_in_configs.h"
 #include "pipeline/checkpoints.h"
 #include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
@@ -140,7 +140,7 @@ std::vector<std::string> seam_words(const BlocksManifest& manifest, const std::s
         RunOptions sparse;
         OptionTable table;
         sparse.add_to(table);
-        table.read_text("the sparse settings", kSparseConfig);
+        table.read_text("the sparse settings", built_in_config(kSparseConfig));
         for (const Option& option : table.options())
             if (!option.source.empty() &&
                 (option.key.starts_with("tv.") || option.key.starts_with("loss.tv_")))

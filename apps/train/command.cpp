@@ -7,8 +7,8 @@
 #include "core/device_choice.h"
 #include "core/progress.h"
 #include "io/atomic_file.h"
+#include "io/built_in_configs.h"
 #include "io/read_file.h"
-#include "pipeline/built_in_configs.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/planned_scene.h"
@@ -157,7 +157,7 @@ Arguments parse(int argc, char* const* argv, OptionTable& table) {
                     "folder is the plan");
     if (resume_flag->count() > 0) arguments.resume = open_resume(resume, arguments.out, table);
     if (configs.empty() && !is_configured(arguments.resume, arguments.out))
-        table.read_text("configs/auto.json", kAutoConfig);
+        table.read_text("configs/auto.json", built_in_config(kAutoConfig));
     for (const std::string& file : configs) table.read_file(file);
     table.read_environment();
     flags.set_keys(table);

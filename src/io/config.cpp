@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -11,11 +12,13 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/nearest_name.h"
+#include "io/built_in_configs.h"
 #include "io/read_file.h"
 
 namespace tvsgs {
 namespace {
 
+namespace fs = std::filesystem;
 using Json = nlohmann::ordered_json;
 
 /// Shortest text that reads back as the same number.
@@ -26,8 +29,13 @@ std::string number_text(Number value) {
     return {text, result.ptr};
 }
 
+/// On one line; bytes that are not UTF-8 are replaced.
+std::string dumped(const Json& json) {
+    return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 std::string json_text(std::string_view text) {
-    return Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+    return dumped(Json(text));
 }
 
 bool is_utf8(const std::string& text) {
@@ -172,18 +180,75 @@ auto find_option(Options& options, const std::string& key) {
                                                   : str("did you mean '", near, "'?")));
 }
 
+/// A key of a configuration, and the file that has it.
+struct Leaf {
+    std::string key;
+    Json value;
+    std::string file;
+};
+
 /// Appends every leaf below `json` with its dotted key.
 void flatten(const Json& json,
              const std::string& prefix,
-             std::vector<std::pair<std::string, Json>>& out) {
+             const std::string& file,
+             std::vector<Leaf>& out) {
     for (const auto& [name, value] : json.items()) {
-        if (name == "comment" || (prefix.empty() && name == "info")) continue;
+        if (name == "comment" || (prefix.empty() && (name == "info" || name == "extends")))
+            continue;
         const std::string key = prefix + normalized(name);
         if (value.is_object() && !value.empty())
-            flatten(value, key + ".", out);
+            flatten(value, key + ".", file, out);
         else
-            out.emplace_back(key, value);
+            out.push_back({key, value, file});
     }
+}
+
+/// The entries of "extends", in order.
+std::vector<std::string> bases_of(const Json& json, const std::string& file) {
+    const Json bases = json.value("extends", Json::array());
+    if (bases.is_string()) return {bases.get<std::string>()};
+    const auto is_text = [](const Json& base) { return base.is_string(); };
+    if (bases.is_array() && std::all_of(bases.begin(), bases.end(), is_text))
+        return bases.get<std::vector<std::string>>();
+    throw Error(ExitCode::usage, str(file, ": extends = ", dumped(bases),
+                                     ": expected the name of a configuration, a file, or a list"));
+}
+
+std::string config_text(const std::string& path) {
+    try {
+        return read_bytes(path, kMaxTextBytes);
+    } catch (const Error& error) {
+        throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
+    }
+}
+
+/// Appends the keys of a configuration behind those of the ones that it extends. `extending`: the
+/// files that have led to this one.
+void collect(const std::string& file,
+             const std::string& text,
+             std::vector<std::string> extending,
+             std::vector<Leaf>& out) {
+    const Json json = parse_json(file, text, ExitCode::usage);
+    extending.push_back(file);
+    for (const std::string& base : bases_of(json, file)) {
+        const bool is_file = base.ends_with(".json");
+        const std::string from =
+            is_file ? (fs::path(file).parent_path() / base).lexically_normal().string()
+                    : str("configs/", base, ".json");
+        if (std::find(extending.begin(), extending.end(), from) != extending.end())
+            throw Error(ExitCode::usage, str(file, ": extends '", base,
+                                             "', which extends it in turn; remove one of the two"));
+        with_context(str("reading the base of ", file), [&] {
+            collect(from, is_file ? config_text(from) : built_in_config(base), extending, out);
+        });
+    }
+    const std::size_t first = out.size();
+    flatten(json, "", file, out);
+    std::set<std::string> seen;
+    for (std::size_t i = first; i < out.size(); ++i)
+        if (!seen.insert(out[i].key).second)
+            throw Error(ExitCode::usage,
+                        str(file, ": key '", out[i].key, "' appears twice; remove one"));
 }
 
 }  // namespace
@@ -224,13 +289,7 @@ void OptionTable::set_all(const std::vector<std::string>& settings) {
 }
 
 void OptionTable::read_file(const std::string& path) {
-    std::string text;
-    try {
-        text = read_bytes(path, kMaxTextBytes);
-    } catch (const Error& error) {
-        throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
-    }
-    read_text(path, text);
+    read_text(path, config_text(path));
 }
 
 void OptionTable::read_text(const std::string& source, const std::string& text) {
@@ -240,29 +299,26 @@ void OptionTable::read_text_below(const std::string& source, const std::string& 
     read(source, text, true);
 }
 
-void OptionTable::read(const std::string& path, const std::string& text, bool below) {
-    std::vector<std::pair<std::string, Json>> leaves;
-    flatten(parse_json(path, text, ExitCode::usage), "", leaves);
-    std::set<std::string> seen;
-    for (const auto& [key, value] : leaves) {
+void OptionTable::read(const std::string& source, const std::string& text, bool below) {
+    std::vector<Leaf> leaves;
+    collect(source, text, {}, leaves);
+    if (below) std::reverse(leaves.begin(), leaves.end());  // the first one sets a key
+    for (const auto& [key, value, file] : leaves) {
         const auto in_group = [group = key + "."](const Option& option) {
             return option.key.starts_with(group);
         };
-        if (value.is_object() && std::any_of(options_.begin(), options_.end(), in_group))
-            continue;  // an empty group
-        if (std::any_of(options_.begin(), options_.end(), in_group))
+        if (std::any_of(options_.begin(), options_.end(), in_group)) {
+            if (value.is_object()) continue;  // an empty group
             throw Error(ExitCode::usage,
-                        str(path, ": ", key, " is a group of keys; expected an object, {...}"));
-        Option& option = find(key, path);
-        if (!seen.insert(key).second)
-            throw Error(ExitCode::usage, str(path, ": key '", key, "' appears twice; remove one"));
+                        str(file, ": ", key, " is a group of keys; expected an object, {...}"));
+        }
+        Option& option = find(key, file);
         if (!json_fits(value, option.kind))
-            throw Error(ExitCode::usage,
-                        str(path, ": ", key, " = ",
-                            value.dump(-1, ' ', false, Json::error_handler_t::replace),
-                            ": expected ", expectation(option)));
+            throw Error(ExitCode::usage, str(file, ": ", key, " = ", dumped(value), ": expected ",
+                                             expectation(option)));
         if (below && !option.source.empty()) continue;
-        set(option, value.is_string() ? value.get<std::string>() : value.dump(), path);
+        set(option, value.is_string() ? value.get<std::string>() : value.dump(), file);
+        option.source = source;
     }
 }
 

@@ -48,7 +48,8 @@ public:
 
     /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors.
     /// The key "comment" is ignored at every level, and "info" at the top level, so that a run's
-    /// resolved config.json can be fed back.
+    /// resolved config.json can be fed back. "extends" names the configurations that lie below the
+    /// file, later ones above earlier ones: a name of configs/, or NAME.json beside the file.
     void read_file(const std::string& path);
 
     /// The same for the text of such a file; `source` is what messages call it.

@@ -3,8 +3,8 @@
 #include <cmath>
 
 #include "core/device_choice.h"
+#include "io/built_in_configs.h"
 #include "pipeline/background_plan.h"
-#include "pipeline/built_in_configs.h"
 #include "pipeline/exposures.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/machine_plan.h"
@@ -19,7 +19,7 @@ TrainOptions options_of(const char* config) {
     RunOptions options;
     OptionTable table;
     options.add_to(table);
-    table.read_text("the program", config);
+    table.read_text("the program", built_in_config(config));
     return options.train;
 }
 
@@ -98,7 +98,7 @@ void plan_machine(const DeviceChoice& device,
 bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
     const Decision settings = plan_settings(train_views, !options.train.tv.fixed_voters.empty());
     const bool dense = settings.choice == "dense";
-    plan.apply(settings, dense ? kDenseConfig : kSparseConfig);
+    plan.apply(settings, built_in_config(dense ? kDenseConfig : kSparseConfig));
     if (plan.pinned("tv.enabled") && !options.train.tv.enabled && !dense)
         plan.apply({"voting losses",
                     "off",

@@ -103,6 +103,62 @@ TEST_F(Config, DuplicateKeys) {
     expect_usage_error("appears twice", R"({"tv": {"refresh_every": 1, "refresh-every": 2}})");
 }
 
+TEST_F(Config, LaterBasesWinAndOwnKeysWinOverThem) {
+    write("first.json", R"({"tv": {"refresh_every": 5, "seed": 5, "range": 0.5}})");
+    write("below/second.json", R"({"extends": "deep/third.json", "tv": {"refresh_every": 6}})");
+    write("below/deep/third.json", R"({"tv": {"refresh_every": 7, "seed": 7, "name": "third"}})");
+    const std::string own =
+        R"({"extends": ["first.json", "below/second.json"], "tv": {"seed": 8, "whiten": false}})";
+    read(own);
+    EXPECT_EQ(options.refresh_every, 6);
+    EXPECT_EQ(options.seed, 8);
+    EXPECT_EQ(options.range, 0.5f);
+    EXPECT_EQ(options.name, "third");
+    EXPECT_FALSE(options.whiten);
+    EXPECT_EQ(table.option("tv.name").source, (folder / "config.json").string());
+    EXPECT_EQ(table.json().find("extends"), std::string::npos);
+
+    // Below keys that are set, the same ones win.
+    TestOptions others;
+    OptionTable other;
+    other.add("tv", others);
+    other.set("tv.whiten", "true", "--set");
+    other.read_text_below((folder / "config.json").string(), own);
+    EXPECT_EQ(others.refresh_every, 6);
+    EXPECT_EQ(others.seed, 8);
+    EXPECT_EQ(others.name, "third");
+    EXPECT_TRUE(others.whiten);
+}
+
+TEST_F(Config, BasesThatCannotBeReadAreNamed) {
+    expect_usage_error("no.json: ", R"({"extends": "no.json"})");
+    expect_usage_error("while reading the base of " + (folder / "config.json").string(),
+                       R"({"extends": "no.json"})");
+    expect_usage_error("no configuration is called 'pgsr_spars'; did you mean 'pgsr_sparse'?",
+                       R"({"extends": "pgsr_spars"})");
+    expect_usage_error("extends = 5: expected the name of a configuration", R"({"extends": 5})");
+    expect_usage_error("extends = [\"a.json\",null]", R"({"extends": ["a.json", null]})");
+    expect_usage_error("unknown key 'tv.extends'", R"({"tv": {"extends": "a.json"}})");
+    expect_usage_error("configs/auto.json: unknown key 'plan.enabled'", R"({"extends": "auto"})");
+    write("base.json", R"({"tv": {"seed": "x"}})");
+    expect_usage_error("base.json: tv.seed = \"x\": expected an integer",
+                       R"({"extends": "base.json"})");
+    write("base.json", R"({"tv": {"seed": 1}, "tv.seed": 2})");
+    expect_usage_error("base.json: key 'tv.seed' appears twice", R"({"extends": "base.json"})");
+}
+
+TEST_F(Config, BasesThatExtendEachOtherAreRefused) {
+    expect_usage_error("config.json: extends 'config.json', which extends it in turn",
+                       R"({"extends": "config.json"})");
+    write("a.json", R"({"extends": "b.json"})");
+    write("b.json", R"({"extends": "./config.json"})");
+    expect_usage_error("b.json: extends './config.json', which extends it in turn",
+                       R"({"extends": "a.json"})");
+    write("b.json", R"({"tv": {"seed": 3}})");
+    read(R"({"extends": ["a.json", "b.json"]})");
+    EXPECT_EQ(options.seed, 3);
+}
+
 TEST_F(Config, WrongTypesAndValues) {
     for (const char* value : {"\"5\"", "5.5", "true", "null", "[5]", "0", "1001", "1e30", "-1"})
         expect_usage_error("tv.refresh_every", str("{\"tv\": {\"refresh_every\": ", value, "}}"));
