@@ -15,24 +15,22 @@ namespace {
 std::string json_of(const std::vector<StabilityCurve>& curves, const DeviceChoice& device) {
     std::string lines;
     for (const StabilityCurve& c : curves) {
-        std::string points;
+        std::vector<JsonValue> points;
         for (const StabilityPoint& p : c.points)
-            points += (points.empty() ? "" : ", ") + JsonLine()
-                                                         .add("stress", p.stress)
-                                                         .add("error", p.error)
-                                                         .add("bound", p.bound)
-                                                         .add("share", p.share)
-                                                         .text();
-        lines += JsonLine()
-                     .add("bench", "stability")
-                     .add("version", kVersion)
-                     .add("device", device.description)
-                     .add("operation", c.operation)
-                     .add("stress", c.stress)
-                     .add("bound", c.bound)
-                     .add("guard", c.guard)
-                     .add_json("points", "[" + points + "]")
-                     .text() +
+            points.push_back(JsonValue()
+                                 .add("stress", p.stress)
+                                 .add("error", p.error)
+                                 .add("bound", p.bound)
+                                 .add("share", p.share));
+        lines += json_text(JsonValue()
+                               .add("bench", "stability")
+                               .add("version", kVersion)
+                               .add("device", device.description)
+                               .add("operation", c.operation)
+                               .add("stress", c.stress)
+                               .add("bound", c.bound)
+                               .add("guard", c.guard)
+                               .add("points", points)) +
                  "\n";
     }
     return lines;

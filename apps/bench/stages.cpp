@@ -428,8 +428,8 @@ int StagesBench::run() const {
             return training ? measure_training<Device>(c, options, warm_up_, repetitions_)
                             : measure<Device>(c, channels, atomic_, warm_up_, repetitions_);
         });
-        const std::string stages =
-            m.timings.json([&](const std::string& stage, double median_ms, JsonLine& line) {
+        const JsonValue stages =
+            m.timings.json([&](const std::string& stage, double median_ms, JsonValue& line) {
                 const double floor = full_size && device.cuda ? floor_ms(stage, c.name, m.channels,
                                                                          m.compared_pixels > 0)
                                                               : 0;
@@ -438,11 +438,9 @@ int StagesBench::run() const {
         const auto per_pixel = [&c](std::int64_t count) {
             return static_cast<double>(count) / (static_cast<double>(c.width) * c.height);
         };
-        std::string losses;
+        JsonValue losses = JsonValue::list(), counters, json;
         for (const auto& [name, value] : m.losses)
-            losses += (losses.empty() ? "" : ", ") +
-                      JsonLine().add("loss", name).add("value", value).text();
-        JsonLine counters, json;
+            losses.items.push_back(JsonValue().add("loss", name).add("value", value));
         counters.add("splats", c.splats)
             .add("visible", m.counts.visible)
             .add("fragments", m.counts.fragments)
@@ -463,19 +461,19 @@ int StagesBench::run() const {
             .add("height", c.height)
             .add("channels", kChannelNames[static_cast<int>(m.channels)])
             .add("atomic_sums", atomic_)
-            .add_json("counters", counters.text())
-            .add_json("losses", "[" + losses + "]")
-            .add_json("stages", stages)
+            .add("counters", counters)
+            .add("losses", losses)
+            .add("stages", stages)
             .add("unaccounted_share", m.unaccounted);
-        std::printf("%s\n", json.text().c_str());
-        lines += json.text() + "\n";
+        std::printf("%s\n", json_text(json).c_str());
+        lines += json_text(json) + "\n";
         if (quiet_) continue;
         std::fprintf(stderr, "%s, %d x %d, %s, %s\n", c.name.c_str(), c.width, c.height,
                      kChannelNames[static_cast<int>(m.channels)], device.description.c_str());
         m.timings.print();
         std::fprintf(stderr, "  in no stage, with all waits: %.1f %%\n", 100 * m.unaccounted);
-        if (training) std::fprintf(stderr, "  losses %s\n", losses.c_str());
-        std::fprintf(stderr, "  counters %s\n", counters.text().c_str());
+        if (training) std::fprintf(stderr, "  losses %s\n", json_text(losses).c_str());
+        std::fprintf(stderr, "  counters %s\n", json_text(counters).c_str());
     }
     if (!out_.empty()) write_text_file(out_, lines), spdlog::info("{}: results", out_);
     return static_cast<int>(ExitCode::done);

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 
@@ -43,24 +43,24 @@ public:
             if (stage.name == name) return percentile(stage.ms, 50);
         return 0;
     }
-    std::string json() const {
-        return json([](const std::string&, double, JsonLine&) {});
+    JsonValue json() const {
+        return json([](const std::string&, double, JsonValue&) {});
     }
     /// more(stage, median in ms, line) may add to each stage's object.
     template <class More>
-    std::string json(const More& more) const {
-        std::string list;
+    JsonValue json(const More& more) const {
+        JsonValue list = JsonValue::list();
         for (const StageTimes& stage : stages_) {
-            JsonLine line;
+            JsonValue line;
             line.add("stage", stage.name)
                 .add("median_ms", percentile(stage.ms, 50))
                 .add("p10_ms", percentile(stage.ms, 10))
                 .add("p90_ms", percentile(stage.ms, 90))
                 .add("repetitions", static_cast<int>(stage.ms.size()));
             more(stage.name, percentile(stage.ms, 50), line);
-            list += (list.empty() ? "" : ", ") + line.text();
+            list.items.push_back(line);
         }
-        return "[" + list + "]";
+        return list;
     }
     /// To standard error: results go to standard output as JSON.
     void print() const {

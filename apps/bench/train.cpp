@@ -85,18 +85,14 @@ TrainTimes train_once(const Scene& scene,
     return out;
 }
 
-std::string psnr_json(const std::vector<Reached>& wanted) {
-    std::string list;
-    for (const Reached& r : wanted) {
-        JsonLine line;
-        line.add("psnr", r.psnr);
-        if (r.seconds < 0)
-            line.add_json("seconds", "null").add_json("iteration", "null");
-        else
-            line.add("seconds", r.seconds).add("iteration", r.iteration);
-        list += (list.empty() ? "" : ", ") + line.text();
-    }
-    return "[" + list + "]";
+JsonValue psnr_json(const std::vector<Reached>& wanted) {
+    JsonValue list = JsonValue::list();
+    for (const Reached& r : wanted)
+        list.items.push_back(JsonValue()
+                                 .add("psnr", r.psnr)
+                                 .add("seconds", r.seconds < 0 ? JsonValue() : r.seconds)
+                                 .add("iteration", r.seconds < 0 ? JsonValue() : r.iteration));
+    return list;
 }
 
 /// Sum of the stages.
@@ -106,17 +102,15 @@ double total(const std::vector<StageTime>& stages) {
     return sum;
 }
 
-std::string stages_json(const TrainTimes& t, int iterations) {
-    std::string list;
+JsonValue stages_json(const TrainTimes& t, int iterations) {
+    JsonValue list = JsonValue::list();
     for (const StageTime& s : t.stages)
-        list +=
-            (list.empty() ? "" : ", ") + JsonLine()
-                                             .add("stage", s.name)
-                                             .add("seconds", s.seconds)
-                                             .add("ms_per_iteration", 1e3 * s.seconds / iterations)
-                                             .add("share", s.seconds / t.stages_of_s)
-                                             .text();
-    return "[" + list + "]";
+        list.items.push_back(JsonValue()
+                                 .add("stage", s.name)
+                                 .add("seconds", s.seconds)
+                                 .add("ms_per_iteration", 1e3 * s.seconds / iterations)
+                                 .add("share", s.seconds / t.stages_of_s));
+    return list;
 }
 
 void print(const TrainTimes& plain,
@@ -203,28 +197,29 @@ int TrainBench::run() {
         profiled = train_once<Device>(scene, options.train, true, every, wanted);
     });
     const Camera& camera = scene.train.front().camera;
-    JsonLine json;
+    JsonValue json;
     json.add("bench", "train")
         .add("version", kVersion)
         .add("device", device.description)
         .add("threads", omp_get_max_threads())
         .add("scene", options.scene.path)
-        .add("views", static_cast<int>(scene.train.size()))
+        .add("views", scene.train.size())
         .add("width", camera.width_px)
         .add("height", camera.height_px)
-        .add("points", static_cast<std::int64_t>(scene.points.positions.size()))
+        .add("points", scene.points.positions.size())
         .add("iterations", iterations)
         .add("gaussians", plain.gaussians)
         .add("setup_s", plain.setup_s)
         .add("seconds", plain.seconds)
         .add("ms_per_iteration", 1e3 * plain.seconds / iterations)
         .add("psnr", plain.last_psnr)
-        .add_json("reached", psnr_json(wanted))
+        .add("reached", psnr_json(wanted))
         .add("profiled_seconds", profiled.stages_of_s)
-        .add_json("stages", stages_json(profiled, iterations))
+        .add("stages", stages_json(profiled, iterations))
         .add("unaccounted_share", 1 - total(profiled.stages) / profiled.stages_of_s);
-    std::printf("%s\n", json.text().c_str());
-    if (!out_.empty()) write_text_file(out_, json.text() + "\n"), spdlog::info("{}: results", out_);
+    std::printf("%s\n", json_text(json).c_str());
+    if (!out_.empty())
+        write_text_file(out_, json_text(json) + "\n"), spdlog::info("{}: results", out_);
     if (!quiet_) print(plain, profiled, wanted, iterations);
     return static_cast<int>(ExitCode::done);
 }

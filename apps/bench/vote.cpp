@@ -28,7 +28,7 @@ bool is_rebuild(const std::string& stage) {
 
 struct Measured {
     Timings timings;
-    JsonLine counters, memory;
+    JsonValue counters, memory;
 };
 
 /// Waits for the device: copies to the host do.
@@ -39,7 +39,7 @@ void wait(const TensorField<Device>& field, Buffer<std::uint8_t, Device>& fence)
     to_host(fence);
 }
 
-void add_in_degrees(const std::vector<std::int64_t>& begin, JsonLine& counters) {
+void add_in_degrees(const std::vector<std::int64_t>& begin, JsonValue& counters) {
     std::vector<double> degrees;
     std::int64_t unheard = 0;
     double sum = 0;
@@ -102,7 +102,7 @@ Measured measure(const Gaussians<Cpu>& cloud,
         .add("silent_voters", profile.silent_voters)
         .add("votes", profile.votes)
         .add("culled_votes", profile.culled_votes);
-    out.memory.add("voter_bytes", static_cast<std::int64_t>(profile.bytes));
+    out.memory.add("voter_bytes", profile.bytes);
     add_in_degrees(voter.details().begin, out.counters);
     out.memory.add("voter_and_field_bytes", after - before)
         .add("peak_bytes", memory_use(Device{}).peak_bytes);
@@ -111,9 +111,9 @@ Measured measure(const Gaussians<Cpu>& cloud,
 
 /// Angles to the reference's normals after two events, where its eigenvalue gap allows.
 template <class Device>
-JsonLine normal_errors(const Gaussians<Cpu>& cloud,
-                       const TvOptions& options,
-                       const FieldOnHost& reference) {
+JsonValue normal_errors(const Gaussians<Cpu>& cloud,
+                        const TvOptions& options,
+                        const FieldOnHost& reference) {
     Gaussians<Device> splats;
     copy(cloud, splats);
     const FieldOnHost field = run_events(splats, options, 2);
@@ -129,8 +129,8 @@ JsonLine normal_errors(const Gaussians<Cpu>& cloud,
         else
             ++not_finite;
     }
-    JsonLine json;
-    json.add("compared", static_cast<std::int64_t>(angles.size()))
+    JsonValue json;
+    json.add("compared", angles.size())
         .add("not_finite", not_finite)
         .add("median_deg", percentile(angles, 50))
         .add("p90_deg", percentile(angles, 90))
@@ -191,7 +191,7 @@ std::vector<Choice> choices(RunOptions& run, bool all) {
 std::string comparison_json(const VotingCase& c,
                             const CaseComparison& result,
                             const std::string& device) {
-    JsonLine json;
+    JsonValue json;
     json.add("case", c.name)
         .add("version", kVersion)
         .add("device", device)
@@ -199,28 +199,21 @@ std::string comparison_json(const VotingCase& c,
              c.options.precision == VotePrecision::single_precision ? "single" : "double")
         .add("splats", c.size())
         .add("k", c.k);
-    std::string list;
-    for (const CaseQuantity& q : result.quantities) {
-        JsonLine line;
-        line.add("largest", q.largest)
-            .add("bound", q.bound)
-            .add("at", q.at)
-            .add("defined", q.defined)
-            .add("compared", q.compared)
-            .add("excused", q.excused);
-        list += str(list.empty() ? "" : ", ", "\"", q.name, "\": ", line.text());
-    }
-    json.add_json("quantities", "{" + list + "}")
+    JsonValue quantities = JsonValue::object();
+    for (const CaseQuantity& q : result.quantities)
+        quantities.add(q.name, JsonValue()
+                                   .add("largest", q.largest)
+                                   .add("bound", q.bound)
+                                   .add("at", q.at)
+                                   .add("defined", q.defined)
+                                   .add("compared", q.compared)
+                                   .add("excused", q.excused));
+    json.add("quantities", quantities)
         .add("lists_with_ties", result.lists_with_ties)
         .add("excused", result.excused);
-    if (!result.not_stored.empty()) {
-        std::string names;
-        for (const std::string& name : result.not_stored)
-            names += str(names.empty() ? "" : ", ", "\"", name, "\"");
-        json.add_json("not_stored", "[" + names + "]");
-    }
+    if (!result.not_stored.empty()) json.add("not_stored", result.not_stored);
     json.add("met", result.faults().empty());
-    return json.text();
+    return json_text(json);
 }
 
 }  // namespace
@@ -295,31 +288,29 @@ int VoteBench::time_synthetic() const {
         reference = run_events(cloud, exact, 2);
     }
 
-    JsonLine json;
-    std::string results;
+    JsonValue json, results = JsonValue::list();
     for (const Choice& choice : choices(run, errors_)) {
-        JsonLine result;
+        JsonValue result;
         result.add("choice", choice.name);
         const Measured m = on_device(device, [&](auto tag) {
             using Device = decltype(tag);
             if (errors_)
-                result.add_json("normal_error",
-                                normal_errors<Device>(cloud, choice.options, reference).text());
+                result.add("normal_error", normal_errors<Device>(cloud, choice.options, reference));
             return measure<Device>(cloud, choice.options, warm_up_, repetitions_);
         });
         result.add("rebuild_ms", m.timings.median("rebuild, sum of stages"))
             .add("event_ms", m.timings.median("event"))
-            .add_json("stages", m.timings.json())
-            .add_json("counters", m.counters.text())
-            .add_json("memory", m.memory.text());
-        results += (results.empty() ? "" : ", ") + result.text();
+            .add("stages", m.timings.json())
+            .add("counters", m.counters)
+            .add("memory", m.memory);
+        results.items.push_back(result);
         if (quiet_) continue;
         std::fprintf(stderr, "%s, %d splats, k %d, %s%s%s\n", shape_.c_str(), synthetic_,
                      choice.options.k, device.description.c_str(), choice.name.empty() ? "" : ", ",
                      choice.name.c_str());
         m.timings.print();
-        std::fprintf(stderr, "  counters %s\n  memory   %s\n", m.counters.text().c_str(),
-                     m.memory.text().c_str());
+        std::fprintf(stderr, "  counters %s\n  memory   %s\n", json_text(m.counters).c_str(),
+                     json_text(m.memory).c_str());
     }
     json.add("bench", "vote")
         .add("version", kVersion)
@@ -327,11 +318,12 @@ int VoteBench::time_synthetic() const {
         .add("threads", omp_get_max_threads())
         .add("shape", shape_)
         .add("splats", synthetic_)
-        .add("seed", static_cast<std::int64_t>(seed_))
+        .add("seed", seed_)
         .add("k", run.train.tv.k)
-        .add_json("results", "[" + results + "]");
-    std::printf("%s\n", json.text().c_str());
-    if (!out_.empty()) write_text_file(out_, json.text() + "\n"), spdlog::info("{}: results", out_);
+        .add("results", results);
+    std::printf("%s\n", json_text(json).c_str());
+    if (!out_.empty())
+        write_text_file(out_, json_text(json) + "\n"), spdlog::info("{}: results", out_);
     return static_cast<int>(ExitCode::done);
 }
 

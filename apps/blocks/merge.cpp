@@ -128,14 +128,14 @@ int merge(const MergeArguments& a) {
     // 2. An ordinary run; all that it is made of has been read.
     RunFolder run(a.out);
     run.save_config(
-        table.json(JsonLine().add("version", kVersion).add("merged_from", manifest.folder).text()));
+        table.json(JsonValue().add("version", kVersion).add("merged_from", manifest.folder)));
     write_text_file(run.path() + "/cameras.json", cameras);
     write_sky(run.path(), options.train.loss.photometric);
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
     run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);
     write_text_file(run.path() + "/seams.json", seams_json(seams));
-    run.log(JsonLine()
+    run.log(JsonValue()
                 .add("event", "done")
                 .add("iteration", manifest.iterations)
                 .add("seconds", seconds)
@@ -143,8 +143,7 @@ int merge(const MergeArguments& a) {
                 .add("peak_bytes", peak)
                 .add("blocks", manifest.count())
                 .add("longest_seconds", longest)
-                .add("far_splats", far)
-                .text());
+                .add("far_splats", far));
     for (const SeamReport& seam : seams) say_seam(manifest, seam);
     if (far_reach > 0)
         spdlog::info(

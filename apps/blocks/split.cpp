@@ -258,8 +258,7 @@ int split_scene(SplitArguments a, bool quiet) {
         make_backbone<Cpu>(of_coarse.train.backbone, of_coarse.train.render)->flat()
             ? PlyScales::two
             : PlyScales::three;
-    const std::string base =
-        table.json(JsonLine().add("version", kVersion).add("coarse", run).text());
+    const std::string base = table.json(JsonValue().add("version", kVersion).add("coarse", run));
     write_text_file(a.out + "/config.json", base + "\n");
     write_splat_ply(a.out + "/coarse.ply", coarse, scene.origin, scales);
     manifest.files = {record_of(a.out, "config.json"), record_of(a.out, "coarse.ply")};

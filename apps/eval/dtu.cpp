@@ -8,7 +8,6 @@
 #include "eval/dtu_files.h"
 #include "eval/dtu_protocol.h"
 #include "eval/frame_check.h"
-#include "io/config.h"
 #include "io/manifest.h"
 #include "io/npz_cameras.h"
 
@@ -27,13 +26,13 @@ struct DtuArguments {
     std::vector<std::string> require;
 };
 
-std::string counts_json(const Prediction& in, std::size_t culled, const DtuMetrics& m) {
-    JsonLine json;
-    json.add("vertices", static_cast<std::int64_t>(in.vertices))
-        .add("faces", static_cast<std::int64_t>(in.faces))
-        .add("dropped_not_finite", static_cast<std::int64_t>(in.dropped))
-        .add("dropped_transparent", static_cast<std::int64_t>(in.transparent))
-        .add("culled", static_cast<std::int64_t>(culled))
+JsonValue counts_json(const Prediction& in, std::size_t culled, const DtuMetrics& m) {
+    JsonValue json;
+    json.add("vertices", in.vertices)
+        .add("faces", in.faces)
+        .add("dropped_not_finite", in.dropped)
+        .add("dropped_transparent", in.transparent)
+        .add("culled", culled)
         .add("sampled", m.sampled)
         .add("thinned", m.thinned)
         .add("in_box", m.in_box)
@@ -42,7 +41,7 @@ std::string counts_json(const Prediction& in, std::size_t culled, const DtuMetri
         .add("gt", m.truth)
         .add("gt_above_plane", m.truth_above)
         .add("completeness_outliers", m.completeness_outliers);
-    return json.text();
+    return json;
 }
 
 int dtu(const DtuArguments& a) {
@@ -83,19 +82,19 @@ int dtu(const DtuArguments& a) {
         options);
 
     // 3. Report.
-    JsonLine protocol;
+    JsonValue protocol;
     protocol.add("measured", sample         ? "mesh"
                              : in.is_splats ? "splat centres"
                                             : "points")
         .add("spacing", options.spacing)
         .add("max_distance", options.max_distance)
         .add("order", a.order);
-    if (options.seed) protocol.add("seed", static_cast<std::int64_t>(*options.seed));
+    if (options.seed) protocol.add("seed", *options.seed);
     protocol.add("units", normalised ? "normalised, scaled by scale_mat_0" : "mm")
         .add("cull", culling ? a.cull.views : "none");
     if (culling) protocol.add("cull_dilate_px", a.cull.dilate_px);
     if (in.is_splats) protocol.add("min_opacity", a.min_opacity);
-    JsonLine inputs;
+    JsonValue inputs;
     inputs.add("pred", a.pred).add("dtu", a.dtu).add("scan", a.scan);
     if (cameras) inputs.add("cameras", camera_file);
     if (culling) inputs.add("masks", a.cull.masks);
@@ -104,12 +103,10 @@ int dtu(const DtuArguments& a) {
                                          {"chamfer", m.overall},
                                          {"median_accuracy", m.accuracy_median},
                                          {"median_completeness", m.completeness_median}};
-    JsonLine json;
+    JsonValue json;
     for (const Metric& metric : metrics) json.add(metric.key, metric.value);
-    json.add_json("points", counts_json(in, culled, m))
-        .add_json("protocol", protocol.text())
-        .add_json("inputs", inputs.text());
-    put_report(json.text(), a.out);
+    json.add("points", counts_json(in, culled, m)).add("protocol", protocol).add("inputs", inputs);
+    put_report(json, a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input, str("E_DTU_EMPTY: scan ", a.scan, ": ", m.undefined,
                                          ", so that the metrics are undefined"));

@@ -54,23 +54,22 @@ int geometry(const GeometryArguments& arguments) {
         metrics.push_back({str("recall@", t.tau), t.recall});
         metrics.push_back({str("f1@", t.tau), t.f1});
     }
-    JsonLine json = geometry_json(result);
-    JsonLine points = counts_json(prediction, truth, wanted);
-    points.add("dropped_not_finite", static_cast<std::int64_t>(prediction.dropped))
-        .add("gt_dropped_not_finite", static_cast<std::int64_t>(truth.dropped));
-    if (visible)
-        points.add("visible_gt_dropped_not_finite", static_cast<std::int64_t>(visible->dropped));
-    json.add_json("points", points.text());
-    JsonLine inputs;
+    JsonValue json = geometry_json(result);
+    JsonValue points = counts_json(prediction, truth, wanted);
+    points.add("dropped_not_finite", prediction.dropped)
+        .add("gt_dropped_not_finite", truth.dropped);
+    if (visible) points.add("visible_gt_dropped_not_finite", visible->dropped);
+    json.add("points", points);
+    JsonValue inputs;
     inputs.add("pred", arguments.pred).add("gt", arguments.gt);
     if (!arguments.visible_gt.empty()) inputs.add("visible_gt", arguments.visible_gt);
     if (!arguments.crop.empty()) inputs.add("crop", arguments.crop);
     if (arguments.max_distance > 0) inputs.add("max_distance", arguments.max_distance);
     if (arguments.point_samples > 0) inputs.add("point_samples", arguments.point_samples);
-    inputs.add("seed", static_cast<std::int64_t>(arguments.seed));
-    json.add_json("inputs", inputs.text());
+    inputs.add("seed", arguments.seed);
+    json.add("inputs", inputs);
 
-    put_report(json.text(), arguments.out);
+    put_report(json, arguments.out);
     return check_bounds(bounds, metrics);
 }
 

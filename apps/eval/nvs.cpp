@@ -5,7 +5,6 @@
 #include "apps/eval/subcommands.h"
 #include "core/device_choice.h"
 #include "eval/lpips_weights.h"
-#include "io/config.h"
 #include "io/json_value.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -27,21 +26,17 @@ struct NvsArguments {
 void write_metrics_files(const std::string& run,
                          const std::string& method,
                          const ViewScores& scores) {
-    const auto named = [&](const std::string& psnr, const std::string& ssim,
-                           const std::string& lpips) {
-        JsonLine inner, outer;
-        inner.add_json("SSIM", ssim).add_json("PSNR", psnr).add_json("LPIPS", lpips);
-        return outer.add_json(method, inner.text()).text() + "\n";
+    const auto named = [&](const JsonValue& psnr, const JsonValue& ssim, const JsonValue& lpips) {
+        const JsonValue inner = JsonValue().add("SSIM", ssim).add("PSNR", psnr).add("LPIPS", lpips);
+        return json_text(JsonValue().add(method, inner)) + "\n";
     };
-    const JsonValue views = parse_json_value(scores.per_view_json, "per view");
     const auto column = [&](const char* key) {
         JsonValue values = JsonValue::object();
-        for (const auto& [name, view] : views.members) values.set(name, view[key]);
-        return json_text(values);
+        for (const auto& [name, view] : scores.per_view.members) values.add(name, view[key]);
+        return values;
     };
     write_text_file(run + "/results.json",
-                    named(json_text(scores.mean.psnr), json_text(scores.mean.ssim),
-                          json_text(scores.mean.lpips)));
+                    named(scores.mean.psnr, scores.mean.ssim, scores.mean.lpips));
     write_text_file(run + "/per_view.json", named(column("psnr"), column("ssim"), column("lpips")));
     result_of_run() = run + "/eval/nvs.json";
 }
@@ -88,7 +83,7 @@ int nvs(const NvsArguments& arguments) {
     });
     write_metrics_files(arguments.model, fs::path(splat_path).parent_path().filename().string(),
                         scores);
-    std::printf("%s\n", view_scores_json(scores, scene.test.size(), scoring).text().c_str());
+    std::printf("%s\n", json_text(view_scores_json(scores, scene.test.size(), scoring)).c_str());
     if (!scoring.lpips) spdlog::info("LPIPS: not computed: no weights given (--lpips-weights)");
     spdlog::info("{}/test: renders, normal and depth maps", arguments.model);
     result_of_run() = arguments.model + "/eval/nvs.json";

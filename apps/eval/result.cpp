@@ -8,8 +8,10 @@
 
 namespace tvsgs {
 
-void put_report(const std::string& json, const std::string& out) {
-    const std::string text = str("{\"version\": \"", kVersion, "\", ", json.substr(1), "\n");
+void put_report(const JsonValue& json, const std::string& out) {
+    JsonValue report = JsonValue().add("version", kVersion);
+    report.members.insert(report.members.end(), json.members.begin(), json.members.end());
+    const std::string text = json_text(report) + "\n";
     std::fputs(text.c_str(), stdout);
     if (out.empty()) return;
     write_text_file(out, text);

@@ -3,10 +3,12 @@
 
 #include <string>
 
+#include "io/json_value.h"
+
 namespace tvsgs {
 
 /// Prints the report, and writes it to `out` unless that is empty.
-void put_report(const std::string& json, const std::string& out);
+void put_report(const JsonValue& json, const std::string& out);
 
 /// The last of the files that this command has put into a run folder: its report is made anew in
 /// the end.

@@ -37,15 +37,12 @@ std::string matrix_text(const Affine3d& T) {
     return text + "0 0 0 1\n";
 }
 
-std::string matrix_json(const Affine3d& T) {
-    std::string text;
-    for (int r = 0; r < 3; ++r) {
-        char line[160];
-        std::snprintf(line, sizeof line, "[%.17g, %.17g, %.17g, %.17g], ", T.A[r][0], T.A[r][1],
-                      T.A[r][2], T.t[r]);
-        text += line;
-    }
-    return "[" + text + "[0, 0, 0, 1]]";
+JsonValue matrix_json(const Affine3d& T) {
+    JsonValue rows = JsonValue::list();
+    for (int r = 0; r < 3; ++r)
+        rows.items.push_back(std::vector{T.A[r][0], T.A[r][1], T.A[r][2], T.t[r]});
+    rows.items.push_back(std::vector{0, 0, 0, 1});
+    return rows;
 }
 
 int tnt(const TntArguments& a) {
@@ -88,32 +85,32 @@ int tnt(const TntArguments& a) {
         evaluate_tnt(transformed(points, alignment.final), truth_cropped, crop, tau, tau / 2);
     const std::vector<Metric> metrics = {
         {"precision", m.precision}, {"recall", m.recall}, {"f1", m.f1}};
-    JsonLine json, counts, inputs;
+    JsonValue json, counts, inputs;
     json.add("scene", files.scene);
     for (const Metric& metric : metrics)
         json.add(metric.key, m.undefined.empty() ? metric.value : std::nan(""));
-    counts.add("vertices", static_cast<std::int64_t>(in.vertices))
-        .add("faces", static_cast<std::int64_t>(in.faces))
-        .add("dropped_not_finite", static_cast<std::int64_t>(in.dropped))
-        .add("dropped_transparent", static_cast<std::int64_t>(in.transparent))
-        .add("pred", static_cast<std::int64_t>(points.size()))
+    counts.add("vertices", in.vertices)
+        .add("faces", in.faces)
+        .add("dropped_not_finite", in.dropped)
+        .add("dropped_transparent", in.transparent)
+        .add("pred", points.size())
         .add("pred_cropped", m.prediction_cropped)
-        .add("pred_voxels", static_cast<std::int64_t>(m.prediction.points.size()))
-        .add("gt", static_cast<std::int64_t>(truth.size()))
+        .add("pred_voxels", m.prediction.points.size())
+        .add("gt", truth.size())
         .add("gt_cropped", m.truth_cropped)
-        .add("gt_voxels", static_cast<std::int64_t>(m.truth.points.size()));
+        .add("gt_voxels", m.truth.points.size());
     alignment.json.add("by", alignment.how)
         .add("icp", icp ? (a.icp_intended ? "intended" : "official") : "none")
-        .add_json("truth_from_prediction", matrix_json(alignment.final))
+        .add("truth_from_prediction", matrix_json(alignment.final))
         .add("scale", scale_of(alignment.final));
     inputs.add("pred", a.pred).add("scene_dir", a.scene_dir).add("traj", a.traj);
     json.add("tau", tau)
         .add("voxel", tau / 2)
         .add("measured", used)
-        .add_json("points", counts.text())
-        .add_json("alignment", alignment.json.text())
-        .add_json("inputs", inputs.text());
-    put_report(json.text(), a.out);
+        .add("points", counts)
+        .add("alignment", alignment.json)
+        .add("inputs", inputs);
+    put_report(json, a.out);
     if (!m.undefined.empty())
         throw Error(ExitCode::input,
                     str("E_TNT_EMPTY: ", m.undefined, ", so that the metrics are undefined: ",

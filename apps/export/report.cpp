@@ -5,7 +5,7 @@
 
 #include "core/log.h"
 #include "core/version.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 namespace {
@@ -81,7 +81,7 @@ void say(const ExportReport& r) {
 }
 
 std::string report_json(const ExportReport& r) {
-    JsonLine out, left_out, errors, views;
+    JsonValue out, left_out, errors, views;
     left_out.add("outside", r.left_out.outside)
         .add("invisible", r.left_out.invisible)
         .add("unseen", r.left_out.unseen)
@@ -92,8 +92,8 @@ std::string report_json(const ExportReport& r) {
         .add("frame", frame_name(r.frame))
         .add("splats", r.splats)
         .add("sh_degree", r.sh_degree)
-        .add("bytes", static_cast<std::int64_t>(r.bytes))
-        .add_json("left_out", left_out.text());
+        .add("bytes", r.bytes)
+        .add("left_out", left_out);
     if (r.errors) {
         errors.add("position", r.errors->mean)
             .add("position_median", r.errors->median_mean)
@@ -103,7 +103,7 @@ std::string report_json(const ExportReport& r) {
             .add("sh_0", r.errors->color)
             .add("sh_1", r.errors->sh_1)
             .add("sh_rest", r.errors->sh_rest);
-        out.add_json("errors", errors.text());
+        out.add("errors", errors);
     }
     if (r.views > 0) {
         views.add("kind", r.view_kind)
@@ -112,9 +112,9 @@ std::string report_json(const ExportReport& r) {
             .add("psnr_before", r.scores.before)
             .add("psnr_after", r.scores.after)
             .add("psnr_between", r.scores.between);
-        out.add_json("views", views.text());
+        out.add("views", views);
     }
-    return out.text() + "\n";
+    return json_text(out) + "\n";
 }
 
 }  // namespace tvsgs

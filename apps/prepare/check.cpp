@@ -182,23 +182,21 @@ void say_check(const Check& check) {
 }
 
 JsonValue json_of(const Check& check) {
-    JsonValue out = JsonValue::object();
-    out.set("photographs", static_cast<double>(check.photographs));
-    out.set("registered", static_cast<double>(check.registered));
-    out.set("points", static_cast<double>(check.points));
-    out.set("observations", static_cast<double>(check.observations));
-    out.set("residual_px", round_to(check.residual_px, 1e-4));
-    out.set("worst_px", round_to(check.worst_px, 1e-4));
-    out.set("worst", check.worst);
-    out.set("track_length", round_to(check.track_length, 1e-3));
-    out.set("angle_deg", round_to(check.angle_deg, 1e-2));
-    JsonValue pieces = JsonValue::list(), missing = JsonValue::list();
-    for (const std::size_t size : check.pieces) pieces.items.push_back(static_cast<double>(size));
+    JsonValue missing = JsonValue::list();
     for (const MissingRun& run : check.missing)
         for (const std::string& name : run.names) missing.items.push_back(name);
-    out.set("pieces", pieces);
-    out.set("missing", missing);
-    return out;
+    return JsonValue()
+        .add("photographs", check.photographs)
+        .add("registered", check.registered)
+        .add("points", check.points)
+        .add("observations", check.observations)
+        .add("residual_px", round_to(check.residual_px, 1e-4))
+        .add("worst_px", round_to(check.worst_px, 1e-4))
+        .add("worst", check.worst)
+        .add("track_length", round_to(check.track_length, 1e-3))
+        .add("angle_deg", round_to(check.angle_deg, 1e-2))
+        .add("pieces", check.pieces)
+        .add("missing", missing);
 }
 
 }  // namespace tvsgs::prepare

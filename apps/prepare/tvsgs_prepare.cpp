@@ -256,14 +256,11 @@ JsonValue make_metric(const Arguments& a, const fs::path& images, SparseModel& m
         spdlog::warn(
             "the markers do not lie in one plane or in parallel ones: units are metres, but "
             "the axes are COLMAP's");
-    JsonValue out = JsonValue::object();
-    out.set("markers", frame.markers);
-    out.set("spread", frame.spread);
-    out.set("scale", frame.to_new.scale);
-    JsonValue upright(frame.upright ? 1.0 : 0.0);
-    upright.kind = JsonValue::Kind::boolean;
-    out.set("upright", upright);
-    return out;
+    return JsonValue()
+        .add("markers", frame.markers)
+        .add("spread", frame.spread)
+        .add("scale", frame.to_new.scale)
+        .add("upright", frame.upright);
 }
 
 int command(int argc, char** argv) {

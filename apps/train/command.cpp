@@ -217,17 +217,17 @@ std::int64_t first_splats(const Resume& resume, const Scene& scene) {
 }
 
 /// What made the run, for config.json.
-std::string run_info(const DeviceChoice& device,
-                     const Resume& resume,
-                     const std::string& changed,
-                     int argc,
-                     char* const* argv) {
+JsonValue run_info(const DeviceChoice& device,
+                   const Resume& resume,
+                   const JsonValue& changed,
+                   int argc,
+                   char* const* argv) {
     std::string line;
     for (int i = 0; i < argc; ++i) line += (i ? " " : "") + std::string(argv[i]);
-    JsonLine info;
+    JsonValue info;
     info.add("version", kVersion).add("device", device.description).add("command_line", line);
-    if (resume.point) info.add("resumed_from", resume.done()).add_json("changed", changed);
-    return info.text();
+    if (resume.point) info.add("resumed_from", resume.done()).add("changed", changed);
+    return info;
 }
 
 /// The text of plan.json; empty: none. A run that starts again, as it was stopped before its first
@@ -316,7 +316,7 @@ int train_command(int argc, char* const* argv) {
         print_costs(device, options, scene);
         return 0;
     }
-    const std::string changed = resume.point ? changed_values(resume.configured, table) : "";
+    const JsonValue changed = resume.point ? changed_values(resume.configured, table) : JsonValue();
     TrainOptions training = options.train;  // the configuration keeps the cap that was asked for
     const MemoryPlan memory =
         plan_memory(scene, options.memory, first_splats(resume, scene), device.cuda, training);

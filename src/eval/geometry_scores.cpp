@@ -116,25 +116,19 @@ MeasuredSurface read_measured(const std::string& path,
     return result;
 }
 
-std::string json_list(const std::vector<JsonLine>& items) {
-    std::string text;
-    for (const JsonLine& item : items) text += (text.empty() ? "" : ", ") + item.text();
-    return "[" + text + "]";
-}
-
-JsonLine geometry_json(const GeometryMetrics& m) {
-    JsonLine json;
+JsonValue geometry_json(const GeometryMetrics& m) {
+    JsonValue json;
     json.add("accuracy", m.accuracy).add("completeness", m.completeness).add("chamfer", m.chamfer);
     json.add("median_accuracy", m.median_accuracy)
         .add("median_completeness", m.median_completeness);
-    const auto add_error = [](JsonLine& line, const char* key, double error) {
+    const auto add_error = [](JsonValue& line, const char* key, double error) {
         if (error > 0) line.add(key, error);
     };
     add_error(json, "accuracy_se", m.accuracy_se);
     add_error(json, "completeness_se", m.completeness_se);
-    std::vector<JsonLine> thresholds;
+    std::vector<JsonValue> thresholds;
     for (const auto& t : m.thresholds) {
-        JsonLine line;
+        JsonValue line;
         line.add("tau", t.tau)
             .add("precision", t.precision)
             .add("recall", t.recall)
@@ -144,16 +138,15 @@ JsonLine geometry_json(const GeometryMetrics& m) {
         add_error(line, "f1_se", t.f1_se);
         thresholds.push_back(line);
     }
-    return json.add_json("thresholds", json_list(thresholds));
+    return json.add("thresholds", thresholds);
 }
 
-JsonLine counts_json(const MeasuredSurface& prediction,
-                     const MeasuredSurface& truth,
-                     const SamplePoints* visible) {
-    JsonLine json;
-    json.add("pred", static_cast<std::int64_t>(prediction.from.points.size()))
-        .add("gt", static_cast<std::int64_t>(truth.from.points.size()));
-    if (visible) json.add("visible_gt", static_cast<std::int64_t>(visible->points.size()));
+JsonValue counts_json(const MeasuredSurface& prediction,
+                      const MeasuredSurface& truth,
+                      const SamplePoints* visible) {
+    JsonValue json;
+    json.add("pred", prediction.from.points.size()).add("gt", truth.from.points.size());
+    if (visible) json.add("visible_gt", visible->points.size());
     return json;
 }
 

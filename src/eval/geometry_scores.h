@@ -7,7 +7,7 @@
 
 #include "core/crop.h"
 #include "eval/mesh_metrics.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 
@@ -41,17 +41,14 @@ MeasuredSurface read_measured(const std::string& path,
                               const MeasureOptions& options,
                               const Crop& crop);
 
-/// A JSON list of objects.
-std::string json_list(const std::vector<JsonLine>& items);
-
 /// Accuracy, completeness, Chamfer, their medians, the list "thresholds", and standard errors of
 /// what was sampled.
-JsonLine geometry_json(const GeometryMetrics& metrics);
+JsonValue geometry_json(const GeometryMetrics& metrics);
 
 /// {"pred", "gt", "visible_gt"}: how many points distances were measured from; `visible` may be
 /// null.
-JsonLine counts_json(const MeasuredSurface& prediction,
-                     const MeasuredSurface& truth,
-                     const SamplePoints* visible);
+JsonValue counts_json(const MeasuredSurface& prediction,
+                      const MeasuredSurface& truth,
+                      const SamplePoints* visible);
 
 }  // namespace tvsgs

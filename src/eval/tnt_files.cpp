@@ -89,10 +89,10 @@ void align_by_cameras(const std::string& trajectory,
     const CentreAlignment fit = align_centres(pairs.from, pairs.to, threshold, seed);
     out.start = fit.to_from_from;
     out.how = "camera centres of " + trajectory;
-    out.json.add("poses", static_cast<std::int64_t>(pairs.poses))
-        .add("log_poses", static_cast<std::int64_t>(pairs.log_poses))
+    out.json.add("poses", pairs.poses)
+        .add("log_poses", pairs.log_poses)
         .add("matched_by", pairs.matched_by)
-        .add("pairs", static_cast<std::int64_t>(pairs.from.size()))
+        .add("pairs", pairs.from.size())
         .add("inliers", fit.inliers)
         .add("inlier_rmse", fit.rmse)
         .add("median_residual", fit.median_residual);
@@ -115,16 +115,16 @@ void refine_tnt(const std::vector<Vec3d>& points,
                 TntAlignment& out) {
     const IcpRefinement icp = refine_by_icp(points, truth_cropped, crop, out.start, tau, intended);
     out.final = icp.truth_from_prediction;
-    std::vector<JsonLine> stages;
+    std::vector<JsonValue> stages;
     for (const IcpResult& stage : icp.stages)
-        stages.push_back(JsonLine()
+        stages.push_back(JsonValue()
                              .add("source", stage.source)
                              .add("target", stage.target)
                              .add("fitness", stage.fitness)
                              .add("rmse", stage.rmse)
                              .add("iterations", stage.iterations));
     const MotionDifference moved = difference(out.final, out.start, mean_of(truth_cropped));
-    out.json.add_json("icp_stages", json_list(stages))
+    out.json.add("icp_stages", stages)
         .add("icp_scale", moved.scale)
         .add("icp_angle_rad", moved.angle_rad)
         .add("icp_shift", moved.shift);

@@ -9,7 +9,7 @@
 #include "core/affine.h"
 #include "core/crop.h"
 #include "eval/benchmark_files.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 
@@ -30,7 +30,7 @@ double find_tnt_tau(double given, const std::string& scene);
 struct TntAlignment {
     Affine3d start, final;
     std::string how;
-    JsonLine json;
+    JsonValue json;
 };
 
 /// Where the prediction lies in the frame of the truth, by cameras: those of `trajectory`, or of

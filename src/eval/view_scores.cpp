@@ -89,7 +89,7 @@ ImageScores mean_of(const std::vector<ImageScores>& views) {
 }  // namespace
 
 void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<Vec3f>& colors) {
-    JsonLine line;
+    JsonValue line;
     whole_.push_back(quantized(scoring_, view, render, colors, [&](const auto& a, const auto& b) {
         return score(a, b, scoring_);
     }));
@@ -104,29 +104,31 @@ void ViewScorer::add(const View& view, const ImageU8& render, const std::vector<
             [&](const auto& a, const auto& b) { return score_object(a, b, view.mask, scoring_); }));
         add_scores(line, masked_.back(), "_masked");
     }
-    per_view_.add_json(view.name, line.text());
+    per_view_.add(view.name, line);
 }
 
 ViewScores ViewScorer::scores() const {
     ViewScores scores;
     scores.mean = mean_of(whole_), scores.mean_masked = mean_of(masked_);
     scores.mean_psnr = scores.mean.psnr, scores.mean_ssim = scores.mean.ssim;
-    scores.per_view_json = per_view_.text();
+    scores.per_view = per_view_;
     return scores;
 }
 
-void add_scores(JsonLine& line, const ImageScores& scores, const std::string& suffix) {
+void add_scores(JsonValue& line, const ImageScores& scores, const std::string& suffix) {
     line.add("psnr" + suffix, scores.psnr)
         .add("ssim" + suffix, scores.ssim)
         .add("ssim_valid" + suffix, scores.ssim_valid)
         .add("lpips" + suffix, scores.lpips);
 }
 
-JsonLine view_scores_json(const ViewScores& scores, std::size_t views, const ViewScoring& scoring) {
-    JsonLine json;
+JsonValue view_scores_json(const ViewScores& scores,
+                           std::size_t views,
+                           const ViewScoring& scoring) {
+    JsonValue json;
     add_scores(json, scores.mean);
     if (scoring.masked) add_scores(json, scores.mean_masked, "_masked");
-    json.add("views", static_cast<std::int64_t>(views));
+    json.add("views", views);
     json.add("lpips_by",
              !scoring.lpips
                  ? "not computed: no weights given"

@@ -8,7 +8,7 @@
 #include "core/scene.h"
 #include "eval/image_metrics.h"
 #include "eval/lpips.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 
@@ -30,7 +30,7 @@ struct ImageScores {
 struct ViewScores {
     double mean_psnr = 0, mean_ssim = 0;
     ImageScores mean, mean_masked;  // mean of psnr and ssim: the two above
-    std::string per_view_json;      // by name
+    JsonValue per_view;             // by name
 };
 
 /// Gathers the scores of views one by one; views equal to their photograph have an infinite PSNR
@@ -47,14 +47,14 @@ public:
 private:
     ViewScoring scoring_;
     std::vector<ImageScores> whole_, masked_;
-    JsonLine per_view_;
+    JsonValue per_view_ = JsonValue::object();
 };
 
 /// "psnr", "ssim", "ssim_valid" (windows inside of the image only) and "lpips", each with `suffix`;
 /// null where not computed.
-void add_scores(JsonLine& line, const ImageScores& scores, const std::string& suffix = "");
+void add_scores(JsonValue& line, const ImageScores& scores, const std::string& suffix = "");
 
 /// Means and scores per view as RUN/eval/nvs.json holds them.
-JsonLine view_scores_json(const ViewScores& scores, std::size_t views, const ViewScoring& scoring);
+JsonValue view_scores_json(const ViewScores& scores, std::size_t views, const ViewScoring& scoring);
 
 }  // namespace tvsgs

@@ -34,10 +34,6 @@ std::string dumped(const Json& json) {
     return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
-std::string json_text(std::string_view text) {
-    return dumped(Json(text));
-}
-
 bool is_utf8(const std::string& text) {
     return Json::parse(json_text(text)).get<std::string>() == text;  // nothing had to be replaced
 }
@@ -340,7 +336,7 @@ void OptionTable::read_environment() {
     }
 }
 
-std::string OptionTable::json(const std::string& info_json) const {
+std::string OptionTable::json(const JsonValue& info) const {
     Json out = Json::object();
     for (const Option& option : options_) {
         Json* place = &out;
@@ -358,7 +354,7 @@ std::string OptionTable::json(const std::string& info_json) const {
                 "to the commands that take the run",
                 option.key, option.get());
     }
-    if (!info_json.empty()) out["info"] = Json::parse(info_json);
+    if (info) out["info"] = Json::parse(json_text(info));
     return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }
 
@@ -463,36 +459,6 @@ std::map<std::string, std::vector<std::string>> read_json_lists(const std::strin
         if (list.size() == value.size()) lists.emplace(name, std::move(list));
     }
     return lists;
-}
-
-void JsonLine::key_(std::string_view key) {
-    body_ += str(body_.empty() ? "" : ", ", json_text(key), ": ");
-}
-
-JsonLine& JsonLine::add(std::string_view key, double value) {
-    key_(key);
-    body_ += std::isfinite(value) ? number_text(value) : "null";
-    return *this;
-}
-JsonLine& JsonLine::add(std::string_view key, std::int64_t value) {
-    key_(key);
-    body_ += number_text(value);
-    return *this;
-}
-JsonLine& JsonLine::add(std::string_view key, bool value) {
-    key_(key);
-    body_ += value ? "true" : "false";
-    return *this;
-}
-JsonLine& JsonLine::add(std::string_view key, std::string_view value) {
-    key_(key);
-    body_ += json_text(value);
-    return *this;
-}
-JsonLine& JsonLine::add_json(std::string_view key, const std::string& json) {
-    key_(key);
-    body_ += json;
-    return *this;
 }
 
 }  // namespace tvsgs

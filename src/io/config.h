@@ -1,6 +1,6 @@
-// The one place that sees JSON. Options structs (core/options.h) are flattened into a table of
-// dotted keys, which reads configuration files, TVSGS_* variables and --set, prints help and writes
-// the resolved configuration.
+// Configurations. Options structs (core/options.h) are flattened into a table of dotted keys, which
+// reads configuration files, TVSGS_* variables and --set, prints help and writes the resolved
+// configuration.
 #pragma once
 
 #include <cstdint>
@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "core/options.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 
@@ -64,9 +65,8 @@ public:
     /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
     void read_environment();
 
-    /// The resolved configuration as nested JSON, `info_json` (a JSON object, may be empty) added
-    /// under "info".
-    std::string json(const std::string& info_json = "") const;
+    /// The resolved configuration as nested JSON, `info` added unless it is null.
+    std::string json(const JsonValue& info = {}) const;
 
     /// One line per option: key, range or choices, default, meaning; grouped by prefix.
     std::string help() const;
@@ -115,28 +115,5 @@ private:
 /// The lists of a JSON object such as splits.json, as text; values that are no lists of names or
 /// numbers are left out. Throws Error(ExitCode::input) when the file is not a JSON object.
 std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path);
-
-/// A JSON object of scalars in the given order, values by type; for log lines and reports written
-/// by the apps.
-class JsonLine {
-public:
-    JsonLine& add(std::string_view key, double value);  // NaN and infinities become null
-    JsonLine& add(std::string_view key, std::int64_t value);
-    JsonLine& add(std::string_view key, int value) {
-        return add(key, static_cast<std::int64_t>(value));
-    }
-    JsonLine& add(std::string_view key, bool value);
-    JsonLine& add(std::string_view key, std::string_view value);
-    JsonLine& add(std::string_view key, const char* value) {
-        return add(key, std::string_view(value));
-    }
-    JsonLine& add_json(std::string_view key,
-                       const std::string& json);  // a nested value, already JSON
-    std::string text() const { return "{" + body_ + "}"; }
-
-private:
-    void key_(std::string_view key);
-    std::string body_;
-};
 
 }  // namespace tvsgs

@@ -15,11 +15,9 @@ using Json = nlohmann::ordered_json;
 JsonValue from_library(const Json& json) {
     if (json.is_string()) return JsonValue(json.get<std::string>());
     if (json.is_number()) return JsonValue(json.get<double>());
+    if (json.is_boolean()) return JsonValue(json.get<bool>());
     JsonValue value;
-    if (json.is_boolean()) {
-        value.kind = JsonValue::Kind::boolean;
-        value.number = json.get<bool>() ? 1 : 0;
-    } else if (json.is_array()) {
+    if (json.is_array()) {
         value.kind = JsonValue::Kind::list;
         for (const Json& item : json) value.items.push_back(from_library(item));
     } else if (json.is_object()) {
@@ -36,7 +34,7 @@ void append_quoted(std::string& out, const std::string& text) {
 
 void append_number(std::string& out, double number) {
     char text[40];
-    const bool whole = std::trunc(number) == number && std::abs(number) < 1e15;
+    const bool whole = std::trunc(number) == number && std::abs(number) < 9e18;
     const auto end = whole ? std::to_chars(text, text + sizeof text, static_cast<long long>(number))
                            : std::to_chars(text, text + sizeof text, number);
     out.append(text, end.ptr);
@@ -80,16 +78,6 @@ void append(std::string& out, const JsonValue& value) {
 
 }  // namespace
 
-JsonValue::JsonValue(double value) {
-    if (!std::isfinite(value)) return;
-    kind = Kind::number;
-    number = value;
-}
-
-JsonValue::JsonValue(const std::vector<double>& values) : kind(Kind::list) {
-    for (const double v : values) items.emplace_back(v);
-}
-
 const JsonValue& JsonValue::operator[](std::string_view key) const {
     static const JsonValue null;
     for (const auto& [name, member] : members)
@@ -98,13 +86,12 @@ const JsonValue& JsonValue::operator[](std::string_view key) const {
 }
 
 void JsonValue::set(std::string_view key, JsonValue value) {
-    kind = Kind::object;
     for (auto& [name, member] : members)
         if (name == key) {
             member = std::move(value);
             return;
         }
-    members.emplace_back(std::string(key), std::move(value));
+    add(key, std::move(value));
 }
 
 JsonValue parse_json_value(std::string_view text, const std::string& where) {
@@ -133,6 +120,14 @@ std::vector<JsonValue> parse_json_lines(std::string_view text,
         }
     }
     return lines;
+}
+
+double rounded(double value, int digits) {
+    char text[40];
+    const auto end =
+        std::to_chars(text, text + sizeof text, value, std::chars_format::general, digits);
+    std::from_chars(text, end.ptr, value);
+    return value;
 }
 
 std::string json_text(const JsonValue& value) {

@@ -7,7 +7,6 @@
 #include "core/error.h"
 #include "core/version.h"
 #include "io/atomic_file.h"
-#include "io/config.h"
 #include "io/json_value.h"
 #include "io/manifest.h"
 #include "io/ply.h"
@@ -39,11 +38,11 @@ void write(const std::string& path, const void* bytes, std::size_t size) {
 
 /// In the scene's axes: what is added to a position, once it is turned back from the file's.
 std::string origin_json(Vec3d origin, SplatFrame frame) {
-    char numbers[128];
-    std::snprintf(numbers, sizeof numbers, "[%.15g, %.15g, %.15g]", origin.x, origin.y, origin.z);
-    JsonLine line;
-    line.add("generator", kVersion).add("frame", frame_name(frame)).add_json("origin", numbers);
-    return line.text() + "\n";
+    return json_text(JsonValue()
+                         .add("generator", kVersion)
+                         .add("frame", frame_name(frame))
+                         .add("origin", std::vector{origin.x, origin.y, origin.z})) +
+           "\n";
 }
 
 /// What FILE.json says where it is ours; else nothing.

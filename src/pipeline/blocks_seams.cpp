@@ -9,7 +9,7 @@
 #include "core/point_tree.h"
 #include "core/quantile.h"
 #include "core/sigmoid.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 namespace {
@@ -113,13 +113,12 @@ SeamNumbers numbers_of(std::vector<double> offsets, std::vector<double> angles) 
             quantile(angles, 0.5)};
 }
 
-std::string numbers_json(const SeamNumbers& n) {
-    return JsonLine()
+JsonValue numbers_json(const SeamNumbers& n) {
+    return JsonValue()
         .add("splats", n.compared)
         .add("median_offset", n.median_offset)
         .add("offset_95", n.offset_95)
-        .add("median_angle_deg", n.median_angle)
-        .text();
+        .add("median_angle_deg", n.median_angle);
 }
 
 }  // namespace
@@ -214,17 +213,17 @@ std::vector<SeamReport> test_seams(const std::vector<GroundCell>& cells,
 std::string seams_json(const std::vector<SeamReport>& seams) {
     std::string list;
     for (const SeamReport& r : seams)
-        list += str(list.empty() ? "\n  " : ",\n  ", JsonLine()
-                                                         .add("a", r.seam.a + 1)
-                                                         .add("b", r.seam.b + 1)
-                                                         .add("axis", r.seam.axis)
-                                                         .add("at", r.seam.at)
-                                                         .add("spacing", r.spacing)
-                                                         .add_json("across", numbers_json(r.across))
-                                                         .add_json("inside", numbers_json(r.inside))
-                                                         .add("judged", r.judged)
-                                                         .add("good", r.good)
-                                                         .text());
+        list += str(list.empty() ? "\n  " : ",\n  ",
+                    json_text(JsonValue()
+                                  .add("a", r.seam.a + 1)
+                                  .add("b", r.seam.b + 1)
+                                  .add("axis", r.seam.axis)
+                                  .add("at", r.seam.at)
+                                  .add("spacing", r.spacing)
+                                  .add("across", numbers_json(r.across))
+                                  .add("inside", numbers_json(r.inside))
+                                  .add("judged", r.judged)
+                                  .add("good", r.good)));
     return "{\"seams\": [" + list + "\n]}\n";
 }
 

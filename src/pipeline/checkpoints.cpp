@@ -156,14 +156,14 @@ std::vector<std::pair<std::string, std::string>> config_values(const OptionTable
     return values;
 }
 
-std::string changed_values(const std::vector<std::pair<std::string, std::string>>& before,
-                           const OptionTable& table) {
-    JsonLine changed;
+JsonValue changed_values(const std::vector<std::pair<std::string, std::string>>& before,
+                         const OptionTable& table) {
+    JsonValue changed = JsonValue::object();
     const auto now = config_values(table);
     for (std::size_t i = 0; i < std::min(before.size(), now.size()); ++i)
         if (before[i].second != now[i].second)
             changed.add(now[i].first, str(before[i].second, " -> ", now[i].second));
-    return changed.text();
+    return changed;
 }
 
 void CheckpointWriter::save(int done, double seconds, const SharedState& state) {

@@ -45,8 +45,8 @@ void remove_checkpoints_after(const std::string& run, int done);
 std::vector<std::pair<std::string, std::string>> config_values(const OptionTable& table);
 /// The keys whose value differs from `before`, which is config_values() of an earlier moment, as a
 /// JSON object {"key": "before -> now"}.
-std::string changed_values(const std::vector<std::pair<std::string, std::string>>& before,
-                           const OptionTable& table);
+JsonValue changed_values(const std::vector<std::pair<std::string, std::string>>& before,
+                         const OptionTable& table);
 
 /// Writes checkpoints in the background and keeps the newest two of a run. A checkpoint that cannot
 /// be written is a warning: the older ones stay, and the training goes on.

@@ -6,7 +6,7 @@
 #include "core/log.h"
 #include "core/smoothing_filter.h"
 #include "io/atomic_file.h"
-#include "io/config.h"
+#include "io/json_value.h"
 #include "io/spz.h"
 
 namespace tvsgs {
@@ -56,14 +56,13 @@ void LiveSnapshots::write(int iteration, int iterations, double seconds, Gaussia
         every_ = 0;
         return;
     }
-    char origin[96];
-    std::snprintf(origin, sizeof origin, "[%.17g, %.17g, %.17g]", origin_.x, origin_.y, origin_.z);
-    JsonLine state;
+    JsonValue state;
     state.add("iteration", iteration).add("iterations", iterations).add("seconds", seconds);
-    state.add("gaussians", splats.size()).add_json("origin", origin);
+    state.add("gaussians", splats.size())
+        .add("origin", std::vector{origin_.x, origin_.y, origin_.z});
     written_ = true;
     writing_ = std::async(std::launch::async,
-                          [folder = run_ + "/live", text = state.text(),
+                          [folder = run_ + "/live", text = json_text(state),
                            g = std::move(splats)]() mutable { write_snapshot(folder, text, g); });
 }
 

@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
-#include "io/config.h"
+#include "io/json_value.h"
 #include "mesh/device_algorithms.h"
 #include "optim/device_views.h"
 
@@ -270,19 +270,17 @@ std::string MemoryPlan::text() const {
 
 std::string MemoryPlan::json() const {
     const auto need = [](const MemoryNeed& n, std::int64_t limit, std::int64_t splats) {
-        return JsonLine()
+        return JsonValue()
             .add("fixed_bytes", n.fixed)
             .add("bytes_per_splat", n.per_splat)
             .add("first_bytes", n.at(splats))
-            .add("limit_bytes", limit)
-            .text();
+            .add("limit_bytes", limit);
     };
-    return JsonLine()
-        .add("first_splats", first)
-        .add("most_splats", most)
-        .add_json("device", need(buffers, limits.device, first))
-        .add_json("host", need(host, limits.host, first))
-        .text();
+    return json_text(JsonValue()
+                         .add("first_splats", first)
+                         .add("most_splats", most)
+                         .add("device", need(buffers, limits.device, first))
+                         .add("host", need(host, limits.host, first)));
 }
 
 }  // namespace tvsgs

@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <string_view>
 
-#include "io/config.h"
+#include "io/json_value.h"
 #include "optim/schedule.h"
 
 namespace tvsgs {
@@ -46,19 +46,19 @@ void TrainProgress::resume() {
     paused_at_ = -1;
 }
 
-std::string TrainProgress::json(const TrainReport& report) const {
-    JsonLine line;
+JsonValue TrainProgress::json(const TrainReport& report) const {
+    JsonValue line;
     line.add("iteration", report.step)
         .add("seconds", seconds())
         .add("loss", report.loss)
         .add("gaussians", report.gaussians);
     line.add("bytes", report.memory.current_bytes).add("peak_bytes", report.memory.peak_bytes);
-    JsonLine terms, stages;
+    JsonValue terms = JsonValue::object(), stages;
     for (const auto& [name, value] : report.terms) terms.add(name, value);
-    line.add_json("terms", terms.text());
+    line.add("terms", terms);
     for (const StageTime& stage : report.stages) stages.add(stage.name, stage.seconds);
-    if (!report.stages.empty()) line.add_json("stage_seconds", stages.text());
-    return line.text();
+    if (!report.stages.empty()) line.add("stage_seconds", stages);
+    return line;
 }
 
 std::string TrainProgress::text(const TrainReport& report) {
@@ -86,7 +86,7 @@ void TrainProgress::show(const TrainReport& report) {
     const ProgressStyle style = progress_style();
     if (style == ProgressStyle::quiet) return;
     if (style == ProgressStyle::json) {
-        std::fprintf(stderr, "%s\n", json(report).c_str());
+        std::fprintf(stderr, "%s\n", json_text(json(report)).c_str());
         return;
     }
     const std::string line = text(report);  // the pace goes by every report

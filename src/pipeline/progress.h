@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/progress.h"
+#include "io/json_value.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -25,7 +26,7 @@ public:
     void resume();
 
     /// The line of log.jsonl.
-    std::string json(const TrainReport& report) const;
+    JsonValue json(const TrainReport& report) const;
 
     /// As progress_style() says; with json the line of log.jsonl.
     void show(const TrainReport& report);

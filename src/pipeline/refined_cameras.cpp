@@ -11,7 +11,7 @@
 #include "core/quaternion.h"
 #include "io/atomic_file.h"
 #include "io/colmap.h"
-#include "io/config.h"
+#include "io/json_value.h"
 
 namespace tvsgs {
 namespace {
@@ -62,21 +62,17 @@ void adopt_refined_cameras(const std::string& run, Scene& scene) {
                  scene.train.size());
 }
 
-std::string camera_moves_json(const Scene& scene, const CameraRefinement& refined) {
-    JsonLine views;
+JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined) {
+    JsonValue views = JsonValue::object();
     for (int i = 0; i < refined.views(); ++i) {
         const CameraMove move = refined.move(i);
-        views.add_json(scene.train[static_cast<std::size_t>(i)].name,
-                       JsonLine()
-                           .add("turn_px", move.turn_px)
-                           .add("turn_deg", move.turn_deg)
-                           .add("shift_px", move.shift_px)
-                           .text());
+        views.add(scene.train[static_cast<std::size_t>(i)].name,
+                  JsonValue()
+                      .add("turn_px", move.turn_px)
+                      .add("turn_deg", move.turn_deg)
+                      .add("shift_px", move.shift_px));
     }
-    return JsonLine()
-        .add("focal_factor", refined.focal_factor())
-        .add_json("views", views.text())
-        .text();
+    return JsonValue().add("focal_factor", refined.focal_factor()).add("views", views);
 }
 
 std::string camera_moves_text(const CameraRefinement& refined) {

@@ -4,6 +4,7 @@
 #include <string>
 
 #include "core/scene.h"
+#include "io/json_value.h"
 #include "optim/camera_refinement.h"
 
 namespace tvsgs {
@@ -17,7 +18,7 @@ void write_refined_cameras(const std::string& run, const Scene& scene);
 void adopt_refined_cameras(const std::string& run, Scene& scene);
 
 /// How far each view moved, for the log: {"focal_factor": F, "views": {NAME: {"turn_px": ...}}}.
-std::string camera_moves_json(const Scene& scene, const CameraRefinement& refined);
+JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined);
 
 /// The same for people, in one line.
 std::string camera_moves_text(const CameraRefinement& refined);

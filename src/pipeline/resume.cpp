@@ -62,19 +62,18 @@ void require_same_backbone(const Resume& resume, const std::string& backbone) {
                             value, ", or a new run (without --resume)"));
 }
 
-void log_resume(const Resume& resume, const std::string& changed, RunFolder& run) {
+void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run) {
     if (resume.point) {
         const ResumePoint& point = *resume.point;
         if (resume.in_place()) remove_checkpoints_after(run.path(), point.done);
-        run.log(JsonLine()
+        run.log(JsonValue()
                     .add("event", "resumed")
                     .add("iteration", point.done)
                     .add("seconds", point.seconds)
                     .add("checkpoint", point.file)
-                    .add_json("changed", changed)
-                    .text());
+                    .add("changed", changed));
         spdlog::info("{}: {} iterations are done; changed since: {}", point.file, point.done,
-                     changed);
+                     json_text(changed));
     } else if (resume.asked) {
         spdlog::info("{}: no checkpoint yet, so the run starts from the beginning", run.path());
     }

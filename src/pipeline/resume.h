@@ -46,6 +46,6 @@ void require_same_backbone(const Resume& resume, const std::string& backbone);
 
 /// Says and logs where the run goes on. `changed`: of the configuration, see changed_values().
 /// Checkpoints of iterations that are done anew are removed.
-void log_resume(const Resume& resume, const std::string& changed, RunFolder& run);
+void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run);
 
 }  // namespace tvsgs

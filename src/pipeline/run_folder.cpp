@@ -16,7 +16,6 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "io/atomic_file.h"
-#include "io/config.h"
 #include "io/json_value.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
@@ -232,31 +231,27 @@ void RunFolder::save_cameras(const Scene& scene) const {
             const Camera& c = view.camera;
             const Vec3d centre = vec_cast<double>(camera_centre(c)) + scene.origin;
             const Mat3<double> R = mat_cast<double>(transpose(c.camera_from_world.R));
-            JsonLine line;
+            JsonValue line;
             const int digits = norm(scene.origin) > 0 ? 15 : 9;
             const auto row = [digits](double x, double y, double z) {
-                char numbers[96];
-                std::snprintf(numbers, sizeof numbers, "[%.*g,%.*g,%.*g]", digits, x, digits, y,
-                              digits, z);
-                return std::string(numbers);
+                return std::vector{rounded(x, digits), rounded(y, digits), rounded(z, digits)};
             };
             line.add("id", id)
                 .add("img_name", view.name)
                 .add("width", c.width_px)
                 .add("height", c.height_px);
-            line.add_json("position", row(centre.x, centre.y, centre.z));
-            line.add_json("rotation", "[" + row(R[0][0], R[0][1], R[0][2]) + "," +
-                                          row(R[1][0], R[1][1], R[1][2]) + "," +
-                                          row(R[2][0], R[2][1], R[2][2]) + "]");
-            line.add("fy", static_cast<double>(c.fy_px)).add("fx", static_cast<double>(c.fx_px));
-            line.add("cx", static_cast<double>(c.cx_px)).add("cy", static_cast<double>(c.cy_px));
-            text += (id++ ? ",\n" : "\n") + line.text();
+            line.add("position", row(centre.x, centre.y, centre.z));
+            line.add("rotation",
+                     std::vector{row(R[0][0], R[0][1], R[0][2]), row(R[1][0], R[1][1], R[1][2]),
+                                 row(R[2][0], R[2][1], R[2][2])});
+            line.add("fy", c.fy_px).add("fx", c.fx_px).add("cx", c.cx_px).add("cy", c.cy_px);
+            text += (id++ ? ",\n" : "\n") + json_text(line);
         }
     write_text_file(path_ + "/cameras.json", text + "\n]\n");
 }
 
-void RunFolder::log(const std::string& json_line) {
-    if (std::fprintf(log_, "%s\n", json_line.c_str()) < 0 || std::fflush(log_) != 0)
+void RunFolder::log(const JsonValue& line) {
+    if (std::fprintf(log_, "%s\n", json_text(line).c_str()) < 0 || std::fflush(log_) != 0)
         throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
 }
 

@@ -8,6 +8,7 @@
 
 #include "core/gaussians.h"
 #include "core/scene.h"
+#include "io/json_value.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"
 #include "optim/train.h"
@@ -52,7 +53,7 @@ public:
     void save_cameras(const Scene& scene) const;
 
     /// Appends one line to log.jsonl and flushes it.
-    void log(const std::string& json_line);
+    void log(const JsonValue& line);
 
     /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of io/ply.h.
     void save_splats(const Gaussians<Cpu>& gaussians,

@@ -68,19 +68,19 @@ std::string RunPlan::text() const {
 
 std::string RunPlan::json() const {
     const auto object = [](const Settings& settings) {
-        JsonLine json;
+        JsonValue json = JsonValue::object();
         for (const auto& [key, value] : settings) json.add(key, value);
-        return json.text();
+        return json;
     };
     std::string list;
     for (const Line& line : lines_) {
         const Decision& d = line.decision;
-        JsonLine entry;
+        JsonValue entry;
         entry.add("name", d.name).add("choice", d.choice).add("reason", d.reason);
         entry.add("measured", d.measured).add("threshold", d.threshold);
         entry.add("source", str("docs/guide/plan.md, ", d.name));
-        entry.add_json("settings", object(d.settings)).add_json("kept", object(line.kept));
-        list += str(list.empty() ? "" : ",\n  ", entry.text());
+        entry.add("settings", object(d.settings)).add("kept", object(line.kept));
+        list += str(list.empty() ? "" : ",\n  ", json_text(entry));
     }
     return str("{\"decisions\": [\n  ", list, "\n]}\n");
 }

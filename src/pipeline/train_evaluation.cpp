@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
 #include "core/error.h"
 #include "core/log.h"
@@ -14,13 +13,6 @@ namespace tvsgs {
 namespace {
 
 constexpr int kCurvePoints = 40;
-
-/// To two digits, so that the thresholds can be said and given again.
-double rounded(double value) {
-    char text[32];
-    std::snprintf(text, sizeof text, "%.1e", value);
-    return std::atof(text);
-}
 
 double diagonal(const std::vector<Vec3d>& points) {
     Vec3d lower = points.front(), upper = lower;
@@ -83,7 +75,8 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
     if (options.taus.empty()) {
         const double size = diagonal(truth.surface.from.points);
         for (const double share : {0.005, 0.01, 0.02})
-            if (const double tau = rounded(share * size); tau > 0) truth.taus.push_back(tau);
+            if (const double tau = rounded(share * size, 2); tau > 0)
+                truth.taus.push_back(tau);  // two digits, so that they can be said and given again
     } else {
         truth.taus = parse_numbers("--tau", options.taus);
     }
@@ -125,23 +118,15 @@ PointScores score(const Make& make, const Truth& truth, bool curve) {
         scores.f1 = middle.f1, scores.tau = middle.tau;
     }
     scores.json = geometry_json(metrics);
-    scores.json.add_json("points", counts_json(prediction, truth.surface, visible).text());
+    scores.json.add("points", counts_json(prediction, truth.surface, visible));
     if (curve) {
-        std::string columns[3];
+        std::vector<double> tau, precision, recall;
         for (const auto& t : on_curve) {
-            const double values[] = {t.tau, t.precision, t.recall};
-            for (int c = 0; c < 3; ++c) {
-                char number[32];
-                std::snprintf(number, sizeof number, "%s%.6g", columns[c].empty() ? "" : ", ",
-                              values[c]);
-                columns[c] += number;
-            }
+            tau.push_back(rounded(t.tau, 6));
+            precision.push_back(rounded(t.precision, 6)), recall.push_back(rounded(t.recall, 6));
         }
-        JsonLine lists;
-        lists.add_json("tau", "[" + columns[0] + "]")
-            .add_json("precision", "[" + columns[1] + "]")
-            .add_json("recall", "[" + columns[2] + "]");
-        scores.json.add_json("curve", lists.text());
+        scores.json.add(
+            "curve", JsonValue().add("tau", tau).add("precision", precision).add("recall", recall));
     }
     return scores;
 }
@@ -158,26 +143,26 @@ PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve)
 
 namespace {
 
-void add_scores(JsonLine& line,
+void add_scores(JsonValue& line,
                 const char* what,
                 const PointScores& scores,
                 const std::string& run) {
-    write_text_file(str(run, "/eval/", what, ".json"), scores.json.text() + "\n");
-    line.add_json(what, scores.json.text());
+    write_text_file(str(run, "/eval/", what, ".json"), json_text(scores.json) + "\n");
+    line.add(what, scores.json);
     spdlog::info("{}: Chamfer {:.4g}, F1 {:.3f} at {:g}", what, scores.chamfer, scores.f1,
                  scores.tau);
 }
 
 }  // namespace
 
-void add_centres(JsonLine& line,
+void add_centres(JsonValue& line,
                  const std::vector<Vec3f>& centres,
                  const Truth& truth,
                  const std::string& run) {
     add_scores(line, "centres", score_points(centres, truth, true), run);
 }
 
-void add_mesh(JsonLine& line,
+void add_mesh(JsonValue& line,
               const TriangleMesh& mesh,
               const Truth& truth,
               const std::string& run) {

@@ -8,7 +8,7 @@
 
 #include "core/crop.h"
 #include "eval/geometry_scores.h"
-#include "io/config.h"
+#include "io/json_value.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/view_evaluation.h"
 
@@ -74,7 +74,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
 /// {"error": ...} when nothing of it is in the crop. With `curve`, precision and recall at 41
 /// thresholds up to twice the largest tau, under "curve".
 struct PointScores {
-    JsonLine json;
+    JsonValue json;
     double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
 };
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
@@ -82,11 +82,14 @@ PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve)
 
 /// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the
 /// same for RUN/eval/mesh.json.
-void add_centres(JsonLine& line,
+void add_centres(JsonValue& line,
                  const std::vector<Vec3f>& centres,
                  const Truth& truth,
                  const std::string& run);
-void add_mesh(JsonLine& line, const TriangleMesh& mesh, const Truth& truth, const std::string& run);
+void add_mesh(JsonValue& line,
+              const TriangleMesh& mesh,
+              const Truth& truth,
+              const std::string& run);
 
 /// What an evaluation of the mesh needs besides the splats.
 struct MeshSource {
@@ -110,8 +113,8 @@ inline double psnr_trained(const ViewScores& scores, const TrainOptions& options
 
 /// An evaluation during training, of the splats as `drawn`: with fixed ones after them.
 struct Evaluation {
-    std::string line;  // of log.jsonl
-    double psnr = 0;   // psnr_trained() of the test views
+    JsonValue line;   // of log.jsonl
+    double psnr = 0;  // psnr_trained() of the test views
 };
 template <class Device>
 Evaluation evaluate(int step,
@@ -123,7 +126,7 @@ Evaluation evaluate(int step,
                     const std::optional<Truth>& truth,
                     const MeshSource* mesh = nullptr) {
     Evaluation result;
-    JsonLine line;
+    JsonValue& line = result.line;
     line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
     line.add("gaussians", gaussians.size());
     if (!views.empty()) {
@@ -138,7 +141,7 @@ Evaluation evaluate(int step,
     }
     if (truth) {
         const auto add = [&](const char* what, const PointScores& scores) {
-            line.add_json(what, scores.json.text());
+            line.add(what, scores.json);
             spdlog::info("after {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
                          scores.chamfer, scores.f1, scores.tau);
         };
@@ -149,7 +152,6 @@ Evaluation evaluate(int step,
                                         mesh->spill_folder, spdlog::level::debug, mesh->origin),
                            *truth, false));
     }
-    result.line = line.text();
     return result;
 }
 

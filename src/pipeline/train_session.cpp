@@ -50,7 +50,7 @@ private:
     void save_refined_cameras() const;
     void write_results(const Gaussians<Device>& trained, double seconds);
     void say_what_is_scored() const;
-    void score_test_views(const Gaussians<Device>& drawn, JsonLine& summary) const;
+    void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
 
     /// Of this call: what the run took before it was resumed is past.
     double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
@@ -215,7 +215,7 @@ template <class Device>
 void TrainSession<Device>::roll_back(int done, const std::string& why) {
     done_ = done;
     spdlog::warn(why);
-    run_.log(JsonLine().add("event", "rollback").add("iteration", done).add("why", why).text());
+    run_.log(JsonValue().add("event", "rollback").add("iteration", done).add("why", why));
 }
 
 template <class Device>
@@ -252,12 +252,11 @@ void TrainSession<Device>::fit_to_budget() {
     progress_.set_schedule(training_);
     run_.save_config(in_.config());
     checkpoints_.set_config(in_.config());
-    run_.log(JsonLine()
+    run_.log(JsonValue()
                  .add("event", "plan")
                  .add("iteration", done_)
                  .add("seconds", progress_.seconds())
-                 .add("iterations", training_.iterations)
-                 .text());
+                 .add("iterations", training_.iterations));
     spdlog::info("after {:.1f} s: {} iterations in all for {:g} s", progress_.seconds(),
                  training_.iterations, static_cast<double>(in_.options.plan.time_budget));
 }
@@ -297,7 +296,7 @@ void TrainSession<Device>::say_how_it_ended(double seconds) {
     else if (done_ < training_.iterations) {
         spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", done_,
                      training_.iterations, run_.path());
-        run_.log(JsonLine().add("event", "stopped").add("iteration", done_).text());
+        run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
         if (!last) throw Error(ExitCode::io, checkpoints_.failure());
         spdlog::warn("tvsgs-train --resume {} goes on", run_.path());
     }
@@ -313,13 +312,13 @@ void TrainSession<Device>::save_refined_cameras() const {
 
 template <class Device>
 void TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
-    JsonLine summary;
+    JsonValue summary;
     summary.add("event", "done")
         .add("iteration", done_)
         .add("seconds", seconds)
         .add("gaussians", trained.size());
     summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
-    if (refined_) summary.add_json("cameras", camera_moves_json(in_.scene, *refined_));
+    if (refined_) summary.add("cameras", camera_moves_json(in_.scene, *refined_));
     if (!in_.scene.test.empty()) score_test_views(fixed_.join(trained), summary);
     if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
     if (in_.options.eval.mesh) {
@@ -330,12 +329,12 @@ void TrainSession<Device>::write_results(const Gaussians<Device>& trained, doubl
         write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
         add_mesh(summary, mesh, *in_.truth, run_.path());
     }
-    run_.log(summary.text());
+    run_.log(summary);
 }
 
 template <class Device>
 void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
-                                            JsonLine& summary) const {
+                                            JsonValue& summary) const {
     const std::size_t views = in_.scene.test.size();
     const bool masked = have_masks(in_.scene.test);
     const ViewScores scores =

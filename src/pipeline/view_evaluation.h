@@ -9,8 +9,8 @@
 #include "core/progress.h"
 #include "eval/view_scores.h"
 #include "io/atomic_file.h"
-#include "io/config.h"
 #include "io/image_file.h"
+#include "io/json_value.h"
 #include "optim/train.h"
 #include "pipeline/render_background.h"
 #include "pipeline/signals.h"
@@ -79,9 +79,9 @@ ViewScores evaluate_views(const Gaussians<Device>& gaussians,
         SignalGuard::check();
     };
     ViewScores scores = score_views(gaussians, views, options, write_pictures, scoring);
-    JsonLine json = view_scores_json(scores, views.size(), scoring);
-    json.add_json("per_view", scores.per_view_json);
-    write_text_file(run + "/eval/nvs.json", json.text() + "\n");
+    JsonValue json = view_scores_json(scores, views.size(), scoring);
+    json.add("per_view", scores.per_view);
+    write_text_file(run + "/eval/nvs.json", json_text(json) + "\n");
     return scores;
 }
 

@@ -231,11 +231,11 @@ private:
                 camera.test = camera.test || camera.name == view["name"].text;
         const auto training = std::count_if(subject.cameras.begin(), subject.cameras.end(),
                                             [](const ViewCamera& c) { return !c.test; });
-        report_.set("training_views", static_cast<double>(training));
+        report_.set("training_views", training);
         ViewRun& run = subject.runs.front();
         if (run.mesh_faces > 0) {
             JsonValue mesh = JsonValue::object();
-            mesh.set("faces", static_cast<double>(run.mesh_faces));
+            mesh.set("faces", run.mesh_faces);
             report_.set("mesh", std::move(mesh));
         }
         if (static_cast<std::size_t>(training) > kMaxCoverageViews)
@@ -243,7 +243,7 @@ private:
                                    kMaxCoverageViews, " at most"));
         if (run.splats.size() == 0)
             throw input_error(run_, ": holds no splats yet; expected those of a training");
-        report_.set("splats", static_cast<double>(run.splats.size()));
+        report_.set("splats", run.splats.size());
         report_.set("coverage", coverage_json(run.splats, subject.cameras));
         if (!report_["coverage"] && static_cast<std::size_t>(training) <= kMaxCoverageViews)
             missing_.push_back("coverage: no training view sees a splat");

@@ -128,8 +128,8 @@ PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& 
         for (int c = 0; c < 3; ++c) put(static_cast<std::uint32_t>(face[c]), 4);
     PackedMesh packed{JsonValue::object(), deflated(bytes)};
     const auto list = [](Vec3f v) { return JsonValue(std::vector<double>{v.x, v.y, v.z}); };
-    packed.about.set("vertices", static_cast<double>(mesh.vertices.size()));
-    packed.about.set("faces", static_cast<double>(mesh.faces.size()));
+    packed.about.set("vertices", mesh.vertices.size());
+    packed.about.set("faces", mesh.faces.size());
     packed.about.set("low", list(low));
     packed.about.set("high", list(high));
     packed.about.set("colors", mesh.colors.empty() ? 0.0 : 1.0);

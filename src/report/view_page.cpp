@@ -121,7 +121,7 @@ JsonValue camera_json(const ViewCamera& c, bool has_photo) {
     for (const auto& [key, value] :
          {std::pair("fx", c.camera.fx_px), std::pair("fy", c.camera.fy_px),
           std::pair("cx", c.camera.cx_px), std::pair("cy", c.camera.cy_px)})
-        camera.set(key, static_cast<double>(value));
+        camera.set(key, value);
     camera.set("width", c.camera.width_px);
     camera.set("height", c.camera.height_px);
     return camera;
@@ -199,7 +199,7 @@ private:
         else if (shown == 0)
             note("There are no photographs in this page.");
         about_.set("cameras", std::move(list));
-        about_.set("start", static_cast<double>(start()));
+        about_.set("start", start());
         about_.set("scene", scene_json(cameras_, runs_));
         parts_ +=
             str("<h2 id=\"cameras\">Cameras</h2>\n<p><span class=\"legend\"></span>training views",
@@ -245,11 +245,11 @@ private:
             note(str(run.name, ": harmonics of degree ", packed.shown.sh_degree, " instead of ",
                      packed.of_degree, ", to keep this page within its size."));
         about.set("name", run.name);
-        about.set("splats", static_cast<double>(count));
+        about.set("splats", count);
         about.set("discs", backbone->flat() ? 1.0 : 0.0);
-        about.set("near", static_cast<double>(run.train.render.near));
-        about.set("low_pass", static_cast<double>(backbone->low_pass_px2()));
-        about.set("least_alpha", static_cast<double>(least));
+        about.set("near", run.train.render.near);
+        about.set("low_pass", backbone->low_pass_px2());
+        about.set("least_alpha", least);
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
             if (run.truth) {

@@ -200,7 +200,7 @@ TEST_F(Config, TheResolvedConfigurationReproducesTheValues) {
                "k\xC3\xA4se \"\\\n",
                Map::unit_length,
                {0.1f, 1.17549435e-38f}};
-    const std::string json = table.json(R"({"version": "1.2"})");
+    const std::string json = table.json(JsonValue().add("version", "1.2"));
     EXPECT_NE(json.find("\"range\": 0.33333334"), std::string::npos) << json;  // shortest
     TestOptions other;
     OptionTable reader;
@@ -214,7 +214,7 @@ TEST_F(Config, TheResolvedConfigurationReproducesTheValues) {
     EXPECT_EQ(other.map, options.map);
     EXPECT_EQ(other.photometric.weight, options.photometric.weight);
     EXPECT_EQ(other.photometric.tiny, options.photometric.tiny);
-    EXPECT_EQ(reader.json(R"({"version": "1.2"})"), json);
+    EXPECT_EQ(reader.json(JsonValue().add("version", "1.2")), json);
 }
 
 TEST_F(Config, EveryFloatComesBack) {
@@ -249,8 +249,8 @@ TEST_F(Config, Lists) {
                  [&] { read_json_lists(write("splits.json", "{")); });
 }
 
-TEST(JsonLine, TypesAndEscapes) {
-    JsonLine line;
+TEST(JsonValue, TypesAndEscapes) {
+    JsonValue line;
     line.add("i", 3)
         .add("big", std::int64_t{1} << 60)
         .add("b", true)
@@ -259,15 +259,15 @@ TEST(JsonLine, TypesAndEscapes) {
         .add("e", 1e-300);
     line.add("n", std::nan(""))
         .add("inf", -std::numeric_limits<double>::infinity())
-        .add_json("o", "{\"x\": [1]}")
+        .add("o", JsonValue().add("x", std::vector{1}))
         .add("bad", "\xFF");
     EXPECT_EQ(
-        line.text(),
+        json_text(line),
         R"({"i": 3, "big": 1152921504606846976, "b": true, "t": "a\"\n\u0001", "d": 0.1, "e": 1e-300, )"
         R"("n": null, "inf": null, "o": {"x": [1]}, "bad": ")"
         "\xEF\xBF\xBD"
         R"("})");
-    EXPECT_EQ(JsonLine().text(), "{}");
+    EXPECT_EQ(json_text(JsonValue::object()), "{}");
 }
 
 }  // namespace
