@@ -82,18 +82,7 @@ private:
     std::vector<int> step_, path_;  // where a place is on the path; the path
 };
 
-}  // namespace
-
-bool Rims::has_edge(int from, int to) const {
-    return std::binary_search(edges.begin(), edges.end(), std::pair{from, to});
-}
-
-int Rims::place(int vertex) const {
-    const auto found = std::lower_bound(vertices.begin(), vertices.end(), vertex);
-    return found != vertices.end() && *found == vertex ? static_cast<int>(found - vertices.begin())
-                                                       : -1;
-}
-
+/// Which vertices an edge of SurfaceEdges::rim has.
 std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim) {
     std::vector<char> at_rim(mesh.vertices.size());
     parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int i) {
@@ -106,6 +95,12 @@ std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<c
     return at_rim;
 }
 
+}  // namespace
+
+bool Rims::has_edge(int from, int to) const {
+    return std::binary_search(edges.begin(), edges.end(), std::pair{from, to});
+}
+
 Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
     Rims rims;
     const std::vector<char>& is_rim = surface.rim;
@@ -114,12 +109,12 @@ Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
     std::vector<int> places(mesh.vertices.size(), -1);
     parallel_for(Cpu{}, static_cast<int>(rims.vertices.size()),
                  [&](int i) { places[std::size_t(rims.vertices[std::size_t(i)])] = i; });
-    rims.faces = numbers_where(mesh.faces.size(), [&](std::size_t f) {
+    const std::vector<int> near = numbers_where(mesh.faces.size(), [&](std::size_t f) {
         const Vec3i face = mesh.faces[f];
         return at_rim[std::size_t(face.x)] || at_rim[std::size_t(face.y)] ||
                at_rim[std::size_t(face.z)];
     });
-    const std::vector<Vec3i> faces = taken(mesh.faces, rims.faces);
+    const std::vector<Vec3i> faces = taken(mesh.faces, near);
     const Corners corners(faces, mesh.vertices.size());
     const auto normal_of = [&](Vec3i face) {
         const Vec3d a = vec_cast<double>(mesh.vertices[std::size_t(face.x)]);
@@ -146,7 +141,7 @@ Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
         const int v = rims.vertices[place];
         for (const int other : joined[place]) rims.edges.push_back({v, other});
         corners.for_each(v, [&](std::uint32_t f, int k) {
-            if (is_rim[3 * std::size_t(rims.faces[f]) + std::size_t(k)])
+            if (is_rim[3 * std::size_t(near[f]) + std::size_t(k)])
                 holes.push_back(
                     {places[std::size_t(faces[f][(k + 1) % 3])], static_cast<int>(place)});
         });

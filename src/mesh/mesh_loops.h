@@ -13,25 +13,16 @@ namespace tvsgs {
 struct Rims {
     std::vector<int> vertices;               // ascending
     std::vector<Vec3d> normals;              // of these: area-weighted means, unit length, or 0
-    std::vector<int> faces;                  // that have one of these, ascending
     std::vector<std::pair<int, int>> edges;  // both ways, of vertices at a rim to any, ascending
     std::vector<std::vector<int>> loops;     // places; what fills a loop has edges in this order
     std::vector<int> rim_edges;              // at each place: 2, more where rims touch
 
     bool has_edge(int from, int to) const;
-    /// Of a vertex; -1: it is at no rim.
-    int place(int vertex) const;
 };
-
-/// Which vertices an edge of SurfaceEdges::rim has.
-std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim);
 
 /// No loop comes to a vertex twice: where holes touch, each has its own loop. Rim edges that form
 /// none, as faces turned against their neighbours have, are left out. Faces must not repeat a
 /// corner, and edges not have more than two.
 Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& edges);
-inline Rims find_rims(const TriangleMesh& mesh) {
-    return find_rims(mesh, find_edges(mesh));
-}
 
 }  // namespace tvsgs

@@ -8,14 +8,12 @@
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "mesh/mesh_holes.h"
-#include "mesh/mesh_rims.h"
 #include "mesh/mesh_smooth.h"
 #include "mesh/mesh_sound.h"
 
 namespace tvsgs {
 namespace {
 
-constexpr int kTeethRounds = 3;
 constexpr double kShareOfFreeMemory = 0.8;  // the rest is for images and the mesh itself
 
 }  // namespace
@@ -103,14 +101,13 @@ std::string clean_mesh(TriangleMesh& mesh,
                " components have fewer than 50 faces; lower --voxel-size, or pass --clusters 0");
 }
 
-std::string mend_mesh(TriangleMesh& mesh,
-                      const std::vector<Camera>& cameras,
-                      const MeshOptions& options,
-                      const EvidenceSource& evidence,
-                      spdlog::level::level_enum level) {
-    if (mesh.faces.empty() || options.watertight ||
-        !(options.holes > 0 || options.rims > 0 || options.smooth > 0))
-        return {};
+void mend_mesh(TriangleMesh& mesh,
+               const std::vector<Camera>& cameras,
+               const MeshOptions& options,
+               const EvidenceSource& evidence,
+               spdlog::level::level_enum level) {
+    if (mesh.faces.empty() || options.watertight || !(options.holes > 0 || options.smooth > 0))
+        return;
     const SoundReport sound = make_sound(mesh);
     if (sound.dropped_faces > 0 || sound.split_vertices > 0)
         spdlog::log(level, "{} faces were none or there twice, {} vertices split where sheets met",
@@ -122,18 +119,9 @@ std::string mend_mesh(TriangleMesh& mesh,
                     "{} that a view contradicts, {} that nothing fits",
                     holes.loops, holes.closed, options.holes, holes.faces, holes.contradicted,
                     holes.unfit);
-    if (options.rims > 0) {
-        const std::size_t teeth = drop_teeth(mesh, kTeethRounds);
-        const std::size_t moved = smooth_rims(mesh, cameras, options.rims);
-        spdlog::log(level, "{} teeth of rims are off, {} vertices at rims moved", teeth, moved);
-        if (mesh.faces.empty())
-            return str("all of its ", teeth,
-                       " faces were teeth of rims; lower --voxel-size, or pass --set mesh.rims=0");
-    }
     if (const std::size_t moved = smooth_surface(mesh, cameras, options.smooth))
         spdlog::log(level, "{} of {} vertices moved by up to {} pixels, to be smooth", moved,
                     mesh.vertices.size(), options.smooth);
-    return {};
 }
 
 }  // namespace detail

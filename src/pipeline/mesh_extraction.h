@@ -23,7 +23,7 @@ struct MeshOptions {
     MesherOptions meshers;
     SimplifyOptions simplify{.error = 0.3f};
     float depth_max = 0, alpha_min = 0.5f, max_angle = 90, depth_step = 0, radius = 0,
-          max_scale_px = 0, holes = 20, rims = 0, smooth = 0.5f;
+          max_scale_px = 0, holes = 20, smooth = 0.5f;
     int clusters = 0;
     bool masks = true, unbounded = false, evidence = true, watertight = false;
     std::string box, memory;
@@ -64,9 +64,6 @@ struct MeshOptions {
         field("holes", holes, {0, 1000},
               "holes of up to that many pixels of the nearest view are closed where no view "
               "contradicts; 0: none");
-        field("rims", rims, {0, 100},
-              "rims lose their teeth and are smoothed by up to that many pixels of the nearest "
-              "view; 0: they stay as they are");
         field(
             "smooth", smooth, {0, 100},
             "roughness of what is fused comes off before simplification, by up to that many pixels "
@@ -97,12 +94,12 @@ std::string clean_mesh(TriangleMesh& mesh,
                        const EvidenceSource& evidence,
                        spdlog::level::level_enum level);
 
-/// Closes the small holes of a mesh and cuts its rims clean. Returns as clean_mesh() does.
-std::string mend_mesh(TriangleMesh& mesh,
-                      const std::vector<Camera>& cameras,
-                      const MeshOptions& options,
-                      const EvidenceSource& evidence,
-                      spdlog::level::level_enum level);
+/// Closes the small holes of a mesh and smooths its surface.
+void mend_mesh(TriangleMesh& mesh,
+               const std::vector<Camera>& cameras,
+               const MeshOptions& options,
+               const EvidenceSource& evidence,
+               spdlog::level::level_enum level);
 
 /// What the views look at, which comes with a warning where this is a guess.
 template <class Device>
@@ -170,8 +167,7 @@ TriangleMesh extract_mesh(const std::vector<View>& views,
     const std::vector<Camera> cameras = detail::cameras_of(views);
     MeshOptions mending = options;
     if (!mesher->is_rough()) mending.smooth = 0;
-    const std::string mended = detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
-    if (emptied.empty()) emptied = mended;
+    detail::mend_mesh(found.mesh, cameras, mending, evidence, level);
     const std::string simplified = simplify_and_say(found.mesh, cameras, options.simplify, level);
     if (emptied.empty()) emptied = simplified;
     if (options.evidence || options.watertight) count_views(found.mesh, evidence);

@@ -402,7 +402,7 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         OptionTable table;
         table.add("mesh", mesh);
         // As the configuration of a run may have it, by its plan or by its user.
-        mesh.unbounded = mesh.watertight = true, mesh.rims = 3, mesh.max_scale_px = 16;
+        mesh.unbounded = mesh.watertight = true, mesh.max_scale_px = 16;
         table.read_file(std::string(TVSGS_SOURCE_DIR "/configs/mesh_") + row.file + ".json");
         EXPECT_EQ(mesh.meshers.tsdf.voxel_size, row.voxel_size);
         EXPECT_EQ(mesh.meshers.tsdf.truncation, row.truncation);
@@ -420,7 +420,6 @@ TEST(MeshOverlays, SetWhatTheTableSays) {
         EXPECT_TRUE(mesh.masks);
         EXPECT_FALSE(mesh.evidence);
         EXPECT_FALSE(mesh.unbounded || mesh.watertight);
-        EXPECT_EQ(mesh.rims, 0);
         EXPECT_EQ(mesh.max_scale_px, 0);
         EXPECT_EQ(mesh.holes, 0);
         EXPECT_EQ(mesh.smooth, 0);
