@@ -57,14 +57,12 @@ public:
           others_(make_other_views<Device>(scene, options, quiet)),
           views_(scene.train, needs_of(options.loss), options.photo_bytes),
           model_(options.model),
-          bounds_(options.bounds),
           extent_(scene.extent),
           fixed_(scene.fixed_splats, options.model.sh_degree) {
         check_cameras(options, backbone_->moves_cameras());
         for (const TermOnList& term : terms_on_list(options.loss))
             if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
         for (const View& view : scene.train) cameras_.push_back(view.camera);
-        copy_bound_cameras();
         objective_.values.resize(loss_stages_.size());
         objective_.partial.resize(kSumBlocks);
         objective_.count.resize(1);
@@ -163,11 +161,6 @@ public:
                               halted);
             });
         });
-        if (bounds_.on())
-            parallel_for(Device{}, gaussians.size(),
-                         BoundBody{std::as_const(bound_cameras_).span(), bounds_,
-                                   std::as_const(gaussians.means).span(),
-                                   gaussians.log_scales.span(), halted});
     }
 
     /// Instead of descend(): writes the screen statistics.
@@ -179,7 +172,6 @@ public:
     void set_cameras(const std::vector<Camera>& cameras) {
         cameras_ = cameras;
         views_.set_cameras(cameras);
-        copy_bound_cameras();
     }
 
     /// Before the first step (`step` is 0), and after each; see Backbone::prepare().
@@ -208,10 +200,6 @@ public:
 private:
     /// Fixed splats need gradients in memory, to be separated from those of the trained ones.
     bool fuses() const { return fixed_.none() && backbone_->fuses(); }
-
-    void copy_bound_cameras() {
-        if (bounds_.on()) copy(cameras_, bound_cameras_);
-    }
 
     /// Of the first term: what it has written so far, without the maps that others write to.
     void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {
@@ -254,8 +242,6 @@ private:
     DeviceViews<Device> views_;
     std::vector<Camera> cameras_;  // of the training views
     ModelOptions model_;
-    BoundOptions bounds_;
-    Buffer<Camera, Device> bound_cameras_;  // none where there are no bounds
     float extent_;
     FixedSplats<Device> fixed_;
     Objective<Device> objective_;

@@ -11,7 +11,6 @@
 #include "core/stage_clock.h"
 #include "core/state.h"
 #include "optim/adam.h"
-#include "optim/bounds.h"
 #include "optim/camera_refinement.h"
 #include "optim/densify.h"
 #include "optim/init.h"
@@ -60,7 +59,6 @@ struct TrainOptions {
     LossOptions loss;
     CameraOptions cameras;
     DensifyOptions densify;
-    BoundOptions bounds;
     TvOptions tv;
     InitOptions init;
 
@@ -79,7 +77,6 @@ struct TrainOptions {
         field.group("loss", loss, "terms of the objective");
         field.group("cameras", cameras, "poses that training improves");
         field.group("densify", densify, "growing and pruning");
-        field.group("bounds", bounds, "how large and long splats may get");
         field.group("tv", tv, "tensor voting");
         field.group("init", init, "the first Gaussians");
     }

@@ -114,12 +114,6 @@ bool plan_start(int train_views, RunOptions& options, RunPlan& plan) {
 }  // namespace
 
 void check_consistency(const TrainOptions& options) {
-    if (const float ratio = options.bounds.max_ratio; ratio > 0 && ratio < 1)
-        throw Error(
-            ExitCode::usage,
-            str("bounds.max_ratio is ", ratio,
-                ", but no longest axis is shorter than the second; expected 1 or more, or 0 "
-                "for any"));
     const bool needs_votes =
         options.loss.tv_normal.weight > 0 || options.loss.tv_position.weight > 0;
     if (needs_votes && !options.tv.enabled)

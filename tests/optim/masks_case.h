@@ -1,7 +1,6 @@
-// A photometric term with masks and a background, and bounds of splats, on either device.
+// A photometric term with masks and a background, on either device.
 #pragma once
 
-#include "optim/bounds.h"
 #include "optim/loss_photometric.h"
 #include "support/random_gaussians.h"
 
@@ -49,25 +48,5 @@ MaskResult evaluate_masks(const MaskCase& c) {
     return result;
 }
 MaskResult evaluate_masks_cuda(const MaskCase& c);
-
-template <class Device>
-std::vector<Vec3f> bound_splats(const Gaussians<Cpu>& host,
-                                const std::vector<Camera>& cameras,
-                                const BoundOptions& bounds,
-                                int halted) {
-    Gaussians<Device> g;
-    copy(host, g);
-    Buffer<Camera, Device> at;
-    copy(cameras, at);
-    const Buffer<int, Device> halt = to_device<Device>(std::vector<int>{halted});
-    parallel_for(Device{}, g.size(),
-                 BoundBody{std::as_const(at).span(), bounds, std::as_const(g.means).span(),
-                           g.log_scales.span(), halt.data()});
-    return to_host(g.log_scales);
-}
-std::vector<Vec3f> bound_splats_cuda(const Gaussians<Cpu>& host,
-                                     const std::vector<Camera>& cameras,
-                                     const BoundOptions& bounds,
-                                     int halted);
 
 }  // namespace tvsgs::test

@@ -1,5 +1,4 @@
-// Masks and backgrounds in the photometric term, derivatives by the transmittance, and bounds of
-// splats.
+// Masks and backgrounds in the photometric term, and derivatives by the transmittance.
 #include <gtest/gtest.h>
 
 #include <cstring>
@@ -217,45 +216,6 @@ TEST(Transmittance, DerivativesOfEachRasteriser) {
         }
 }
 
-TEST(Bounds, NoLongerAndNoLargerThanAllowed) {
-    test::Random random(9);
-    for (int n = 0; n < 200; ++n) {
-        const Vec3d s{random.uniform(-4, 4), random.uniform(-4, 4), random.uniform(-4, 4)};
-        const double most = random.uniform(-2, 3), ratio = random.uniform(0, 2);
-        const Vec3d b = bounded(s, most, ratio);
-        double sorted[3] = {b.x, b.y, b.z}, before[3] = {s.x, s.y, s.z};
-        std::sort(sorted, sorted + 3), std::sort(before, before + 3);
-        EXPECT_LE(sorted[2], most);
-        EXPECT_LE(sorted[2], sorted[1] + ratio + 1e-12);
-        for (int k = 0; k < 3; ++k) EXPECT_LE(b[k], s[k]);
-        // Changed no more than that takes.
-        EXPECT_EQ(sorted[2], std::min({before[2], before[1] + ratio, most}));
-        EXPECT_EQ(sorted[1], std::min(before[1], most));
-        EXPECT_EQ(norm(bounded(b, most, ratio) - b), 0);
-    }
-    const double nan = std::nan("");
-    EXPECT_TRUE(std::isnan(bounded(Vec3d{0, nan, 1}, 0.0, 0.0).y)) << "what is not finite shows";
-}
-
-/// Two cameras, at 1 and at 4 from the splats at the origin, of the same pixels.
-TEST(Bounds, GoByTheFinestPixelThatSeesASplat) {
-    Gaussians<Cpu> g = test::random_gaussians(2, 1, 0.5, 0);
-    Camera near{100, 100, 100, 50, 50, 50, {}};
-    near.camera_from_world.R = rotation(Quatf{1, 0, 0, 0});
-    near.camera_from_world.t = {0, 0, 1};
-    Camera far = near;
-    far.camera_from_world.t = {0, 0, 4};
-    g.means[0] = {0, 0, 0}, g.means[1] = {1.5f, 0, 0};  // the latter the far one alone sees
-    g.log_scales[0] = g.log_scales[1] = {2, 2, 2};
-    const BoundOptions bounds{3, 0};
-    const auto b = test::bound_splats<Cpu>(g, {near, far}, bounds, 0);
-    EXPECT_NEAR(b[0].x, std::log(3 * 1 / 100.), 1e-5);
-    EXPECT_NEAR(b[1].x, std::log(3 * std::hypot(1.5, 4) / 100), 1e-5);
-    const auto halted = test::bound_splats<Cpu>(g, {near, far}, bounds, 1);
-    EXPECT_EQ(halted[0].x, 2);
-    EXPECT_FALSE(BoundOptions{}.on());
-}
-
 Scene masked_scene() {
     Scene scene = test::rendered_scene();
     for (View& view : scene.train) {
@@ -271,7 +231,6 @@ TEST(MaskedTraining, GoesOnWithTheSameBits) {
     TrainOptions options = test::everything_on(24);
     options.loss.photometric.masks = MaskUse::object;
     options.loss.photometric.background = "random";
-    options.bounds = {4, 5};
     std::vector<SharedState> saved;
     TrainCallbacks callbacks;
     callbacks.save_due = [](int done) { return done == 13; };
@@ -337,12 +296,6 @@ TEST(Twins, MasksAndBoundsOnBothDevices) {
                 }
             }
         const Gaussians<Cpu> g = test::random_gaussians(500, 2, 0.3, 0);
-        const std::vector<Camera> cameras{test::test_camera(40, 30),
-                                          test::test_camera(40, 30, -0.4f)};
-        const auto a = test::bound_splats<Cpu>(g, cameras, {2, 3}, 0),
-                   b = test::bound_splats_cuda(g, cameras, {2, 3}, 0);
-        for (std::size_t i = 0; i < a.size(); ++i)
-            for (int k = 0; k < 3; ++k) EXPECT_NEAR(a[i][k], b[i][k], 1e-5);
         // Derivatives by the transmittance.
         const Camera camera = test::test_camera(70, 50);
         for (const char* const name : {"ewa", "rade", "surfel"}) {

@@ -140,15 +140,5 @@ TEST(CompareRenders, BeforeTheBackgroundOfTheRun) {
     EXPECT_LT(compare_renders<Cpu>(behind, behind, {view}, options).before, 1);
 }
 
-TEST(Consistency, ALongestAxisIsNotShorterThanTheSecond) {
-    TrainOptions options;
-    for (const float ratio : {0.0f, 1.0f, 5.0f}) {
-        options.bounds.max_ratio = ratio;
-        EXPECT_NO_THROW(check_consistency(options)) << ratio;
-    }
-    options.bounds.max_ratio = 0.5f;
-    EXPECT_THROW(check_consistency(options), Error);
-}
-
 }  // namespace
 }  // namespace tvsgs
