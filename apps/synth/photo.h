@@ -81,13 +81,6 @@ inline double exposure_gain(double drift, int view) {
     return 1 + drift * (2 * (turn - std::floor(turn)) - 1);
 }
 
-/// The same of one channel beside that: light of another colour. The three are a third of the way
-/// apart, so their mean hardly changes.
-inline double color_gain(double drift, int view, int channel) {
-    const double turn = 0.6180339887498949 * view + channel / 3.0;
-    return 1 + drift * (2 * (turn - std::floor(turn)) - 1);
-}
-
 inline void add_noise(ImageF& image, float sigma, std::uint64_t seed, int view) {
     if (sigma <= 0) return;
     parallel_for(Cpu{}, image.width * image.height, [&](int i) {

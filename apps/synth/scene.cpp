@@ -135,10 +135,8 @@ void write_view(const std::string& out,
     if (options.background == "white") add_white(render);
     if (options.background == "noise") add_clutter(render, 2 * kSupersampling, options.seed, i);
     ImageF photo = box_filter(lens.bent(render.color), kSupersampling);
-    for (std::size_t k = 0; k < photo.pixels.size(); ++k)
-        photo.pixels[k] *=
-            static_cast<float>(exposure_gain(options.exposure_drift, i) *
-                               color_gain(options.color_drift, i, static_cast<int>(k % 3)));
+    for (float& value : photo.pixels)
+        value *= static_cast<float>(exposure_gain(options.exposure_drift, i));
     add_noise(photo, static_cast<float>(options.noise), options.seed, i);
     write_png(str(out, "/images/", views[i].name), to_8bit(photo));
 }
@@ -257,13 +255,6 @@ std::string info_json(const SynthOptions& options, std::size_t points, std::size
         out << std::setprecision(9) << ",\n  \"exposure_gains\": [";  // in the order of the names
         for (int i = 0; i < options.views; ++i)
             out << (i ? ", " : "") << exposure_gain(options.exposure_drift, i);
-        out << ']';
-    }
-    if (options.color_drift > 0) {
-        out << std::setprecision(9) << ",\n  \"color_gains\": [";  // beside these, per channel
-        for (int i = 0; i < options.views; ++i)
-            for (int c = 0; c < 3; ++c)
-                out << (i + c > 0 ? ", " : "") << color_gain(options.color_drift, i, c);
         out << ']';
     }
     out << "\n}\n";

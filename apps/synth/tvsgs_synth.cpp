@@ -166,10 +166,6 @@ int command(int argc, char** argv) {
                    "gt/sparse has the exact ones")
         ->check(in_range(0.0, 100.0))
         ->capture_default_str();
-    app.add_option("--color-drift", options.color_drift,
-                   "the same of each channel by itself: light of other colours")
-        ->check(in_range(0.0, 0.9))
-        ->capture_default_str();
     app.add_option("--noise", options.noise,
                    "standard deviation of the sensor noise, in 8-bit steps")
         ->check(in_range(0.0, 100.0))

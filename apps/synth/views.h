@@ -35,8 +35,7 @@ struct SynthOptions {
     std::optional<int> test_views;  // absent: every eighth
     double arc_deg = 360, elevation_span_deg = 36;
     double wide = 0;  // side of the ground of the wide scene; 0: one object
-    double noise = 0, exposure_drift = 0, color_drift = 0, shininess = 0, texture = 1,
-           pose_noise = 0;
+    double noise = 0, exposure_drift = 0, shininess = 0, texture = 1, pose_noise = 0;
     std::string background = "empty", lens = "PINHOLE";
     std::uint64_t seed = 1;
     bool masks = true, overwrite = false;

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <functional>
 #include <memory>
 #include <string>
@@ -66,8 +67,9 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     return a;
 }
 
-/// [view][values of its model], see optim/exposure.h.
-using HeldExposures = std::vector<std::vector<float>>;
+/// A and B of each view, see optim/exposure.h.
+inline constexpr int kExposureValues = 2;
+using HeldExposures = std::vector<std::array<float, kExposureValues>>;
 
 /// One term of the objective. It holds its own weight and schedule, and says what it reads.
 template <class Device>
@@ -115,13 +117,9 @@ enum class Reduction { mean, sum, visible_mean };
 /// mean something else in millimetres than in metres.
 enum class LengthUnit { world, depth };
 
-/// What is fitted per photograph in the L1 term: a gain and an offset, or a colour matrix as well.
-enum class ExposureModel { none, gain, affine };
-
 struct PhotometricOptions {
     float weight = 1, ssim = 0.2f;
-    ExposureModel exposure = ExposureModel::none;
-    float exposure_pull = 0.01f;
+    bool exposure = false;
     int exposure_start = 1001;
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
@@ -133,11 +131,8 @@ struct PhotometricOptions {
     void fields(Visitor& field) {
         field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
         field("ssim", ssim, {0, 1}, "share of the SSIM term");
-        field.choice("exposure", exposure, {"false", "true", "affine"},
-                     "true: fit a brightness and an offset per photograph in the L1 term, PGSR; "
-                     "affine: and a matrix of its colours");
-        field("exposure_pull", exposure_pull, {0, 1e6},
-              "of the squares of that matrix, which pulls it to none");
+        field("exposure", exposure,
+              "fit a brightness and an offset per photograph in the L1 term, PGSR");
         field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
         field("exposure_from", exposure_from,
               "finished run whose fitted exposures are held, from the first iteration on, instead "

@@ -15,9 +15,9 @@ class PhotometricLoss final : public Loss<Device> {
 public:
     PhotometricLoss(const PhotometricOptions& o, int views, std::uint64_t seed)
         : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
-          exposure_start_(o.held                              ? 1
-                          : o.exposure != ExposureModel::none ? o.exposure_start
-                                                              : 0),
+          exposure_start_(o.held       ? 1
+                          : o.exposure ? o.exposure_start
+                                       : 0),
           views_(views),
           masks_(uses_masks(o.masks)),
           coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
@@ -26,7 +26,7 @@ public:
                  background_.kind != PhotoBackground::Kind::sky),
           sky_(o.sky),
           seed_(seed),
-          exposure_(o.exposure, o.weight * o.exposure_pull, o.held.get()) {
+          exposure_(o.exposure, o.held.get()) {
         // What the plan will make of `automatic` is not known yet.
         if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
             o.masks != MaskUse::automatic)
@@ -68,7 +68,7 @@ public:
                                  : weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim)
                                                     : 1;
             exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(), limit, objective,
-                             pixel_loss_.span(), value);
+                             pixel_loss_.span());
         }
         if (masks)
             parallel_for(Device{}, pixels,

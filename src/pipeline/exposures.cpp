@@ -23,16 +23,12 @@ std::string file_of(const std::string& run) {
     return run + "/exposure.json";
 }
 
-std::vector<float> values_of(const JsonValue& of_view) {
-    std::vector<float> values;
-    for (const JsonValue& value : of_view.items)
-        values.push_back(static_cast<float>(value.number_or(NAN)));
-    return values;
-}
-
-bool are_usable(const std::vector<float>& values) {
-    return (values.size() == kGainValues || values.size() == kAffineValues) &&
-           std::all_of(values.begin(), values.end(), [](float v) { return std::abs(v) < 10; });
+/// False where these are no numbers that a fit can have.
+bool read_values(const JsonValue& of_view, HeldExposures::value_type& values) {
+    if (of_view.items.size() != values.size()) return false;
+    for (std::size_t k = 0; k < values.size(); ++k)
+        values[k] = static_cast<float>(of_view.items[k].number_or(NAN));
+    return std::all_of(values.begin(), values.end(), [](float v) { return std::abs(v) < 10; });
 }
 
 }  // namespace
@@ -42,9 +38,7 @@ bool has_exposures(const std::string& run) {
     return std::filesystem::is_regular_file(file_of(run), code);
 }
 
-void write_exposures(const std::string& run,
-                     const Scene& scene,
-                     const std::vector<std::vector<float>>& values) {
+void write_exposures(const std::string& run, const Scene& scene, const HeldExposures& values) {
     JsonValue views = JsonValue::object(), root = JsonValue::object();
     for (std::size_t i = 0; i < scene.train.size(); ++i)
         views.members.emplace_back(scene.train[i].name,
@@ -78,11 +72,9 @@ void read_exposures(PhotometricOptions& options, const std::vector<View>& train)
                         str(file, ": has no exposure of ", view.name, ", one of ", train.size(),
                             " training views; expected a run of a scene with all of them "
                             "(loss.photometric.exposure_from)"));
-        held.push_back(values_of(*found->second));
-        if (!are_usable(held.back()) || held.back().size() != held.front().size())
-            throw Error(ExitCode::input,
-                        str(file, ": ", view.name, ": expected ", kGainValues, " or ",
-                            kAffineValues, " numbers, as many of each view"));
+        if (!read_values(*found->second, held.emplace_back()))
+            throw Error(ExitCode::input, str(file, ": ", view.name, ": expected ", kExposureValues,
+                                             " numbers between -10 and 10"));
     }
     options.held = std::make_shared<const HeldExposures>(std::move(held));
     spdlog::info("exposure of {} photographs is held as {} has fitted it", train.size(), run);

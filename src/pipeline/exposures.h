@@ -12,10 +12,8 @@ namespace tvsgs {
 /// Whether a run has left any.
 bool has_exposures(const std::string& run);
 
-/// `values` [view][count of the model]: of scene.train.
-void write_exposures(const std::string& run,
-                     const Scene& scene,
-                     const std::vector<std::vector<float>>& values);
+/// `values`: of scene.train.
+void write_exposures(const std::string& run, const Scene& scene, const HeldExposures& values);
 
 /// Fills options.held with those of options.exposure_from for the training views, by name. Nothing
 /// where that is empty. Throws Error(ExitCode::input) where the run has none, or not of a view.

@@ -209,7 +209,7 @@ TEST_F(Synth, RefusesAndLeavesNothingBehind) {
     EXPECT_EQ(synth("--out " + other("x") + " --views 5 --test-views 4"), 2);
     for (const char* flag :
          {"--elevation-span 57", "--points -1", "--texture 1.1", "--shininess -1",
-          "--background room", "--exposure-drift 1", "--color-drift 1", "--noise -1", "--arc 361"})
+          "--background room", "--exposure-drift 1", "--noise -1", "--arc 361"})
         EXPECT_EQ(synth("--out " + other("x") + " " + flag), 2) << flag;
     EXPECT_EQ(synth(""), 2);
     EXPECT_FALSE(fs::exists(other("x")));

@@ -173,8 +173,6 @@ struct ExposureCase {
     std::vector<std::uint8_t> photo;
     int views = 2, index = 1;
     float ssim = 0.2f;
-    ExposureModel model = ExposureModel::gain;
-    float pull = 0;
 };
 struct ExposureResult {
     double first_value = 0, last_value = 0;
@@ -186,8 +184,7 @@ template <class Device>
 ExposureResult evaluate_exposure(const ExposureCase& c, int steps) {
     PhotometricOptions options;
     options.ssim = c.ssim;
-    options.exposure = c.model;
-    options.exposure_pull = c.pull;
+    options.exposure = true;
     options.exposure_start = 1;
     PhotometricLoss<Device> loss(options, c.views, 0);
     Gaussians<Device> gaussians;

@@ -133,7 +133,7 @@ TEST(Masks, AViewWithoutOneIsComparedWhole) {
 
 TEST(Masks, AnExposureIsNotFittedToWhatIsOutside) {
     MaskCase a = mask_case(MaskUse::object, "white");
-    a.options.exposure = ExposureModel::gain, a.options.exposure_start = 1, a.options.ssim = 0;
+    a.options.exposure = true, a.options.exposure_start = 1, a.options.ssim = 0;
     MaskCase b = a, c = a;
     for (std::size_t i = 0; i < a.color.size(); ++i)
         (a.mask[i] == kObject ? c : b).color[i] = {0, 0, 0};

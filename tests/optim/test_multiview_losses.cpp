@@ -436,17 +436,9 @@ TEST(MultiViewTwins, Exposure) {
         EXPECT_TRUE(close(a.first_value, b.first_value, 1e-5));
         // Five hundred steps of 1e-3; near the optimum signs may differ for some.
         for (int k = 0; k < 2; ++k) EXPECT_NEAR(a.states[1].value[k], b.states[1].value[k], 5e-3);
-        auto matrix = c;
-        matrix.model = ExposureModel::affine, matrix.pull = 0.01f;
-        const auto x = test::evaluate_exposure<Cpu>(matrix, 500),
-                   y = test::evaluate_exposure_cuda(matrix, 500),
-                   again = test::evaluate_exposure_cuda(matrix, 500);
-        EXPECT_TRUE(close(x.first_value, y.first_value, 1e-5));
-        EXPECT_TRUE(close(x.last_value, y.last_value, 2e-2));
-        for (int k = 0; k < kAffineValues; ++k) {
-            EXPECT_NEAR(x.states[1].value[k], y.states[1].value[k], 1e-2) << k;
-            EXPECT_EQ(y.states[1].value[k], again.states[1].value[k]) << k;
-        }
+        const auto again = test::evaluate_exposure_cuda(c, 500);
+        for (int k = 0; k < kExposureValues; ++k)
+            EXPECT_EQ(b.states[1].value[k], again.states[1].value[k]) << k;
     }
 }
 

@@ -412,7 +412,7 @@ TEST(WhatIsOff, IsNeitherRunNorAllocated) {
     const char* const parts[] = {"voting", "other views", "tv_normal", "multi_view_ncc", "normal"};
     TrainOptions bare = o;
     bare.tv.enabled = bare.densify.enabled = false;
-    bare.loss.photometric.exposure = ExposureModel::none;
+    bare.loss.photometric.exposure = false;
     bare.loss.tv_normal.weight = bare.loss.tv_position.weight = bare.loss.normal.weight = 0;
     bare.loss.multi_view_geometry.weight = bare.loss.multi_view_ncc.weight = 0;
     // First, as peaks are those of the program so far.

@@ -39,7 +39,7 @@ inline TrainOptions everything_on(int iterations) {
     o.loss.multi_view_geometry = {0.03f, 7};
     o.loss.multi_view_ncc = {0.15f, 9};
     o.loss.multi_view.max_distance = 3;
-    o.loss.photometric.exposure = ExposureModel::gain;
+    o.loss.photometric.exposure = true;
     o.loss.photometric.exposure_start = 11;
     o.loss.tv_normal.weight = 0.05f;
     o.loss.tv_position.weight = 0.05f;
