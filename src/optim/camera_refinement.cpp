@@ -82,15 +82,12 @@ void shorten(double* x, double most) {
 
 CameraRefinement::CameraRefinement(const Scene& scene, const CameraOptions& options)
     : options_(options) {
-    double sum = 0;
     for (const View& view : scene.train) {
         const Camera& c = view.camera;
         given_.push_back(c);
         const double f = 0.5 * (static_cast<double>(c.fx_px) + static_cast<double>(c.fy_px));
         scale_.push_back({f, scene_depth(c, scene.points.positions)});
-        sum += f;
     }
-    mean_f_ = sum / static_cast<double>(given_.size());
     cameras_ = given_;
     numbers_.assign(3 * parameters() + 1, 0);
     find_gauge();
@@ -146,23 +143,18 @@ void CameraRefinement::remove_gauge() {
 void CameraRefinement::keep_bounds() {
     const double most = static_cast<double>(options_.bound_px);
     for (int i = 0; i < views(); ++i) shorten(motion(i), most), shorten(motion(i) + 3, most);
-    double& focal = numbers_[parameters() - 1];
-    focal = std::clamp(focal, -most, most);
 }
 
 void CameraRefinement::place() {
     for (int i = 0; i < views(); ++i) {
         const auto at = static_cast<std::size_t>(i);
         const Camera& from = given_[at];
-        Camera& to = cameras_[at];
         const auto [f, depth] = scale_[at];
         const Rigid3d moved =
             rigid_exp(vec_at(motion(i)) / f, (depth / f) * vec_at(motion(i) + 3)) *
             Rigid3d{mat_cast<double>(from.camera_from_world.R),
                     vec_cast<double>(from.camera_from_world.t)};
-        to.camera_from_world = {mat_cast<float>(moved.R), vec_cast<float>(moved.t)};
-        to.fx_px = static_cast<float>(from.fx_px * focal_factor());
-        to.fy_px = static_cast<float>(from.fy_px * focal_factor());
+        cameras_[at].camera_from_world = {mat_cast<float>(moved.R), vec_cast<float>(moved.t)};
     }
 }
 
@@ -176,7 +168,6 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
             continue;  // nor are the splats' finite, which take the training back
         for (std::size_t k = 0; k < 6; ++k)
             by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
-        if (options_.focal) by[n - 1] += g[6] / mean_f_;
     }
     // Splats that lag behind the frame would push all views along; Adam would make more of it.
     for (std::size_t g = 0; g < gauge_.size(); g += 2)
@@ -199,10 +190,6 @@ CameraMove CameraRefinement::move(int view) const {
     const double turn = norm(vec_at(motion(view)));
     return {turn, norm(vec_at(motion(view) + 3)),
             turn / scale_[static_cast<std::size_t>(view)].f * 180 / M_PI};
-}
-
-double CameraRefinement::focal_factor() const {
-    return std::exp(numbers_[parameters() - 1] / mean_f_);
 }
 
 void CameraRefinement::restore(std::vector<double> numbers, std::size_t gradients) {

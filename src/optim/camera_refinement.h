@@ -14,14 +14,13 @@
 namespace tvsgs {
 
 struct CameraOptions {
-    bool refine = false, focal = false;
+    bool refine = false;
     int start = 1000;
     float rate = 0.1f, prior = 1e-4f, bound_px = 8;
 
     template <class Visitor>
     void fields(Visitor& field) {
         field("refine", refine, "the training views' poses move along the photometric term");
-        field("focal", focal, "and one factor for the focal lengths of all of them");
         field("start", start, {1, 1e9}, "first iteration");
         field("rate", rate, {0, 10},
               "most pixels by which a number of a pose moves in a round of the views; less where "
@@ -55,7 +54,6 @@ public:
 
     const std::vector<Camera>& cameras() const { return cameras_; }
     CameraMove move(int view) const;
-    double focal_factor() const;
 
     /// All that steps change, to be saved and restored.
     const std::vector<double>& numbers() const { return numbers_; }
@@ -68,7 +66,7 @@ private:
         double f, depth;  // px; world units
     };
 
-    std::size_t parameters() const { return 6 * given_.size() + 1; }
+    std::size_t parameters() const { return 6 * given_.size(); }
     double* motion(int view) { return numbers_.data() + 6 * view; }
     const double* motion(int view) const { return numbers_.data() + 6 * view; }
     void find_gauge();
@@ -79,9 +77,7 @@ private:
     CameraOptions options_;
     std::vector<Camera> given_, cameras_;
     std::vector<PixelScale> scale_;
-    double mean_f_ = 1;
-    // Turn and shift of each view, px; the focal lengths' logarithm times their mean; then both
-    // moments of these; then the number of steps.
+    // Turn and shift of each view, px; then both moments of these; then the number of steps.
     std::vector<double> numbers_;
     std::vector<std::vector<double>> gauge_;  // [6 views] directions, each before its dual
 };

@@ -50,12 +50,9 @@ void adopt_refined_cameras(const std::string& run, Scene& scene) {
     for (View& view : scene.train)
         for (const ColmapImage& image : model.images) {
             if (image.name != view.name) continue;
-            Camera& c = view.camera;
-            const Intrinsics& in = model.cameras.at(image.camera_id);
             const Rigid3d& T = image.camera_from_world;
-            c.camera_from_world = {mat_cast<float>(T.R), vec_cast<float>(T.t + T.R * scene.origin)};
-            c.fx_px = static_cast<float>(in.fx_px * c.width_px / in.width_px);
-            c.fy_px = static_cast<float>(in.fy_px * c.height_px / in.height_px);
+            view.camera.camera_from_world = {mat_cast<float>(T.R),
+                                             vec_cast<float>(T.t + T.R * scene.origin)};
             ++refined;
         }
     spdlog::info("{}: {} of {} training views are where the run has moved them", folder, refined,
@@ -72,7 +69,7 @@ JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined)
                       .add("turn_deg", move.turn_deg)
                       .add("shift_px", move.shift_px));
     }
-    return JsonValue().add("focal_factor", refined.focal_factor()).add("views", views);
+    return JsonValue().add("views", views);
 }
 
 std::string camera_moves_text(const CameraRefinement& refined) {
@@ -87,11 +84,8 @@ std::string camera_moves_text(const CameraRefinement& refined) {
     char text[200];
     std::snprintf(text, sizeof text,
                   "refined poses: turned by %.2f px in the mean (at most %.2f), shifted by %.2f px "
-                  "(%.2f)%s",
-                  sum.turn_px, most.turn_px, sum.shift_px, most.shift_px,
-                  refined.focal_factor() == 1
-                      ? ""
-                      : str("; focal lengths times ", refined.focal_factor()).c_str());
+                  "(%.2f)",
+                  sum.turn_px, most.turn_px, sum.shift_px, most.shift_px);
     return text;
 }
 

@@ -211,8 +211,8 @@ public:
     virtual bool moves_cameras() const { return false; }
 
     /// Adds dL/d of the camera of the last forward() to `sum`, the kCameraNumbers numbers of a
-    /// CameraGradient, on the device. That of the focal lengths is of colours and coverage alone.
-    /// Overwrites what a backward() leaves, which is to be called after it.
+    /// CameraGradient, on the device. Overwrites what a backward() leaves, which is to be called
+    /// after it.
     virtual void add_camera_gradient(const Gaussians<Device>& /*gaussians*/,
                                      const ImageGradients<Device>& /*dL_dimages*/,
                                      Span<double> /*sum*/) {}

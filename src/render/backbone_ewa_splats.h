@@ -85,8 +85,6 @@ struct EwaVjp {
         auto ellipse =
             image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root, g.spread);
         Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
-        if constexpr (requires { visit.dL_dlog_focal; })
-            visit.dL_dlog_focal = projection_focal_vjp(view.camera, p, g.mean, ellipse.dL_dT);
         if constexpr (has_plane(kChannels)) {
             const int axis = smallest_axis(splat.log_scale);
             const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,

@@ -94,8 +94,6 @@ struct RadeVjp {
         auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, smooth.scales,
                                          shape.root, g.spread);
         Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
-        if constexpr (requires { visit.dL_dlog_focal; })
-            visit.dL_dlog_focal = projection_focal_vjp(view.camera, p, g.mean, ellipse.dL_dT);
         if constexpr (kMaps) {
             const auto plane = rade_plane_vjp(view.camera, {to_camera * R, smooth.scales}, p,
                                               {g.features.normal, all.slope, g.features.distance});

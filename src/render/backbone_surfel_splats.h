@@ -115,8 +115,6 @@ struct SurfelVjp {
         low_pass_vjp(surfel_rows(view.camera, pose.axes), shapes[at].low_pass, g.inverse.low_pass,
                      matrix);
         const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, pose.axes.centre, matrix);
-        if constexpr (requires { visit.dL_dlog_focal; })
-            visit.dL_dlog_focal = surfel_focal_vjp(pose.axes, axes);
         const Mat3f& to_camera = view.camera.camera_from_world.R;
         sum.log_scale.x += dot(axes.a, pose.axes.a);
         sum.log_scale.y += dot(axes.b, pose.axes.b);

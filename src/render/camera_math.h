@@ -1,5 +1,5 @@
 // From what the splats of a view hand back to what its camera gets: the derivatives by a rigid
-// motion of the camera, and by its focal lengths.  [docs/method/cameras.md#formula]
+// motion of the camera.  [docs/method/cameras.md#formula]
 #pragma once
 
 #include "core/rigid.h"
@@ -7,21 +7,20 @@
 namespace tvsgs {
 
 /// dL/d of a small motion of the camera, camera_from_world = exp(rotation, translation)
-/// camera_from_world, and of the logarithm of both focal lengths.
+/// camera_from_world.
 template <class Real>
 struct CameraGradient {
     Vec3<Real> rotation, translation;  // per radian, per world unit
-    Real log_focal;
 };
-inline constexpr int kCameraNumbers = 7;
+inline constexpr int kCameraNumbers = 6;
 
 template <class Real>
 TVSGS_HD Real component(const CameraGradient<Real>& g, int k) {
-    return k < 3 ? g.rotation[k] : k < 6 ? g.translation[k - 3] : g.log_focal;
+    return k < 3 ? g.rotation[k] : g.translation[k - 3];
 }
 
-/// One splat's part, without that of the focal lengths. A camera that moves is splats that move the
-/// other way; but their colour knows of the place of the camera alone.
+/// One splat's part. A camera that moves is splats that move the other way; but their colour knows
+/// of the place of the camera alone.
 ///   R                camera_from_world
 ///   offset           mean - camera centre
 ///   dL_dmean         world; of it, what comes through the direction of the harmonics is
@@ -37,7 +36,7 @@ TVSGS_HD CameraGradient<Real> camera_gradient(const Mat3<Real>& R,
     // A turn w of the splat about its centre changes its quaternion by (0, w) quat / 2.
     const Vec3<Real> q{quat.x, quat.y, quat.z}, g{dL_dquat.x, dL_dquat.y, dL_dquat.z};
     const Vec3<Real> by_turn = Real(0.5) * (quat.w * g - dL_dquat.w * q - cross(g, q));
-    return {R * (cross(offset, dL_dmean - dL_ddirection) + by_turn), R * dL_dmean, 0};
+    return {R * (cross(offset, dL_dmean - dL_ddirection) + by_turn), R * dL_dmean};
 }
 
 /// exp of the motion, to the left of a pose.

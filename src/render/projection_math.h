@@ -131,23 +131,6 @@ TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
     return g;
 }
 
-/// The same by the logarithm of both focal lengths. Where u or v is clamped, it is so at a pixel.
-template <class Real>
-TVSGS_HD Real projection_focal_vjp(const Pinhole<Real>& camera,
-                                   Vec3<Real> mean_camera,
-                                   Vec2<Real> dL_dmean2d,
-                                   const ProjectionJacobian<Real>& dL_dT) {
-    const Mat3<Real>& R = camera.camera_from_world.R;
-    const Vec3<Real> by_x{dL_dT.m[0][0], dL_dT.m[0][1], dL_dT.m[0][2]},
-        by_y{dL_dT.m[1][0], dL_dT.m[1][1], dL_dT.m[1][2]};
-    const Vec3<Real> x = R * by_x, y = R * by_y;  // by rows of J
-    const Real inv_z = 1 / mean_camera.z, u = mean_camera.x * inv_z, v = mean_camera.y * inv_z;
-    const Real u_moves = u == clamp(u, camera.u_min, camera.u_max) ? u : 0,
-               v_moves = v == clamp(v, camera.v_min, camera.v_max) ? v : 0;
-    return camera.fx * (u * dL_dmean2d.x + inv_z * (x.x - u_moves * x.z)) +
-           camera.fy * (v * dL_dmean2d.y + inv_z * (y.y - v_moves * y.z));
-}
-
 /// A splat's covariance in the image, px^2, low-pass included, and its determinant.
 template <class Real>
 struct ImageEllipse {

@@ -105,14 +105,12 @@ struct AddGradientsBody {
     }
 };
 
-/// Harmonics whose own gradients nobody wants, only what moves with the camera. A SplatVjp gives
-/// the numbers that it has, of the colours alone.
+/// Harmonics whose own gradients nobody wants, only what moves with the camera.
 struct CameraVisit {
     static constexpr int kGroup = 1;
     const Vec3f* sh;
     std::size_t stride, i;
     Vec3f dL_ddirection{};
-    float dL_dlog_focal = 0;
 
     TVSGS_HD void operator()(int k,
                              const Vec3f (&/*gradient*/)[kGroup],
@@ -141,7 +139,6 @@ struct CameraGradientBody {
         if (!vjp(i, splat, sum, visit)) return;
         gradients[i] = camera_gradient(camera_from_world, splat.mean - centre, sum.mean,
                                        visit.dL_ddirection, splat.quat, sum.quat);
-        gradients[i].log_focal = visit.dL_dlog_focal;
     }
 };
 struct CameraGradientTerm {

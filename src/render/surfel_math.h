@@ -247,15 +247,6 @@ TVSGS_HD SurfelAxes<Real> surfel_axes_vjp(const Pinhole<Real>& camera,
     return {column(0), column(1), column(2)};
 }
 
-/// The same by the logarithm of both focal lengths, from `dL_daxes`: longer ones are axes and
-/// centres stretched along x and y.
-template <class Real>
-TVSGS_HD Real surfel_focal_vjp(const SurfelAxes<Real>& axes, const SurfelAxes<Real>& dL_daxes) {
-    const auto across = [](Vec3<Real> p, Vec3<Real> by) { return p.x * by.x + p.y * by.y; };
-    return across(axes.a, dL_daxes.a) + across(axes.b, dL_daxes.b) +
-           across(axes.centre, dL_daxes.centre);
-}
-
 /// Depths as the distortion measures them, of the inverse: equal steps are equal steps in
 /// disparity. The official far / (far - near) (1 - near / z) but for its constant: only differences
 /// count, and near 1 they would have no digits left.

@@ -40,14 +40,9 @@ struct MovedCamera {
     MovedCamera(const Camera& c, int number, double by) : pinhole(tvsgs::pinhole<double>(c)) {
         Vec3d turn, shift;
         if (number < 3) turn[number] = by;
-        if (number >= 3 && number < 6) shift[number - 3] = by;
+        if (number >= 3) shift[number - 3] = by;
         pinhole.camera_from_world = rigid_exp(turn, shift) * pinhole.camera_from_world;
         centre = inverse(pinhole.camera_from_world).t;
-        if (number < 6) return;
-        const double f = std::exp(by);
-        pinhole.fx *= f, pinhole.fy *= f;
-        for (double* bound : {&pinhole.u_min, &pinhole.u_max, &pinhole.v_min, &pinhole.v_max})
-            *bound /= f;
     }
 };
 
