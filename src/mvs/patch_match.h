@@ -15,7 +15,7 @@ struct StereoOptions {
         min_segment = 100, repetition_range = 64;
     float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 1,
           min_variance = 1e-5f;
-    bool planar_prior = false, use_masks = false;
+    bool use_masks = false;
     std::int64_t seed = 0;
 
     template <class Visitor>
@@ -28,8 +28,6 @@ struct StereoOptions {
         field("iterations", iterations, {1, 32}, "on images alone, at the coarsest size");
         field("geometric_rounds", geometric_rounds, {0, 8},
               "rounds of two iterations that compare the views' depths");
-        field("planar_prior", planar_prior,
-              "planes between sure pixels guide the others, where there is little texture");
         field("min_consistent", min_consistent, {0, 8},
               "other views that must confirm a depth; 0: 1 where up to 4 can see it, else 2");
         field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");

@@ -184,14 +184,12 @@ struct ClearBody {
 /// One iteration for the pixels of one colour, which read planes of the other colour only: the best
 /// planes around are tried, then variations of the best so far.
 struct PropagateBody {
-    static constexpr float kGeometricWeight = 0.2f, kGeometricCap_px = 3, kNoLimit = 1e9f,
-                           kSureCost = 0.1f;
+    static constexpr float kGeometricWeight = 0.2f, kGeometricCap_px = 3, kNoLimit = 1e9f;
     StereoPass pass;
     Checkerboard board;
     int iteration = 0;
-    int best_sources = 0;            // > 0: the cost is the mean of that many best sources
-    Span<const float> depths;        // of all views: their distance counts; empty: images alone
-    Span<const SurfacePlane> prior;  // of this view: likely planes; empty: none
+    int best_sources = 0;      // > 0: the cost is the mean of that many best sources
+    Span<const float> depths;  // of all views: their distance counts; empty: images alone
 
     /// Which sources count for a pixel.
     struct Weights {
@@ -228,50 +226,25 @@ struct PropagateBody {
         if (best_sources == 0) pass.selected[at] = choose_sources(x, y, candidates, weights);
         SurfacePlane best = pass.planes[at];
         float best_cost = plane_cost(x, y, patch, weights, best, kNoLimit);
-        SurfacePlane hint;
-        if (!prior.empty() && best_cost > kSureCost) hint = prior[at];
-        const auto limit = [&](const SurfacePlane& plane) {
-            return hint.depth > 0 ? cost_to_beat(best_cost, best, plane, hint) : best_cost;
-        };
         for (int c = 0; c < candidates.count; ++c) {
             const SurfacePlane& plane = candidates.planes[c];
             const float cost = combined_cost(x, y, plane, weights, kNoLimit,
                                              [&](int j) { return candidates.costs[c][j]; });
-            if (cost < limit(plane)) best_cost = cost, best = plane;
+            if (cost < best_cost) best_cost = cost, best = plane;
         }
 
-        // 3. Variations, and the likely plane itself.
-        for (int k = 0; k < 7; ++k) {
-            const SurfacePlane plane = k == 6 ? hint : variation(k, x, y, ray, best);
+        // 3. Variations.
+        for (int k = 0; k < 6; ++k) {
+            const SurfacePlane plane = variation(k, x, y, ray, best);
             if (!pass.in_range(plane.depth)) continue;
-            const float to_beat = limit(plane);
-            const float cost = plane_cost(x, y, patch, weights, plane, to_beat);
-            if (cost < to_beat) best_cost = cost, best = plane;
+            const float cost = plane_cost(x, y, patch, weights, plane, best_cost);
+            if (cost < best_cost) best_cost = cost, best = plane;
         }
         pass.planes[at] = best;
         pass.costs[at] = best_cost;
     }
 
 private:
-    /// How likely a plane is beside a hint.  [ACMP, Eq. 10]
-    TVSGS_HD float likelihood(const SurfacePlane& plane, const SurfacePlane& hint) const {
-        constexpr float kAngle = 5 * 3.14159265f / 180;
-        const float spread = (1 / pass.far_inverse - 1 / pass.near_inverse) / 64;
-        const float by_depth = (plane.depth - hint.depth) / spread;
-        const float cosine = dot(plane.normal, hint.normal);
-        const float by_angle = std::acos(cosine < 1 ? cosine : 1.0f) / kAngle;
-        return 0.5f + std::exp(-0.5f * (by_depth * by_depth + by_angle * by_angle));
-    }
-    /// The cost below which exp(-cost^2 / 0.18) likelihood is larger for a plane than for the best.
-    TVSGS_HD float cost_to_beat(float best_cost,
-                                const SurfacePlane& best,
-                                const SurfacePlane& plane,
-                                const SurfacePlane& hint) const {
-        const float square = best_cost * best_cost +
-                             0.18f * std::log(likelihood(plane, hint) / likelihood(best, hint));
-        return square > 0 ? std::sqrt(square) : 0;
-    }
-
     /// Regions 0-3: V shapes next to the pixel; 4-7: strips further out. Each offers its plane of
     /// least cost, continued to the pixel.
     TVSGS_HD void add_candidate(int x, int y, int region, Vec3f ray, Candidates& candidates) const {

@@ -11,7 +11,6 @@
 #include "mvs/depth_fusion_bodies.h"
 #include "mvs/depth_segments.h"
 #include "mvs/patch_match.h"
-#include "mvs/planar_prior.h"
 #include "mvs/stereo_images.h"
 #include "mvs/view_selection.h"
 
@@ -43,10 +42,6 @@ public:
             const bool coarsest = level == levels_ - 1;
             for (int k = 0; k < iterations_at(level); ++k)
                 iterate(iteration++, coarsest && k == 0, false);
-            if (options_.planar_prior && level == 0) {
-                iterate_by_prior(iteration);
-                iteration += kPriorIterations;
-            }
             // Coarse levels get one round: it removes what the views do not agree on before it is
             // handed down.
             for (int round = 0; round < rounds_at(level); ++round) {
@@ -70,15 +65,11 @@ private:
         for (int level = 0; level < levels_; ++level)
             for (int v = 0; v < view_count(); ++v) {
                 const Camera& c = level_of(v, level).camera;
-                const bool prior = options_.planar_prior && level == 0;
-                work +=
-                    double(c.width_px) * c.height_px *
-                    (iterations_at(level) + 2 * rounds_at(level) + (prior ? kPriorIterations : 0));
+                work += double(c.width_px) * c.height_px *
+                        (iterations_at(level) + 2 * rounds_at(level));
             }
         return work;
     }
-
-    static constexpr int kPriorIterations = 3;  // [ACMP]
 
     int view_count() const { return static_cast<int>(views_.size()); }
     bool few_views() const { return view_count() <= 5; }
@@ -202,46 +193,17 @@ private:
 
     void iterate(int iteration, bool by_best_sources, bool geometric) {
         for (const StereoPass& pass : passes_) {
-            const int n = pass.sources.size();
+            const int n = pass.sources.size(), width = pass.camera.width_px,
+                      height = pass.camera.height_px;
             if (n == 0) continue;
-            iterate_view(pass, iteration, by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0,
-                         geometric ? std::as_const(depths_).span() : Span<const float>{}, {});
-        }
-    }
-
-    void iterate_view(const StereoPass& pass,
-                      int iteration,
-                      int best_sources,
-                      Span<const float> depths,
-                      Span<const SurfacePlane> prior) {
-        const int width = pass.camera.width_px, height = pass.camera.height_px;
-        for (int color = 0; color < 2; ++color)
-            parallel_for(Device{}, Checkerboard::count(width, height),
-                         PropagateBody{
-                             pass, {width, height, color}, iteration, best_sources, depths, prior});
-        synchronize(Device{});  // what is shown has been done
-        progress_->advance(double(width) * height);
-    }
-
-    /// View by view: on images alone they do not look at each other.
-    void iterate_by_prior(int iteration) {
-        const std::vector<SurfacePlane> planes = to_host(planes_);
-        const std::vector<float> costs = to_host(costs_);
-        std::vector<std::vector<SurfacePlane>> priors(views_.size());
-        parallel_for_heavy(Cpu{}, view_count(), [&](int v) {
-            const std::size_t i = static_cast<std::size_t>(v);
-            if (passes_[i].sources.empty()) return;
-            priors[i] =
-                planar_prior(passes_[i].camera,
-                             of_view(Span<const SurfacePlane>{planes.data(), planes.size()}, v),
-                             of_view(Span<const float>{costs.data(), costs.size()}, v),
-                             options_.use_masks ? pyramids_[i].mask : std::vector<std::uint8_t>());
-        });
-        for (int v = 0; v < view_count(); ++v) {
-            if (priors[v].empty()) continue;
-            copy(priors[v], prior_);
-            for (int k = 0; k < kPriorIterations; ++k)
-                iterate_view(passes_[v], iteration + k, 0, {}, std::as_const(prior_).span());
+            const int best_sources = by_best_sources ? (n <= 2 ? 1 : std::min(4, n)) : 0;
+            const auto depths = geometric ? std::as_const(depths_).span() : Span<const float>{};
+            for (int color = 0; color < 2; ++color)
+                parallel_for(
+                    Device{}, Checkerboard::count(width, height),
+                    PropagateBody{pass, {width, height, color}, iteration, best_sources, depths});
+            synchronize(Device{});  // what is shown has been done
+            progress_->advance(double(width) * height);
         }
     }
 
@@ -360,7 +322,7 @@ private:
 
     // Of all views at the present level, one after another; coarse: of the level before.
     Buffer<float, Device> images_, coarse_images_, costs_, coarse_costs_, depths_;
-    Buffer<SurfacePlane, Device> planes_, coarse_planes_, prior_;
+    Buffer<SurfacePlane, Device> planes_, coarse_planes_;
     Buffer<std::uint8_t, Device> selected_, coarse_selected_;
     Buffer<SourceView, Device> sources_;
     std::vector<std::size_t> source_begin_;

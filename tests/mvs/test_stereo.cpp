@@ -162,41 +162,17 @@ bool on_ball(const test::Surface& s) {
     return s.is_ball;
 }
 
-// A band of the wall, 15 px wide, whose texture is as faint as the noise, between textured borders:
-// the planes across it find more of it (220 and 250 of 693 depths within 1 % on the CPU).
-TEST(Stereo, PlanesBetweenTexturedBordersHelp) {
-    const auto in_band = [](const test::Surface& s) {
-        return !s.is_ball && std::abs(s.point.y + 0.9) < 0.17;
-    };
-    std::vector<View> views = test::arc_views(3, [](const test::Surface& s) {
-        const double value = test::texture(s.point);
-        return std::abs(s.point.y + 0.9) < 0.17 ? 0.5 + 0.02 * (value - 0.5) : value;
-    });
-    add_noise(views, 0.006);
-    StereoOptions o = options();
-    const Quality without = judge_part(views[1], run<Cpu>(views, o).maps[1], in_band);
-    o.planar_prior = true;
-    const Quality with = judge_part(views[1], run<Cpu>(views, o).maps[1], in_band);
-    EXPECT_GT(with.near, 1.05 * without.near);
-    EXPECT_GE(double(with.near) / with.found, double(without.near) / without.found);
-}
-
-// Noise on a plain ball before a textured wall: nothing tells its depth, and the wall's planes must
-// not be drawn across it.
-TEST(Stereo, NoPlanesAcrossPlainObjects) {
+// Noise on a plain ball before a textured wall: nothing tells its depth.
+TEST(Stereo, NoiseOnAPlainObjectGivesNoDepth) {
     std::vector<View> views = test::arc_views(
         3, [](const test::Surface& s) { return s.is_ball ? 0.6 : test::texture(s.point); });
     add_noise(views, 0.01);
-    for (const bool prior : {false, true}) {
-        StereoOptions o = options();
-        o.planar_prior = prior;
-        // 9 px inside the outline, where no patch sees the wall.
-        const Quality ball =
-            judge_part(views[1], run<Cpu>(views, o).maps[1],
-                       [](const test::Surface& s) { return s.is_ball && s.normal.z < -0.6; });
-        ASSERT_GT(ball.pixels, 3000);
-        EXPECT_LT(ball.found, 0.02 * ball.pixels) << "more than chance; planar_prior = " << prior;
-    }
+    // 9 px inside the outline, where no patch sees the wall.
+    const Quality ball = judge_part(views[1], run<Cpu>(views).maps[1], [](const test::Surface& s) {
+        return s.is_ball && s.normal.z < -0.6;
+    });
+    ASSERT_GT(ball.pixels, 3000);
+    EXPECT_LT(ball.found, 0.02 * ball.pixels) << "more than chance";
 }
 
 // A wall whose waves repeat every 10 px: other pieces of it look alike in every view.
@@ -294,16 +270,11 @@ TEST(Stereo, RefusesWhatCannotWork) {
 
 // Rounding differs between the devices and the search is chaotic, so pixels are compared as a
 // crowd: both find nearly the same pixels, and there the same surface.
-class StereoTwins : public testing::TestWithParam<bool> {};
-INSTANTIATE_TEST_SUITE_P(PlanarPrior, StereoTwins, testing::Bool());
-
-TEST_P(StereoTwins, Agree) {
+TEST(StereoTwins, Agree) {
     if (const std::string reason = test::no_cuda(); !reason.empty()) GTEST_SKIP() << reason;
     if constexpr (kHasCuda) {
         const std::vector<View> views = test::arc_views(3, textured);
-        StereoOptions o = options();
-        o.planar_prior = GetParam();
-        const StereoResult cpu = run<Cpu>(views, o), cuda = run<Cuda>(views, o);
+        const StereoResult cpu = run<Cpu>(views), cuda = run<Cuda>(views);
         for (std::size_t v = 0; v < 3; ++v) {
             int both = 0, either = 0, same = 0;
             for (std::size_t i = 0; i < cpu.maps[v].depth.size(); ++i) {
@@ -321,7 +292,7 @@ TEST_P(StereoTwins, Agree) {
             EXPECT_GT(double(q.aligned) / q.found,
                       double(reference.aligned) / reference.found - 0.01);
         }
-        const StereoResult again = run<Cuda>(views, o);
+        const StereoResult again = run<Cuda>(views);
         for (std::size_t v = 0; v < 3; ++v) EXPECT_EQ(again.maps[v].depth, cuda.maps[v].depth);
     }
 }
