@@ -9,10 +9,11 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kGreyScale = 0.04f;  // of an edge of the photograph
-constexpr int kSteps = 200;          // at most, at each size
-constexpr double kResidual = 1e-5;   // of the right-hand side, where the iteration ends
-constexpr int kCoarsest = 8;         // px
+constexpr float kGreyScale = 0.04f;   // of an edge of the photograph
+constexpr float kSmoothness = 0.05f;  // more moves measured pixels, less keeps their noise
+constexpr int kSteps = 200;           // at most, at each size
+constexpr double kResidual = 1e-5;    // of the right-hand side, where the iteration ends
+constexpr int kCoarsest = 8;          // px
 
 using Values = std::vector<double>;
 
@@ -59,7 +60,7 @@ struct System {
     Values diagonal;     // 0: not a pixel of the system
     Values right, down;  // weights of the edges to these neighbours
 
-    System(const Level& level, double smoothness)
+    explicit System(const Level& level)
         : width(level.width),
           diagonal(level.weight),
           right(diagonal.size()),
@@ -68,8 +69,8 @@ struct System {
             if (!level.inside[p] || !level.inside[q]) return 0.0;
             const double step = static_cast<double>(std::abs(level.grey[p] - level.grey[q]));
             // Not so small that a region loses its neighbours.
-            const double e =
-                smoothness * std::max(std::exp(-step / static_cast<double>(kGreyScale)), 1e-6);
+            const double e = static_cast<double>(kSmoothness) *
+                             std::max(std::exp(-step / static_cast<double>(kGreyScale)), 1e-6);
             diagonal[p] += e, diagonal[q] += e;
             return e;
         };
@@ -135,8 +136,8 @@ void conjugate_gradients(const System& system, const Values& b, Values& x) {
 
 /// From the solution at half the size on: a step of the iteration reaches one pixel far, and holes
 /// are wider than there are steps.
-Values solve(const Level& level, double smoothness) {
-    const System system(level, smoothness);
+Values solve(const Level& level) {
+    const System system(level);
     const std::size_t n = level.weight.size();
     Values b(n), x(n);
     double sum = 0, weights = 0;
@@ -146,7 +147,7 @@ Values solve(const Level& level, double smoothness) {
     }
     if (std::max(level.width, level.height) > kCoarsest) {
         const Level coarse = halved(level);
-        const Values half = solve(coarse, smoothness);
+        const Values half = solve(coarse);
         for (std::size_t at = 0; at < n; ++at)
             x[at] = half[at / level.width / 2 * coarse.width + at % level.width / 2];
     } else {
@@ -158,7 +159,7 @@ Values solve(const Level& level, double smoothness) {
 
 }  // namespace
 
-std::vector<float> complete_depth(const SparseDepth& known, float smoothness) {
+std::vector<float> complete_depth(const SparseDepth& known) {
     const std::size_t n = known.depth.size();
     Level level{static_cast<std::size_t>(known.width_px),
                 static_cast<std::size_t>(known.height_px),
@@ -180,7 +181,7 @@ std::vector<float> complete_depth(const SparseDepth& known, float smoothness) {
 
     const double unit = sum / count;  // numbers of about 1, whatever the scene's
     for (double& v : level.value) v /= unit;
-    const Values z = solve(level, static_cast<double>(smoothness));
+    const Values z = solve(level);
     for (std::size_t at = 0; at < n; ++at)
         if (level.inside[at])
             depth[at] = static_cast<float>(1 / std::clamp(z[at] * unit, low, high));

@@ -18,9 +18,9 @@ struct SparseDepth {
 
 /// The depth that minimises, in inverse depth z,
 ///     sum over known p of weight (z - 1 / depth)^2
-///       + smoothness * sum over neighbours p, q of exp(-|grey_p - grey_q| / 0.04) (z_p - z_q)^2,
+///       + 0.05 * sum over neighbours p, q of exp(-|grey_p - grey_q| / 0.04) (z_p - z_q)^2,
 /// by conjugate gradients. Known depths move a little, too. 0 outside the mask, and everywhere
 /// where no depth is known. The same bits from run to run and for any number of threads.
-std::vector<float> complete_depth(const SparseDepth& known, float smoothness);
+std::vector<float> complete_depth(const SparseDepth& known);
 
 }  // namespace tvsgs

@@ -59,10 +59,11 @@ enum Uniqueness : std::uint8_t { kNoDepth, kUnique, kRepeated };
 /// A depth is believed when enough sources saw the same surface, under a sufficient angle, and look
 /// like it; confidence = share of the sources x clamp(1.2 - cost).
 struct FilterBody {
+    static constexpr float kMaxCost = 1;         // 1 - correlation: unrelated patches have it
+    static constexpr int kRepetitionRange = 64;  // px searched for second matches
     StereoPass pass;
     Agreement limits;
-    float max_cost, max_angle_cosine;
-    int repetition_range;                  // px; 0: repetition is not looked for
+    float max_angle_cosine;
     Span<const float> depths;              // of all views
     Span<const SurfacePlane> planes;       // of all views
     Span<const std::uint8_t> mask;         // of this view; empty: everything
@@ -83,7 +84,7 @@ struct FilterBody {
         if (!(share > 0.02f && share < 0.98f)) return;
         ReferencePatch patch;
         make_patch(pass.image, x, y, pass.side, patch);
-        if (!(patch.variance > pass.min_variance)) return;
+        if (!(patch.variance > kMinVariance)) return;
         const Vec3f point = plane.depth * pixel_ray(pass.camera, x, y);
         int agreeing = 0, which[kMaxSources];
         bool wide = false;
@@ -94,7 +95,7 @@ struct FilterBody {
                     .pixel < 0)
                 continue;
             const float cost = pass.source_cost(j, x, y, patch, plane);
-            if (!(cost < max_cost)) continue;
+            if (!(cost < kMaxCost)) continue;
             which[agreeing++] = j;
             cost_sum += cost;
             wide |= triangulation_cosine(source, point) < max_angle_cosine;
@@ -104,9 +105,7 @@ struct FilterBody {
         const float likeness = 1.2f - cost > 1 ? 1 : 1.2f - cost;
         if (!(likeness > 0)) return;
         uniqueness[at] =
-            repetition_range > 0 && is_repeated(x, y, patch, plane, which, agreeing, cost)
-                ? kRepeated
-                : kUnique;
+            is_repeated(x, y, patch, plane, which, agreeing, cost) ? kRepeated : kUnique;
         kept_depths[at] = plane.depth;
         confidences[at] =
             static_cast<float>(agreeing) / static_cast<float>(pass.source_count()) * likeness;
@@ -114,7 +113,7 @@ struct FilterBody {
 
 private:
     /// Whether the patch looks as good elsewhere on its viewing ray: a repeated texture, of which
-    /// no likeness tells the right piece. Looked for within `repetition_range` pixels of the source
+    /// no likeness tells the right piece. Looked for within kRepetitionRange pixels of the source
     /// where it moves fastest, in steps of a pixel; the dip in cost must be one of its own, behind
     /// a rise. Its bottom, between the steps, is that of a parabola.
     TVSGS_HD bool is_repeated(int x,
@@ -136,15 +135,15 @@ private:
         for (int sign = -1; sign <= 1; sign += 2) {
             bool risen = false;
             float before = best, last = best;  // costs of the two steps before
-            for (int step = 1; step <= repetition_range; ++step) {
+            for (int step = 1; step <= kRepetitionRange; ++step) {
                 const float move = static_cast<float>(sign * step) / fastest;
                 if (!pass.in_range(1 / (1 / plane.depth + move))) break;
                 float cost = 0;  // enough of the sum to see that there is no dip
                 for (int k = 0; k < count && cost < (best + 4 * kRise) * static_cast<float>(count);
                      ++k) {
                     const SourceView& source = pass.sources[static_cast<std::size_t>(which[k])];
-                    cost += patch_cost(patch, pass.source_image(source),
-                                       moved(warps[k], source, move), pass.min_variance);
+                    cost +=
+                        patch_cost(patch, pass.source_image(source), moved(warps[k], source, move));
                 }
                 cost /= static_cast<float>(count);
                 if (risen && last <= before && last <= cost) {

@@ -8,9 +8,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr float kSameSurface = 0.01f;  // relative jump of depth
+constexpr float kSameSurface = 0.01f;     // relative jump of depth
+constexpr std::size_t kMinSegment = 100;  // px; wrong depths agree by chance in small pieces
 
-void clear_small_segments(const DepthMapSpan& map, int min_pixels) {
+void clear_small_segments(const DepthMapSpan& map) {
     const int count = map.width * map.height;
     std::vector<char> visited(static_cast<std::size_t>(count), 0);
     std::vector<int> segment;
@@ -31,18 +32,16 @@ void clear_small_segments(const DepthMapSpan& map, int min_pixels) {
                     segment.push_back(other);
                 }
         }
-        if (segment.size() < static_cast<std::size_t>(min_pixels))
+        if (segment.size() < kMinSegment)
             for (const int at : segment) map.depth[at] = map.confidence[at] = 0;
     }
 }
 
 }  // namespace
 
-void remove_small_segments(const std::vector<DepthMapSpan>& maps, int min_pixels) {
-    if (min_pixels <= 1) return;
-    parallel_for_heavy(Cpu{}, static_cast<int>(maps.size()), [&](int i) {
-        clear_small_segments(maps[static_cast<std::size_t>(i)], min_pixels);
-    });
+void remove_small_segments(const std::vector<DepthMapSpan>& maps) {
+    parallel_for_heavy(Cpu{}, static_cast<int>(maps.size()),
+                       [&](int i) { clear_small_segments(maps[static_cast<std::size_t>(i)]); });
 }
 
 }  // namespace tvsgs

@@ -10,7 +10,8 @@ struct DepthMapSpan {
     float* confidence;
 };
 
-/// Clears connected pieces of surface (8 neighbours, depths within 1 %) of fewer than `min_pixels`.
-void remove_small_segments(const std::vector<DepthMapSpan>& maps, int min_pixels);
+/// Clears connected pieces of surface (8 neighbours, depths within 1 %) of fewer than 100
+/// pixels.
+void remove_small_segments(const std::vector<DepthMapSpan>& maps);
 
 }  // namespace tvsgs

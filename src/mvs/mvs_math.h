@@ -10,9 +10,11 @@
 
 namespace tvsgs {
 
-inline constexpr int kMaxSources = 8;       // per reference view; also the bits of a mask of views
-inline constexpr int kMaxPatchSide = 8;     // samples per side of a patch, two pixels apart
-inline constexpr float kWorstCost = 2;      // 1 - correlation of patches that oppose each other
+inline constexpr int kMaxSources = 8;    // per reference view; also the bits of a mask of views
+inline constexpr int kMaxPatchSide = 8;  // samples per side of a patch, two pixels apart
+inline constexpr float kWorstCost = 2;   // 1 - correlation of patches that oppose each other
+// Grey values in [0, 1] of a patch that vary less, by 0.8 of 255 steps, are no texture.
+inline constexpr float kMinVariance = 1e-5f;
 inline constexpr float kMinFacing = 0.05f;  // planes seen flatter than that project to no area
 
 /// A piece of surface in the frame of the camera that sees it: unit normal towards the camera, and
@@ -188,11 +190,10 @@ TVSGS_HD inline SourceSums sum_source(const ReferencePatch& patch,
 /// is not seen or either side has no texture.
 TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
                                  const GreyImage& source,
-                                 const PatchWarp& warp,
-                                 float min_variance) {
+                                 const PatchWarp& warp) {
     const float reach = static_cast<float>(patch.side - 1);
     const float z_spread = reach * (std::abs(warp.per_x.z) + std::abs(warp.per_y.z));
-    if (!(patch.variance > min_variance) || !(warp.at_centre.z > z_spread)) return kWorstCost;
+    if (!(patch.variance > kMinVariance) || !(warp.at_centre.z > z_spread)) return kWorstCost;
     const float inverse_z = 1 / warp.at_centre.z;
     const float u = warp.at_centre.x * inverse_z, v = warp.at_centre.y * inverse_z;
     if (!source.contains(u, v, 0)) return kWorstCost;
@@ -206,7 +207,7 @@ TVSGS_HD inline float patch_cost(const ReferencePatch& patch,
     const SourceSums sums =
         inside ? sum_source<false>(patch, source, warp) : sum_source<true>(patch, source, warp);
     const float variance = sums.square - sums.value * sums.value;
-    if (!(variance > min_variance)) return kWorstCost;
+    if (!(variance > kMinVariance)) return kWorstCost;
     const float cost = 1 - sums.product / std::sqrt(patch.variance * variance);
     return cost < 0 ? 0 : cost > kWorstCost ? kWorstCost : cost;
 }

@@ -11,31 +11,17 @@
 namespace tvsgs {
 
 struct StereoOptions {
-    int max_sources = 8, iterations = 4, geometric_rounds = 2, min_consistent = 0,
-        min_segment = 100, repetition_range = 64;
-    float max_pair_angle = 60, min_angle = 1, depth_near = 0, depth_far = 0, max_cost = 1,
-          min_variance = 1e-5f;
+    int min_consistent = 0;
+    float depth_near = 0, depth_far = 0;
     bool use_masks = false;
     std::int64_t seed = 0;
 
     template <class Visitor>
     void fields(Visitor& field) {
-        field("max_sources", max_sources, {1, 8}, "views that a view is compared with");
-        field("max_pair_angle", max_pair_angle, {1, 120}, "degrees; wider pairs are not compared");
-        field("min_angle", min_angle, {0, 30}, "degrees between the rays of a depth's views");
         field("depth_near", depth_near, {0, 1e9}, "nearest depth; 0: from the scene");
         field("depth_far", depth_far, {0, 1e9}, "farthest depth; 0: from the scene");
-        field("iterations", iterations, {1, 32}, "on images alone, at the coarsest size");
-        field("geometric_rounds", geometric_rounds, {0, 8},
-              "rounds of two iterations that compare the views' depths");
         field("min_consistent", min_consistent, {0, 8},
               "other views that must confirm a depth; 0: 1 where up to 4 can see it, else 2");
-        field("max_cost", max_cost, {0, 2}, "1 - correlation up to which a depth is believed");
-        field("min_variance", min_variance, {0, 1},
-              "of grey values in [0, 1]: less is no texture and gives no depth");
-        field("repetition_range", repetition_range, {0, 1024},
-              "pixels searched for second matches, which tell of repeated texture; 0: none");
-        field("min_segment", min_segment, {0, 1e9}, "pixels; smaller pieces of surface go");
         field("use_masks", use_masks, "only pixels inside the masks");
     }
 };

@@ -19,8 +19,7 @@ struct StereoPass {
     Span<float> costs;
     Span<std::uint8_t> selected;              // sources in use, one bit each
     float far_inverse = 0, near_inverse = 0;  // 1 / depth: the range
-    float min_variance = 0;
-    int side = 6;  // of a patch, in samples
+    int side = 6;                             // of a patch, in samples
     std::uint64_t seed = 0;
 
     TVSGS_HD int source_count() const { return sources.size(); }
@@ -48,7 +47,7 @@ struct StereoPass {
     TVSGS_HD float source_cost(
         int source, int x, int y, const ReferencePatch& patch, const SurfacePlane& plane) const {
         const SourceView& s = sources[static_cast<std::size_t>(source)];
-        return patch_cost(patch, source_image(s), plane_warp(s, camera, x, y, plane), min_variance);
+        return patch_cost(patch, source_image(s), plane_warp(s, camera, x, y, plane));
     }
 };
 
@@ -105,7 +104,7 @@ struct SweepBody {
         const int count = pass.source_count();
         float best_cost = kWorstCost;
         SurfacePlane best{{0, 0, -1}, pass.depth_at(uniform(pass.random(x, y, 0, 0).v[0]))};
-        if (((x + y) & 1) != 0 && patch.variance > pass.min_variance) {
+        if (((x + y) & 1) != 0 && patch.variance > kMinVariance) {
             for (int k = 0; k < kPlanes; ++k) {
                 const SurfacePlane plane{{0, 0, -1},
                                          pass.depth_at((static_cast<float>(k) + 0.5f) / kPlanes)};
@@ -208,7 +207,7 @@ struct PropagateBody {
         const std::size_t at = pass.index(x, y);
         ReferencePatch patch;
         make_patch(pass.image, x, y, pass.side, patch);
-        if (!(patch.variance > pass.min_variance)) {
+        if (!(patch.variance > kMinVariance)) {
             pass.costs[at] = kWorstCost;
             return;
         }

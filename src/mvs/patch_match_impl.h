@@ -27,9 +27,7 @@ public:
         pyramids_ = make_pyramids(views);
         std::vector<Camera> cameras;
         for (const StereoPyramid& pyramid : pyramids_) cameras.push_back(pyramid.levels[0].camera);
-        plans_ = plan_views(
-            cameras, points,
-            {options.max_sources, options.max_pair_angle, options.depth_near, options.depth_far});
+        plans_ = plan_views(cameras, points, options.depth_near, options.depth_far);
         for (const StereoPyramid& pyramid : pyramids_)
             levels_ = std::max(levels_, static_cast<int>(pyramid.levels.size()));
     }
@@ -54,10 +52,12 @@ public:
     }
 
 private:
-    int rounds_at(int level) const {
-        return level == 0 ? options_.geometric_rounds : std::min(1, options_.geometric_rounds);
-    }
-    int iterations_at(int level) const { return level == levels_ - 1 ? options_.iterations : 2; }
+    static constexpr float kMinAngleDeg = 1;  // below, a pixel's error is a large one in depth
+
+    /// Rounds of two iterations that compare the views' depths.
+    static int rounds_at(int level) { return level == 0 ? 2 : 1; }
+    /// On images alone. Finer levels start from the level before.
+    int iterations_at(int level) const { return level == levels_ - 1 ? 4 : 2; }
 
     /// Pixels times iterations, of all levels.
     double all_work() const {
@@ -178,7 +178,6 @@ private:
             pass.selected = of_view(selected_.span(), v);
             pass.far_inverse = 1 / plans_[i].far_depth;
             pass.near_inverse = 1 / plans_[i].near_depth;
-            pass.min_variance = options_.min_variance;
             // A coarse picture of few views has little else to go by.
             pass.side = level == levels_ - 1 && levels_ > 1 && few_views() ? 8 : 6;
             pass.seed = static_cast<std::uint64_t>(options_.seed);
@@ -236,13 +235,11 @@ private:
                                     : std::vector<std::uint8_t>(),
                  mask);
             uniqueness.resize(static_cast<std::size_t>(pixel_count(v)));
-            parallel_for(
-                Device{}, pixel_count(v),
-                FilterBody{pass, filter, options_.max_cost, std::cos(options_.min_angle * degree),
-                           options_.repetition_range, std::as_const(depths_).span(),
-                           std::as_const(planes_).span(), std::as_const(mask).span(),
-                           of_view(kept.span(), v), of_view(confidences.span(), v),
-                           uniqueness.span()});
+            parallel_for(Device{}, pixel_count(v),
+                         FilterBody{pass, filter, std::cos(kMinAngleDeg * degree),
+                                    std::as_const(depths_).span(), std::as_const(planes_).span(),
+                                    std::as_const(mask).span(), of_view(kept.span(), v),
+                                    of_view(confidences.span(), v), uniqueness.span()});
             parallel_for(Device{}, pixel_count(v),
                          DropRepeatedBody{pass.camera.width_px, pass.camera.height_px,
                                           std::as_const(uniqueness).span(), of_view(kept.span(), v),
@@ -257,7 +254,7 @@ private:
             maps.push_back({camera.width_px, camera.height_px, depths.data() + first,
                             confidence.data() + first});
         }
-        remove_small_segments(maps, options_.min_segment);
+        remove_small_segments(maps);
         copy(depths, kept);
         copy(confidence, confidences);
 

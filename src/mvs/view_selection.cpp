@@ -7,12 +7,14 @@
 #include "core/eigen.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "mvs/mvs_math.h"
 
 namespace tvsgs {
 namespace {
 
 constexpr std::size_t kEnoughPoints = 20;  // in a view, for percentiles of their depths
 constexpr double kDegree = 3.14159265358979 / 180;
+constexpr int kMaxPairAngleDeg = 60;  // patches seen from farther apart hardly look alike
 
 /// The point nearest to all optical axes; none when they are parallel.
 std::optional<Vec3d> common_focus(const std::vector<Camera>& cameras) {
@@ -74,7 +76,8 @@ struct Score {
 
 std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
-                                 const ViewPlanOptions& options) {
+                                 float near_depth,
+                                 float far_depth) {
     const std::optional<Vec3d> focus = common_focus(cameras);
     const std::size_t stride = 1 + points.size() / 4000;  // plenty for ranges and scores
     std::vector<ViewPlan> plans(cameras.size());
@@ -85,8 +88,8 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         for (std::size_t k = 0; k < points.size(); k += stride)
             if (is_in_view(cameras[i], points[k])) seen.push_back(points[k]);
         set_range(cameras[i], seen, focus, plan);
-        if (options.near_depth > 0) plan.near_depth = options.near_depth;
-        if (options.far_depth > 0) plan.far_depth = options.far_depth;
+        if (near_depth > 0) plan.near_depth = near_depth;
+        if (far_depth > 0) plan.far_depth = far_depth;
         if (!(plan.near_depth > 0 && plan.far_depth > plan.near_depth))
             throw Error(ExitCode::input,
                         str("view ", i, ": no range of depths: it sees ", seen.size(), " of ",
@@ -112,13 +115,12 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                 angle_sum += angle;
                 ++common;
             }
-            if (common > 0 && angle_sum <= static_cast<double>(options.max_pair_angle) * common &&
-                score > 0)
+            if (common > 0 && angle_sum <= kMaxPairAngleDeg * common && score > 0)
                 scores.push_back({score, static_cast<int>(j)});
         }
         std::stable_sort(scores.begin(), scores.end(),
                          [](const Score& a, const Score& b) { return a.score > b.score; });
-        const auto count = std::min(scores.size(), static_cast<std::size_t>(options.max_sources));
+        const auto count = std::min(scores.size(), std::size_t{kMaxSources});
         for (std::size_t k = 0; k < count; ++k) plan.sources.push_back(scores[k].view);
         with_sources += count > 0;
     }
@@ -126,7 +128,7 @@ std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
         throw Error(ExitCode::input,
                     str("none of the ", cameras.size(),
                         " views shares a part of the scene with another one under at most ",
-                        options.max_pair_angle,
+                        kMaxPairAngleDeg,
                         " degrees; stereo needs overlapping views from different places"));
     if (with_sources < cameras.size())
         spdlog::warn("{} of {} views overlap with no other one and give no depth",

@@ -13,17 +13,13 @@ struct ViewPlan {
     float near_depth = 0, far_depth = 0;
 };
 
-struct ViewPlanOptions {
-    int max_sources;
-    float max_pair_angle;         // degrees
-    float near_depth, far_depth;  // 0: from the points, else from where the cameras look
-};
-
 /// The plan of every view. A source is good when it sees what the view sees, under an angle of
-/// about 5 degrees or more.  [MVSNet, A.2] Throws Error(ExitCode::input) when no view has a source,
-/// and when a range is not given and neither 20 points nor crossing axes tell it.
+/// about 5 degrees or more.  [MVSNet, A.2] A depth of 0 comes from the points, else from where the
+/// cameras look. Throws Error(ExitCode::input) when no view has a source, and when a range is not
+/// given and neither 20 points nor crossing axes tell it.
 std::vector<ViewPlan> plan_views(const std::vector<Camera>& cameras,
                                  const std::vector<Vec3f>& points,
-                                 const ViewPlanOptions& options);
+                                 float near_depth,
+                                 float far_depth);
 
 }  // namespace tvsgs

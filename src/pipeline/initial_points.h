@@ -5,6 +5,7 @@
 #include "pipeline/fixed_points.h"
 #include "pipeline/mask_use.h"
 #include "pipeline/stereo_cloud.h"
+#include "pipeline/stereo_priors.h"
 
 namespace tvsgs {
 

@@ -185,8 +185,7 @@ void provide_maps(const DeviceChoice& device,
     const MapNames wanted = needs_of(options.train.loss).view_maps;
     read_priors(options.priors, wanted, options.scene, scene);
     if (takes_stereo(options.priors))
-        make_stereo_priors(device, stereo_options(options), options.priors.stereo, wanted,
-                           std::move(stereo), scene.train);
+        make_stereo_priors(device, stereo_options(options), wanted, std::move(stereo), scene.train);
     complete_maps(options.train.loss, options.descriptors, scene.train);
 }
 

@@ -4,6 +4,7 @@
 #include "core/device_choice.h"
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
+#include "pipeline/stereo_priors.h"
 
 namespace tvsgs {
 

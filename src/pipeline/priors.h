@@ -7,7 +7,6 @@
 #include "core/prior_conventions.h"
 #include "io/scene_options.h"
 #include "optim/loss.h"
-#include "pipeline/stereo_priors.h"
 
 namespace tvsgs {
 
@@ -16,7 +15,6 @@ struct PriorOptions {
     std::string dir;
     PriorQuantity quantity = PriorQuantity::unknown;
     float max_residual = 0.1f;
-    StereoPriorOptions stereo;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -30,7 +28,6 @@ struct PriorOptions {
         field("max_residual", max_residual, {1e-4, 10},
               "median error of a fitted depth map against the points, in shares of the depth; "
               "a view above is left out");
-        field.group("stereo", stereo, "the maps that stereo makes");
     }
 };
 

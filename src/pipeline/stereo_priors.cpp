@@ -84,8 +84,8 @@ std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<fl
 }
 
 /// What stereo found, its confidences raised above those of what it did not find, and the rest
-/// filled in, if that is wanted.
-StereoMaps completed(const StereoMaps& maps, const StereoPriorOptions& o, const View& view) {
+/// filled in.
+StereoMaps completed(const StereoMaps& maps, const View& view) {
     const std::vector<float> grey = grey_at(view, maps.camera);
     const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
     StereoMaps out = maps;
@@ -95,35 +95,30 @@ StereoMaps completed(const StereoMaps& maps, const StereoPriorOptions& o, const 
         if (!(maps.depth[i] > 0)) continue;
         costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below what planar_prior() trusts
         out.confidence[i] =
-            o.planar_confidence + (1 - o.planar_confidence) * std::max(maps.confidence[i], 0.01f);
+            kPlanarConfidence + (1 - kPlanarConfidence) * std::max(maps.confidence[i], 0.01f);
     }
-    if (!o.complete) return out;
 
-    if (o.planar) {
-        std::vector<SurfacePlane> planes;
-        for (std::size_t i = 0; i < maps.depth.size(); ++i)
-            planes.push_back({maps.normals[i], maps.depth[i]});
-        const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
-                                        {costs.data(), costs.size()}, mask);
-        for (std::size_t i = 0; i < prior.size(); ++i) {
-            if (maps.depth[i] > 0 || !(prior[i].depth > 0) ||
-                !(mask.empty() || mask[i] >= kObjectMask))
-                continue;
-            const int at = static_cast<int>(i), w = maps.camera.width_px;
-            if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
-                  kLeastFacing))
-                continue;
-            out.depth[i] = prior[i].depth, out.normals[i] = prior[i].normal;
-            out.confidence[i] = o.planar_confidence;
-        }
+    std::vector<SurfacePlane> planes;
+    for (std::size_t i = 0; i < maps.depth.size(); ++i)
+        planes.push_back({maps.normals[i], maps.depth[i]});
+    const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
+                                    {costs.data(), costs.size()}, mask);
+    for (std::size_t i = 0; i < prior.size(); ++i) {
+        if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= kObjectMask))
+            continue;
+        const int at = static_cast<int>(i), w = maps.camera.width_px;
+        if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
+              kLeastFacing))
+            continue;
+        out.depth[i] = prior[i].depth, out.normals[i] = prior[i].normal;
+        out.confidence[i] = kPlanarConfidence;
     }
     const std::vector<float> filled = complete_depth(
-        {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask},
-        o.smoothness);
+        {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask});
     for (std::size_t i = 0; i < filled.size(); ++i) {
         if (maps.depth[i] > 0) continue;  // what is measured stays as it is
         out.depth[i] = filled[i];
-        if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = o.fill_confidence;
+        if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = kFillConfidence;
     }
     return out;
 }
@@ -150,10 +145,10 @@ StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
 }
 
 /// Stretched so that the 2nd and 98th percentiles of what is measured are 0 and 1; NaN: none.
-std::vector<float> order_of(const StereoMaps& maps, float least_confidence) {
+std::vector<float> order_of(const StereoMaps& maps) {
     std::vector<float> measured;
     for (std::size_t i = 0; i < maps.depth.size(); ++i)
-        if (maps.confidence[i] > least_confidence) measured.push_back(maps.depth[i]);
+        if (maps.confidence[i] > kPlanarConfidence) measured.push_back(maps.depth[i]);
     const auto percentile = [&](std::size_t percent) {
         const auto at =
             measured.begin() + static_cast<std::ptrdiff_t>((measured.size() - 1) * percent / 100);
@@ -173,7 +168,6 @@ std::vector<float> order_of(const StereoMaps& maps, float least_confidence) {
 }  // namespace
 
 void add_stereo_priors(const std::vector<StereoMaps>& stereo,
-                       const StereoPriorOptions& options,
                        const MapNames& wanted,
                        std::vector<View>& views) {
     for (std::size_t v = 0; v < views.size(); ++v) {
@@ -183,7 +177,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
         if (names.empty() ||
             std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
             continue;
-        StereoMaps maps = resized(completed(stereo[v], options, view), view.camera);
+        StereoMaps maps = resized(completed(stereo[v], view), view.camera);
         // A confidence that came without the depth is of something else.
         if (lacks(view, prior_map::kDepth))
             std::erase_if(view.maps,
@@ -195,7 +189,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
         };
         std::vector<float> normals;
         for (const Vec3f& n : maps.normals) normals.insert(normals.end(), {n.x, n.y, n.z});
-        add(prior_map::kDepthOrder, 1, order_of(maps, options.planar_confidence));
+        add(prior_map::kDepthOrder, 1, order_of(maps));
         add(prior_map::kDepth, 1, std::move(maps.depth));
         add(prior_map::kConfidence, 1, std::move(maps.confidence));
         add(prior_map::kNormal, 3, std::move(normals));
@@ -204,7 +198,6 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
 
 void make_stereo_priors(const DeviceChoice& device,
                         const StereoOptions& stereo,
-                        const StereoPriorOptions& options,
                         const MapNames& wanted,
                         StereoStart start,
                         std::vector<View>& views) {
@@ -230,10 +223,9 @@ void make_stereo_priors(const DeviceChoice& device,
                     str("terms ask for priors, and stereo found no depth in ", views.size(),
                         " views; give priors with the scene, or set the weights of these losses "
                         "to 0"));
-    add_stereo_priors(found, options, wanted, views);
-    spdlog::info("priors by stereo: {:.0f} % of the pixels are measured{}",
-                 100.0 * static_cast<double>(known) / static_cast<double>(pixels),
-                 options.complete ? ", the others filled in" : "");
+    add_stereo_priors(found, wanted, views);
+    spdlog::info("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
+                 100.0 * static_cast<double>(known) / static_cast<double>(pixels));
 }
 
 }  // namespace tvsgs

@@ -100,7 +100,8 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
     expect_refused("init", "--scene scene", 2, "nothing to write");
     expect_refused("init", "--scene scene --out scene", 2, "is a folder");
     expect_refused("init", "--scene scene --out x.ply --spilt train_3", 2, "did you mean --split");
-    expect_refused("init", "--scene scene --out x.ply --set stereo.iteratons=2", 2, "iterations");
+    expect_refused("init", "--scene scene --out x.ply --set stereo.min_consistant=2", 2,
+                   "min_consistent");
     expect_refused("init", "--scene scene --views 0,1,2 --out x.ply --set stereo.min_consistent=3",
                    2, "of 3 views a depth has 2 others");
     expect_refused("init", "--scene scene --out x.ply --device gpu", 2, "expected auto, cpu");
@@ -130,7 +131,7 @@ TEST_F(InitCommand, RefusesWhatCannotWork) {
 }
 
 TEST_F(InitCommand, MapsAreThoseOfTheLastCall) {
-    const std::string maps = "--scene scene --device cpu --set stereo.iterations=1 --maps maps ";
+    const std::string maps = "--scene scene --device cpu --maps maps ";
     ASSERT_EQ(call("init", maps + "--views 0,1,2"), 0) << err();
     std::ofstream(folder_ / "maps/notes.txt") << "of the user";
     ASSERT_EQ(call("init", maps + "--views 1,2 --no-pictures"), 0) << err();

@@ -58,7 +58,7 @@ TEST(CompleteDepth, IsTheMinimum) {
     for (const double share : {0.6, 0.1}) {
         SparseDepth d = random_case(13, 9, share, 3);
         const std::vector<double> expected = solved_directly(d, 0.05);
-        const std::vector<float> got = complete_depth(d, 0.05f);
+        const std::vector<float> got = complete_depth(d);
         for (std::size_t i = 0; i < got.size(); ++i)
             EXPECT_NEAR(got[i], expected[i], 2e-3) << share << ' ' << i;
     }
@@ -69,7 +69,7 @@ TEST(CompleteDepth, KeepsInsideTheMask) {
     for (std::size_t i = 0; i < d.depth.size(); ++i)
         d.mask.push_back(i % 13 < 7 ? std::uint8_t{255} : std::uint8_t{0});
     const std::vector<double> expected = solved_directly(d, 0.05);
-    const std::vector<float> got = complete_depth(d, 0.05f);
+    const std::vector<float> got = complete_depth(d);
     for (std::size_t i = 0; i < got.size(); ++i) {
         if (i % 13 < 7)
             EXPECT_NEAR(got[i], expected[i], 2e-3) << i;
@@ -86,7 +86,7 @@ TEST(CompleteDepth, StopsAtEdgesOfThePhotograph) {
         const auto at = static_cast<std::size_t>(20 * w + x);
         d.depth[at] = depth, d.weight[at] = 1;
     }
-    const std::vector<float> got = complete_depth(d, 0.05f);
+    const std::vector<float> got = complete_depth(d);
     for (int i = 0; i < w * h; ++i)
         EXPECT_NEAR(got[static_cast<std::size_t>(i)], i % w < 30 ? 2 : 4, 0.02) << i;
 }
@@ -102,7 +102,7 @@ TEST(CompleteDepth, CrossesWideHoles) {
             const auto at = static_cast<std::size_t>(y * w + x);
             d.depth[at] = depth, d.weight[at] = 1;
         }
-    const std::vector<float> got = complete_depth(d, 0.05f);
+    const std::vector<float> got = complete_depth(d);
     // Inverse depth is linear in between, but at the ends, which give way.
     for (int x = 0; x < w; x += 50)
         EXPECT_NEAR(1 / got[static_cast<std::size_t>(12 * w + x)], 0.5 - 0.25 * x / (w - 1), 0.01)
@@ -112,7 +112,7 @@ TEST(CompleteDepth, CrossesWideHoles) {
 TEST(CompleteDepth, WorksInAnyUnit) {
     SparseDepth d = random_case(40, 30, 0.2, 8), far = d;
     for (float& v : far.depth) v *= 1024;
-    const std::vector<float> a = complete_depth(d, 0.05f), b = complete_depth(far, 0.05f);
+    const std::vector<float> a = complete_depth(d), b = complete_depth(far);
     for (std::size_t i = 0; i < a.size(); ++i) EXPECT_FLOAT_EQ(1024 * a[i], b[i]);
 }
 
@@ -122,20 +122,20 @@ TEST(CompleteDepth, NothingKnownStaysNothing) {
     std::fill(unsure.weight.begin(), unsure.weight.end(), 0.0f);
     std::fill(broken.depth.begin(), broken.depth.end(), std::nanf(""));
     for (const SparseDepth* d : {&none, &unsure, &broken})
-        for (const float depth : complete_depth(*d, 0.05f)) ASSERT_EQ(depth, 0);
+        for (const float depth : complete_depth(*d)) ASSERT_EQ(depth, 0);
     SparseDepth one = none;
     one.depth[37] = 3, one.weight[37] = 0.01f;
-    for (const float depth : complete_depth(one, 0.05f)) ASSERT_NEAR(depth, 3, 1e-5);
+    for (const float depth : complete_depth(one)) ASSERT_NEAR(depth, 3, 1e-5);
 }
 
 TEST(CompleteDepth, SameBitsForAnyNumberOfThreads) {
     const SparseDepth d = random_case(300, 250, 0.1, 4);
-    const std::vector<float> many = complete_depth(d, 0.05f);
+    const std::vector<float> many = complete_depth(d);
     const int threads = omp_get_max_threads();
     omp_set_num_threads(1);
-    EXPECT_EQ(many, complete_depth(d, 0.05f));
+    EXPECT_EQ(many, complete_depth(d));
     omp_set_num_threads(3);
-    EXPECT_EQ(many, complete_depth(d, 0.05f));
+    EXPECT_EQ(many, complete_depth(d));
     omp_set_num_threads(threads);
 }
 

@@ -37,14 +37,8 @@ Quality judge(const View& view, const StereoMaps& map) {
     return q;
 }
 
-StereoOptions options() {
-    StereoOptions o;
-    o.min_segment = 20;  // the images are small
-    return o;
-}
-
 template <class Device>
-StereoResult run(const std::vector<View>& views, const StereoOptions& o = options()) {
+StereoResult run(const std::vector<View>& views, const StereoOptions& o = {}) {
     return reconstruct_stereo(Device{}, views, {}, o);
 }
 
@@ -102,12 +96,12 @@ TEST(Stereo, ManyViewsConfirmTwice) {
 
 TEST(Stereo, OneConfirmsWhereFewCanSee) {
     const std::vector<View> views = test::arc_views(6, textured, 96, 72, 0.15);
-    StereoOptions twice = options();
+    StereoOptions twice;
     twice.min_consistent = 2;
     const auto outer = [&](const StereoOptions& o) {
         return judge(views[0], run<Cpu>(views, o).maps[0]);
     };
-    const Quality one = outer(options()), two = outer(twice);
+    const Quality one = outer({}), two = outer(twice);
     EXPECT_GT(one.found, 1.1 * two.found);
     // One witness less is not free, but costs less than a hundredth: 0.963 against 0.967.
     EXPECT_GT(double(one.near) / one.found, double(two.near) / two.found - 0.01);
@@ -183,17 +177,12 @@ TEST(Stereo, RepeatedTextureGivesNoPoints) {
         return 0.5 + 0.2 * std::sin(wave * s.point.x) + 0.2 * std::sin(wave * s.point.y);
     });
     const auto on_wall = [](const test::Surface& s) { return !s.is_ball; };
-    StereoOptions o = options();
-    o.repetition_range = 0;
-    const StereoMaps fooled = run<Cpu>(views, o).maps[1];
-    o.repetition_range = 64;
-    const StereoMaps wary = run<Cpu>(views, o).maps[1];
-    const Quality before = judge_part(views[1], fooled, on_wall);
-    ASSERT_GT(before.found - before.near, 0.3 * before.pixels) << "the scene is a trap";
+    const StereoMaps map = run<Cpu>(views).maps[1];
+    const Quality wall = judge_part(views[1], map, on_wall),
+                  ball = judge_part(views[1], map, on_ball);
     // Patches that reach the ball, or the ends of the range, see something unique: 15.5 % of all.
-    EXPECT_LT(judge_part(views[1], wary, on_wall).found, 0.2 * before.pixels);
-    EXPECT_GT(judge_part(views[1], wary, on_ball).near,
-              0.95 * judge_part(views[1], fooled, on_ball).near);
+    EXPECT_LT(wall.found, 0.2 * wall.pixels);
+    EXPECT_GT(ball.near, 0.8 * ball.pixels);
 }
 
 TEST(Stereo, BlankImagesGiveNothing) {
@@ -213,7 +202,7 @@ TEST(Stereo, MasksLimitIt) {
         for (int y = 0; y < 48; ++y)
             for (int x = 0; x < 32; ++x) view.mask.at(x, y) = 255;
     }
-    StereoOptions o = options();
+    StereoOptions o;
     o.use_masks = true;
     const StereoResult result = run<Cpu>(views, o);
     int left = 0, right = 0;
@@ -239,7 +228,7 @@ TEST(Stereo, SameBitsForAnyNumberOfThreads) {
                     a.cloud.confidences[i] == b.cloud.confidences[i]);
     for (std::size_t v = 0; v < 3; ++v) EXPECT_EQ(a.maps[v].depth, b.maps[v].depth);
 
-    StereoOptions other = options();
+    StereoOptions other;
     other.seed = 1;
     EXPECT_NE(run<Cpu>(views, other).maps[0].depth, a.maps[0].depth);
 }

@@ -52,8 +52,7 @@ View ball_view() {
 TEST(StereoPriors, MeasuredFilledAndNothingAreToldApart) {
     std::vector<View> views{ball_view()};
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
-    const StereoPriorOptions o;
-    add_stereo_priors({stereo}, o, kAll, views);
+    add_stereo_priors({stereo}, kAll, views);
     ASSERT_EQ(views[0].maps.size(), 4u);
     const auto &depth = values(views[0], "depth"), &confidence = values(views[0], "confidence"),
                &order = values(views[0], "depth_order"), &normal = values(views[0], "normal");
@@ -71,9 +70,9 @@ TEST(StereoPriors, MeasuredFilledAndNothingAreToldApart) {
                 EXPECT_GT(dot(vec_cast<double>(n), normal_in_camera(views[0].camera, truth)), 0.95);
                 EXPECT_NEAR(norm(n), 1, 1e-5);
             } else {
-                EXPECT_LE(confidence[at], o.planar_confidence);
-                EXPECT_EQ(norm(n) > 0, confidence[at] == o.planar_confidence);
-                (confidence[at] == o.planar_confidence ? planar : filled) += 1;
+                EXPECT_LE(confidence[at], kPlanarConfidence);
+                EXPECT_EQ(norm(n) > 0, confidence[at] == kPlanarConfidence);
+                (confidence[at] == kPlanarConfidence ? planar : filled) += 1;
                 near += std::abs(double(depth[at]) - truth.depth) < 0.05 * truth.depth;
             }
         }
@@ -85,7 +84,7 @@ TEST(StereoPriors, MeasuredFilledAndNothingAreToldApart) {
 TEST(StereoPriors, TheOrderIsDepthStretched) {
     std::vector<View> views{ball_view()};
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
-    add_stereo_priors({stereo}, {}, kAll, views);
+    add_stereo_priors({stereo}, kAll, views);
     const auto &depth = values(views[0], "depth"), &order = values(views[0], "depth_order");
     std::vector<float> measured;
     int below = 0, above = 0;
@@ -107,7 +106,7 @@ TEST(StereoPriors, AHalvedStereoGivesSurfacesWithoutSteps) {
     const auto wall_only = [](const test::Surface&) { return 0.5; };
     Camera camera = test::arc_camera(2 * kWidth, 2 * kHeight, 0.1);
     std::vector<View> views{test::photograph(camera, wall_only)};
-    add_stereo_priors({true_maps(camera, kWidth, kHeight, [](int, int) { return true; })}, {}, kAll,
+    add_stereo_priors({true_maps(camera, kWidth, kHeight, [](int, int) { return true; })}, kAll,
                       views);
     for (const ViewMap& map : views[0].maps) {
         EXPECT_EQ(map.width_px, 2 * kWidth);
@@ -130,24 +129,13 @@ TEST(StereoPriors, AHalvedStereoGivesSurfacesWithoutSteps) {
     EXPECT_GT(checked, 1000);
 }
 
-TEST(StereoPriors, WithoutCompletionHolesStay) {
-    std::vector<View> views{ball_view()};
-    const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
-    add_stereo_priors({stereo}, {.complete = false}, kAll, views);
-    for (std::size_t i = 0; i < stereo.depth.size(); ++i) {
-        EXPECT_EQ(values(views[0], "depth")[i], stereo.depth[i]);
-        EXPECT_EQ(values(views[0], "confidence")[i] > 0, stereo.depth[i] > 0);
-        EXPECT_EQ(std::isnan(values(views[0], "depth_order")[i]), !(stereo.depth[i] > 0));
-    }
-}
-
 TEST(StereoPriors, NothingBeyondTheMask) {
     std::vector<View> views{ball_view()};
     views[0].mask = ImageU8(kWidth, kHeight, 1, 255);
     for (int y = 0; y < kHeight; ++y)
         for (int x = 0; x < 40; ++x) views[0].mask.at(x, y) = 0;
     const auto known = [](int x, int y) { return x >= 40 && kHoles(x, y); };
-    add_stereo_priors({true_maps(views[0].camera, kWidth, kHeight, known)}, {}, kAll, views);
+    add_stereo_priors({true_maps(views[0].camera, kWidth, kHeight, known)}, kAll, views);
     for (int at = 0; at < kWidth * kHeight; ++at) {
         const auto i = static_cast<std::size_t>(at);
         EXPECT_EQ(values(views[0], "depth")[i] > 0, at % kWidth >= 40) << at;
@@ -161,17 +149,17 @@ TEST(StereoPriors, OnlyWhatIsWantedAndMissing) {
     views[2].maps.push_back({"features", 1, 1, 1, {0.5f}});
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
     StereoMaps none = true_maps(views[0].camera, kWidth, kHeight, [](int, int) { return false; });
-    add_stereo_priors({stereo, stereo, stereo}, {}, {"normal", "features", "mask"}, views);
+    add_stereo_priors({stereo, stereo, stereo}, {"normal", "features", "mask"}, views);
     ASSERT_EQ(views[0].maps.size(), 1u);
     EXPECT_EQ(views[0].maps[0].name, "normal");
     EXPECT_EQ(views[0].maps[0].channels, 3);
     ASSERT_EQ(views[1].maps.size(), 2u);
     EXPECT_EQ(views[1].maps[1].name, "normal");
     EXPECT_EQ(views[2].maps.size(), 2u);
-    add_stereo_priors({stereo, stereo, stereo}, {}, kAll, views);
+    add_stereo_priors({stereo, stereo, stereo}, kAll, views);
     EXPECT_EQ(views[1].maps.size(), 2u) << "its order came with it, and its normals are there";
     std::vector<View> blind{ball_view()};
-    add_stereo_priors({none}, {}, kAll, blind);
+    add_stereo_priors({none}, kAll, blind);
     EXPECT_TRUE(blind[0].maps.empty());
 }
 
@@ -180,14 +168,14 @@ TEST(StereoPriors, AddsWhatAViewCameWithout) {
     const StereoMaps stereo = true_maps(views[0].camera, kWidth, kHeight, kHoles);
     const std::vector<float> given(std::size_t(kWidth) * kHeight, 7.0f);
     views[0].maps.push_back({"depth", kWidth, kHeight, 1, given});
-    add_stereo_priors({stereo}, {}, kAll, views);
+    add_stereo_priors({stereo}, kAll, views);
     ASSERT_EQ(views[0].maps.size(), 2u) << "no order or confidence that is another depth's";
     EXPECT_EQ(values(views[0], "depth"), given);
     EXPECT_EQ(views[0].maps[1].name, "normal");
     // A confidence whose depth was left out.
     views = {ball_view()};
     views[0].maps.push_back({"confidence", kWidth, kHeight, 1, given});
-    add_stereo_priors({stereo}, {}, kAll, views);
+    add_stereo_priors({stereo}, kAll, views);
     ASSERT_EQ(views[0].maps.size(), 4u);
     EXPECT_LE(values(views[0], "confidence")[0], 1);
 }
@@ -197,7 +185,7 @@ TEST(StereoPriors, AWallMetHeadOnHasAnOrder) {
     StereoMaps flat = true_maps(views[0].camera, kWidth, kHeight, [](int, int) { return true; });
     std::fill(flat.depth.begin(), flat.depth.end(), 4.0f);
     std::fill(flat.normals.begin(), flat.normals.end(), Vec3f{0, 0, -1});
-    add_stereo_priors({flat}, {}, kAll, views);
+    add_stereo_priors({flat}, kAll, views);
     for (const float v : values(views[0], "depth_order")) ASSERT_EQ(v, 0);
 }
 
@@ -211,10 +199,8 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
     RunOptions options;
     options.train.loss.prior_depth.weight = options.train.loss.relative_depth.weight =
         options.train.loss.prior_normal.weight = 1;
-    options.stereo.min_segment = 20;  // the images are small
     const DeviceChoice cpu = choose_device("cpu");
-    make_stereo_priors(cpu, options.stereo, options.priors.stereo,
-                       needs_of(options.train.loss).view_maps, {}, views);
+    make_stereo_priors(cpu, options.stereo, needs_of(options.train.loss).view_maps, {}, views);
     for (const View& view : views) {
         const auto &depth = values(view, "depth"), &confidence = values(view, "confidence");
         int measured = 0, near = 0, planar = 0, on_plane = 0, filled = 0, about = 0;
@@ -224,7 +210,7 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
                 test::trace(view.camera, at % kWidth + 0.5, at / kWidth + 0.5).depth;
             const double error = std::abs(double(depth[i]) - truth) / truth;
             ASSERT_GT(depth[i], 0);
-            const float planes = options.priors.stereo.planar_confidence;
+            const float planes = kPlanarConfidence;
             if (confidence[i] > planes)
                 ++measured, near += error < 0.01;
             else if (confidence[i] == planes)
@@ -243,8 +229,7 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
     // Views that have all they want are left as they are.
     const auto before = values(views[0], "depth");
     views[0].photo = ImageU8(1, 1, 3);  // no stereo could be made of that
-    make_stereo_priors(cpu, options.stereo, options.priors.stereo,
-                       needs_of(options.train.loss).view_maps, {}, views);
+    make_stereo_priors(cpu, options.stereo, needs_of(options.train.loss).view_maps, {}, views);
     EXPECT_EQ(values(views[0], "depth"), before);
 }
 
@@ -254,7 +239,7 @@ TEST(StereoPriors, BlankPhotographsAreAnError) {
     RunOptions options;
     options.train.loss.prior_depth.weight = 1;
     try {
-        make_stereo_priors(choose_device("cpu"), options.stereo, options.priors.stereo,
+        make_stereo_priors(choose_device("cpu"), options.stereo,
                            needs_of(options.train.loss).view_maps, {}, views);
         FAIL();
     } catch (const Error& error) {
