@@ -209,7 +209,7 @@ struct EllipseBackward {
             const Quat<Real> q = rotation_vjp(quat, to.dL_dR);
             out[0] = q.w, out[1] = q.x, out[2] = q.y, out[3] = q.z;
         } else {
-            const Vec3<Real> dL_dp = projection_vjp(camera, p, Vec2<Real>{}, to.dL_dT, false);
+            const Vec3<Real> dL_dp = projection_vjp(camera, p, Vec2<Real>{}, to.dL_dT);
             out[0] = dL_dp.x, out[1] = dL_dp.y, out[2] = dL_dp.z;
         }
     }

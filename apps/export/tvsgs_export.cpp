@@ -175,7 +175,6 @@ SplatFileOptions file_options(const Arguments& a, const RunOptions& options) {
         throw Error(ExitCode::usage,
                     str("--spz-sh-bits ", a.sh_bits, ": expected two numbers from 1 to 8, as 5,4"));
     out.spz_sh_bits_1 = static_cast<int>(bits[0]), out.spz_sh_bits_rest = static_cast<int>(bits[1]);
-    out.low_pass_px2 = double{options.train.render.low_pass_px2};
     out.antialiased =
         make_backbone<Cpu>(options.train.backbone, options.train.render)->fades_thin_splats();
     return out;

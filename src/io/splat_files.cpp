@@ -120,7 +120,7 @@ std::uintmax_t write_splat_file(const std::string& path,
         write(path, bytes.data(), size = bytes.size());
     } else {
         SplatGlbOptions how;
-        how.frame = frame, how.origin = options.origin, how.low_pass_px2 = options.low_pass_px2;
+        how.frame = frame, how.origin = options.origin;
         how.antialiased = options.antialiased;
         if (options.upright_from_scene) how.upright_from_scene = *options.upright_from_scene;
         const std::string bytes = splat_glb_bytes(path, g, how);

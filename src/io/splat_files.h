@@ -28,7 +28,6 @@ struct SplatFileOptions {
     /// SPZ and SOG in a JSON file beside them, FILE.json, since what draws them has floats only.
     Vec3d origin{};
     std::optional<Mat3<double>> upright_from_scene;  // GLB: as in io/splat_glb.h
-    double low_pass_px2 = 0.3;
 };
 
 /// The file with the origin of an SPZ or SOG file.

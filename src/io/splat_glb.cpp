@@ -12,6 +12,9 @@
 namespace tvsgs {
 namespace {
 
+/// Added to the projected covariance by 3DGS.
+constexpr double kLowPassPx2 = 0.3;
+
 using glb::list_of, glb::put;
 using json = nlohmann::json;
 
@@ -173,7 +176,7 @@ std::string splat_glb_bytes(const std::string& path,
                {"extras",
                 {{"origin", {o.x, o.y, o.z}},
                  {"splats", count},
-                 {"low_pass_px2", options.low_pass_px2},
+                 {"low_pass_px2", kLowPassPx2},
                  {"antialiased", options.antialiased}}}}},
              {"scene", 0},
              {"extensionsUsed", list_of(kExtension)}};

@@ -18,9 +18,9 @@ struct SplatGlbOptions {
     /// The turn of the scene that makes it stand upright, +y up; the file's node gets what is left
     /// of it. By default y points down.
     Mat3<double> upright_from_scene{{{-1, 0, 0}, {0, -1, 0}, {0, 0, 1}}};
-    // Said in asset.extras, as glTF has no words for them.
-    double low_pass_px2 = 0.3;  // added to the projected covariance
-    bool antialiased = false;   // opacities are of a renderer that keeps a splat's mass
+    /// Opacities are of a renderer that keeps a splat's mass; said in asset.extras, as glTF has no
+    /// word for it.
+    bool antialiased = false;
 };
 
 /// The bytes of a GLB with all splats in their order: floats, but for a fallback of coloured points

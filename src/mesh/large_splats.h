@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// Below any render.cull_alpha.
+/// Far below the logit of kMinAlpha.
 inline constexpr float kFaded = -30;
 
 struct FadeLargeBody {

@@ -42,7 +42,7 @@ struct DensifyOptions {
         field("every", every, {1, 1e9}, "iterations between densifications");
         field("opacity_reset_every", opacity_reset_every, {1, 1e9},
               "iterations between opacity resets");
-        // Below, splats that render.cull_alpha leaves out would not come back.
+        // Below, splats that are too faint to be drawn would not come back.
         field("reset_opacity", reset_opacity, {0.00999, 0.999}, "what a reset lowers opacities to");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
         field("gradient_threshold", gradient_threshold, {0, 1e9},

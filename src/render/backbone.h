@@ -106,9 +106,6 @@ enum class SurfaceDepth { automatic, plane, expected, median };
 
 struct BackboneOptions {
     float near = 0.2f;
-    float low_pass_px2 = 0.3f;
-    bool exact_clamp_grad = false;
-    float cull_alpha = 1.0f / 255;
     PixelCenter pixel_center = PixelCenter::exact;
     SurfaceDepth depth = SurfaceDepth::automatic;
 
@@ -116,14 +113,6 @@ struct BackboneOptions {
     void fields(Visitor& field) {
         field("near", near, {1e-6, 1e6},
               "splats nearer to the camera plane than this are not drawn, world units");
-        field("low_pass_px2", low_pass_px2, {0, 10}, "added to the projected covariance, px^2");
-        field("exact_clamp_grad", exact_clamp_grad,
-              "exact gradient where the projection's Jacobian is clamped; "
-              "off: as the official code");
-        field("cull_alpha", cull_alpha, {0.0039, 0.0099},
-              "splats are left out of the tiles and blocks of pixels where they are fainter "
-              "throughout; 1/255: exact, above: faster; at 0.01, where opacity resets put them, "
-              "none would come back");
         field.choice("pixel_center", pixel_center, {"exact", "official"},
                      "rays of depth maps through the pixel centres, or half a pixel off as in "
                      "PGSR's code (for parity studies)");

@@ -37,7 +37,7 @@ class EwaBackbone final : public TiledBackbone<Device> {
 public:
     explicit EwaBackbone(const BackboneOptions& options) : options_(options) {}
 
-    float low_pass_px2() const override { return options_.low_pass_px2; }
+    float low_pass_px2() const override { return kLowPassPx2; }
     Maps maps() const override { return Maps::color | kGeometryMaps | Maps::coverage; }
 
     const RenderedImages<Device>& forward(const Gaussians<Device>& gaussians,
@@ -52,9 +52,7 @@ public:
                  grid_,
                  sh_degree < gaussians.sh_degree ? sh_degree : gaussians.sh_degree,
                  options_.near,
-                 options_.low_pass_px2,
-                 options_.cull_alpha,
-                 options_.exact_clamp_grad};
+                 kLowPassPx2};
         resize_images();
         with_channels(channels_, [&]<Channels kChannels>() { forward_as<kChannels>(gaussians); });
         return images_;

@@ -29,7 +29,7 @@ struct ProjectBody {
         f.p = view.camera.camera_from_world * means[i];
         if (!(f.p.z > view.near) || !is_finite(f.p)) return false;
         const float opacity = sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return false;  // nowhere visible
+        if (!(opacity > kMinAlpha)) return false;  // nowhere visible
         f.R = rotation(normalize(quats[i]));
         f.e = view_ellipse(view, f.p, f.R, exp(log_scales[i]), opacity, /*least_det=*/0);
         return f.e.rect.count() != 0;
@@ -84,7 +84,7 @@ struct EwaVjp {
 
         auto ellipse =
             image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root, g.spread);
-        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
+        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT);
         if constexpr (has_plane(kChannels)) {
             const int axis = smallest_axis(splat.log_scale);
             const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,

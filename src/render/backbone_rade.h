@@ -84,9 +84,7 @@ public:
                  tile_grid(camera.width_px, camera.height_px),
                  sh_degree < g.sh_degree ? sh_degree : g.sh_degree,
                  options_.near,
-                 /*low_pass=*/0,  // the filter stands in for it
-                 options_.cull_alpha,
-                 options_.exact_clamp_grad};
+                 /*low_pass=*/0};  // the filter stands in for it
         resize_images(camera);
         const auto project = [&](auto& to) {
             return ProjectRadeBody{view_,

@@ -41,7 +41,7 @@ struct ProjectRadeBody {
         if (!(f.p.z > view.near) || !is_finite(f.p)) return false;
         f.smooth = smoothed_at(filter, i, log_scales[i]);
         const float opacity = f.smooth.dimming * sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return false;
+        if (!(opacity > kMinAlpha)) return false;
         f.R = rotation(normalize(quats[i]));
         f.e = view_ellipse(view, f.p, f.R, f.smooth.scales, opacity, kLeastRadeDet);
         return f.e.rect.count() != 0;
@@ -93,7 +93,7 @@ struct RadeVjp {
 
         auto ellipse = image_ellipse_vjp(projection_jacobian(view.camera, p), R, smooth.scales,
                                          shape.root, g.spread);
-        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT, view.exact_clamp);
+        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT);
         if constexpr (kMaps) {
             const auto plane = rade_plane_vjp(view.camera, {to_camera * R, smooth.scales}, p,
                                               {g.features.normal, all.slope, g.features.distance});

@@ -40,12 +40,9 @@ public:
                                           Maps maps) override {
         maps_ = has(maps, kGeometryMaps | Maps::distortion);
         color_ = has(maps, Maps::color) || !maps_;
-        view_ = {pinhole<float>(camera),
-                 camera_centre(camera),
+        view_ = {pinhole<float>(camera), camera_centre(camera),
                  tile_grid(camera.width_px, camera.height_px),
-                 sh_degree < g.sh_degree ? sh_degree : g.sh_degree,
-                 options_.near,
-                 options_.cull_alpha};
+                 sh_degree < g.sh_degree ? sh_degree : g.sh_degree, options_.near};
         resize_images(camera);
         const auto project = [&](auto& to) {
             return ProjectSurfelsBody{view_,

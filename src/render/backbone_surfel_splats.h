@@ -13,7 +13,7 @@ struct SurfelView {
     Vec3f centre;  // of the camera, world
     TileGrid grid;
     int sh_degree;
-    float near, cull_alpha;
+    float near;
 };
 
 /// Of a splat, in the camera's frame. `sign`: of the normal, which looks at the camera; 0: edge on.
@@ -60,9 +60,9 @@ struct ProjectSurfelsBody {
         const Vec3f p = f.pose.axes.centre;
         if (!(p.z > view.near) || !is_finite(p) || f.pose.sign == 0) return false;
         const float opacity = sigmoid(opacity_logits[i]);
-        if (!(opacity > view.cull_alpha)) return false;
+        if (!(opacity > kLeastSurfelAlpha)) return false;
         SurfelShape<float>& s = f.shape;
-        if (!surfel_shape(view.camera, f.pose.axes, opacity, view.cull_alpha, s)) return false;
+        if (!surfel_shape(view.camera, f.pose.axes, opacity, s)) return false;
         const Vec2f half{0.5f * (s.high.x - s.low.x), 0.5f * (s.high.y - s.low.y)};
         if (!(half.x < 1e6f) || !(half.y < 1e6f)) return false;
         f.rect =

@@ -32,18 +32,12 @@ inline void require_depth(const char* backbone,
                                          "; expected that or auto, or another backbone"));
 }
 
-/// Refuses an option, off its default, that the rasteriser does not go by.
-inline void refuse(const char* backbone, bool changed, const char* key) {
-    if (changed)
+/// Refuses rays off the pixel centres, for a rasteriser that has none.
+inline void require_exact_rays(const char* backbone, const BackboneOptions& o) {
+    if (o.pixel_center != PixelCenter::exact)
         throw Error(ExitCode::usage,
-                    str("render.", key, ": backbone '", backbone,
+                    str("render.pixel_center: backbone '", backbone,
                         "' does not go by it; expected its default, or another backbone"));
-}
-inline void refuse_low_pass(const char* backbone, const BackboneOptions& o) {
-    refuse(backbone, o.low_pass_px2 != BackboneOptions{}.low_pass_px2, "low_pass_px2");
-}
-inline void refuse_pixel_center(const char* backbone, const BackboneOptions& o) {
-    refuse(backbone, o.pixel_center != PixelCenter::exact, "pixel_center");
 }
 
 template <class Device>
@@ -61,16 +55,13 @@ inline constexpr BackboneEntry<Device> kBackbones[] = {
     {"surfel",
      [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
          require_depth("surfel", o, o.depth != SurfaceDepth::plane, "expected and median");
-         refuse_low_pass("surfel", o);
-         refuse("surfel", o.exact_clamp_grad, "exact_clamp_grad");
-         refuse_pixel_center("surfel", o);
+         require_exact_rays("surfel", o);
          return std::make_unique<SurfelBackbone<Device>>(o);
      }},
     {"rade",
      [](const BackboneOptions& o) -> std::unique_ptr<Backbone<Device>> {
          require_depth("rade", o, o.depth != SurfaceDepth::plane, "expected and median");
-         refuse_low_pass("rade", o);
-         refuse_pixel_center("rade", o);
+         require_exact_rays("rade", o);
          return std::make_unique<RadeBackbone<Device>>(o);
      }},
 };

@@ -23,13 +23,13 @@ struct alignas(16) SplatShape {
     Vec2<Real> mean;         // px, corner convention
     EllipseRoot<Real> root;  // 1/px
     Real opacity;            // activated
-    Real reach;  // splat_reach(): alpha is at least max(kMinAlpha, cull_alpha) where the Gaussian's
-                 // exponent is at most this
+    Real reach;  // splat_reach(): alpha is at least kMinAlpha where the Gaussian's exponent is at
+                 // most this
 };
 
 template <class Real>
-TVSGS_HD Real splat_reach(Real opacity, Real least_alpha = Real(kMinAlpha)) {
-    return std::log(opacity / least_alpha);
+TVSGS_HD Real splat_reach(Real opacity) {
+    return std::log(opacity / Real(kMinAlpha));
 }
 
 /// Half-widths of the box in which alpha can reach kMinAlpha, px.

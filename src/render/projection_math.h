@@ -93,14 +93,13 @@ TVSGS_HD Vec2<Real> project_point(const Pinhole<Real>& camera, Vec3<Real> mean_c
 }
 
 /// Of project_point and projection_jacobian together, with respect to the centre in the camera
-/// frame. `exact_clamp`: where the Jacobian's u or v is clamped, the official code keeps the
-/// unclamped derivative along z; exact is half of it.
+/// frame. Where the Jacobian's u or v is clamped the derivative along z is that of unclamped ones,
+/// twice the exact one, as in the official code.
 template <class Real>
 TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
                                    Vec3<Real> mean_camera,
                                    Vec2<Real> dL_dmean2d,
-                                   const ProjectionJacobian<Real>& dL_dT,
-                                   bool exact_clamp) {
+                                   const ProjectionJacobian<Real>& dL_dT) {
     // T = J R: back to the four entries of J.
     const Mat3<Real>& R = camera.camera_from_world.R;
     const auto by_row = [&](int of_T, int of_R) {
@@ -114,15 +113,11 @@ TVSGS_HD Vec3<Real> projection_vjp(const Pinhole<Real>& camera,
     const Real u_free = mean_camera.x * inv_z, v_free = mean_camera.y * inv_z;
     const Real u = clamp(u_free, camera.u_min, camera.u_max),
                v = clamp(v_free, camera.v_min, camera.v_max);
-    const bool u_clamped = u != u_free, v_clamped = v != v_free;
-    const Real z_factor_u = u_clamped && exact_clamp ? 1 : 2,
-               z_factor_v = v_clamped && exact_clamp ? 1 : 2;
     Vec3<Real> g;
-    g.x = u_clamped ? 0 : -camera.fx * inv_z2 * dL_dj02;
-    g.y = v_clamped ? 0 : -camera.fy * inv_z2 * dL_dj12;
+    g.x = u != u_free ? 0 : -camera.fx * inv_z2 * dL_dj02;
+    g.y = v != v_free ? 0 : -camera.fy * inv_z2 * dL_dj12;
     g.z = -camera.fx * inv_z2 * dL_dj00 - camera.fy * inv_z2 * dL_dj11 +
-          z_factor_u * camera.fx * u * inv_z2 * dL_dj02 +
-          z_factor_v * camera.fy * v * inv_z2 * dL_dj12;
+          2 * camera.fx * u * inv_z2 * dL_dj02 + 2 * camera.fy * v * inv_z2 * dL_dj12;
 
     // The projected centre, from unclamped ratios.
     g.x += camera.fx * inv_z * dL_dmean2d.x;

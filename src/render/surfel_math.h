@@ -84,12 +84,10 @@ TVSGS_HD SurfelRows<Real> surfel_rows(const Pinhole<Real>& camera, const SurfelA
 }
 
 /// False: the surfel is seen on edge, or so near to the camera's plane that its box is unbounded.
-/// `least_alpha`: what is fainter does not draw.
 template <class Real>
 TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
                            const SurfelAxes<Real>& axes,
                            Real opacity,
-                           Real least_alpha,
                            SurfelShape<Real>& s) {
     const SurfelRows<Real> rows = surfel_rows(camera, axes);
     const Vec2<Real>&x = rows.row_x, &y = rows.row_y;
@@ -103,7 +101,7 @@ TVSGS_HD bool surfel_shape(const Pinhole<Real>& camera,
     const SurfelBox<Real> dot_at = surfel_box(rows, Real(kLowPassReach));
     if (!dot_at.bounded) return false;
     s.low_pass = dot_at.centre;
-    const Real reach = std::sqrt(2 * std::log(opacity / least_alpha));
+    const Real reach = std::sqrt(2 * std::log(opacity / Real(kLeastSurfelAlpha)));
     const SurfelBox<Real> box = surfel_box(rows, reach);
     if (!box.bounded) return false;
     const Real blur = reach * Real(0.70710678);  // of the dot

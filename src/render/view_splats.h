@@ -8,14 +8,16 @@
 
 namespace tvsgs {
 
+/// px^2, added to the covariance of an ellipse: none is thinner than about a pixel.  [Kerbl23]
+inline constexpr float kLowPassPx2 = 0.3f;
+
 /// What the projection of a Gaussian needs to know of the view.
 struct ViewParameters {
     Pinhole<float> camera;
     Vec3f centre;  // of the camera, world
     TileGrid grid;
     int sh_degree;
-    float near, low_pass, cull_alpha;
-    bool exact_clamp;
+    float near, low_pass;
 };
 
 /// Where a splat is in the image. No tiles: it is not in view, and the rest means nothing.
@@ -37,8 +39,7 @@ TVSGS_HD inline ViewEllipse view_ellipse(const ViewParameters& view,
     const ImageEllipse<float> e =
         image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
     if (!(e.det > least_det) || !(e.det < 1e30f)) return out;
-    out.shape = {project_point(view.camera, p), ellipse_root(e), opacity,
-                 splat_reach(opacity, view.cull_alpha)};
+    out.shape = {project_point(view.camera, p), ellipse_root(e), opacity, splat_reach(opacity)};
     const TileGrid& grid = view.grid;
     const TileRect rect = tile_rect(out.shape.mean, splat_extent(out.shape), grid);
     // Which of the tiles it meets is tested where their lists are built.

@@ -12,6 +12,7 @@
 #include "io/spz.h"
 #include "optim/splat_order.h"
 #include "pipeline/splat_selection.h"
+#include "render/blend_math.h"
 
 namespace tvsgs {
 namespace {
@@ -63,14 +64,10 @@ void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
 
 }  // namespace
 
-PackedSplats pack_splats(Gaussians<Cpu> g,
-                         std::size_t max_bytes,
-                         int max_splats,
-                         float least_alpha) {
+PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats) {
     std::vector<int> drawn;
     for (int i = 0; i < g.size(); ++i)
-        if (sigmoid(g.opacity_logits[static_cast<std::size_t>(i)]) > least_alpha)
-            drawn.push_back(i);
+        if (sigmoid(g.opacity_logits[static_cast<std::size_t>(i)]) > kMinAlpha) drawn.push_back(i);
     keep_splats(drawn, g);
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;

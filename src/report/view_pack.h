@@ -20,11 +20,8 @@ struct PackedSplats {
 
 /// At most `max_splats`, in at most `max_bytes`: of a lower degree where that is enough, else of
 /// degree 0 and only the largest, by alpha times the two largest scales. Those of at most
-/// `least_alpha` draw nothing and are left out.
-PackedSplats pack_splats(Gaussians<Cpu> splats,
-                         std::size_t max_bytes,
-                         int max_splats,
-                         float least_alpha);
+/// kMinAlpha draw nothing and are left out.
+PackedSplats pack_splats(Gaussians<Cpu> splats, std::size_t max_bytes, int max_splats);
 
 /// Vertices in 16 bits of the mesh's box, colours, errors (a byte each, may be empty), indices.
 struct PackedMesh {

@@ -10,6 +10,7 @@
 #include "io/image_file.h"
 #include "mesh/focus.h"
 #include "render/backbone.h"
+#include "render/blend_math.h"
 #include "render/map_images.h"
 #include "report/figures.h"
 #include "report/page.h"
@@ -231,9 +232,7 @@ private:
         ViewRun& run = runs_[i];
         JsonValue& about = abouts_[i];
         const auto backbone = make_backbone<Cpu>(run.train.backbone, run.train.render);
-        const float least = std::max(run.train.render.cull_alpha, 1.0f / 255);
-        PackedSplats packed =
-            pack_splats(std::move(run.splats), max_bytes, options_.max_splats, least);
+        PackedSplats packed = pack_splats(std::move(run.splats), max_bytes, options_.max_splats);
         const auto count = static_cast<std::size_t>(packed.shown.size());
         if (packed.shown.size() < packed.of)
             note(str(run.name, ": the ", grouped(count), " largest of ",
@@ -249,7 +248,7 @@ private:
         about.set("discs", backbone->flat() ? 1.0 : 0.0);
         about.set("near", run.train.render.near);
         about.set("low_pass", backbone->low_pass_px2());
-        about.set("least_alpha", least);
+        about.set("least_alpha", kMinAlpha);
         if (count > 0) {
             data_ += hold("splats", i, base64({packed.bytes.begin(), packed.bytes.end()}));
             if (run.truth) {

@@ -14,7 +14,6 @@ inline constexpr Maps kAllRadeMaps = Maps::color | kGeometryMaps | Maps::expecte
 inline BackboneOptions with_depth(SurfaceDepth depth) {
     BackboneOptions options;
     options.depth = depth;
-    options.exact_clamp_grad = true;
     return options;
 }
 

@@ -459,32 +459,5 @@ TEST(BlendWork, AgainstEverySplatAtEveryPixel) {
     }
 }
 
-TEST(CullAlpha, LeavesOutOnlyWhatIsFainter) {
-    const Camera camera = test_camera(64, 48);
-    Gaussians<Cpu> g = random_gaussians(1, 1);
-    g.means[0] = {0, 0, 0}, g.log_scales[0] = {-0.5f, -1, -1}, g.opacity_logits[0] = 0;
-    const auto transmittance = [&](float cull_alpha) {
-        BackboneOptions options;
-        options.cull_alpha = cull_alpha;
-        const auto backbone = make_backbone<Cpu>("ewa", options);
-        return to_host(backbone->forward(g, camera, 3, Maps::color).transmittance);
-    };
-    const float alpha = 0.05f;
-    const auto exact = transmittance(BackboneOptions{}.cull_alpha), culled = transmittance(alpha);
-    int differ = 0, drawn = 0;
-    for (std::size_t p = 0; p < exact.size(); ++p) {
-        if (culled[p] != exact[p]) {
-            EXPECT_EQ(culled[p], 1);
-            EXPECT_GT(exact[p], 1 - alpha);
-            ++differ;
-        }
-        drawn += culled[p] < 1;
-    }
-    EXPECT_GT(differ, 20);
-    EXPECT_GT(drawn, 200);
-    g.opacity_logits[0] = -3.2f;  // 0.039
-    for (const float T : transmittance(alpha)) ASSERT_EQ(T, 1);
-}
-
 }  // namespace
 }  // namespace tvsgs

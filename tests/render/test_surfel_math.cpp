@@ -34,7 +34,7 @@ TEST(SurfelMath, RaysMeetThePlaneWhereTheyDo) {
     for (int trial = 0; trial < 400; ++trial) {
         const SurfelAxes<double> axes = random_axes(random, 3, 0.05);
         SurfelShape<double> s;
-        if (!surfel_shape(camera, axes, 0.9, 1.0 / 255, s)) continue;
+        if (!surfel_shape(camera, axes, 0.9, s)) continue;
         const Vec2<double> d{random.uniform(-10, 10), random.uniform(-10, 10)};
         const SurfelHit<double> hit = surfel_hit(s, d);
         const Vec3d ray{(s.mean.x + d.x - camera.cx) / camera.fx,
@@ -64,8 +64,8 @@ TEST(SurfelMath, RaysMeetThePlaneWhereTheyDo) {
 TEST(SurfelMath, BoxesAreTight) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
-    ASSERT_TRUE(surfel_shape(camera, {{0.1, 0, 0}, {0, 0.2, 0}, {0, 0, 2}}, 0.5, 1.0 / 255, s));
-    const double reach = std::sqrt(2 * std::log(0.5 * 255));
+    ASSERT_TRUE(surfel_shape(camera, {{0.1, 0, 0}, {0, 0.2, 0}, {0, 0, 2}}, 0.5, s));
+    const double reach = std::sqrt(2 * std::log(0.5 / double(kLeastSurfelAlpha)));
     EXPECT_NEAR(s.high.x, reach * 0.1 * 500 / 2, 1e-9);
     EXPECT_NEAR(s.low.y, -reach * 0.2 * 520 / 2, 1e-9);
     EXPECT_NEAR(norm(Vec3d{s.low_pass.x, s.low_pass.y, 0}), 0, 1e-12);
@@ -74,7 +74,7 @@ TEST(SurfelMath, BoxesAreTight) {
     test::Random random(2);
     for (int trial = 0; trial < 100; ++trial) {
         const double opacity = random.uniform(0.05, 0.99);
-        if (!surfel_shape(camera, random_axes(random, 3, 0.1), opacity, 1.0 / 255, s)) continue;
+        if (!surfel_shape(camera, random_axes(random, 3, 0.1), opacity, s)) continue;
         const double width = s.high.x - s.low.x, height = s.high.y - s.low.y;
         double nearest = 1e9;
         for (int i = -20; i <= 420; ++i)
@@ -92,16 +92,15 @@ TEST(SurfelMath, BoxesAreTight) {
 TEST(SurfelMath, UnboundedDiscsAreNotDrawn) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
-    EXPECT_FALSE(surfel_shape(camera, {{0, 0.1, 1}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
-    EXPECT_TRUE(surfel_shape(camera, {{0, 0.1, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+    EXPECT_FALSE(surfel_shape(camera, {{0, 0.1, 1}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, s));
+    EXPECT_TRUE(surfel_shape(camera, {{0, 0.1, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, s));
 }
 
 TEST(SurfelMath, DiscsOnEdgeAreNotDrawn) {
     const auto camera = pinhole<double>(test_view());
     SurfelShape<double> s;
-    EXPECT_FALSE(surfel_shape(camera, {{0, 0, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
-    EXPECT_TRUE(
-        surfel_shape(camera, {{0, 1e-5, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, 1.0 / 255, s));
+    EXPECT_FALSE(surfel_shape(camera, {{0, 0, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, s));
+    EXPECT_TRUE(surfel_shape(camera, {{0, 1e-5, 0.5}, {0.1, 0, 0}, {0.1, 0, 2}}, 0.9, s));
 }
 
 /// A splat a thousandth of a pixel's size keeps its digits in float far from the image's corner.
@@ -114,10 +113,10 @@ TEST(SurfelMath, SmallSplatsFarOffAxisInFloat) {
         const SurfelAxes<double> axes = random_axes(random, 50, 0.05);
         SurfelShape<double> s;
         SurfelShape<float> f;
-        if (!surfel_shape(exact, axes, 0.9, 1.0 / 255, s)) continue;
+        if (!surfel_shape(exact, axes, 0.9, s)) continue;
         const SurfelAxes<float> rounded{vec_cast<float>(axes.a), vec_cast<float>(axes.b),
                                         vec_cast<float>(axes.centre)};
-        ASSERT_TRUE(surfel_shape(camera, rounded, 0.9f, 1.0f / 255, f));
+        ASSERT_TRUE(surfel_shape(camera, rounded, 0.9f, f));
         const Vec2<double> d{random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5)};
         const auto a = surfel_hit(s, d);
         const auto b = surfel_hit(f, {static_cast<float>(d.x), static_cast<float>(d.y)});
@@ -140,7 +139,7 @@ std::vector<SurfelShape<double>> shapes_of(const Stack& stack) {
     const auto camera = pinhole<double>(test_view());
     std::vector<SurfelShape<double>> shapes(stack.axes.size());
     for (std::size_t i = 0; i < shapes.size(); ++i)
-        EXPECT_TRUE(surfel_shape(camera, stack.axes[i], stack.opacities[i], 1.0 / 255, shapes[i]));
+        EXPECT_TRUE(surfel_shape(camera, stack.axes[i], stack.opacities[i], shapes[i]));
     return shapes;
 }
 

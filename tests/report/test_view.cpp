@@ -137,7 +137,7 @@ TEST(ViewPack, TheLargestStay) {
         g.log_scales[i] = {-3, i < 40 ? -2.0f : -3.0f, -7};  // the first are twice as large
         g.opacity_logits[i] = i >= 290 ? -9.0f : 1.0f;       // the last draw nothing
     }
-    const PackedSplats packed = pack_splats(std::move(g), 1 << 20, 40, 1.0f / 255);
+    const PackedSplats packed = pack_splats(std::move(g), 1 << 20, 40);
     EXPECT_EQ(packed.of, 290);
     ASSERT_EQ(packed.shown.size(), 40);
     for (const Vec3f p : packed.shown.means.span()) EXPECT_LT(p.x, 39.5f);
@@ -153,7 +153,7 @@ TEST(ViewPack, ManySplatsFillTheRoom) {
             if (!alike) continue;
             for (std::size_t k = 0; k < 4; ++k) g.sh[k * g.means.size() + i] = g.means[i];
         }
-        const PackedSplats packed = pack_splats(std::move(g), room, 1 << 30, 1.0f / 255);
+        const PackedSplats packed = pack_splats(std::move(g), room, 1 << 30);
         EXPECT_EQ(packed.shown.sh_degree, 0);
         EXPECT_LE(packed.bytes.size(), room);
         EXPECT_GE(packed.bytes.size(), room * 9 / 10) << alike;
