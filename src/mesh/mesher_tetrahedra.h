@@ -16,7 +16,7 @@ namespace tvsgs {
 struct TetrahedraMesherOptions {
     PivotKind points = PivotKind::pivots;
     float min_opacity = 0.5f;
-    int views = 2, bisections = 8;
+    int views = 2;
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -28,8 +28,6 @@ struct TetrahedraMesherOptions {
         field("views", views, {1, 2},
               "that have to see through to a point of free space, where more than two have it in "
               "their image; 1: as published");
-        field("bisections", bisections, {0, 20},
-              "of a tetrahedron's edge to find the surface on it");
     }
 };
 
@@ -115,7 +113,7 @@ private:
             return to_device<Device>(positions);
         };
         auto free_ends = ends(&CrossedEdge::free_end), inside_ends = ends(&CrossedEdge::inside_end);
-        find_crossings(splats, views, options_.bisections, free_ends, inside_ends);
+        find_crossings(splats, views, kBisections, free_ends, inside_ends);
         found.mesh.vertices = to_host(free_ends);
         found.mesh.faces = surface.faces;
         found.mesh.colors = detail::mean_colors(seen_colors(in.depth, free_ends), surface.edges,
@@ -157,6 +155,9 @@ private:
                             base.size() * sizeof(Vec3f));
         return base;
     }
+
+    // Of an edge; it leaves 1/256 of the edge's length.
+    static constexpr int kBisections = 8;
 
     TetrahedraMesherOptions options_;
 };
