@@ -18,6 +18,8 @@ Quatf rotation_to(Vec3f n) {
     return normalize(Quatf{1 + n.z, -n.y, n.x, 0});
 }
 
+constexpr float kThickness = 0.1f;  // of discs, along the normal over across
+
 /// Uniform: a normal deviate in four dimensions has no preferred direction.
 Quatf random_rotation(std::uint64_t index) {
     const Vec3f xyz = normal3(random4(0, RandomStream::init, index, 0)),
@@ -160,7 +162,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         g.quats[i] = options.random_rotations ? random_rotation(i) : Quatf{1, 0, 0, 0};
         if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros
             g.quats[i] = rotation_to(normalize(normals[i]));
-            g.log_scales[i].z += std::log(options.thickness);
+            g.log_scales[i].z += std::log(kThickness);
         }
         g.opacity_logits[i] = logit;
         g.sh[i] = (colors[i] - Vec3f{0.5f, 0.5f, 0.5f}) / static_cast<float>(kShC0);

@@ -13,11 +13,11 @@ struct InitOptions {
     float opacity = 0.1f;
     int min_points = 2000;
     bool use_normals = true, random_rotations = false;
-    float thickness = 0.1f, max_extent = 0.05f;
+    float max_extent = 0.05f;
     // A cloud from outside:
     float thin = 0;
-    int max_points = 1500000, outlier_neighbours = 20;
-    float outlier_deviations = 0, min_in_frame = 0.1f;
+    int max_points = 1500000;
+    float min_in_frame = 0.1f;
     std::string fixed_splats;
 
     template <class Visitor>
@@ -29,8 +29,6 @@ struct InitOptions {
               "Gaussians lie flat on the normals of the cloud, where it has any");
         field("random_rotations", random_rotations,
               "Gaussians without a normal have rotations at random; off: none");
-        field("thickness", thickness, {1e-3, 1},
-              "standard deviation along the normal over that across");
         field("max_extent", max_extent, {0, 1e9},
               "largest standard deviation, as a share of the larger side of a photograph that "
               "shows it, at the start; 0: any");
@@ -38,11 +36,6 @@ struct InitOptions {
               "scene.init_ply: one point per cube of that edge, world units; 0: all");
         field("max_points", max_points, {0, 1e9},
               "scene.init_ply and stereo: thinned to at most that many points; 0: all");
-        field("outlier_neighbours", outlier_neighbours, {1, 30},
-              "scene.init_ply: points whose distance to that many others counts");
-        field("outlier_deviations", outlier_deviations, {0, 100},
-              "scene.init_ply: points farther than mean + that many standard deviations from "
-              "their neighbours go; 0: none");
         field("min_in_frame", min_in_frame, {0, 1},
               "scene.init_ply: share of its points that two training views must see, else it is "
               "refused");
@@ -55,7 +48,7 @@ struct InitOptions {
 /// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
 /// three nearest other points, at least 1e-3.5 guard units; identity or random rotations; base
 /// colour from the point. With normals (and use_normals) the third axis is the normal and
-/// `thickness` as long. No deviation exceeds `max_extent` of a photograph: a lonely point near a
+/// a tenth as long. No deviation exceeds `max_extent` of a photograph: a lonely point near a
 /// camera would veil it. Points within 1e-2 guard units of a training camera, where directions and
 /// projections lose their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);

@@ -128,17 +128,20 @@ PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
     return select_points(out, indices);
 }
 
-PointCloud remove_outliers(const PointCloud& cloud, int neighbours, float deviations) {
-    if (cloud.positions.size() <= static_cast<std::size_t>(neighbours)) return cloud;
-    const std::vector<float> squared = mean_squared_neighbour_distance(cloud.positions, neighbours);
+PointCloud remove_outliers(const PointCloud& cloud) {
+    // Enough neighbours for a small clump of outliers to be far from most of them.
+    constexpr int kNeighbours = 20;
+    constexpr double kDeviations = 2;
+    if (cloud.positions.size() <= kNeighbours) return cloud;
+    const std::vector<float> squared =
+        mean_squared_neighbour_distance(cloud.positions, kNeighbours);
     double sum = 0, squares = 0;
     for (const float s : squared) {
         sum += std::sqrt(static_cast<double>(s));
         squares += static_cast<double>(s);
     }
     const double n = static_cast<double>(squared.size()), mean = sum / n;
-    const double limit = mean + static_cast<double>(deviations) *
-                                    std::sqrt(std::max(squares / n - mean * mean, 0.0));
+    const double limit = mean + kDeviations * std::sqrt(std::max(squares / n - mean * mean, 0.0));
     std::vector<std::size_t> kept;
     for (std::size_t i = 0; i < squared.size(); ++i)
         if (std::sqrt(static_cast<double>(squared[i])) <= limit) kept.push_back(i);
@@ -187,10 +190,8 @@ PointCloud prepare_cloud(PointCloud cloud,
     if (options.thin > 0) cloud = thin_cloud(cloud, options.thin);
     if (options.max_points > 0)
         cloud = thin_to_count(cloud, static_cast<std::size_t>(options.max_points));
-    if (options.outlier_deviations > 0)
-        cloud = remove_outliers(cloud, options.outlier_neighbours, options.outlier_deviations);
     if (cloud.positions.size() != given)
-        spdlog::info("{}: {} of {} points are left after thinning, cap and outliers", name,
+        spdlog::info("{}: {} of {} points are left after thinning and cap", name,
                      cloud.positions.size(), given);
     return cloud;
 }

@@ -19,9 +19,9 @@ PointCloud thin_cloud(const PointCloud& cloud, float edge);
 /// possible; unchanged when it has no more.
 PointCloud thin_to_count(const PointCloud& cloud, std::size_t count);
 
-/// Without points whose root mean square distance to their `neighbours` nearest exceeds the mean of
-/// all by `deviations` standard deviations.
-PointCloud remove_outliers(const PointCloud& cloud, int neighbours, float deviations);
+/// Without points whose root mean square distance to their 20 nearest exceeds the mean of all by
+/// two standard deviations.
+PointCloud remove_outliers(const PointCloud& cloud);
 
 /// Shares of the points in front of and inside the images of ...
 struct CloudVisibility {
@@ -29,7 +29,7 @@ struct CloudVisibility {
 };
 CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View>& views);
 
-/// All of the above for a cloud from outside, as the options say. `name` is for messages. Throws
+/// Thins a cloud from outside and caps its size, as the options say. `name` is for messages. Throws
 /// Error(ExitCode::input) when too few points lie where two training views look.
 PointCloud prepare_cloud(PointCloud cloud,
                          const std::vector<View>& views,

@@ -59,7 +59,7 @@ inline StereoResult stereo_cloud(const DeviceChoice& device,
     }
     const std::size_t most = std::min(max_points, pixels / 2);
     result.cloud = thin_to_count(result.cloud, most);
-    result.cloud = remove_outliers(result.cloud, 20, 2);
+    result.cloud = remove_outliers(result.cloud);
     spdlog::info(
         "stereo of {} views: {} points in {:.2f} s; {} after thinning and outliers, {:.2f} s",
         views.size(), found, stereo_seconds, result.cloud.positions.size(),
