@@ -23,6 +23,10 @@ TVSGS_HD Real order_sign(Real a, Real b, Real dead_zone) {
     return difference > 0 ? Real(1) : difference < 0 ? Real(-1) : Real(0);
 }
 
+/// By how much the farther pixel of a pair is to be farther, in the unit of lengths of the losses:
+/// it keeps pairs apart that a render has at one depth.  [FatesGS] [VGGS]
+inline constexpr float kOrderMargin = 1e-4f;
+
 /// max(sign * difference + margin, 0): what is out of order, `difference` = D(q) - D(p) and `sign`
 /// that of M(p) - M(q). Equal priors cost the margin and pull nothing.  [VGGS]
 template <class Real>

@@ -11,7 +11,6 @@
 #include "core/options.h"
 #include "core/parallel.h"
 #include "core/state.h"
-#include "optim/depth_order_options.h"
 #include "optim/depth_prior_options.h"
 #include "optim/device_view.h"
 #include "optim/other_views.h"
@@ -200,9 +199,7 @@ struct LossOptions {
     NormalConsistencyOptions normal_consistency;
     ScheduledOptions multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
     ViewPairOptions multi_view;
-    DepthRankOptions depth_rank;
-    DepthSmoothOptions depth_smooth;
-    FeatureOptions features;
+    ScheduledOptions depth_rank, depth_smooth, features;
     RelativeDepthOptions relative_depth;
     PriorNormalOptions prior_normal;
     PriorDepthOptions prior_depth;

@@ -182,8 +182,7 @@ private:
                                  prior_confidence, options_.anchor_confidence, confidence_.span()});
 
         // Rare, so the rest of the choice is on the host.
-        const std::vector<int> anchors =
-            choose_anchors(options_.anchors, images.width, images.height, to_host(confidence_));
+        const std::vector<int> anchors = choose_anchors(images.width, to_host(confidence_));
         const std::vector<float> depths = to_host(images.depth),
                                  priors = to_host(in.view.map(prior_map::kDepthOrder)->values);
         std::vector<double> depth, wanted;
@@ -191,7 +190,7 @@ private:
             depth.push_back(static_cast<double>(depths[static_cast<std::size_t>(at)]));
             wanted.push_back(static_cast<double>(priors[static_cast<std::size_t>(at)]));
         }
-        const auto fit = fit_affine(options_.fit, wanted, depth);
+        const auto fit = fit_affine(wanted, depth);
         if (!fit) return;
         // A slope far from the last one is not believed, unless the next one is like it.
         const double ratio = fit->slope / static_cast<double>(made.slope);

@@ -13,8 +13,6 @@ struct DepthRankBody {
     int width;
     Random4 key;
     Span<const float> depth, transmittance, order, confidence;
-    Span<const float> metric;  // the prior's depth, where there is a dead zone
-    float margin, dead_zone;
     float per_length;  // lengths in the unit of the loss
     float weight_per_pair;
     Span<float> pair_loss;  // overwritten
@@ -24,18 +22,13 @@ struct DepthRankBody {
         return depth[at] > 0 && transmittance[at] <= 0.5f && order[at] - order[at] == 0 &&
                confidence_at(confidence, at) > 0;
     }
-    TVSGS_HD bool differ(int a, int b) const {
-        if (!(dead_zone > 0)) return true;
-        const float nearer = metric[a] < metric[b] ? metric[a] : metric[b];
-        return nearer > 0 && std::abs(metric[a] - metric[b]) >= dead_zone * nearer;
-    }
 
     TVSGS_HD void operator()(int i) const {
         pair_loss[i] = 0;
         const auto [a, b] = pixel_pair(grid, width, i, key);
-        if (!known(a) || !known(b) || !differ(a, b)) return;
+        if (!known(a) || !known(b)) return;
         const auto pair = order_hinge(order_sign(order[a], order[b], 0.0f),
-                                      per_length * (depth[b] - depth[a]), margin);
+                                      per_length * (depth[b] - depth[a]), kOrderMargin);
         pair_loss[i] = weight_per_pair * pair.value;
         const float slope = weight_per_pair * per_length * pair.slope;
         dL_ddepth[a] -= slope;
@@ -51,48 +44,45 @@ struct DepthRankBody {
 template <class Device>
 class DepthRankLoss final : public Loss<Device> {
 public:
+    static constexpr LossNeeds kNeeds{
+        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+
     /// `length_unit`: world units that count as 1.
-    DepthRankLoss(const DepthRankOptions& options, float length_unit, std::uint64_t seed)
+    DepthRankLoss(const ScheduledOptions& options, float length_unit, std::uint64_t seed)
         : options_(options), length_unit_(length_unit), seed_(seed) {}
 
     const char* name() const override { return "depth_rank"; }
     bool active(int step) const override { return step >= options_.start; }
-    LossNeeds needs() const override {
-        LossNeeds needs{.maps = Maps::depth,
-                        .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
-        if (options_.dead_zone > 0) needs.view_maps.add(prior_map::kDepth);
-        return needs;
-    }
+    LossNeeds needs() const override { return kNeeds; }
 
     void add_to(Objective<Device>& objective,
                 double* value,
                 const LossInputs<Device>& in) override {
-        const auto order = prior_values(in.view, prior_map::kDepthOrder),
-                   metric = prior_values(in.view, prior_map::kDepth);
-        if (order.empty() || (options_.dead_zone > 0 && metric.empty())) return;
+        const auto order = prior_values(in.view, prior_map::kDepthOrder);
+        if (order.empty()) return;
         const auto& images = in.images;
         for (const int fewer : {0, 1}) {
             const PatchGrid grid = patch_grid(images.width, images.height, fewer);
             const int pairs = grid.pairs();
             if (pairs == 0) continue;
             pair_loss_.resize(static_cast<std::size_t>(pairs));
-            parallel_for(Device{}, pairs,
-                         DepthRankBody{grid, images.width,
-                                       random4(seed_, RandomStream::depth_ranks,
-                                               static_cast<std::uint64_t>(in.step),
-                                               static_cast<std::uint32_t>(fewer)),
-                                       images.depth.span(), images.transmittance.span(), order,
-                                       prior_values(in.view, prior_map::kConfidence), metric,
-                                       options_.margin, options_.dead_zone, 1 / length_unit_,
-                                       options_.weight / (2 * static_cast<float>(pairs)),
-                                       pair_loss_.span(), objective.dL_dimages.depth.span()});
+            parallel_for(
+                Device{}, pairs,
+                DepthRankBody{
+                    grid, images.width,
+                    random4(seed_, RandomStream::depth_ranks, static_cast<std::uint64_t>(in.step),
+                            static_cast<std::uint32_t>(fewer)),
+                    images.depth.span(), images.transmittance.span(), order,
+                    prior_values(in.view, prior_map::kConfidence), 1 / length_unit_,
+                    options_.weight / (2 * static_cast<float>(pairs)), pair_loss_.span(),
+                    objective.dL_dimages.depth.span()});
             add_sum(Device{}, pairs, ReadValue{std::as_const(pair_loss_).span()}, 1,
                     objective.partial.span(), value);
         }
     }
 
 private:
-    DepthRankOptions options_;
+    ScheduledOptions options_;
     float length_unit_;
     std::uint64_t seed_;
     Buffer<float, Device> pair_loss_;

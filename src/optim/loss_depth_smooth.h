@@ -2,7 +2,6 @@
 #pragma once
 
 #include "optim/depth_order_math.h"
-#include "optim/edge_strength.h"
 #include "optim/loss.h"
 #include "optim/prior_values.h"
 
@@ -11,10 +10,11 @@ namespace tvsgs {
 /// Pixel p costs what it differs from its neighbours to the right and below; it takes the
 /// derivatives of all four of its steps.
 struct DepthSmoothBody {
+    static constexpr float kTolerance = 1e-4f;  // steps in the unit of lengths that cost nothing
+    static constexpr float kPriorStep = 0.01f;  // of the prior's order: from there on an edge
+
     int width, height;
     Span<const float> depth, transmittance, order, confidence;
-    const std::uint8_t* photo;
-    float tolerance, prior_step, color_step;
     float per_length;                  // lengths in the unit of the loss
     float weight_across, weight_down;  // per step along either axis
     Span<float> pixel_loss;            // overwritten
@@ -25,10 +25,8 @@ struct DepthSmoothBody {
     }
     TVSGS_HD Penalty<float> step(int p, int q) const {
         // What is not a number is no place without an edge.
-        if (!(std::abs(order[q] - order[p]) < prior_step) || !known(p) || !known(q) ||
-            !(color_difference(photo, p, q) <= color_step))
-            return {};
-        return smooth_pair(per_length * depth[p], per_length * depth[q], tolerance);
+        if (!(std::abs(order[q] - order[p]) < kPriorStep) || !known(p) || !known(q)) return {};
+        return smooth_pair(per_length * depth[p], per_length * depth[q], kTolerance);
     }
 
     TVSGS_HD void operator()(int at) const {
@@ -50,8 +48,8 @@ struct DepthSmoothBody {
 };
 
 /// mean over steps between neighbours along x, and the same along y, of [|D_q - D_p| - tolerance]+;
-/// steps across an edge of the prior (or of the photograph), of a pixel without depth or prior, or
-/// covered to less than a half cost nothing, and count in the mean.
+/// steps across an edge of the prior, of a pixel without depth or prior, or covered to less than a
+/// half cost nothing, and count in the mean.
 /// [docs/method/fates.md#smoothness]
 template <class Device>
 class DepthSmoothLoss final : public Loss<Device> {
@@ -60,7 +58,7 @@ public:
         .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
 
     /// `length_unit`: world units that count as 1.
-    DepthSmoothLoss(const DepthSmoothOptions& options, float length_unit)
+    DepthSmoothLoss(const ScheduledOptions& options, float length_unit)
         : options_(options), length_unit_(length_unit) {}
 
     const char* name() const override { return "depth_smooth"; }
@@ -78,19 +76,17 @@ public:
             return steps > 0 ? options_.weight / static_cast<float>(steps) : 0.0f;
         };
         pixel_loss_.resize(images.depth.size());
-        parallel_for(
-            Device{}, w * h,
-            DepthSmoothBody{w, h, images.depth.span(), images.transmittance.span(), order,
-                            prior_values(in.view, prior_map::kConfidence), in.view.photo.data(),
-                            options_.tolerance, options_.prior_step, options_.color_step,
-                            1 / length_unit_, mean_of((w - 1) * h), mean_of(w * (h - 1)),
-                            pixel_loss_.span(), objective.dL_dimages.depth.span()});
+        parallel_for(Device{}, w * h,
+                     DepthSmoothBody{w, h, images.depth.span(), images.transmittance.span(), order,
+                                     prior_values(in.view, prior_map::kConfidence),
+                                     1 / length_unit_, mean_of((w - 1) * h), mean_of(w * (h - 1)),
+                                     pixel_loss_.span(), objective.dL_dimages.depth.span()});
         add_sum(Device{}, w * h, ReadValue{std::as_const(pixel_loss_).span()}, 1,
                 objective.partial.span(), value);
     }
 
 private:
-    DepthSmoothOptions options_;
+    ScheduledOptions options_;
     float length_unit_;
     Buffer<float, Device> pixel_loss_;
 };

@@ -52,23 +52,25 @@ struct HasDepth {
 };
 
 struct FeatureBody {
+    // 1 - cosine of two descriptors from which on they do not show the same.  [FatesGS]
+    static constexpr float kMaxError = 0.5f;
+
     ViewPair<float> pair;
     Camera camera;  // of the reference
     FeatureMap here, there;
     Span<const float> depth, transmittance;
-    Span<const std::int64_t> nearest;  // empty: all points are visible
+    Span<const std::int64_t> nearest;  // [H W] of the other view
     const double* count;               // of the pixels with depth
-    float max_error;
-    float weight;            // of their mean
-    Span<float> pixel_loss;  // added to
-    Span<float> dL_ddepth;   // added to
+    float weight;                      // of their mean
+    Span<float> pixel_loss;            // added to
+    Span<float> dL_ddepth;             // added to
 
     TVSGS_HD void operator()(int at) const {
         const int x = at % camera.width_px, y = at / camera.width_px;
         const Vec3f ray = pixel_ray(camera, x, y);
         const auto seen = seen_point(pair, ray, depth[at]);
         if (!seen.inside || !(transmittance[at] <= 0.5f) ||
-            (!nearest.empty() && !is_nearest(nearest[pixel_of(pair, seen)], at)))
+            !is_nearest(nearest[pixel_of(pair, seen)], at))
             return;
         const Vec2f scale_here{
             static_cast<float>(here.width) / static_cast<float>(camera.width_px),
@@ -79,7 +81,7 @@ struct FeatureBody {
             here,
             Vec2f{scale_here.x * (static_cast<float>(x) + 0.5f),
                   scale_here.y * (static_cast<float>(y) + 0.5f)},
-            there, Vec2f{scale_there.x * seen.point.x, scale_there.y * seen.point.y}, max_error);
+            there, Vec2f{scale_there.x * seen.point.x, scale_there.y * seen.point.y}, kMaxError);
         if (!match.valid) return;
         const float scale = weight / static_cast<float>(*count);
         pixel_loss[at] += scale * match.error;
@@ -102,7 +104,7 @@ public:
         .other_views = 2,
         .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
 
-    explicit FeatureLoss(const FeatureOptions& options) : options_(options) {}
+    explicit FeatureLoss(const ScheduledOptions& options) : options_(options) {}
 
     const char* name() const override { return "features"; }
     bool active(int step) const override { return step >= options_.start; }
@@ -139,14 +141,11 @@ private:
         const auto& images = in.images;
         const int pixels = images.width * images.height;
         const ViewPair<float>& pair = other.pair();
-        nearest_.resize(options_.z_buffer ? static_cast<std::size_t>(pair.other.width) *
-                                                static_cast<std::size_t>(pair.other.height)
-                                          : 0);
+        nearest_.resize(static_cast<std::size_t>(pair.other.width) *
+                        static_cast<std::size_t>(pair.other.height));
         parallel_for(Device{}, static_cast<int>(nearest_.size()), FillNoPointBody{nearest_.span()});
-        if (options_.z_buffer)
-            parallel_for(
-                Device{}, pixels,
-                NearestPointBody{pair, images.camera, images.depth.span(), nearest_.span()});
+        parallel_for(Device{}, pixels,
+                     NearestPointBody{pair, images.camera, images.depth.span(), nearest_.span()});
         const bool both = in.view.map(prior_map::kCoarseFeatures) != nullptr &&
                           other.view().map(prior_map::kCoarseFeatures) != nullptr;
         const auto at_scale = [&](std::string_view name, float share) {
@@ -160,8 +159,8 @@ private:
                 Device{}, pixels,
                 FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),
                             images.transmittance.span(), std::as_const(nearest_).span(),
-                            objective.count.data(), options_.max_error, share * weight,
-                            pixel_loss_.span(), objective.dL_dimages.depth.span()});
+                            objective.count.data(), share * weight, pixel_loss_.span(),
+                            objective.dL_dimages.depth.span()});
         };
         at_scale(prior_map::kFeatures, both ? 2.0f / 3 : 1.0f);
         if (both) at_scale(prior_map::kCoarseFeatures, 1.0f / 3);
@@ -171,7 +170,7 @@ private:
         return {map.values.data(), map.width_px, map.height_px, map.channels};
     }
 
-    FeatureOptions options_;
+    ScheduledOptions options_;
     Buffer<float, Device> pixel_loss_;
     Buffer<std::int64_t, Device> nearest_;
 };

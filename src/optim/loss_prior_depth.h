@@ -8,8 +8,11 @@
 namespace tvsgs {
 
 struct PriorDepthBody {
+    // Relative error up to which the pull grows: about that of depth by stereo.
+    static constexpr float kSoftness = 0.01f;
+
     Span<const float> depth, prior, confidence;
-    float softness, weight_per_pixel;
+    float weight_per_pixel;
     Span<float> pixel_loss;  // overwritten
     Span<float> dL_ddepth;   // added to
 
@@ -17,7 +20,7 @@ struct PriorDepthBody {
         pixel_loss[at] = 0;
         const float share = weight_per_pixel * confidence_at(confidence, at);
         if (!(share > 0) || !(depth[at] > 0) || !(prior[at] > 0) || !is_number(prior[at])) return;
-        const Penalty<float> p = relative_huber(depth[at], prior[at], softness);
+        const Penalty<float> p = relative_huber(depth[at], prior[at], kSoftness);
         pixel_loss[at] = share * p.value;
         dL_ddepth[at] += share * p.slope;
     }
@@ -59,8 +62,8 @@ public:
         parallel_for(
             Device{}, pixels,
             PriorDepthBody{depth.span(), prior, prior_values(in.view, prior_map::kConfidence),
-                           options_.softness, weight_at(in.step) / static_cast<float>(pixels),
-                           pixel_loss_.span(), objective.dL_dimages.depth.span()});
+                           weight_at(in.step) / static_cast<float>(pixels), pixel_loss_.span(),
+                           objective.dL_dimages.depth.span()});
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
     }

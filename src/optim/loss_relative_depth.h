@@ -13,7 +13,7 @@ struct RelativeDepthBody {
     int width, height;
     PixelShift shift;
     Span<const float> depth, order, confidence;
-    float margin, dead_zone, min_confidence;
+    float dead_zone, min_confidence;
     float per_length;  // lengths in the unit of the loss
     float weight_per_pixel;
     Span<float> pixel_loss;  // overwritten
@@ -26,7 +26,7 @@ struct RelativeDepthBody {
     TVSGS_HD Penalty<float> pair(int p, int q) const {
         if (!known(p) || !known(q)) return {};
         return order_hinge(order_sign(order[p], order[q], dead_zone),
-                           per_length * (depth[q] - depth[p]), margin);
+                           per_length * (depth[q] - depth[p]), kOrderMargin);
     }
     TVSGS_HD bool inside(int x, int y) const { return x >= 0 && x < width && y >= 0 && y < height; }
 
@@ -73,14 +73,16 @@ public:
                          images.width, images.height,
                          pixel_shift(random4(seed_, RandomStream::depth_pairs,
                                              static_cast<std::uint64_t>(in.step)),
-                                     options_.reach),
+                                     kReach),
                          images.depth.span(), order, prior_values(in.view, prior_map::kConfidence),
-                         options_.margin, options_.dead_zone, options_.min_confidence,
-                         1 / length_unit_, options_.weight / static_cast<float>(pixels),
-                         pixel_loss_.span(), objective.dL_dimages.depth.span()});
+                         options_.dead_zone, options_.min_confidence, 1 / length_unit_,
+                         options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
+                         objective.dL_dimages.depth.span()});
         add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                 value);
     }
+
+    static constexpr int kReach = 16;  // px between the two of a pair, along each axis  [VGGS]
 
 private:
     RelativeDepthOptions options_;

@@ -95,7 +95,6 @@ FatesCase occluded_case() {
     FatesCase c = plane_case();
     for (int y = 10; y < 20; ++y)
         for (int x = 15; x < 25; ++x) c.depth[static_cast<std::size_t>(40 * y + x)] = 2.8f;
-    c.options.features.max_error = 2;
     return c;
 }
 
@@ -166,9 +165,7 @@ std::vector<std::vector<Sample>> samples_of(const FatesCase& c) {
                              there = feature_map(*find_map(other, name));
             const double share = coarse ? 0.5 / 1.5 : both ? 1 / 1.5 : 1;
             for (std::size_t i = 0; i < c.depth.size(); ++i) {
-                if (!(c.depth[i] > 0) || c.transmittance[i] > 0.5f ||
-                    (c.options.features.z_buffer && !seen[i]))
-                    continue;
+                if (!(c.depth[i] > 0) || c.transmittance[i] > 0.5f || !seen[i]) continue;
                 const double x = static_cast<double>(i %
                                                      static_cast<std::size_t>(camera.width_px)) +
                                  0.5,
@@ -187,7 +184,7 @@ std::vector<std::vector<Sample>> samples_of(const FatesCase& c) {
                 const auto at = seen_point(s.pair, s.ray, static_cast<double>(c.depth[i]));
                 if (at.inside && feature_match(here, s.point, there,
                                                {s.scale.x * at.point.x, s.scale.y * at.point.y},
-                                               static_cast<double>(c.options.features.max_error))
+                                               double{FeatureBody::kMaxError})
                                      .valid)
                     samples[i].push_back(s);
             }
@@ -224,12 +221,7 @@ void expect_sum_and_slopes(const FatesCase& c) {
 }
 
 TEST(FeatureLoss, ValueAndGradient) {
-    FatesCase c = plane_case();
-    expect_sum_and_slopes(c);
-    c.options.features.z_buffer = false;
-    expect_sum_and_slopes(c);
-    c.options.features.max_error = 0.1f;
-    expect_sum_and_slopes(c);
+    expect_sum_and_slopes(plane_case());
 }
 
 TEST(FeatureLoss, OneResolutionAloneCountsFully) {
@@ -249,12 +241,10 @@ TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
     // Points of the plane that the block hides from the other view, by geometry alone: the ray from
     // its camera meets the block first.
     const Camera& a = c.view.camera;
-    FatesCase without = c;
-    without.options.features.z_buffer = false;
     int hidden = 0, removed = 0;
-    FatesCase one = c, one_without = without;
-    one.others.resize(1), one_without.others.resize(1);
-    const FatesResult with_buffer = evaluate<Cpu>(one), all = evaluate<Cpu>(one_without);
+    FatesCase one = c, open = plane_case();  // without the block
+    one.others.resize(1), open.others.resize(1);
+    const FatesResult behind = evaluate<Cpu>(one), seen = evaluate<Cpu>(open);
     const auto pair = view_pair<double>(a, c.others[0].camera, 0.1);
     for (int y = 0; y < 30; ++y)
         for (int x = 0; x < 40; ++x) {
@@ -272,9 +262,9 @@ TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
             const double u = a.fx_px * p.x / p.z + a.cx_px, v = a.fy_px * p.y / p.z + a.cy_px;
             // Well inside the block: its points there fill pixels of the other view.
             if (!(t > 0 && t < 1 && u > 16 && u < 24 && v > 11 && v < 19)) continue;
-            if (all.dL_ddepth[i] == 0) continue;
+            if (seen.dL_ddepth[i] == 0) continue;
             ++hidden;
-            removed += with_buffer.dL_ddepth[i] == 0;
+            removed += behind.dL_ddepth[i] == 0;
         }
     EXPECT_GT(hidden, 20);
     EXPECT_GT(removed, 0.9 * hidden);
@@ -290,41 +280,35 @@ TEST(FeatureLoss, OfEquallyNearPointsOneIsSeen) {
     };
     c.view.maps = {map({1, 0})};
     // All points come into its one pixel; the four in the middle are as near as each other.
-    c.others = {{scaled_camera(c.view.camera, 1, 1), {map({0, 1})}}};
+    c.others = {{scaled_camera(c.view.camera, 1, 1), {map({0.8f, 0.6f})}}};  // a cosine of 0.8
     c.depth.assign(64, 2), c.transmittance.assign(64, 0);
     c.options.photometric.weight = 0;
     c.options.features.weight = 1;
-    c.options.features.max_error = 2;
-    EXPECT_NEAR(evaluate<Cpu>(c).value, 1 / 64.0, 1e-7);
-    c.options.features.z_buffer = false;  // within half a pixel of the map's border nothing is
-    EXPECT_NEAR(evaluate<Cpu>(c).value, 16 / 64.0, 1e-6);
+    EXPECT_NEAR(evaluate<Cpu>(c).value, 0.2 / 64, 1e-7);
 }
 
 TEST(FeatureLoss, IsLeastWhereThePlaneIs) {
-    for (const bool z_buffer : {false, true}) {
-        FatesCase c = plane_case();
-        c.view = plane_view(0, 40, 30, 1, 0);
-        c.others = {plane_view(0.25f, 40, 30, 2, 0)};
-        c.options.features.z_buffer = z_buffer;
-        const auto slope_at = [&](double scale) {
-            set_depth(c, scale);
-            const FatesResult r = evaluate<Cpu>(c);
-            double slope = 0;
-            for (std::size_t i = 0; i < c.depth.size(); ++i)
-                slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
-            return slope;
-        };
-        // What a tenth of a pixel is along the rays, of the whole scale.
-        const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
-        const Vec3d ray = ray_d(c.view.camera, 20, 15);
-        const double z = plane_depth(c.view.camera, 20, 15);
-        const Vec2d moved = seen_point(pair, ray, 1.01 * z).point - seen_point(pair, ray, z).point;
-        const double tenth = 0.1 / (100 * std::sqrt(dot(moved, moved)));
-        EXPECT_LT(slope_at(1 - tenth), 0);
-        EXPECT_GT(slope_at(1 + tenth), 0);
-        EXPECT_LT(slope_at(1 - 8 * tenth), 0);
-        EXPECT_GT(slope_at(1 + 8 * tenth), 0);
-    }
+    FatesCase c = plane_case();
+    c.view = plane_view(0, 40, 30, 1, 0);
+    c.others = {plane_view(0.25f, 40, 30, 2, 0)};
+    const auto slope_at = [&](double scale) {
+        set_depth(c, scale);
+        const FatesResult r = evaluate<Cpu>(c);
+        double slope = 0;
+        for (std::size_t i = 0; i < c.depth.size(); ++i)
+            slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
+        return slope;
+    };
+    // What a tenth of a pixel is along the rays, of the whole scale.
+    const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
+    const Vec3d ray = ray_d(c.view.camera, 20, 15);
+    const double z = plane_depth(c.view.camera, 20, 15);
+    const Vec2d moved = seen_point(pair, ray, 1.01 * z).point - seen_point(pair, ray, z).point;
+    const double tenth = 0.1 / (100 * std::sqrt(dot(moved, moved)));
+    EXPECT_LT(slope_at(1 - tenth), 0);
+    EXPECT_GT(slope_at(1 + tenth), 0);
+    EXPECT_LT(slope_at(1 - 8 * tenth), 0);
+    EXPECT_GT(slope_at(1 + 8 * tenth), 0);
 }
 
 /// A photograph of a texture on the plane.
@@ -443,7 +427,7 @@ TEST(FatesTwins, Features) {
         for (const FatesCase& c : {plane_case(), occluded_case()}) {
             const FatesResult a = evaluate<Cpu>(c), b = test::evaluate_cuda(c),
                               again = test::evaluate_cuda(c);
-            // Roundings may decide otherwise who is nearest in a pixel, or beyond max_error.
+            // Roundings may decide otherwise who is nearest in a pixel, or beyond the most error.
             EXPECT_TRUE(close(a.value, b.value, 5e-3));
             EXPECT_EQ(b.value, again.value);
             int differ = 0;

@@ -62,8 +62,6 @@ TEST(FatesTraining, LowersEachOfItsTerms) {
     options.train.iterations = 121;
     // Of the dense cloud that it is made for more than the usual tenth is opaque.
     options.train.init.opacity = 0.7f;
-    // A pixel that comes to be compared costs more than one that is not.
-    options.train.loss.features.max_error = 2;
     options.train.loss.normal_consistency.start = options.train.loss.distortion.start = 1;
     Scene scene = plane_scene();
     complete_maps(options.train.loss, options.descriptors, scene.train);
@@ -116,9 +114,6 @@ TEST(ViewMaps, MissingIsWhatATermNeedsAndNoViewHas) {
               (Names{"depth_rank:depth_order", "features:features"}));
     views[1].maps.push_back({std::string(prior_map::kDepthOrder), 1, 1, 1, {0}});
     EXPECT_EQ(names_of(missing_maps(loss, views)), Names{"features:features"});
-    loss.depth_rank.dead_zone = 0.002f;
-    EXPECT_EQ(names_of(missing_maps(loss, views)),
-              (Names{"depth_rank:depth", "features:features"}));
     loss.depth_rank.weight = loss.features.weight = 0;
     EXPECT_EQ(names_of(missing_maps(loss, views)), Names{});
 }

@@ -11,7 +11,7 @@ using test::evaluate;
 using test::LossCase;
 using test::LossResult;
 
-constexpr int kWidth = 20, kHeight = 16, kPixels = kWidth * kHeight;
+constexpr int kWidth = 40, kHeight = 32, kPixels = kWidth * kHeight;
 constexpr float kWeight = 0.7f;
 constexpr double kRelative = 1e-5;  // single precision in, a few operations
 
@@ -94,20 +94,17 @@ void expect_gradient(const LossCase& c, const LossResult& r, const Loss& loss, i
     EXPECT_GT(checked, least);
 }
 
-LossOptions relative_depth(float margin = 0.02f, float dead_zone = 0, float min_confidence = 0) {
+LossOptions relative_depth(float dead_zone = 0, float min_confidence = 0) {
     LossOptions o;
     o.photometric.weight = 0;
-    o.relative_depth = {.weight = kWeight,
-                        .margin = margin,
-                        .dead_zone = dead_zone,
-                        .min_confidence = min_confidence,
-                        .reach = 4};
+    o.relative_depth = {
+        .weight = kWeight, .dead_zone = dead_zone, .min_confidence = min_confidence};
     return o;
 }
 
-PixelShift shift_at(int step, int reach = 4) {
+PixelShift shift_at(int step) {
     return pixel_shift(random4(5, RandomStream::depth_pairs, static_cast<std::uint64_t>(step)),
-                       reach);
+                       RelativeDepthLoss<Cpu>::kReach);
 }
 
 double relative_depth_in_double(const LossCase& c,
@@ -129,15 +126,14 @@ double relative_depth_in_double(const LossCase& c,
                 continue;
             double sign = order[p] > order[q] ? 1 : order[p] < order[q] ? -1 : 0;
             if (std::abs(order[p] - order[q]) < o.dead_zone) sign = 0;
-            sum += std::max(sign * (depth[q] - depth[p]) / unit + double(o.margin), 0.0);
+            sum += std::max(sign * (depth[q] - depth[p]) / unit + double(kOrderMargin), 0.0);
         }
     return double(o.weight) * sum / kPixels;
 }
 
 TEST(RelativeDepthLoss, ValueAndGradient) {
     const LossCase c = prior_case();
-    for (const LossOptions& o :
-         {relative_depth(), relative_depth(0.02f, 0.1f), relative_depth(0.5f, 0, 0.4f)})
+    for (const LossOptions& o : {relative_depth(), relative_depth(0.1f), relative_depth(0, 0.4f)})
         for (const int step : {1, 2, 17})
             for (const float unit : {1.0f, 3.0f}) {
                 SCOPED_TRACE(step);
@@ -164,13 +160,13 @@ TEST(RelativeDepthLoss, AViewWithoutConfidenceIsSureEverywhere) {
 /// Ramps of 64 x 64, by hand.
 TEST(RelativeDepthLoss, Ramps) {
     constexpr int n = 64;
-    const float slope = 0.01f, margin = 0.005f;
+    const float slope = 0.01f, margin = kOrderMargin;
     LossCase c;
     c.gaussians = test::random_gaussians(1, 3, 0.2, 0);
     c.radii_px.assign(1, 1);
     c.camera = test::test_camera(n, n);
     c.maps.push_back({"depth_order", n, n, 1, {}});
-    LossOptions o = relative_depth(margin);
+    LossOptions o = relative_depth();
     o.relative_depth.weight = 1;
     std::vector<float> ramp;
     for (int i = 0; i < n * n; ++i) ramp.push_back(slope * static_cast<float>(i % n));
@@ -271,10 +267,10 @@ TEST(PriorNormalLoss, NothingKnownAddsNothing) {
     }
 }
 
-LossOptions prior_depth(float softness = 0.03f) {
+LossOptions prior_depth() {
     LossOptions o;
     o.photometric.weight = 0;
-    o.prior_depth = {.weight = kWeight, .softness = softness};
+    o.prior_depth = {.weight = kWeight};
     return o;
 }
 
@@ -282,7 +278,7 @@ TEST(PriorDepthLoss, ValueAndGradient) {
     const LossCase c = prior_case();
     const auto& prior = values_of(c, "depth");
     const auto& confidence = values_of(c, "confidence");
-    const double s = static_cast<double>(0.03f);
+    const double s = static_cast<double>(PriorDepthBody::kSoftness);
     const LossResult r = run(c, prior_depth());
     EXPECT_GT(r.value, 1e-3);
     expect_gradient(
@@ -363,8 +359,8 @@ TEST(PriorTerms, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
         const LossCase c = prior_case();
-        for (const LossOptions& o : {relative_depth(), relative_depth(0.02f, 0.1f, 0.4f),
-                                     prior_normal(), prior_normal(false), prior_depth()})
+        for (const LossOptions& o : {relative_depth(), relative_depth(0.1f, 0.4f), prior_normal(),
+                                     prior_normal(false), prior_depth()})
             for (const int step : {1, 9}) {
                 const LossContext context{.length_unit = 2, .seed = 5};
                 const LossResult a = evaluate<Cpu>(c, o, context, step),

@@ -20,7 +20,7 @@ std::vector<float> random_confidence(double low, double high, unsigned seed = 4)
 
 TEST(ChooseAnchors, TwentyOfTheBestThirty) {
     const std::vector<float> confidence = random_confidence(0, 1);
-    const auto anchors = choose_anchors(AnchorChoice::top30, kWidth, kHeight, confidence);
+    const auto anchors = choose_anchors(kWidth, confidence);
     ASSERT_EQ(anchors.size(), 20u);
     EXPECT_EQ(std::set<int>(anchors.begin(), anchors.end()).size(), 20u);
     const auto of = [&](int at) { return confidence[static_cast<std::size_t>(at)]; };
@@ -47,7 +47,7 @@ TEST(ChooseAnchors, TwentyOfTheBestThirty) {
 
 TEST(ChooseAnchors, EqualConfidencesGoByPlace) {
     std::vector<float> confidence(kWidth * kHeight, 0.5f);
-    const auto anchors = choose_anchors(AnchorChoice::top30, kWidth, kHeight, confidence);
+    const auto anchors = choose_anchors(kWidth, confidence);
     ASSERT_EQ(anchors.size(), 20u);
     for (int i = 0; i < 16; ++i) EXPECT_EQ(anchors[static_cast<std::size_t>(i)], i);
     EXPECT_EQ(anchors[16], 29);  // farthest from 15 in a row of pixels
@@ -56,34 +56,11 @@ TEST(ChooseAnchors, EqualConfidencesGoByPlace) {
 TEST(ChooseAnchors, TooFewAreNone) {
     std::vector<float> confidence(kWidth * kHeight, 0.2f);  // not above the least
     std::fill_n(confidence.begin() + 100, 29, 0.9f);
-    EXPECT_TRUE(choose_anchors(AnchorChoice::top30, kWidth, kHeight, confidence).empty());
+    EXPECT_TRUE(choose_anchors(kWidth, confidence).empty());
     confidence[900] = 0.21f;
-    EXPECT_EQ(choose_anchors(AnchorChoice::top30, kWidth, kHeight, confidence).size(), 20u);
+    EXPECT_EQ(choose_anchors(kWidth, confidence).size(), 20u);
     std::fill(confidence.begin(), confidence.end(), std::nanf(""));
-    EXPECT_TRUE(choose_anchors(AnchorChoice::top30, kWidth, kHeight, confidence).empty());
-    EXPECT_TRUE(choose_anchors(AnchorChoice::stratified, kWidth, kHeight, confidence).empty());
-}
-
-TEST(ChooseAnchors, BestOfEachCell) {
-    const std::vector<float> confidence = random_confidence(0, 1, 9);
-    const auto anchors = choose_anchors(AnchorChoice::stratified, kWidth, kHeight, confidence);
-    ASSERT_EQ(anchors.size(), 48u);
-    std::set<int> cells;
-    for (const int at : anchors) {
-        const int x = at % kWidth / 8 * 8, y = at / kWidth / 8 * 8;
-        cells.insert(y * kWidth + x);
-        for (int j = y; j < y + 8; ++j)
-            for (int i = x; i < x + 8; ++i)
-                EXPECT_LE(confidence[static_cast<std::size_t>(j * kWidth + i)],
-                          confidence[static_cast<std::size_t>(at)]);
-    }
-    EXPECT_EQ(cells.size(), 48u);
-    // Cells without a sure pixel have none, and five cells are too few.
-    std::vector<float> few(confidence.size(), 0.6f);
-    for (int cell = 0; cell < 5; ++cell) few[static_cast<std::size_t>(8 * cell)] = 0.7f;
-    EXPECT_TRUE(choose_anchors(AnchorChoice::stratified, kWidth, kHeight, few).empty());
-    few[40] = 0.7f;
-    EXPECT_EQ(choose_anchors(AnchorChoice::stratified, kWidth, kHeight, few).size(), 6u);
+    EXPECT_TRUE(choose_anchors(kWidth, confidence).empty());
 }
 
 struct Samples {
@@ -100,24 +77,22 @@ Samples samples(double slope, double offset, double noise, int count = 20) {
 }
 
 TEST(FitAffine, FindsTheLine) {
-    for (const AnchorFit kind : {AnchorFit::lsq, AnchorFit::irls}) {
-        const Samples s = samples(1.7, 0.3, 0);
-        const auto fit = fit_affine(kind, s.prior, s.depth);
-        ASSERT_TRUE(fit);
-        EXPECT_NEAR(fit->slope, 1.7, 1e-12);
-        EXPECT_NEAR(fit->offset, 0.3, 1e-12);
-    }
+    const Samples s = samples(1.7, 0.3, 0);
+    const auto near = fit_affine(s.prior, s.depth);
+    ASSERT_TRUE(near);
+    EXPECT_NEAR(near->slope, 1.7, 1e-12);
+    EXPECT_NEAR(near->offset, 0.3, 1e-12);
     // Far from zero, where sums of squares would cancel in single precision.
     Samples far = samples(1.7, 0.3, 0);
     for (double& m : far.prior) m += 1e5;
-    const auto fit = fit_affine(AnchorFit::lsq, far.prior, far.depth);
+    const auto fit = fit_affine(far.prior, far.depth);
     ASSERT_TRUE(fit);
     EXPECT_NEAR(fit->slope, 1.7, 1e-8);
 }
 
 TEST(FitAffine, LeastSquaresHasTheLeast) {
     const Samples s = samples(1.7, 0.3, 0.1);
-    const auto fit = fit_affine(AnchorFit::lsq, s.prior, s.depth);
+    const auto fit = fit_affine(s.prior, s.depth);
     ASSERT_TRUE(fit);
     const auto sum = [&](double slope, double offset) {
         double total = 0;
@@ -134,41 +109,24 @@ TEST(FitAffine, LeastSquaresHasTheLeast) {
     }
 }
 
-TEST(FitAffine, OneWrongAnchorLosesWhenReweighted) {
-    Samples s = samples(1.7, 0.3, 0.001, 40);
-    for (std::size_t i = 0; i < 4; ++i) s.depth[i] += 3;
-    const auto plain = fit_affine(AnchorFit::lsq, s.prior, s.depth),
-               robust = fit_affine(AnchorFit::irls, s.prior, s.depth);
-    ASSERT_TRUE(plain && robust);
-    EXPECT_GT(std::abs(plain->offset - 0.3), 0.1);
-    EXPECT_NEAR(robust->slope, 1.7, 0.02);
-    EXPECT_NEAR(robust->offset, 0.3, 0.02);
-    EXPECT_LT(robust->weights[0], 0.1);
-    // What a render may be off by is said by the anchors that are believed.
-    EXPECT_GT(align(*plain, s.prior, s.depth, 1).max_gap, 2);
-    EXPECT_LT(align(*robust, s.prior, s.depth, 1).max_gap, 0.1);
-}
-
 TEST(FitAffine, DegenerateAnchorsAreNoFit) {
-    for (const AnchorFit kind : {AnchorFit::lsq, AnchorFit::irls}) {
-        EXPECT_FALSE(fit_affine(kind, {}, {}));
-        const Samples few = samples(1.7, 0.3, 0, 5);
-        EXPECT_FALSE(fit_affine(kind, few.prior, few.depth));
-        Samples equal = samples(1.7, 0.3, 0.1);
-        for (double& m : equal.prior) m = 0.5 + 0.002 * (m - 0.5);  // variance below 1e-6
-        EXPECT_FALSE(fit_affine(kind, equal.prior, equal.depth));
-        const Samples turned = samples(-1.7, 3, 0);
-        EXPECT_FALSE(fit_affine(kind, turned.prior, turned.depth));
-        Samples broken = samples(1.7, 0.3, 0);
-        broken.prior[3] = std::nan("");
-        EXPECT_FALSE(fit_affine(kind, broken.prior, broken.depth));
-    }
+    EXPECT_FALSE(fit_affine({}, {}));
+    const Samples few = samples(1.7, 0.3, 0, 5);
+    EXPECT_FALSE(fit_affine(few.prior, few.depth));
+    Samples equal = samples(1.7, 0.3, 0.1);
+    for (double& m : equal.prior) m = 0.5 + 0.002 * (m - 0.5);  // variance below 1e-6
+    EXPECT_FALSE(fit_affine(equal.prior, equal.depth));
+    const Samples turned = samples(-1.7, 3, 0);
+    EXPECT_FALSE(fit_affine(turned.prior, turned.depth));
+    Samples broken = samples(1.7, 0.3, 0);
+    broken.prior[3] = std::nan("");
+    EXPECT_FALSE(fit_affine(broken.prior, broken.depth));
 }
 
 TEST(Align, CorrectsByTheSmallestGaps) {
-    const AffineFit fit{2, 1, {1, 1, 1, 1, 1, 1, 0.5}};
-    const std::vector<double> prior{0, 0, 0, 0, 0, 0, 0},
-        depth{1.3, 0.9, 1.05, 0.98, 1.2, 0.6, 9};  // 0.3 -0.1 0.05 -0.02 0.2 -0.4; not believed
+    const AffineFit fit{2, 1};
+    const std::vector<double> prior{0, 0, 0, 0, 0, 0},
+        depth{1.3, 0.9, 1.05, 0.98, 1.2, 0.6};  // off by 0.3 -0.1 0.05 -0.02 0.2 -0.4
     const auto one = align(fit, prior, depth, 1), three = align(fit, prior, depth, 3),
                all = align(fit, prior, depth, 99);
     EXPECT_EQ(one.slope, 2);
