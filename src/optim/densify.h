@@ -23,7 +23,7 @@ struct DensifyOptions {
         prune_large_after = 3000;
     float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
           reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f,
-          abs_radius_px = 20, spare_covered = 0;
+          spare_covered = 0;
     int max_abs_split = 50000, trim_min_views = 2;
     bool jitter_clones = true;
     int max_gaussians = 6000000;
@@ -55,9 +55,8 @@ struct DensifyOptions {
         field("prune_large_after", prune_large_after, {0, 1e9},
               "no such pruning up to and including this iteration");
         field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
-              "mean absolute screen gradient that splits a large splat, by rule thresholds");
-        field("abs_radius_px", abs_radius_px, {0, 1e6},
-              "largest radius on the screen above which it does, px");
+              "mean absolute screen gradient that splits a splat wider than 20 px, by rule "
+              "thresholds");
         field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
         field("trim_min_views", trim_min_views, {0, 1e6},
               "splats in front in fewer training views are trimmed; 0: no trim");
@@ -176,7 +175,7 @@ private:
             options_.rule,
             {statistics_, g.log_scales.span(), options_.gradient_threshold,
              options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
-             options_.percent_dense * extent_, options_.abs_radius_px},
+             options_.percent_dense * extent_},
             growth_.span(), score_.span());
         apply_quotas(g.size());
         const float infinite = 3e38f;

@@ -30,7 +30,6 @@ struct GrowthInputs {
     Span<const Vec3f> log_scales;
     float gradient_threshold, abs_gradient_threshold;  // per NDC unit
     float size_threshold;                              // of the largest scale, world units
-    float abs_radius_px;
 
     int size() const { return log_scales.size(); }
 };
@@ -43,9 +42,12 @@ TVSGS_HD inline float largest_scale(Vec3f log_scales) {
 /// Mean screen gradients above a threshold clone small splats and split large ones; large ones also
 /// split by their mean absolute gradient.  [docs/method/pgsr.md#growth]
 struct ThresholdsBody {
+    // Radius on the screen above which a splat splits by its absolute gradient.  [PGSR]
+    static constexpr float kAbsRadiusPx = 20;
+
     Span<const GrowthStatistics> statistics;
     Span<const Vec3f> log_scales;
-    float gradient_threshold, abs_threshold, size_threshold, abs_radius_px;
+    float gradient_threshold, abs_threshold, size_threshold;
     Span<Growth> growth;
     Span<float> score;
 
@@ -54,7 +56,7 @@ struct ThresholdsBody {
         const float gradient = s.mean_gradient(), abs = s.mean_abs_gradient();
         const bool large = largest_scale(log_scales[i]) > size_threshold;
         growth[i] = gradient >= gradient_threshold ? (large ? Growth::split : Growth::clone)
-                    : large && s.max_radius_px > abs_radius_px && abs >= abs_threshold
+                    : large && s.max_radius_px > kAbsRadiusPx && abs >= abs_threshold
                         ? Growth::abs_split
                         : Growth::none;
         score[i] = growth[i] == Growth::none ? 0 : growth[i] == Growth::abs_split ? abs : gradient;
@@ -66,8 +68,7 @@ template <class Device>
 void grow_by_thresholds(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     parallel_for(Device{}, in.size(),
                  ThresholdsBody{in.statistics.span(), in.log_scales, in.gradient_threshold,
-                                in.abs_gradient_threshold, in.size_threshold, in.abs_radius_px,
-                                growth, score});
+                                in.abs_gradient_threshold, in.size_threshold, growth, score});
 }
 
 /// Splats of mean screen gradients above a threshold grow, and all whose mean absolute gradient is

@@ -31,18 +31,6 @@ struct ModelOptions {
     }
 };
 
-struct OptimOptions {
-    bool skip_step_on_structure_change = true;
-
-    template <class Visitor>
-    void fields(Visitor& field) {
-        field("skip_step_on_structure_change", skip_step_on_structure_change,
-              "an opacity reset takes that iteration's Adam step of the opacities with it, as in "
-              "the official "
-              "codes; iterations that change the number of splats never step");
-    }
-};
-
 /// Whether growth spares what the initial cloud covers.
 inline bool spares(const DensifyOptions& o) {
     return o.enabled && o.spare_covered > 0;
@@ -55,7 +43,6 @@ struct TrainOptions {
     ModelOptions model;
     BackboneOptions render;
     AdamOptions lr;
-    OptimOptions optim;
     LossOptions loss;
     CameraOptions cameras;
     DensifyOptions densify;
@@ -73,7 +60,6 @@ struct TrainOptions {
         field.group("model", model, "the Gaussians");
         field.group("render", render, "the rasteriser");
         field.group("lr", lr, "learning rates");
-        field.group("optim", optim, "the optimiser");
         field.group("loss", loss, "terms of the objective");
         field.group("cameras", cameras, "poses that training improves");
         field.group("densify", densify, "growing and pruning");

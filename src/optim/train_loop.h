@@ -61,10 +61,9 @@ Gaussians<Device> train(const Scene& scene,
         if ((report || !steps || step % kCheckEvery == 0) && !training.check(step)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, s));
         if (steps)
-            iteration.descend(
-                step, s.adam, s.gaussians,
-                !(options.optim.skip_step_on_structure_change && s.densifier.resets_opacity(step)),
-                training.halted());
+            // A reset takes the opacities' step with it, as in the official codes.
+            iteration.descend(step, s.adam, s.gaussians, !s.densifier.resets_opacity(step),
+                              training.halted());
         else
             iteration.finish_statistics();
         if (!last) iteration.clock("densify", [&] { training.grow(step, iteration); });
