@@ -1,4 +1,4 @@
-// tvsgs-blocks merge: the splats of all blocks as one run, and what its seams are like.
+// tvsgs-blocks merge: the splats of all blocks as one run.
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -8,7 +8,6 @@
 #include "io/json_value.h"
 #include "io/read_file.h"
 #include "pipeline/blocks_merge.h"
-#include "pipeline/blocks_seams.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "pipeline/sky.h"
@@ -20,15 +19,15 @@ namespace fs = std::filesystem;
 
 struct MergeArguments {
     std::string folder, out, scene;
-    bool overwrite = false, seam_pass = false;
+    bool overwrite = false;
     double fade = 3;
 };
 
 /// All of them, or the first that is not as it has to be.
-std::vector<BlockResult> require_results(const BlocksManifest& manifest, BlockStage stage) {
+std::vector<BlockResult> require_results(const BlocksManifest& manifest) {
     std::vector<BlockResult> results;
     for (int block = 1; block <= manifest.count(); ++block)
-        results.push_back(require_block_result(manifest, block, stage));
+        results.push_back(require_block_result(manifest, block));
     return results;
 }
 
@@ -50,28 +49,6 @@ std::string cameras_of_blocks(const BlocksManifest& manifest) {
     return text + "\n]\n";
 }
 
-void say_seam(const BlocksManifest& manifest, const SeamReport& r) {
-    const std::string where =
-        str("seam of blocks ", r.seam.a + 1, " and ", r.seam.b + 1, " (",
-            r.seam.axis == 0 ? "first" : "second", " ground axis at ", r.seam.at, ")");
-    if (!r.judged) {
-        spdlog::info("{}: {} splats to compare, too few to judge", where, r.across.compared);
-        return;
-    }
-    const std::string numbers = fmt::format(
-        "offset {:.3g} (95 %: {:.3g}), angle {:.1f} degrees; inside of the blocks {:.3g} ({:.3g}), "
-        "{:.1f}",
-        r.across.median_offset, r.across.offset_95, r.across.median_angle, r.inside.median_offset,
-        r.inside.offset_95, r.inside.median_angle);
-    if (r.good)
-        spdlog::info("{}: {}", where, numbers);
-    else
-        spdlog::warn(
-            "{}: {}; the surfaces do not meet as well as elsewhere: look there, or train "
-            "with a larger margin than {:.3g}",
-            where, numbers, manifest.margin);
-}
-
 int merge(const MergeArguments& a) {
     const BlocksManifest manifest = read_manifest(a.folder);
     for (const FileRecord& file : manifest.files)
@@ -80,8 +57,7 @@ int merge(const MergeArguments& a) {
             throw Error(ExitCode::input, str(manifest.folder, "/", file.name, " ", *fault,
                                              "; run tvsgs-blocks split again, into another "
                                              "folder"));
-    const std::vector<BlockResult> results =
-        require_results(manifest, a.seam_pass ? BlockStage::seams : BlockStage::training);
+    const std::vector<BlockResult> results = require_results(manifest);
     RunOptions options;
     OptionTable table;
     options.add_to(table);
@@ -93,9 +69,8 @@ int merge(const MergeArguments& a) {
                         ", whose runs it might replace; name a place outside of it"));
     require_free_run_folder(a.out, a.overwrite, false, options.scene);
 
-    // 1. Each block's part, then what is far; and how the blocks meet by themselves.
+    // 1. Each block's part, then what is far.
     std::vector<Gaussians<Cpu>> parts;
-    std::vector<SurfaceSplat> surface;
     std::int64_t own = 0, far_reach = 0, peak = 0;
     double seconds = 0, longest = 0;
     for (const BlockResult& result : results) {
@@ -104,8 +79,6 @@ int merge(const MergeArguments& a) {
         const Gaussians<Cpu> splats = with_context(str("merging block ", result.block), [&] {
             return read_splats(file, manifest.origin, options.train);
         });
-        const auto more = surface_of_block(manifest, splats, result.block);
-        surface.insert(surface.end(), more.begin(), more.end());
         BlockSplats part = part_of_block(manifest, splats, result.block, a.fade);
         parts.push_back(std::move(part.splats));
         own += part.own, far_reach += part.far_reach;
@@ -120,8 +93,6 @@ int merge(const MergeArguments& a) {
     if (whole.size() == 0)
         throw Error(ExitCode::input,
                     str(manifest.folder, ": no splat of any block lies in its cell"));
-    const std::vector<SeamReport> seams = test_seams(manifest.cells, manifest.neighbours, surface);
-
     const std::string cameras = cameras_of_blocks(manifest);
     read_sky(options.train.loss.photometric, manifest.folder);
 
@@ -134,7 +105,6 @@ int merge(const MergeArguments& a) {
     const bool flat = make_backbone<Cpu>(options.train.backbone, options.train.render)->flat();
     run.save_splats(whole, manifest.iterations, manifest.origin,
                     flat ? PlyScales::two : PlyScales::three);
-    write_text_file(run.path() + "/seams.json", seams_json(seams));
     run.log(JsonValue()
                 .add("event", "done")
                 .add("iteration", manifest.iterations)
@@ -144,7 +114,6 @@ int merge(const MergeArguments& a) {
                 .add("blocks", manifest.count())
                 .add("longest_seconds", longest)
                 .add("far_splats", far));
-    for (const SeamReport& seam : seams) say_seam(manifest, seam);
     if (far_reach > 0)
         spdlog::info(
             "{} splats reach farther than the margin of {:.4g} (three standard "
@@ -162,12 +131,10 @@ int merge(const MergeArguments& a) {
 
 BlocksCommand add_blocks_merge(CLI::App& app) {
     const auto a = std::make_shared<MergeArguments>();
-    CLI::App* const command = app.add_subcommand(
-        "merge", "put the blocks together to one run, and say how well they meet");
+    CLI::App* const command = app.add_subcommand("merge", "put the blocks together to one run");
     add_blocks_folder(*command, a->folder);
     command->add_option("-o,--out", a->out, "run folder to write")->required();
     command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
-    command->add_flag("--seam-pass", a->seam_pass, "of what run --seam-pass made of the blocks");
     command
         ->add_option("--fade", a->fade,
                      "over how many of its standard deviations to either side of a cut a splat "

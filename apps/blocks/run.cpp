@@ -1,4 +1,6 @@
 // tvsgs-blocks run: one block as an ordinary tvsgs-train, and done.json when it has ended.
+#include "apps/blocks/run.h"
+
 #include <fcntl.h>
 #include <sys/file.h>
 #include <unistd.h>
@@ -9,12 +11,10 @@
 
 #include "apps/blocks/subcommands.h"
 #include "apps/train/command.h"
-#include "io/built_in_configs.h"
+#include "core/progress.h"
 #include "io/json_value.h"
 #include "io/manifest.h"
 #include "io/read_file.h"
-#include "pipeline/blocks_seams.h"
-#include "pipeline/checkpoints.h"
 #include "pipeline/exposures.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
@@ -41,28 +41,15 @@ void run_train(const std::vector<std::string>& words) {
     train_command(static_cast<int>(words.size()), argv.data());
 }
 
-namespace {
-
-struct RunArguments {
-    std::string folder, scene, device = "auto";
-    int block = 0;
-    int checkpoint_every = 5000;
-    bool again = false, seam_pass = false;
-
-    BlockStage stage() const { return seam_pass ? BlockStage::seams : BlockStage::training; }
-    std::vector<std::string> settings;
-};
-
-/// Of the whole, as split resolved them.
-RunOptions whole_options(const BlocksManifest& manifest) {
+RunOptions whole_options(const BlocksManifest& manifest, const std::vector<std::string>& settings) {
     RunOptions options;
     OptionTable table;
     options.add_to(table);
     table.read_file(manifest.folder + "/config.json");
+    table.set_all(settings);
     return options;
 }
 
-/// The scene is the one that was split.
 void check_scene(const BlocksManifest& manifest, const std::string& scene) {
     RunOptions options = whole_options(manifest);
     options.scene.path = scene;
@@ -70,9 +57,10 @@ void check_scene(const BlocksManifest& manifest, const std::string& scene) {
         throw Error(
             ExitCode::input,
             str(scene, ": its images or cameras are not those of the scene that ", manifest.folder,
-                " was split from; name that one by --scene, or split "
-                "again"));
+                " was split from; name that one by --scene, or split again"));
 }
+
+namespace {
 
 /// Seconds, splats and peak of the run, as the last line of its log has them.
 void read_summary(const std::string& log, BlockResult& result) {
@@ -106,50 +94,6 @@ std::vector<std::string> block_words(const std::string& blocks,
     return words;
 }
 
-/// Splats of the neighbours that vote in the seam pass of a block.
-PointCloud voters_around(const BlocksManifest& manifest, int block) {
-    const RunOptions options = whole_options(manifest);
-    PointCloud voters;
-    for (const int b : neighbours_of_block(manifest, block)) {
-        const BlockResult result = require_block_result(manifest, b);
-        const Gaussians<Cpu> splats =
-            read_splats(manifest.block_folder(b) + "/" + result.files.front().name, manifest.origin,
-                        options.train);
-        const PointCloud more = seam_voters(manifest, block, surface_of_block(manifest, splats, b));
-        voters.positions.insert(voters.positions.end(), more.positions.begin(),
-                                more.positions.end());
-    }
-    return voters;
-}
-
-/// A block's training goes on for 5 % of its iterations, 250 at least, without growth, and its
-/// neighbours' splats vote; both sides of a seam then settle on one surface.
-std::vector<std::string> seam_words(const BlocksManifest& manifest, const std::string& folder) {
-    const int more = std::max(250, manifest.iterations / 20);
-    std::vector<std::string> words{"--iterations",       std::to_string(manifest.iterations + more),
-                                   "--fixed-points",     folder + "/voters.ply",
-                                   "--checkpoint-every", "0"};
-    const auto set = [&words](const std::string& key, const std::string& value) {
-        words.insert(words.end(), {"--set", key + "=" + value});
-    };
-    set("tv.fixed_check", "false"), set("densify.enabled", "false");
-    const RunOptions options = whole_options(manifest);
-    if (!options.train.tv.enabled ||
-        (options.train.loss.tv_normal.weight == 0 && options.train.loss.tv_position.weight == 0)) {
-        // Dense settings have no votes: those of the sparse ones.
-        RunOptions sparse;
-        OptionTable table;
-        sparse.add_to(table);
-        table.read_text("the sparse settings", built_in_config(kSparseConfig));
-        for (const Option& option : table.options())
-            if (!option.source.empty() &&
-                (option.key.starts_with("tv.") || option.key.starts_with("loss.tv_")))
-                set(option.key, option.get());
-        set("tv.enabled", "true");
-    }
-    return words;
-}
-
 /// A run that ended, and its process before it could say so.
 bool cannot_go_on(const std::string& run) {
     std::error_code code;
@@ -162,7 +106,6 @@ bool cannot_go_on(const std::string& run) {
 template <class Train>
 void without_record(const BlocksManifest& manifest,
                     int block,
-                    BlockStage stage,
                     const std::string& record,
                     const Train& train) {
     std::error_code code;
@@ -174,7 +117,7 @@ void without_record(const BlocksManifest& manifest,
         if (!was.empty()) {
             write_text_file(record, was);
             try {
-                read_block_result(manifest, block, stage);
+                read_block_result(manifest, block);
             } catch (const Error&) {
                 fs::remove(record);
             }
@@ -198,10 +141,8 @@ int run_block(const RunArguments& a, bool quiet) {
                                          ": another tvsgs-blocks is training it "
                                          "in ",
                                          folder, "; wait for it"));
-    const bool seams = a.seam_pass;
-    const std::string out = seams ? folder + "/seam" : run;
     if (!a.again)
-        if (const auto done = read_block_result(manifest, a.block, a.stage())) {
+        if (const auto done = read_block_result(manifest, a.block)) {
             spdlog::info("block {}: done already, {} splats; --again trains it anew", a.block,
                          done->splats);
             return 0;
@@ -211,50 +152,24 @@ int run_block(const RunArguments& a, bool quiet) {
     BlockResult result;
     result.block = a.block, result.split = manifest.split, result.program = kVersion;
 
-    std::vector<std::string> words = block_words(manifest.folder, scene, folder, inputs), more;
-    if (seams) {
-        const BlockResult trained = require_block_result(manifest, a.block);
-        result.from = trained_state(manifest, a.block);
-        if (!open_checkpoint(run))
-            throw Error(ExitCode::input,
-                        str("block ", a.block, ": ", run,
-                            "/checkpoints is empty, so there is nothing that the seam pass could "
-                            "go on from; tvsgs-blocks run ",
-                            a.folder, " --block ", a.block, " --again trains the block anew"));
-        const PointCloud voters = voters_around(manifest, a.block);
-        if (voters.positions.size() < 3) {  // nobody beside it
-            result.splats = trained.splats, result.files = trained.files;
-            write_block_result(manifest, result, a.stage());
-            spdlog::info("block {}: no splats of neighbours within reach; it stays", a.block);
-            return 0;
-        }
-        write_cloud_ply(folder + "/voters.ply", voters, manifest.origin);
-        more = seam_words(manifest, folder);
-    } else {
-        more = {"--config", folder + "/config.json", "--checkpoint-every",
-                std::to_string(a.checkpoint_every)};
-    }
-    words.insert(words.end(), more.begin(), more.end());
-    words.insert(words.end(), {"--out", out, "--device", a.device});
+    std::vector<std::string> words = block_words(manifest.folder, scene, folder, inputs);
+    words.insert(words.end(), {"--config", folder + "/config.json", "--checkpoint-every",
+                               std::to_string(a.checkpoint_every), "--out", run, "--device",
+                               a.device, "--progress", a.progress});
     for (const std::string& setting : a.settings) words.insert(words.end(), {"--set", setting});
     if (quiet) words.push_back("--quiet");
-    // The seam pass begins with the last state of the training, and is short: it starts again.
-    if (seams)
-        words.insert(words.end(), {"--overwrite", "--resume", run});
-    else
-        words.push_back(a.again || cannot_go_on(run) ? "--overwrite" : "--resume");
-    const std::string record = folder + (seams ? "/seam.json" : "/done.json");
+    words.push_back(a.again || cannot_go_on(run) ? "--overwrite" : "--resume");
     with_context(str("training block ", a.block), [&] {
-        without_record(manifest, a.block, a.stage(), record, [&] { run_train(words); });
+        without_record(manifest, a.block, folder + "/done.json", [&] { run_train(words); });
     });
 
-    read_summary(out + "/log.jsonl", result);
-    const std::string splats = find_splats(out);
+    read_summary(run + "/log.jsonl", result);
+    const std::string splats = find_splats(run);
     result.files = {record_of(folder, fs::path(splats).lexically_relative(folder).string()),
-                    record_of(folder, seams ? "seam/config.json" : "run/config.json")};
-    write_block_result(manifest, result, a.stage());
-    spdlog::info("block {} of {}: {}, {} splats in {:.1f} s", a.block, manifest.count(),
-                 seams ? "seam pass done" : "done", result.splats, result.seconds);
+                    record_of(folder, "run/config.json")};
+    write_block_result(manifest, result);
+    spdlog::info("block {} of {}: done, {} splats in {:.1f} s", a.block, manifest.count(),
+                 result.splats, result.seconds);
     say_next({"tvsgs-blocks", "status", a.folder}, "says what is left to do");
     return 0;
 }
@@ -264,21 +179,43 @@ int run_block(const RunArguments& a, bool quiet) {
 BlocksCommand add_blocks_run(CLI::App& app) {
     const auto a = std::make_shared<RunArguments>();
     CLI::App* const command = app.add_subcommand(
-        "run", "train one block; does nothing when it is done, goes on where it was stopped");
+        "run", "train one block, or all; what is done stays, what was stopped goes on");
     add_blocks_folder(*command, a->folder);
-    command->add_option("--block", a->block, "which one, from 1 on")->required();
+    CLI::Option* const block = command->add_option("--block", a->block, "which one, from 1 on");
+    CLI::Option* const gpus =
+        command->add_option("--gpus", a->gpus,
+                            "all, or numbers such as 0,2: train all blocks that are not done, one "
+                            "on each GPU at a time");
+    CLI::Option* const jobs =
+        command
+            ->add_option("--jobs", a->jobs,
+                         "train all blocks that are not done on the CPU, so many at a time")
+            ->check(CLI::Range(1, 1024));
     command->add_option("-s,--scene", a->scene, "folder of the scene [where it was split]");
-    command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
+    CLI::Option* const device =
+        command->add_option("--device", a->device, "auto, cpu, cuda or cuda:N");
     command
         ->add_option("--checkpoint-every", a->checkpoint_every,
                      "iterations between checkpoints; 0: only when the run is stopped")
         ->check(CLI::Range(0, 1000000000));
     command->add_option("--set", a->settings, "KEY=VALUE for tvsgs-train")->expected(1)->take_all();
-    command->add_flag("--seam-pass", a->seam_pass,
-                      "when the block and its neighbours are done: go on for a short time with the "
-                      "neighbours' splats as voters");
-    command->add_flag("--again", a->again, "from the beginning, whatever is there");
-    return {command, [a](bool quiet) { return run_block(*a, quiet); }};
+    CLI::Option* const again =
+        command->add_flag("--again", a->again, "from the beginning, whatever is there");
+    command->add_option("--progress", a->progress, "auto, plain or json")
+        ->check(CLI::IsMember({"auto", "plain", "json"}));
+    gpus->excludes(block)->excludes(jobs)->excludes(device)->excludes(again);
+    jobs->excludes(block)->excludes(device)->excludes(again);
+    return {command, [=](bool quiet) {
+                if (block->count() > 0) return run_block(*a, quiet);
+                if (gpus->count() + jobs->count() == 0)
+                    throw Error(ExitCode::usage,
+                                "expected --block N for one block, --gpus all for all blocks on "
+                                "the GPUs of this machine, or --jobs N for all on its CPU");
+                if (!quiet && a->progress != "auto")
+                    set_progress_style(a->progress == "json" ? ProgressStyle::json
+                                                             : ProgressStyle::plain);
+                return run_all_blocks(*a);
+            }};
 }
 
 }  // namespace tvsgs

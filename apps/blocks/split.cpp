@@ -177,13 +177,11 @@ FileRecord write_block(const Splitting& s,
     return record_of(manifest.folder, manifest.block_name(number) + "/block.json");
 }
 
-std::string commands_text(const BlocksManifest& manifest, const std::string& more) {
-    std::string quoted = "'";
-    for (const char c : fs::absolute(manifest.folder).lexically_normal().string())
-        quoted += c == '\'' ? std::string("'\\''") : std::string(1, c);
+std::string commands_text(const BlocksManifest& manifest) {
+    const std::string folder = for_shell(fs::absolute(manifest.folder).lexically_normal().string());
     std::string text;
     for (int block = 1; block <= manifest.count(); ++block)
-        text += str("tvsgs-blocks run --blocks ", quoted, "' --block ", block, more, "\n");
+        text += str("tvsgs-blocks run --blocks ", folder, " --block ", block, "\n");
     return text;
 }
 
@@ -275,14 +273,16 @@ int split_scene(SplitArguments a, bool quiet) {
     for (std::size_t b = 0; b < blocks.size(); ++b)
         manifest.files.push_back(
             write_block(splitting, manifest, static_cast<int>(b) + 1, blocks[b]));
-    write_text_file(a.out + "/commands.txt", commands_text(manifest, ""));
-    write_text_file(a.out + "/seam_commands.txt", commands_text(manifest, " --seam-pass"));
+    write_text_file(a.out + "/commands.txt", commands_text(manifest));
     write_manifest(manifest);
     fs::remove(a.out + kUnfinished);
-    spdlog::info("{}: {} blocks with margins of {:.4g}, {} seams", a.out, manifest.count(),
-                 manifest.margin, manifest.neighbours.size());
-    say_next({"sh", a.out + "/commands.txt"},
-             "trains one block after the other; a batch system takes a line for each");
+    spdlog::info("{}: {} blocks with margins of {:.4g}", a.out, manifest.count(), manifest.margin);
+    const std::string what =
+        "trains the blocks; a batch system takes a line of commands.txt for each";
+    if (device.cuda)
+        say_next({"tvsgs-blocks", "run", a.out, "--gpus", "all"}, what);
+    else
+        say_next({"tvsgs-blocks", "run", a.out, "--jobs", "1"}, what);
     return 0;
 }
 

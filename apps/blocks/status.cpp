@@ -14,7 +14,7 @@ namespace fs = std::filesystem;
 
 struct StatusArguments {
     std::string folder;
-    bool missing = false, json = false, seam_pass = false;
+    bool missing = false, json = false;
 };
 
 /// The last iteration that a log names; 0: there is none yet.
@@ -33,13 +33,12 @@ struct BlockState {
     int iteration = 0;
 };
 
-BlockState state_of(const BlocksManifest& manifest, int block, bool seams) {
+BlockState state_of(const BlocksManifest& manifest, int block) {
     BlockState s;
     const std::string folder = manifest.block_folder(block);
     try {
         read_block_inputs(manifest, block);
-        if (const auto done = read_block_result(manifest, block,
-                                                seams ? BlockStage::seams : BlockStage::training)) {
+        if (const auto done = read_block_result(manifest, block)) {
             s.splats = static_cast<double>(done->splats), s.seconds = done->seconds;
             s.state = "done", s.text = str(done->splats, " splats, ", done->seconds, " s");
             return s;
@@ -48,7 +47,7 @@ BlockState state_of(const BlocksManifest& manifest, int block, bool seams) {
         s.state = "damaged", s.text = error.what();
         return s;
     }
-    s.iteration = last_iteration(folder + (seams ? "/seam/log.jsonl" : "/run/log.jsonl"));
+    s.iteration = last_iteration(folder + "/run/log.jsonl");
     const std::string at = str("iteration ", s.iteration);
     if (BlockLock(folder).held())
         s.state = "training", s.text = at;
@@ -64,7 +63,7 @@ int status(const StatusArguments& a) {
     std::vector<int> missing;
     JsonValue list = JsonValue::list();
     for (int block = 1; block <= manifest.count(); ++block) {
-        const BlockState s = state_of(manifest, block, a.seam_pass);
+        const BlockState s = state_of(manifest, block);
         if (s.state != "done") missing.push_back(block);
         if (a.json) {
             JsonValue entry = JsonValue::object();
@@ -82,13 +81,8 @@ int status(const StatusArguments& a) {
     }
     if (a.json) std::printf("%s\n", json_text(list).c_str());
     if (a.missing && !missing.empty()) std::printf("%s\n", block_list(missing).c_str());
-    if (missing.empty() && !a.missing && !a.json) {
-        const char* const what = "puts them together";
-        if (a.seam_pass)
-            say_next({"tvsgs-blocks", "merge", a.folder, "--seam-pass", "--out", "RUN"}, what);
-        else
-            say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, what);
-    }
+    if (missing.empty() && !a.missing && !a.json)
+        say_next({"tvsgs-blocks", "merge", a.folder, "--out", "RUN"}, "puts them together");
     return missing.empty() ? 0 : static_cast<int>(ExitCode::input);
 }
 
@@ -99,7 +93,6 @@ BlocksCommand add_blocks_status(CLI::App& app) {
     CLI::App* const command = app.add_subcommand(
         "status", "say of each block whether it waits, trains, was stopped, is done or damaged");
     add_blocks_folder(*command, a->folder);
-    command->add_flag("--seam-pass", a->seam_pass, "of the seam pass");
     const auto missing = command->add_flag("--missing", a->missing,
                                            "print the blocks that are not done alone, as 3,7-9");
     command->add_flag("--json", a->json, "print JSON")->excludes(missing);

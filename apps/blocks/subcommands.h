@@ -17,6 +17,7 @@ struct BlocksCommand {
 };
 BlocksCommand add_blocks_split(CLI::App& app);
 BlocksCommand add_blocks_run(CLI::App& app);
+BlocksCommand add_blocks_slurm(CLI::App& app);
 BlocksCommand add_blocks_status(CLI::App& app);
 BlocksCommand add_blocks_merge(CLI::App& app);
 

@@ -10,7 +10,8 @@ int command(int argc, char** argv) {
     CLI::App app{"Trains scenes larger than one GPU in blocks.", "tvsgs-blocks"};
     app.require_subcommand(1);
     const BlocksCommand commands[] = {add_blocks_split(app), add_blocks_run(app),
-                                      add_blocks_status(app), add_blocks_merge(app)};
+                                      add_blocks_slurm(app), add_blocks_status(app),
+                                      add_blocks_merge(app)};
     for (const BlocksCommand& c : commands)
         c.command->add_flag("--quiet", quiet, "warnings and errors only");
     parse_command_line(app, argc, argv);

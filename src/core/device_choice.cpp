@@ -1,5 +1,8 @@
 #include "core/device_choice.h"
 
+#include <algorithm>
+#include <sstream>
+
 #include "core/cuda_device.h"
 #include "core/error.h"
 
@@ -27,6 +30,41 @@ DeviceChoice choose_device(const std::string& name) {
             str("--device ", name,
                 ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --device cpu"));
     }
+}
+
+std::vector<int> choose_gpus(const std::string& list) {
+    if constexpr (kHasCuda) {
+        return choose_gpus(list, cuda_device_count());
+    } else {
+        throw Error(ExitCode::device,
+                    str("--gpus ", list,
+                        ": this build has no CUDA; configure with -DTVSGS_CUDA=ON or use --jobs"));
+    }
+}
+
+std::vector<int> choose_gpus(const std::string& list, int count) {
+    if (count == 0) throw Error(ExitCode::device, str("--gpus ", list, ": no usable GPU"));
+    std::vector<int> gpus;
+    if (list == "all") {
+        for (int gpu = 0; gpu < count; ++gpu) gpus.push_back(gpu);
+        return gpus;
+    }
+    std::istringstream words(list + ",");
+    for (std::string word; std::getline(words, word, ',');) {
+        const bool is_number = !word.empty() && word.size() < 4 &&
+                               word.find_first_not_of("0123456789") == std::string::npos;
+        if (!is_number)
+            throw Error(ExitCode::usage,
+                        str("--gpus ", list, ": expected all, or numbers such as 0,1,3"));
+        const int gpu = std::stoi(word);
+        if (std::find(gpus.begin(), gpus.end(), gpu) != gpus.end())
+            throw Error(ExitCode::usage, str("--gpus ", list, ": names GPU ", gpu, " twice"));
+        if (gpu >= count)
+            throw Error(ExitCode::device, str("--gpus ", list, ": there is no GPU ", gpu,
+                                              "; the GPUs of this machine are 0 to ", count - 1));
+        gpus.push_back(gpu);
+    }
+    return gpus;
 }
 
 }  // namespace tvsgs

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "core/device.h"
 
@@ -14,6 +15,13 @@ struct DeviceChoice {
     std::string description;
 };
 DeviceChoice choose_device(const std::string& name);
+
+/// The numbers of the GPUs that `list` names: "all", or numbers such as "0,2". Throws
+/// Error(ExitCode::usage) for another text or a GPU that is named twice, Error(ExitCode::device)
+/// for a GPU that the machine lacks and in a build without CUDA.
+std::vector<int> choose_gpus(const std::string& list);
+/// The same on a machine with so many.
+std::vector<int> choose_gpus(const std::string& list, int count);
 
 /// The one switch between the devices: calls action(Cpu{}) or action(Cuda{}).
 template <class Action>

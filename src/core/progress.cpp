@@ -1,5 +1,6 @@
 #include "core/progress.h"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,10 +16,12 @@ constexpr double kBasis = 2, kWindow = 10;    // seconds
 constexpr double kFirst = 1, kRefresh = 0.2;  // seconds, of a line in place
 constexpr double kSparse = 10;                // seconds between plain lines
 std::atomic<ProgressStyle> style = ProgressStyle::quiet;
-std::atomic<bool> line_open = false;
+std::atomic<int> lines_open = 0;
 
-bool in_place() {
-    return style == ProgressStyle::automatic && isatty(STDERR_FILENO) != 0;
+/// Moves to the beginning of the first of `lines`.
+void go_up(int lines) {
+    if (lines > 1) std::fprintf(stderr, "\033[%dA", lines - 1);
+    std::fputc('\r', stderr);
 }
 
 /// 65 -> "1:05".
@@ -42,18 +45,34 @@ ProgressStyle progress_style() {
     return style;
 }
 
-void end_progress_line() {
-    if (line_open.exchange(false)) std::fputc('\n', stderr);
+bool progress_in_place() {
+    return style == ProgressStyle::automatic && isatty(STDERR_FILENO) != 0;
 }
 
-void show_progress_line(const std::string& text) {
-    if (in_place()) {
-        std::fprintf(stderr, "\r%s\033[K", text.c_str());
-        std::fflush(stderr);
-        line_open = true;
-    } else {
-        std::fprintf(stderr, "%s\n", text.c_str());
+void end_progress_line() {
+    const int lines = lines_open.exchange(0);
+    if (lines == 1) std::fputc('\n', stderr);
+    if (lines < 2) return;
+    go_up(lines);
+    std::fputs("\033[J", stderr);
+}
+
+void show_progress_lines(const std::vector<std::string>& lines) {
+    if (!progress_in_place()) {
+        for (const std::string& line : lines) std::fprintf(stderr, "%s\n", line.c_str());
+        return;
     }
+    winsize size{};
+    const bool known = ioctl(STDERR_FILENO, TIOCGWINSZ, &size) == 0;
+    const std::size_t rows = known && size.ws_row > 1 ? size.ws_row - 1u : lines.size(),
+                      columns = known && size.ws_col > 1 ? size.ws_col - 1u : std::string::npos;
+    const auto shown = static_cast<int>(std::min(lines.size(), rows));
+    go_up(lines_open.exchange(shown));
+    for (int i = 0; i < shown; ++i)
+        std::fprintf(stderr, "%s%s\033[K", i > 0 ? "\n" : "",
+                     lines[static_cast<std::size_t>(i)].substr(0, columns).c_str());
+    std::fputs("\033[J", stderr);
+    std::fflush(stderr);
 }
 
 double steady_seconds() {
@@ -103,7 +122,7 @@ void Progress::advance(double steps) {
     const double now = steady_seconds();
     pace_.add(now - begin_, done_);
     const bool quiet = style == ProgressStyle::quiet || style == ProgressStyle::json;
-    const double wait = !in_place() ? kSparse : shown_ > begin_ ? kRefresh : kFirst;
+    const double wait = !progress_in_place() ? kSparse : shown_ > begin_ ? kRefresh : kFirst;
     if (quiet || now - shown_ < wait) return;
     shown_ = now;
     show_progress_line(progress_text(what_, now - begin_, done_ / total_, pace_.left(total_)));

@@ -5,6 +5,7 @@
 #include <deque>
 #include <mutex>
 #include <string>
+#include <vector>
 
 namespace tvsgs {
 
@@ -14,7 +15,7 @@ enum class ProgressStyle { automatic, plain, json, quiet };
 void set_progress_style(ProgressStyle style);
 ProgressStyle progress_style();
 
-/// Ends a line in place, before something else is written.
+/// Ends a line in place, before something else is written; removes several.
 void end_progress_line();
 
 /// How fast work goes, by what was seen of it lately.
@@ -58,8 +59,14 @@ private:
 std::string progress_text(
     const std::string& what, double seconds, double share, double left, bool at_least = false);
 
-/// Shows a line, in place where the style is such.
-void show_progress_line(const std::string& text);
+/// Whether lines rewrite themselves: on a terminal, where the style says so.
+bool progress_in_place();
+
+/// Shows lines; in place they replace those that were shown last, and end at the terminal's rim.
+void show_progress_lines(const std::vector<std::string>& lines);
+inline void show_progress_line(const std::string& text) {
+    show_progress_lines({text});
+}
 
 /// Seconds since some moment.
 double steady_seconds();

@@ -121,9 +121,9 @@ void require_replaceable(const fs::path& file) {
 
 void require_no_record(const fs::path& file) {
     constexpr std::string_view kFiles[] = {
-        "config.json", "plan.json",  "memory.json",   "log.jsonl",     "cameras.json",
-        "report.json", "sky.png",    "splits.json",   "exposure.json", "done.json",
-        "seam.json",   "block.json", "manifest.json", "coarse.ply"};
+        "config.json", "plan.json",     "memory.json", "log.jsonl",     "cameras.json",
+        "report.json", "sky.png",       "splits.json", "exposure.json", "done.json",
+        "block.json",  "manifest.json", "coarse.ply"};
     constexpr std::string_view kFolders[] = {"point_cloud", "checkpoints", "gt",
                                              "images",      "masks",       "sparse"};
     const auto has = [](const auto& names, const std::string& name) {

@@ -118,14 +118,12 @@ private:
 
 const char* const kSplitAgain = "run tvsgs-blocks split again, into another folder";
 
-std::string run_again(const BlocksManifest& manifest, int block, BlockStage stage) {
-    return str("tvsgs-blocks run ", manifest.folder, " --block ", block,
-               stage == BlockStage::seams ? " --seam-pass" : "", " --again trains it anew");
+std::string run_again(const BlocksManifest& manifest, int block) {
+    return str("tvsgs-blocks run ", manifest.folder, " --block ", block, " --again trains it anew");
 }
 
-std::string result_file(const BlocksManifest& manifest, int block, BlockStage stage) {
-    return manifest.block_folder(block) +
-           (stage == BlockStage::seams ? "/seam.json" : "/done.json");
+std::string result_file(const BlocksManifest& manifest, int block) {
+    return manifest.block_folder(block) + "/done.json";
 }
 
 JsonValue list_of(Vec3d v) {
@@ -151,17 +149,11 @@ JsonValue manifest_json(const BlocksManifest& m) {
     near.items = {list_of(m.near.low), list_of(m.near.high)};
     root.set("near", std::move(near));
     root.set("margin", m.margin);
-    root.set("vote_reach", m.vote_reach);
     JsonValue cells = JsonValue::list();
     for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: no end
         cells.items.push_back(
             JsonValue(std::vector<double>{cell.low[0], cell.high[0], cell.low[1], cell.high[1]}));
     root.set("cells", std::move(cells));
-    JsonValue pairs = JsonValue::list();
-    for (const auto& [i, j] : m.neighbours)
-        pairs.items.push_back(
-            JsonValue(std::vector<double>{static_cast<double>(i + 1), static_cast<double>(j + 1)}));
-    root.set("neighbours", std::move(pairs));
     return root;
 }
 
@@ -256,7 +248,6 @@ BlocksManifest read_manifest(const std::string& folder) {
     }
     m.near = {in.vec(near.items[0], "near"), in.vec(near.items[1], "near")};
     m.voxel_size = in.number("voxel_size"), m.margin = in.number("margin");
-    m.vote_reach = in.number("vote_reach");
     for (const JsonValue& item : in.at(in.root(), "cells", Kind::list).items) {
         const std::vector<double> v = in.numbers(item, 4, "cells");
         const auto or_infinite = [](double x, double sign) {
@@ -268,13 +259,6 @@ BlocksManifest read_manifest(const std::string& folder) {
         m.cells.push_back(cell);
     }
     if (m.cells.empty() || m.cells.size() > 99999) throw in.wrong("it has no blocks, or too many");
-    for (const JsonValue& item : in.at(in.root(), "neighbours", Kind::list).items) {
-        const std::vector<double> pair = in.numbers(item, 2, "neighbours");
-        for (const double at : pair)
-            if (!(at >= 1 && at <= static_cast<double>(m.cells.size())))
-                throw in.wrong("its 'neighbours' name a block that is not there");
-        m.neighbours.emplace_back(static_cast<int>(pair[0]) - 1, static_cast<int>(pair[1]) - 1);
-    }
     m.files = in.files();
     m.split = in.crc(in.at(in.root(), "split", Kind::text));
     if (m.split != split_of(m))
@@ -317,9 +301,7 @@ BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
     return inputs;
 }
 
-void write_block_result(const BlocksManifest& manifest,
-                        const BlockResult& result,
-                        BlockStage stage) {
+void write_block_result(const BlocksManifest& manifest, const BlockResult& result) {
     JsonValue root = JsonValue::object();
     root.set("version", static_cast<double>(kBlocksVersion));
     root.set("block", static_cast<double>(result.block));
@@ -328,19 +310,15 @@ void write_block_result(const BlocksManifest& manifest,
     root.set("splats", static_cast<double>(result.splats));
     root.set("seconds", result.seconds);
     root.set("peak_bytes", static_cast<double>(result.peak_bytes));
-    if (stage == BlockStage::seams) root.set("from", hex(result.from));
     root.set("files", files_json(result.files));
-    write_text_file(result_file(manifest, result.block, stage), json_text(root) + "\n");
+    write_text_file(result_file(manifest, result.block), json_text(root) + "\n");
 }
 
-std::optional<BlockResult> read_block_result(const BlocksManifest& manifest,
-                                             int block,
-                                             BlockStage stage) {
-    const std::string folder = manifest.block_folder(block),
-                      path = result_file(manifest, block, stage);
+std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int block) {
+    const std::string folder = manifest.block_folder(block), path = result_file(manifest, block);
     std::error_code code;
     if (!fs::exists(path, code)) return std::nullopt;
-    const Reader in(path, run_again(manifest, block, stage));
+    const Reader in(path, run_again(manifest, block));
     BlockResult result;
     result.block = static_cast<int>(in.count("block"));
     result.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
@@ -353,47 +331,20 @@ std::optional<BlockResult> read_block_result(const BlocksManifest& manifest,
     result.seconds = in.number("seconds");
     result.files = in.files();
     if (result.files.empty()) throw in.wrong("it lists no splats");
-    require_files(folder, result.files, str("block ", block), run_again(manifest, block, stage));
-    if (stage == BlockStage::seams) {
-        result.from = in.crc(in.at(in.root(), "from", JsonValue::Kind::text));
-        if (result.from != trained_state(manifest, block))
-            throw in.wrong(
-                str("block ", block, " or a neighbour has been trained anew since this seam pass"));
-    }
+    require_files(folder, result.files, str("block ", block), run_again(manifest, block));
     return result;
 }
 
-BlockResult require_block_result(const BlocksManifest& manifest, int block, BlockStage stage) {
-    auto result = read_block_result(manifest, block, stage);
-    const char* const flag = stage == BlockStage::seams ? " --seam-pass" : "";
+BlockResult require_block_result(const BlocksManifest& manifest, int block) {
+    auto result = read_block_result(manifest, block);
     if (!result)
         throw Error(
             ExitCode::input,
-            str("block ", block, ": ", result_file(manifest, block, stage),
-                " is missing, as the block has not been trained to its end; tvsgs-blocks "
-                "run ",
-                manifest.folder, " --block ", block, flag, " does that, tvsgs-blocks status ",
-                manifest.folder, flag, " --missing lists all of them"));
+            str("block ", block, ": ", result_file(manifest, block),
+                " is missing, as the block has not been trained to its end; tvsgs-blocks run ",
+                manifest.folder, " --block ", block, " does that, tvsgs-blocks status ",
+                manifest.folder, " --missing lists all of them"));
     return std::move(*result);
-}
-
-std::vector<int> neighbours_of_block(const BlocksManifest& manifest, int block) {
-    std::vector<int> found;
-    for (const auto& [i, j] : manifest.neighbours) {
-        if (i + 1 == block) found.push_back(j + 1);
-        if (j + 1 == block) found.push_back(i + 1);
-    }
-    std::sort(found.begin(), found.end());
-    return found;
-}
-
-std::uint32_t trained_state(const BlocksManifest& manifest, int block) {
-    std::vector<int> blocks = neighbours_of_block(manifest, block);
-    blocks.push_back(block);
-    std::uint32_t crc = 0;
-    for (const int b : blocks)
-        crc = crc_of(hex(require_block_result(manifest, b).files.front().crc), crc);
-    return crc;
 }
 
 std::uint32_t scene_identity(const SceneOptions& options) {

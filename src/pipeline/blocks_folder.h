@@ -7,7 +7,6 @@
 //     BLOCKS/block_001/       block.json views.txt points.ply fixed.ply config.json
 //     BLOCKS/block_001/run/   the run of tvsgs-train
 //     BLOCKS/block_001/done.json   its results with checksums; written last
-//     BLOCKS/block_001/seam/  seam.json  the same of the seam pass
 #pragma once
 
 #include <cstdint>
@@ -22,7 +21,7 @@
 
 namespace tvsgs {
 
-inline constexpr int kBlocksVersion = 1;
+inline constexpr int kBlocksVersion = 2;
 
 /// A file as it was written; its name is relative to its folder.
 struct FileRecord {
@@ -50,10 +49,8 @@ struct BlocksManifest {
     double voxel_size = 0;  // of the one grid of the mesh, whose origin is `origin`
     Box3d near;             // in the axes of `frame`: splats outside are the coarse run's
     double margin = 0;      // of the cells, world units
-    double vote_reach = 0;  // 95 % of the splats vote no farther, world units
     std::vector<GroundCell> cells;
-    std::vector<std::pair<int, int>> neighbours;  // indices of cells
-    std::vector<FileRecord> files;                // config.json, coarse.ply, each block.json
+    std::vector<FileRecord> files;  // config.json, coarse.ply, each block.json
 
     int count() const { return static_cast<int>(cells.size()); }
     /// "block_007"; blocks count from 1.
@@ -72,17 +69,13 @@ struct BlockInputs {
     std::vector<FileRecord> files;
 };
 
-/// What a block goes through: its training, and the seam pass after that of all.
-enum class BlockStage { training, seams };
-
-/// done.json, or seam.json.
+/// done.json.
 struct BlockResult {
     int block = 0;
     std::uint32_t split = 0;
     std::string program;  // its version
     std::int64_t splats = 0, peak_bytes = 0;
     double seconds = 0;
-    std::uint32_t from = 0;         // seam pass: trained_state() of what it began with
     std::vector<FileRecord> files;  // first the splats
 };
 
@@ -98,26 +91,12 @@ void write_block_inputs(const BlocksManifest& manifest, const BlockInputs& input
 /// inputs of the block are as split wrote them.
 BlockInputs read_block_inputs(const BlocksManifest& manifest, int block);
 
-void write_block_result(const BlocksManifest& manifest,
-                        const BlockResult& result,
-                        BlockStage stage = BlockStage::training);
+void write_block_result(const BlocksManifest& manifest, const BlockResult& result);
 /// Nothing where there is no such file. Throws Error(ExitCode::input), as above, where it is
-/// damaged, of another version or split, a file of it is not as it was, or the seam pass began with
-/// other splats than there are now.
-std::optional<BlockResult> read_block_result(const BlocksManifest& manifest,
-                                             int block,
-                                             BlockStage stage = BlockStage::training);
+/// damaged, of another version or split, or a file of it is not as it was.
+std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int block);
 /// The same, where a block without a result is an error, too.
-BlockResult require_block_result(const BlocksManifest& manifest,
-                                 int block,
-                                 BlockStage stage = BlockStage::training);
-
-/// The blocks that share a seam with that one, from 1 on, ascending.
-std::vector<int> neighbours_of_block(const BlocksManifest& manifest, int block);
-
-/// CRC-32 of the results of a block and its neighbours before the seam pass, all of which there
-/// have to be.
-std::uint32_t trained_state(const BlocksManifest& manifest, int block);
+BlockResult require_block_result(const BlocksManifest& manifest, int block);
 
 /// CRC-32 of the names and poses of all images of the scene and their cameras: the same for copies
 /// of a scene. Reads no photograph.

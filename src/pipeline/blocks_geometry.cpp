@@ -161,50 +161,6 @@ int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p) {
     return -1;
 }
 
-namespace {
-
-/// Where two cells share an edge across `axis`, with the first below; an interval of no length: a
-/// corner, which is none.
-bool shares_edge(const GroundCell& a, const GroundCell& b, int axis) {
-    const int along = 1 - axis;
-    return a.high[axis] == b.low[axis] &&
-           std::max(a.low[along], b.low[along]) < std::min(a.high[along], b.high[along]);
-}
-
-}  // namespace
-
-std::vector<std::pair<int, int>> neighbours_of(const std::vector<GroundCell>& cells) {
-    std::vector<std::pair<int, int>> pairs;
-    const int n = static_cast<int>(cells.size());
-    for (int i = 0; i < n; ++i)
-        for (int j = i + 1; j < n; ++j) {
-            const GroundCell &a = cells[static_cast<std::size_t>(i)],
-                             &b = cells[static_cast<std::size_t>(j)];
-            bool share = false;
-            for (int axis = 0; axis < 2; ++axis)
-                share = share || shares_edge(a, b, axis) || shares_edge(b, a, axis);
-            if (share) pairs.emplace_back(i, j);
-        }
-    return pairs;
-}
-
-Seam seam_of(const std::vector<GroundCell>& cells, int i, int j) {
-    for (int axis = 0; axis < 2; ++axis)
-        for (const auto& [a, b] : {std::pair{i, j}, std::pair{j, i}}) {
-            const GroundCell &below = cells[static_cast<std::size_t>(a)],
-                             &above = cells[static_cast<std::size_t>(b)];
-            if (!shares_edge(below, above, axis)) continue;
-            const int along = 1 - axis;
-            return {a,
-                    b,
-                    axis,
-                    below.high[axis],
-                    std::max(below.low[along], above.low[along]),
-                    std::min(below.high[along], above.high[along])};
-        }
-    throw Error(ExitCode::internal, str("cells ", i, " and ", j, " share no edge"));
-}
-
 std::vector<int> choose_block_views(const std::vector<BlockView>& views,
                                     int points,
                                     double least_share,

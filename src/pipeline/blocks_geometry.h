@@ -3,7 +3,6 @@
 #pragma once
 
 #include <limits>
-#include <utility>
 #include <vector>
 
 #include "core/vec.h"
@@ -58,18 +57,6 @@ std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
 
 /// The cell that holds p: always one, where cells tile the plane.
 int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p);
-
-/// Pairs i < j of cells that share an edge, in order.
-std::vector<std::pair<int, int>> neighbours_of(const std::vector<GroundCell>& cells);
-
-/// The seam of two neighbours: the coordinate `at` of `axis`, from `from` to `to` along the other.
-struct Seam {
-    int a = 0, b = 0;  // cells; a is below the cut
-    int axis = 0;
-    double at = 0, from = 0, to = 0;
-};
-/// Of cells that share an edge.
-Seam seam_of(const std::vector<GroundCell>& cells, int i, int j);
 
 /// How much of a view is of a block, and what it sees of the cell.
 struct BlockView {

@@ -142,7 +142,7 @@ void plan_cells(const Scene& scene,
                               : quantile(near_pixels, 0.5);
 
     const double denser = std::max(1.0, expected / static_cast<double>(near.size()));
-    manifest.vote_reach = vote_reach(near_means, options.train.tv.k, denser);
+    const double reach = vote_reach(near_means, options.train.tv.k, denser);
 
     // Margins count, and are not known before the cells: the cells shrink until they fit.
     const auto margin_of = [&](const std::vector<GroundCell>& cells) {
@@ -150,8 +150,7 @@ void plan_cells(const Scene& scene,
         double margin = kMarginVoxels * manifest.voxel_size, side = GroundCell::kInfinite;
         for (const GroundCell& cell : cells)
             side = std::min(side, shortest_side(cell, manifest.near));
-        if (options.train.tv.enabled)
-            margin = std::max(margin, kMarginReaches * manifest.vote_reach);
+        if (options.train.tv.enabled) margin = std::max(margin, kMarginReaches * reach);
         return std::max(margin, kMarginSides * side);
     };
     const auto heaviest = [&](const std::vector<GroundCell>& cells, double margin) {
@@ -177,7 +176,6 @@ void plan_cells(const Scene& scene,
                             static_cast<std::int64_t>(most), " splats with their margins of ",
                             manifest.margin, "; allow more of them, or a smaller --margin"));
     }
-    manifest.neighbours = neighbours_of(manifest.cells);
 }
 
 std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,

@@ -5,13 +5,16 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <thread>
 
+#include "core/device.h"
 #include "io/ply.h"
 #include "pipeline/blocks_folder.h"
 #include "support/command.h"
@@ -66,6 +69,14 @@ protected:
         fs::copy(folder_ / "blocks", folder_ / name, fs::copy_options::recursive);
         return name;
     }
+    /// A copy of the blocks as split has written them.
+    static void copy_untrained(const std::string& name) {
+        copy(name);
+        for (int b = 1; b <= kBlocks; ++b) {
+            fs::remove_all(block(name, b) / "run");
+            fs::remove(block(name, b) / "done.json");
+        }
+    }
     static fs::path block(const std::string& blocks, int number) {
         return folder_ / blocks / BlocksManifest::block_name(number);
     }
@@ -104,12 +115,11 @@ TEST_F(BlocksCommand, SplitWritesWhatBatchSystemsTake) {
     const BlocksManifest manifest = read_manifest(folder_ / "blocks");
     ASSERT_EQ(manifest.count(), kBlocks);
     EXPECT_EQ(manifest.margin, 0.4);
-    EXPECT_GE(manifest.neighbours.size(), 2u);
     std::istringstream commands(contents(folder_ / "blocks/commands.txt"));
     int lines = 0;
     for (std::string line; std::getline(commands, line);)
-        EXPECT_EQ(line, "tvsgs-blocks run --blocks '" + (folder_ / "blocks").string() +
-                            "' --block " + std::to_string(++lines));
+        EXPECT_EQ(line, "tvsgs-blocks run --blocks " + (folder_ / "blocks").string() + " --block " +
+                            std::to_string(++lines));
     EXPECT_EQ(lines, kBlocks);
     for (int b = 1; b <= kBlocks; ++b) {
         const BlockInputs inputs = read_block_inputs(manifest, b);
@@ -178,8 +188,6 @@ TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
         EXPECT_GE(b == 0 ? kBlocks + 1 : b, last);
         last = b == 0 ? kBlocks + 1 : b;
     }
-    const json seams = json::parse(contents(folder_ / "whole/seams.json"));
-    EXPECT_EQ(seams["seams"].size(), manifest.neighbours.size());
     const json cameras = json::parse(contents(folder_ / "whole/cameras.json"));
     EXPECT_EQ(cameras.size(), 12u);
 
@@ -194,11 +202,10 @@ TEST_F(BlocksCommand, MergeKeepsEachPlaceOnce) {
     const std::string before = contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply");
     EXPECT_EQ(bin(again + " --overwrite").code, 0);
     EXPECT_EQ(contents(folder_ / "whole/point_cloud/iteration_60/point_cloud.ply"), before);
-    // By default splats of both sides are at the cuts; how seams are judged stays the same.
+    // By default splats of both sides are at the cuts.
     EXPECT_EQ(bin("tvsgs-blocks merge blocks --out faded").code, 0);
     EXPECT_GT(read_splat_ply(folder_ / "faded/point_cloud/iteration_60/point_cloud.ply").size(),
               whole.size() + 20);
-    EXPECT_EQ(json::parse(contents(folder_ / "faded/seams.json")), seams);
 }
 
 TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
@@ -217,9 +224,9 @@ TEST_F(BlocksCommand, MergeRefusesWhatIsMissingDamagedOrOfAnotherVersion) {
     expect_message(merge(), 3, {"block 2", "100 bytes instead of"});
     copy("bad");
     json done = json::parse(contents(block(bad, 3) / "done.json"));
-    done["version"] = 2;
+    done["version"] = 3;
     std::ofstream(block(bad, 3) / "done.json") << done;
-    expect_message(merge(), 3, {"block_003/done.json", "version 2", "--block 3 --again"});
+    expect_message(merge(), 3, {"block_003/done.json", "version 3", "--block 3 --again"});
     copy("bad");
     std::ofstream(folder_ / "bad/coarse.ply", std::ios::app) << "x";
     expect_message(merge(), 3, {"coarse.ply is damaged", "split again"});
@@ -258,7 +265,7 @@ TEST_F(BlocksCommand, WhatIsRefusedLeavesBlocksAsTheyWere) {
     expect_message(train("safe", 1, "--again --set nosuch=3"), 2, {"block 1", "nosuch"});
     expect_message(train("safe", 1, "--again --set model.sh_degree=9"), 2, {"model.sh_degree"});
     expect_message(train("safe", 1, "--again --scene nowhere"), 3, {"nowhere"});
-    for (const char* out : {"safe", "safe/block_001/run", "safe/merged", "./safe/../safe/seam"})
+    for (const char* out : {"safe", "safe/block_001/run", "safe/merged", "./safe/../safe/run"})
         expect_message(bin(std::string("tvsgs-blocks merge safe --overwrite --out ") + out), 2,
                        {"lies in the folder of the blocks"});
     expect_message(bin("tvsgs-eval geometry --pred scene/gt/mesh.ply --gt scene/gt/mesh.ply --out "
@@ -319,36 +326,90 @@ TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
     EXPECT_EQ(bin("tvsgs-blocks status stop").code, 0);
 }
 
-// Beside the same neighbours the same bits, whatever the order; merged on request.
-TEST_F(BlocksCommand, TheSeamPassGoesOnFromAllBlocks) {
-    copy("seams");
-    const auto pass = [](int block) {
-        return bin("tvsgs-blocks run seams --block " + std::to_string(block) +
-                   " --seam-pass --device cpu");
-    };
-    expect_message(bin("tvsgs-blocks merge seams --seam-pass --out none"), 3,
-                   {"block 1", "seam.json is missing", "--block 1 --seam-pass"});
-    for (const int b : {2, 3, 1}) ASSERT_EQ(pass(b).code, 0) << contents(folder_ / "err.txt");
-    expect_message(pass(2), 0, {"done already"});
-    expect_message(bin("tvsgs-blocks status seams --seam-pass"), 0,
-                   {"tvsgs-blocks merge seams --seam-pass --out RUN"});
-    const fs::path file = block("seams", 2) / "seam/point_cloud/iteration_310/point_cloud.ply";
-    const std::string before = contents(file);
-    ASSERT_FALSE(before.empty());
-    EXPECT_EQ(bin("tvsgs-blocks run seams --block 2 --seam-pass --again --device cpu").code, 0);
-    EXPECT_EQ(contents(file), before);
-    const json config = json::parse(contents(block("seams", 2) / "seam/config.json"));
-    EXPECT_EQ(config["densify"]["enabled"], false);
-    EXPECT_NE(config["tv"]["fixed_voters"], "");
-    EXPECT_EQ(bin("tvsgs-blocks merge seams --seam-pass --out seamed").code, 0)
-        << contents(folder_ / "err.txt");
-    EXPECT_EQ(bin("tvsgs-blocks merge seams --out unseamed").code, 0);
-    const std::string splats_of = "point_cloud/iteration_60/point_cloud.ply";
-    EXPECT_NE(contents(folder_ / "seamed" / splats_of), contents(folder_ / "unseamed" / splats_of));
+TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
+    copy_untrained("all");
+    // Another process holds block 2 until the first attempt has failed.
+    const int lock = ::open(block("all", 2).c_str(), O_RDONLY | O_DIRECTORY);
+    ASSERT_EQ(::flock(lock, LOCK_EX), 0);
+    std::thread release([lock] {
+        while (contents(block("all", 2) / "train.log").find("error:") == std::string::npos)
+            std::this_thread::sleep_for(std::chrono::milliseconds(20));
+        ::close(lock);
+    });
+    const Result run = bin("tvsgs-blocks run all --jobs 2");
+    release.join();
+    expect_message(run, 0,
+                   {"block 2 failed on cpu", "exit code 2: error: block 2: another tvsgs-blocks",
+                    "block 2 is done, 3 of 3", "next: tvsgs-blocks merge all"});
+    for (int b = 1; b <= kBlocks; ++b) {
+        EXPECT_EQ(contents(splats("all", b)), contents(splats("blocks", b)));
+        const std::string log = contents(block("all", b) / "train.log");
+        EXPECT_NE(log.find("done, "), std::string::npos) << log;
+        EXPECT_EQ(log.find("\"iteration\""), std::string::npos) << log;
+    }
+    expect_message(bin("tvsgs-blocks run all --jobs 2"), 0, {"all 3 blocks are done, 0 of them"});
+}
 
-    fs::remove_all(block("seams", 3) / "run/checkpoints");
-    expect_message(bin("tvsgs-blocks run seams --block 3 --seam-pass --again --device cpu"), 3,
-                   {"block 3", "checkpoints is empty"});
+TEST_F(BlocksCommand, AllBlocksStopBySignalAndGoOn) {
+    copy_untrained("halt");
+    // Two train and one waits when the signal comes.
+    const Result stopped = run_script(
+        folder_, "{ OMP_NUM_THREADS=2 " TVSGS_BIN_DIR
+                 "/tvsgs-blocks run halt --jobs 2 --progress json >out.txt 2>err.txt & pid=$!; for "
+                 "i in $(seq 1200); do grep -q '\"block\": 1' err.txt && break; sleep 0.05; done; "
+                 "kill -TERM $pid; wait $pid; }");
+    EXPECT_EQ(stopped.code, 143) << stopped;
+    EXPECT_TRUE(stopped.says("\"iteration\": 1,")) << stopped;
+    EXPECT_TRUE(stopped.says("of 3 blocks are done; the same command")) << stopped;
+    EXPECT_FALSE(fs::exists(block("halt", 3) / "run"));
+    EXPECT_EQ(bin("tvsgs-blocks status halt --missing").code, 3);
+    expect_message(bin("tvsgs-blocks run halt --jobs 2"), 0, {"all 3 blocks are done"});
+    for (int b = 1; b <= kBlocks; ++b)
+        EXPECT_EQ(contents(splats("halt", b)), contents(splats("blocks", b)));
+}
+
+TEST_F(BlocksCommand, ABlockThatFailsTwiceLeavesItsCode) {
+    copy("gone");
+    fs::remove_all(block("gone", 2));
+    fs::remove(block("gone", 3) / "done.json");
+    expect_message(bin("tvsgs-blocks run gone --jobs 2"), 3,
+                   {"block_002 is missing; run tvsgs-blocks split again", "block 3 is done, 1 of 2",
+                    "gone: 2 of 3 blocks are done; block 2 failed twice"});
+}
+
+TEST_F(BlocksCommand, RunRefusesWordsThatDoNotGoTogether) {
+    const auto run = [](const std::string& words) {
+        return bin("tvsgs-blocks run blocks " + words);
+    };
+    expect_message(run(""), 2, {"--block N", "--gpus all", "--jobs N"});
+    expect_message(run("--jobs 2 --gpus 0"), 2, {"--gpus"});
+    expect_message(run("--jobs 2 --block 1"), 2, {"--block"});
+    expect_message(run("--jobs 2 --again"), 2, {"--again"});
+    expect_message(run("--jobs 2 --device cpu"), 2, {"--device"});
+    expect_message(run("--jobs 0"), 2, {"--jobs"});
+    expect_message(run("--jobs 2 --set nosuch=3"), 2, {"nosuch"});
+    expect_message(run("--jobs 2 --scene nowhere"), 3, {"nowhere"});
+    if (!kHasCuda) expect_message(run("--gpus all"), 5, {"--gpus all: this build has no CUDA"});
+    const int lock = ::open((folder_ / "blocks").c_str(), O_RDONLY | O_DIRECTORY);
+    ASSERT_EQ(::flock(lock, LOCK_EX), 0);
+    expect_message(run("--jobs 2"), 2, {"blocks: another tvsgs-blocks run"});
+    ::close(lock);
+}
+
+TEST_F(BlocksCommand, SlurmTasksTrainABlockEach) {
+    ASSERT_EQ(bin("tvsgs-blocks slurm blocks").code, 0) << contents(folder_ / "err.txt");
+    const std::string job = output();
+    for (const char* part :
+         {"#SBATCH --array=1-3\n", "#SBATCH --gres=gpu:1\n", "#SBATCH --requeue\n",
+          "#SBATCH --open-mode=append\n", "/blocks/block_%3a/train.log\"\n", "--device cuda"})
+        EXPECT_NE(job.find(part), std::string::npos) << job << "lacks " << part;
+    ASSERT_EQ(bin("tvsgs-blocks slurm blocks --device cpu").code, 0);
+    EXPECT_EQ(output().find("gpu"), std::string::npos) << output();
+    fs::copy(folder_ / "out.txt", folder_ / "job.sh");
+    expect_message(run_script(folder_, "PATH=" TVSGS_BIN_DIR
+                                       ":$PATH SLURM_ARRAY_TASK_ID=2 sh job.sh --set tv.k=21 "
+                                       ">out.txt 2>err.txt"),
+                   0, {"block 2: done already"});
 }
 
 TEST_F(BlocksCommand, RefusesWhatCannotBe) {

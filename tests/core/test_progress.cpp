@@ -1,7 +1,12 @@
 // How far long work is: what it says, and when it says nothing.
+#include <fcntl.h>
 #include <gtest/gtest.h>
+#include <sys/ioctl.h>
+#include <unistd.h>
 
+#include <algorithm>
 #include <cmath>
+#include <cstdlib>
 
 #include "core/log.h"
 #include "core/progress.h"
@@ -58,6 +63,40 @@ TEST(ProgressStyles, QuietAndJsonAreSilent) {
     }
     EXPECT_EQ(testing::internal::GetCapturedStderr(), "") << "plain: over at once";
     set_progress_style(ProgressStyle::quiet);
+}
+
+/// What `action` writes to a terminal of 3 rows and 12 columns.
+template <class Action>
+std::string on_terminal(const Action& action) {
+    const int terminal = posix_openpt(O_RDWR | O_NOCTTY), before = dup(STDERR_FILENO);
+    EXPECT_EQ(grantpt(terminal) + unlockpt(terminal), 0);
+    const int inside = open(ptsname(terminal), O_RDWR | O_NOCTTY);
+    const winsize size{3, 12, 0, 0};
+    EXPECT_EQ(ioctl(inside, TIOCSWINSZ, &size), 0);
+    dup2(inside, STDERR_FILENO);
+    set_progress_style(ProgressStyle::automatic);
+    action();
+    set_progress_style(ProgressStyle::quiet);
+    dup2(before, STDERR_FILENO);
+    char text[4096];
+    const ssize_t count = read(terminal, text, sizeof text);
+    for (const int file : {terminal, inside, before}) close(file);
+    return std::string(text, static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+}
+
+TEST(ProgressLines, ReplaceEachOtherOnATerminal) {
+    EXPECT_EQ(on_terminal([] {
+                  show_progress_lines({"one", "two"});
+                  show_progress_lines({"1", "a line that is too long", "no row for this one"});
+                  end_progress_line();
+                  show_progress_lines({"alone"});
+                  end_progress_line();
+                  end_progress_line();
+              }),
+              "\rone\033[K\r\ntwo\033[K\033[J"               // the terminal makes \r\n of \n
+              "\033[1A\r1\033[K\r\na line that\033[K\033[J"  // in their place
+              "\033[1A\r\033[J"                              // several are removed
+              "\ralone\033[K\033[J\r\n");                    // one stays
 }
 
 }  // namespace

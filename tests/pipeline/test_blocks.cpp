@@ -1,4 +1,4 @@
-// How scenes are cut into blocks, what is written of that, and how seams are judged.
+// How scenes are cut into blocks, and the files that this writes.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -11,7 +11,6 @@
 #include "io/read_file.h"
 #include "pipeline/blocks_folder.h"
 #include "pipeline/blocks_geometry.h"
-#include "pipeline/blocks_seams.h"
 #include "pipeline/blocks_split.h"
 #include "support/numeric.h"
 
@@ -96,47 +95,6 @@ TEST(BlocksGeometry, HeavyCellsAreCutUntilNoneIs) {
     for (const int n : of) EXPECT_LE(n, 130);
 }
 
-TEST(BlocksGeometry, NeighboursShareAnEdgeAndAreSymmetric) {
-    const auto cells = split_cells(random_places(2000, 7), std::vector<double>(2000, 1), 7, 0);
-    const auto pairs = neighbours_of(cells);
-    const auto listed = [&](int i, int j) {
-        return std::count(pairs.begin(), pairs.end(), std::pair{std::min(i, j), std::max(i, j)}) ==
-               1;
-    };
-    // A step from a cell across its cut, away from corners, comes into a neighbour, and into no
-    // other cell than these.
-    for (int i = 0; i < 7; ++i) {
-        const GroundCell& cell = cells[static_cast<std::size_t>(i)];
-        for (int axis = 0; axis < 2; ++axis)
-            for (const double at : {cell.low[axis], cell.high[axis]})
-                for (double t = -30; t < 30; t += 0.0371) {
-                    if (!std::isfinite(at) || t < cell.low[1 - axis] || t >= cell.high[1 - axis])
-                        continue;
-                    const double step = at == cell.low[axis] ? -1e-9 : 1e-9;
-                    const int other = cell_of(
-                        cells, axis == 0 ? Vec2<double>{at + step, t} : Vec2<double>{t, at + step});
-                    ASSERT_NE(other, i);
-                    EXPECT_TRUE(listed(i, other)) << i << " " << other;
-                }
-    }
-    for (const auto& [i, j] : pairs) {
-        EXPECT_LT(i, j);
-        const Seam seam = seam_of(cells, i, j), same = seam_of(cells, j, i);
-        EXPECT_EQ(seam.a, same.a);
-        EXPECT_EQ(seam.at, same.at);
-        EXPECT_LT(seam.from, seam.to);
-        EXPECT_EQ(cells[static_cast<std::size_t>(seam.a)].high[seam.axis], seam.at);
-        EXPECT_EQ(cells[static_cast<std::size_t>(seam.b)].low[seam.axis], seam.at);
-    }
-    // Corners are no edges.
-    const std::vector<GroundCell> four{{{-GroundCell::kInfinite, -GroundCell::kInfinite}, {0, 0}},
-                                       {{0, -GroundCell::kInfinite}, {GroundCell::kInfinite, 0}},
-                                       {{-GroundCell::kInfinite, 0}, {0, GroundCell::kInfinite}},
-                                       {{0, 0}, {GroundCell::kInfinite, GroundCell::kInfinite}}};
-    EXPECT_EQ(neighbours_of(four),
-              (std::vector<std::pair<int, int>>{{0, 1}, {0, 2}, {1, 3}, {2, 3}}));
-}
-
 TEST(BlocksGeometry, UpIsWhereCamerasSpreadLeastAndAxesOfTheWorldAreKept) {
     test::Random random(8);
     std::vector<Vec3d> flight;
@@ -208,7 +166,6 @@ protected:
         manifest_.voxel_size = 0.1, manifest_.margin = 1.0 / 3;
         manifest_.near = {{-10, -10, -10}, {10, 10, 10}};
         manifest_.cells = split_cells(random_places(500, 9), std::vector<double>(500, 1), 3, 0);
-        manifest_.neighbours = neighbours_of(manifest_.cells);
         manifest_.split = split_of(manifest_);
         for (int block = 1; block <= 3; ++block) {
             const std::string of = manifest_.block_folder(block);
@@ -266,7 +223,6 @@ TEST_F(BlocksFiles, AreReadAsWritten) {
             EXPECT_EQ(read.cells[i].low[axis], manifest_.cells[i].low[axis]);
             EXPECT_EQ(read.cells[i].high[axis], manifest_.cells[i].high[axis]);
         }
-    EXPECT_EQ(read.neighbours, manifest_.neighbours);
     test::Random random(10);
     for (int i = 0; i < 300; ++i) {
         const Vec3d p = 8.0 * random.normal3();
@@ -302,9 +258,9 @@ TEST_F(BlocksFiles, DamageIsSaidWithBlockFileAndRemedy) {
     expect_all(result(), {"block 2", "run/splats.ply is missing"});
 
     finish(2);
-    replace(block + "/done.json", "\"version\": 1", "\"version\": 2");
-    expect_all(result(), {"done.json", "is of version 2", "version 1", "--again"});
-    replace(block + "/done.json", "\"version\": 2", "\"vision\": 2");
+    replace(block + "/done.json", "\"version\": 2", "\"version\": 3");
+    expect_all(result(), {"done.json", "is of version 3", "version 2", "--again"});
+    replace(block + "/done.json", "\"version\": 3", "\"vision\": 3");
     expect_all(result(), {"done.json", "says no version"});
     finish(2);
     fs::copy_file(block + "/done.json", manifest_.block_folder(3) + "/done.json");
@@ -313,7 +269,7 @@ TEST_F(BlocksFiles, DamageIsSaidWithBlockFileAndRemedy) {
     BlocksManifest other = manifest_;
     other.split = manifest_.split + 1;
     expect_all(message([&] { read_block_result(other, 2); }), {"of split", "--again"});
-    std::ofstream(block + "/done.json") << "{\"version\": 1, ";
+    std::ofstream(block + "/done.json") << "{\"version\": 2, ";
     expect_all(result(), {"done.json", "not valid JSON", "--again"});
     finish(2);
     replace(block + "/done.json", "run/splats.ply", "../../../etc/x");
@@ -325,60 +281,6 @@ TEST_F(BlocksFiles, DamageIsSaidWithBlockFileAndRemedy) {
     expect_all(inputs(), {"views.txt is missing"});
     replace(block + "/block.json", "\"points\": 10", "\"points\": 11");
     expect_all(inputs(), {"block.json", "is damaged"});
-}
-
-// What a seam pass has made counts for the results that it began with.
-TEST_F(BlocksFiles, SeamPassesGoWithTheTrainingsBefore) {
-    const BlockStage seams = BlockStage::seams;
-    EXPECT_NE(message([&] { trained_state(manifest_, 1); }).find("done.json is missing"),
-              std::string::npos);
-    for (int block = 1; block <= 3; ++block) finish(block);
-    EXPECT_NE(message([&] { require_block_result(manifest_, 1, seams); }).find("seam.json is"),
-              std::string::npos);
-    const int neighbour = neighbours_of_block(manifest_, 1).front();
-    const std::string of = manifest_.block_folder(1);
-    BlockResult result = require_block_result(manifest_, 1);
-    result.from = trained_state(manifest_, 1);
-    write_text_file(of + "/seam/splats.ply", "more");
-    result.files = {record_of(of, "seam/splats.ply")};
-    write_block_result(manifest_, result, seams);
-    EXPECT_EQ(require_block_result(manifest_, 1, seams).files.front().name, "seam/splats.ply");
-
-    const std::string other = manifest_.block_folder(neighbour);
-    write_text_file(other + "/run/splats.ply", "other");
-    BlockResult changed;
-    changed.block = neighbour, changed.split = manifest_.split, changed.program = "1.0";
-    changed.files = {record_of(other, "run/splats.ply")};
-    write_block_result(manifest_, changed);
-    const std::string said = message([&] { require_block_result(manifest_, 1, seams); });
-    EXPECT_NE(said.find("trained anew since this seam pass"), std::string::npos) << said;
-    EXPECT_NE(said.find("--block 1 --seam-pass --again"), std::string::npos) << said;
-}
-
-// Of the neighbours' surface what lies within reach, and nothing of the block itself or far away.
-TEST_F(BlocksFiles, VotersAreTheNeighboursSurfaceWithinReach) {
-    manifest_.frame = ground_frame({0, 0, 1});
-    manifest_.cells = std::vector<GroundCell>(2);
-    manifest_.cells[0].high[0] = manifest_.cells[1].low[0] = 0;
-    manifest_.vote_reach = 0.5;
-    Gaussians<Cpu> splats;
-    resize(splats, 5, 0);
-    fill_zero(splats);
-    const float x[] = {-0.5f, 0.5f, 0.9f, 1.1f, 99};
-    for (std::size_t i = 0; i < 5; ++i) {
-        splats.means[i] = {x[i], 1, 0};
-        splats.log_scales[i] = {-1, -5, -2};
-        splats.quats[i] = {};
-        splats.opacity_logits[i] = i == 2 ? -1.0f : 1.0f;
-    }
-    const auto surface = surface_splats(manifest_, splats);
-    ASSERT_EQ(surface.size(), 4u);
-    EXPECT_EQ(surface[0].block, 1);
-    EXPECT_EQ(surface[3].block, 0);
-    const PointCloud voters = seam_voters(manifest_, 1, surface);
-    ASSERT_EQ(voters.positions.size(), 1u);
-    EXPECT_EQ(voters.positions[0].x, 0.5f);
-    EXPECT_TRUE(voters.normals.empty());
 }
 
 TEST(BlocksGeometry, SharesSumToOneAndHalveAtCuts) {
@@ -413,73 +315,14 @@ TEST_F(BlocksFiles, ManifestsThatAreNoneAreRefused) {
     EXPECT_NE(text().find("is damaged"), std::string::npos) << text();
     replace(file, "\"iterations\": 301", "\"iterations\": 300");
     EXPECT_EQ(text(), "no error");
-    replace(file, "\"version\": 1", "\"version\": 9");
+    replace(file, "\"version\": 2", "\"version\": 9");
     EXPECT_NE(text().find("version 9"), std::string::npos) << text();
-    for (const char* bad : {"", "[]", "{\"version\": 1}", "nonsense"}) {
+    for (const char* bad : {"", "[]", "{\"version\": 2}", "nonsense"}) {
         std::ofstream(file) << bad;
         EXPECT_NE(text().find("manifest.json"), std::string::npos) << bad << ": " << text();
     }
     fs::remove(file);
     EXPECT_NE(text().find("has no manifest.json"), std::string::npos) << text();
-}
-
-/// A wavy surface with noise, in two blocks at x = 0; the second is raised by `step`, and rises by
-/// `turn_deg` more from there on.
-std::vector<SurfaceSplat> surface(double step, double turn_deg, double noise) {
-    test::Random random(11);
-    std::vector<SurfaceSplat> splats;
-    const double rise = std::tan(turn_deg / 57.29578);
-    for (int i = 0; i < 40000; ++i) {
-        SurfaceSplat s;
-        s.place = {random.uniform(-3, 3), random.uniform(-2, 2)};
-        const bool second = s.place.x >= 0;
-        s.mean = {s.place.x, s.place.y,
-                  0.2 * std::sin(s.place.x + s.place.y) + noise * random.normal() +
-                      (second ? step + rise * s.place.x : 0)};
-        s.block = second ? 2 : 1;
-        splats.push_back(s);
-    }
-    return splats;
-}
-
-std::vector<SeamReport> judge(double step, double turn_deg) {
-    std::vector<GroundCell> cells(2);
-    cells[0].high[0] = cells[1].low[0] = 0;
-    return test_seams(cells, neighbours_of(cells), surface(step, turn_deg, 0.001));
-}
-
-TEST(BlocksSeams, AreAsGoodAsTheInsideOrAreNamed) {
-    const auto same = judge(0, 0);
-    ASSERT_EQ(same.size(), 1u);
-    EXPECT_TRUE(same[0].judged && same[0].good);
-    EXPECT_NEAR(same[0].across.median_offset, same[0].inside.median_offset,
-                0.25 * same[0].inside.median_offset);
-    EXPECT_LT(same[0].across.median_angle, 8);
-    EXPECT_EQ(same[0].seam.at, 0);
-
-    const double spacing = same[0].spacing;
-    const auto stepped = judge(3 * spacing, 0);
-    EXPECT_TRUE(stepped[0].judged);
-    EXPECT_FALSE(stepped[0].good);
-    EXPECT_NEAR(stepped[0].across.median_offset, 3 * spacing, spacing);
-    EXPECT_NEAR(stepped[0].inside.median_offset, same[0].inside.median_offset, 1e-3);
-
-    const auto turned = judge(0, 15);
-    EXPECT_FALSE(turned[0].good);
-    EXPECT_GT(turned[0].across.median_angle, same[0].across.median_angle + 2);
-}
-
-TEST(BlocksSeams, WithTooFewSplatsNothingIsJudged) {
-    std::vector<GroundCell> cells(2);
-    cells[0].high[0] = cells[1].low[0] = 0;
-    auto few = surface(1, 0, 0);
-    few.resize(12);
-    for (const auto& splats : {few, std::vector<SurfaceSplat>{}}) {
-        const auto report = test_seams(cells, neighbours_of(cells), splats);
-        ASSERT_EQ(report.size(), 1u);
-        EXPECT_FALSE(report[0].judged);
-        EXPECT_TRUE(report[0].good);
-    }
 }
 
 }  // namespace

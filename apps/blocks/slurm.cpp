@@ -1,0 +1,53 @@
+// tvsgs-blocks slurm: a job array for Slurm, one task for each block.
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+#include "apps/blocks/subcommands.h"
+
+namespace tvsgs {
+namespace {
+
+struct SlurmArguments {
+    std::string folder, device = "cuda";
+};
+
+/// The options of sbatch have quotes of their own, not a shell's; a '%' stands for itself twice.
+std::string for_sbatch(const std::string& path) {
+    std::string quoted = "\"";
+    for (const char c : path)
+        quoted += c == '"' || c == '\\' ? str('\\', c) : c == '%' ? "%%" : std::string(1, c);
+    return quoted + "\"";
+}
+
+/// A task that is queued again, as its node failed, adds to its log and goes on from its
+/// checkpoint. sh becomes tvsgs-blocks, so that the signal before the time limit reaches it.
+int print_job(const SlurmArguments& a) {
+    const BlocksManifest manifest =
+        read_manifest(std::filesystem::absolute(a.folder).lexically_normal().string());
+    const bool cuda = a.device == "cuda";
+    const std::string text =
+        str("#!/bin/sh\n#SBATCH --job-name=tvsgs-blocks\n#SBATCH --array=1-", manifest.count(),
+            cuda ? "\n#SBATCH --gres=gpu:1" : "",
+            "\n#SBATCH --requeue\n#SBATCH --open-mode=append\n#SBATCH --signal=B:TERM@120\n",
+            "#SBATCH --output=", for_sbatch(manifest.folder), "/block_%3a/train.log\n",
+            "export OMP_NUM_THREADS=\"${SLURM_CPUS_ON_NODE:-1}\"\nexec tvsgs-blocks run ",
+            for_shell(manifest.folder), " --block \"$SLURM_ARRAY_TASK_ID\" --device ", a.device,
+            " \"$@\"\n");
+    std::fputs(text.c_str(), stdout);
+    return 0;
+}
+
+}  // namespace
+
+BlocksCommand add_blocks_slurm(CLI::App& app) {
+    const auto a = std::make_shared<SlurmArguments>();
+    CLI::App* const command =
+        app.add_subcommand("slurm", "print a job array for sbatch, with a task for each block");
+    add_blocks_folder(*command, a->folder);
+    command->add_option("--device", a->device, "cuda, a GPU for each task, or cpu")
+        ->check(CLI::IsMember({"cuda", "cpu"}));
+    return {command, [a](bool) { return print_job(*a); }};
+}
+
+}  // namespace tvsgs

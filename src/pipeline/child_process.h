@@ -1,0 +1,65 @@
+// Other programs: started, read line by line, told to stop.
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace tvsgs {
+
+/// A program that runs beside this one, without input. Its standard output and standard error are
+/// one pipe. It receives SIGTERM when this process dies.
+class ChildProcess {
+public:
+    struct Command {
+        std::vector<std::string> words;        // the first one is the path of the program
+        std::vector<std::string> environment;  // "NAME=value", replaces variables of that name
+        bool own_group = false;  // signals of the terminal, such as Ctrl-C, do not reach it
+    };
+
+    /// Throws Error(ExitCode::io) where no process can be made. A program that cannot be started
+    /// ends with 127.
+    explicit ChildProcess(const Command& command);
+    ChildProcess(const ChildProcess&) = delete;
+    ChildProcess& operator=(const ChildProcess&) = delete;
+    /// Kills the program if it still runs.
+    ~ChildProcess();
+
+    /// The pipe to poll; -1 after its end.
+    int output() const { return output_; }
+
+    /// Calls `on_line` for each line that has been written since the last call; does not wait.
+    /// Lines end at '\n' or '\r'.
+    void read_lines(const std::function<void(std::string_view)>& on_line);
+
+    /// The exit code, 128 + N after signal N; nothing while it runs. Lines may still be unread.
+    std::optional<int> exit_code();
+
+    void send(int signal) const;
+
+private:
+    pid_t pid_ = 0;
+    int output_ = -1;
+    std::string line_;  // begun, without its end
+    std::optional<int> code_;
+};
+
+/// Lines added to the end of a file. Throws Error(ExitCode::io) where it cannot be written.
+class LineLog {
+public:
+    explicit LineLog(std::string path);
+    LineLog(const LineLog&) = delete;
+    LineLog& operator=(const LineLog&) = delete;
+    ~LineLog();
+    void add(std::string_view line);
+
+private:
+    std::string path_;
+    int file_;
+};
+
+}  // namespace tvsgs
