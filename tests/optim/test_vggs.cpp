@@ -350,7 +350,7 @@ TEST(PriorTerms, AMapOfAnotherSizeIsAnError) {
             } catch (const Error& error) {
                 EXPECT_EQ(error.code(), ExitCode::input);
                 EXPECT_NE(std::string(error.what()).find(name), std::string::npos);
-                EXPECT_NE(std::string(error.what()).find("19 x 16"), std::string::npos);
+                EXPECT_NE(std::string(error.what()).find("39 x 32"), std::string::npos);
             }
         }
 }

@@ -159,7 +159,7 @@ Gaussians<Cpu> scene() {
         Quatf& q = g.quats[i];
         q = {length * q.w, length * q.x, length * q.y, length * q.z};
         if (i % 10 == 0) {
-            g.means[i].x = i % 20 == 0 ? 1.6f : -2.3f;
+            g.means[i].x = i % 20 == 0 ? 1.6f : -1.9f;
             g.log_scales[i] = {-0.2f, -0.4f, -1};
             g.opacity_logits[i] = 2;
         }
