@@ -329,7 +329,8 @@ TEST_F(BlocksCommand, StoppedBlocksGoOnAndTwoAtOnceAreRefused) {
 TEST_F(BlocksCommand, AllBlocksTrainSideBySideAndAFailedOneRunsAgain) {
     copy_untrained("all");
     // Another process holds block 2 until the first attempt has failed.
-    const int lock = ::open(block("all", 2).c_str(), O_RDONLY | O_DIRECTORY);
+    // Closed in the processes of the command, which would hold the lock with it.
+    const int lock = ::open(block("all", 2).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
     ASSERT_EQ(::flock(lock, LOCK_EX), 0);
     std::thread release([lock] {
         while (contents(block("all", 2) / "train.log").find("error:") == std::string::npos)
@@ -401,7 +402,7 @@ TEST_F(BlocksCommand, SlurmTasksTrainABlockEach) {
     const std::string job = output();
     for (const char* part :
          {"#SBATCH --array=1-3\n", "#SBATCH --gres=gpu:1\n", "#SBATCH --requeue\n",
-          "#SBATCH --open-mode=append\n", "/blocks/block_%3a/train.log\"\n", "--device cuda"})
+          "#SBATCH --open-mode=append\n", "/blocks\"/block_%3a/train.log\n", "--device cuda"})
         EXPECT_NE(job.find(part), std::string::npos) << job << "lacks " << part;
     ASSERT_EQ(bin("tvsgs-blocks slurm blocks --device cpu").code, 0);
     EXPECT_EQ(output().find("gpu"), std::string::npos) << output();
