@@ -9,12 +9,12 @@ source=$PWD
 bin=$(realpath "${1:-build/cpu/bin}")
 export PATH=$bin:$PATH OMP_NUM_THREADS=1
 work=$(mktemp -d)
-declare -A daemons=()
+declare -A started=() # processes, or groups of them (negative), that the end has to kill
 
 clean_up() {
-    for daemon in "${!daemons[@]}"; do kill -KILL "${daemons[$daemon]}" 2>/dev/null || true; done
+    for name in "${!started[@]}"; do kill -KILL -- "${started[$name]}" 2>/dev/null || true; done
     wait 2>/dev/null || true
-    rm -rf "$work"
+    rm -rf "$work" 2>/dev/null || { sleep 1 && rm -rf "$work"; } # what was killed may still have written
 }
 trap clean_up EXIT
 trap 'exit 130' INT
@@ -33,9 +33,12 @@ wait_for() {
         sleep 0.2
     done
 }
-# Iterations that a training that went on had behind it, by its log; 0: it began anew.
+# Iterations that a training that went on had behind it, by its log; nothing if it began anew.
 resumed_at() { sed -n 's/.*"event": "resumed", "iteration": \([0-9]*\).*/\1/p' "$1/run/log.jsonl" | tail -1; }
 trains() { grep -q '"iteration": [0-9]*50,' "$1/run/log.jsonl"; }
+# state FOLDER BLOCK: waiting, training, stopped or done.
+state() { { tvsgs-blocks status "$1" || true; } | awk -v block="$2" '$1 == "block" && $2 == block { print $3 }'; }
+none_trains() { for block in 1 2 3; do [[ $(state "$1" $block) != training ]] || return 1; done; }
 has_checkpoint() { compgen -G "$1/run/checkpoints/*" >/dev/null && ! [[ -e $1/done.json ]]; }
 require_resumed() {
     local at
@@ -47,15 +50,20 @@ require_all_done() {
     tvsgs-blocks status "$1" || fail "$1: not all blocks are done"
     [[ -z $(tvsgs-blocks status "$1" --missing) ]] || fail "$1: --missing names blocks"
 }
-split() { tvsgs-blocks split --coarse coarse --out "$1" --blocks 3 --margin 0.4 --device cpu --quiet; }
+split() { tvsgs-blocks split --coarse coarse --out "$1" --blocks 3 --margin 0.4 --iterations 600 --device cpu --quiet; }
+
+for tool in make munged slurmctld slurmd sbatch unshare tvsgs-blocks; do
+    command -v $tool >/dev/null || fail "$tool is missing"
+done
+[[ $(id -u) = 0 ]] || fail "Slurm's daemons need root"
 
 cd "$work"
 tvsgs-synth --out scene --wide 5 --views 14 --test-views 2 --width 64 --height 48 --points 3000 --quiet
 cat >config.json <<'EOF'
-{"scene": {"path": "scene", "split": "train_all"}, "iterations": 400, "backbone": "pgsr", "init": {"min_points": 0},
+{"scene": {"path": "scene", "split": "train_all"}, "backbone": "ewa", "init": {"min_points": 0},
  "densify": {"from": 20, "every": 15, "max_gaussians": 4500}}
 EOF
-tvsgs-train --config config.json --set iterations=60 --out coarse --device cpu --quiet
+tvsgs-train --config config.json --iterations 60 --out coarse --device cpu --quiet
 
 by_shell() {
     echo "shell loop"
@@ -64,11 +72,14 @@ by_shell() {
     sh shell/commands.txt >shell.log 2>&1 &
     local loop=$!
     set +m
+    started[loop]=-$loop
     wait_for 300 "block 1 in the shell loop" trains shell/block_001
     kill -TERM -- "-$loop"
     wait "$loop" && fail "the shell loop was faster than its end"
+    unset "started[loop]"
+    wait_for 60 "the checkpoint of block 1" none_trains shell
     [[ $(tvsgs-blocks status shell --missing) = 1-3 ]] || fail "status of the loop that was stopped"
-    sh shell/commands.txt >>shell.log 2>&1 || fail "the shell loop: $(tail -3 shell.log)"
+    sh shell/commands.txt >>shell.log 2>&1 || fail "the shell loop: $(grep "^error" shell.log)"
     require_resumed shell/block_001
     require_all_done shell
     tvsgs-blocks merge shell --out shell_run --quiet
@@ -83,10 +94,13 @@ by_make() {
     make -j2 >make.log 2>&1 &
     local make=$!
     set +m
+    started[make]=-$make
     wait_for 300 "block 2 by make" trains BLOCKS/block_002
     kill -TERM -- "-$make"
     wait "$make" && fail "make was faster than its end"
-    make -j2 >>make.log 2>&1 || fail "make: $(tail -3 make.log)"
+    unset "started[make]"
+    wait_for 60 "the checkpoints of the blocks by make" none_trains BLOCKS
+    make -j2 >>make.log 2>&1 || fail "make: $(grep -E "^error|\*\*\*" make.log)"
     require_resumed BLOCKS/block_002
     make -q || fail "make has something left to do"
     require_all_done BLOCKS
@@ -101,7 +115,7 @@ start_slurm() {
     chmod 400 munge.key
     munged --foreground --force --key-file="$work/munge.key" --socket="$work/munge.sock" --pid-file="$work/munged.pid" \
         --log-file="$work/munged.log" --seed-file="$work/munge.seed" >munged.out 2>&1 &
-    daemons[munged]=$!
+    started[munged]=$!
     cat >slurm.conf <<EOF
 ClusterName=try
 SlurmctldHost=$host(127.0.0.1)
@@ -128,11 +142,11 @@ EOF
     export SLURM_CONF=$work/slurm.conf
     wait_for 20 "munged" munge -n -S "$work/munge.sock"
     slurmctld -D >slurmctld.out 2>&1 &
-    daemons[slurmctld]=$!
+    started[slurmctld]=$!
     # A node is a namespace of processes: its end is theirs, as when a machine dies.
     for node in n1 n2; do
         unshare --pid --fork --kill-child --mount-proc slurmd -D -N $node >$node.out 2>&1 &
-        daemons[$node]=$!
+        started[$node]=$!
     done
     wait_for 60 "two idle nodes" two_idle_nodes
 }
@@ -158,15 +172,14 @@ by_slurm() {
     merge=$(sbatch --parsable --dependency=afterok:"$id" --output=merge.log \
         --wrap "tvsgs-blocks merge slurm --out slurm_run")
     wait_for 300 "a block with a checkpoint" find_victim
-    tvsgs-blocks status slurm && fail "status: all done while blocks train"
-    tvsgs-blocks status slurm | grep "block $victim " | grep -q training || fail "status: block $victim does not train"
+    [[ $(state slurm "$victim") = training ]] || fail "status: block $victim is $(state slurm "$victim")"
 
-    kill -KILL "${daemons[$victim_node]}"
-    wait "${daemons[$victim_node]}" 2>/dev/null || true
-    unset "daemons[$victim_node]"
+    kill -KILL "${started[$victim_node]}"
+    wait "${started[$victim_node]}" 2>/dev/null || true
+    unset "started[$victim_node]"
     scontrol update nodename="$victim_node" state=down reason=died
     wait_for 30 "block $victim in the queue again" is_requeued "${id}_$victim"
-    tvsgs-blocks status slurm | grep "block $victim " | grep -q stopped || fail "status: block $victim is not stopped"
+    [[ $(state slurm "$victim") = stopped ]] || fail "status: block $victim is $(state slurm "$victim")"
     echo "  node $victim_node has died; block $victim is in the queue again"
     scontrol update jobid="${id}_$victim" starttime=now # else two minutes later
     wait_for 600 "the end of all jobs" queue_is_empty
@@ -181,7 +194,7 @@ is_requeued() { scontrol show job "$1" | grep -q 'Restarts=1'; }
 by_shell
 by_make
 by_slurm
-splats=point_cloud/iteration_400/point_cloud.ply
+splats=point_cloud/iteration_600/point_cloud.ply
 for run in RUN slurm_run; do
     cmp "shell_run/$splats" "$run/$splats" || fail "$run has other splats than shell_run"
 done
