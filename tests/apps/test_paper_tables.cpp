@@ -8,6 +8,7 @@
 
 #include "io/json_value.h"
 #include "io/read_file.h"
+#include "pipeline/run_options.h"
 #include "support/command.h"
 
 namespace tvsgs {
@@ -101,27 +102,32 @@ TEST_F(PaperTables, TheConfigurationsAreThePapers) {
         for (const bool dense : {false, true}) {
             // Without --iterations, which would fit the schedule.
             const std::string path = configs + "tv_sgs_" + on + (dense ? "_dense.json" : ".json");
-            const JsonValue c = parse_json_value(read_bytes(path), path);
-            EXPECT_EQ(c["iterations"].number, dense ? 30000 : 15000);
-            EXPECT_EQ(c["loss"]["tv_normal"]["start"].number, dense ? 20000 : 1);
-            EXPECT_EQ(c["loss"]["tv_position"]["start"].number, dense ? 25000 : 1);
-            EXPECT_EQ(c["tv"]["refresh_every"].number, dense ? 500 : 100);
-            EXPECT_EQ(c["tv"]["vote_every"].number, 10);
+            RunOptions options;
+            OptionTable table;
+            options.add_to(table);
+            table.read_file(path);
+            const auto text = [&table](const char* key) { return table.option(key).get(); };
+            const auto number = [&text](const char* key) { return std::stof(text(key)); };
+            EXPECT_EQ(number("iterations"), dense ? 30000 : 15000);
+            EXPECT_EQ(number("loss.tv_normal.start"), dense ? 20000 : 1);
+            EXPECT_EQ(number("loss.tv_position.start"), dense ? 25000 : 1);
+            EXPECT_EQ(number("tv.refresh_every"), dense ? 500 : 100);
+            EXPECT_EQ(number("tv.vote_every"), 10);
             if (on == "p") {
-                EXPECT_EQ(c["loss"]["multi_view_ncc"]["start"].number, 7001);
-                EXPECT_EQ(c["loss"]["multi_view_geometry"]["start"].number, 7001);
+                EXPECT_EQ(number("loss.multi_view_ncc.start"), 7001);
+                EXPECT_EQ(number("loss.multi_view_geometry.start"), 7001);
             } else {
-                EXPECT_EQ(c["loss"]["normal_consistency"]["start"].number, dense ? 15000 : 7001);
-                EXPECT_EQ(c["loss"]["normal_consistency"]["weight"].number, 0.05);
-                EXPECT_EQ(c["loss"]["normal_consistency"]["expected"].number, 0.4);
-                EXPECT_EQ(c["densify"]["rule"].text, "quantile");
+                EXPECT_EQ(number("loss.normal_consistency.start"), dense ? 15000 : 7001);
+                EXPECT_EQ(number("loss.normal_consistency.weight"), 0.05f);
+                EXPECT_EQ(number("loss.normal_consistency.expected"), 0.4f);
+                EXPECT_EQ(text("densify.rule"), "quantile");
             }
-            EXPECT_EQ(c["loss"]["tv_normal"]["weight"].number, 0.5);
-            EXPECT_EQ(c["loss"]["tv_position"]["weight"].number, 1);
-            EXPECT_EQ(c["tv"]["vote_map"].text, "covariant");
-            EXPECT_EQ(c["tv"]["curvature"].text, "literal");
-            EXPECT_EQ(c["tv"]["flatness_limit"].number, 0);
-            EXPECT_EQ(c["tv"]["flatness_limit_position"].number, 0);
+            EXPECT_EQ(number("loss.tv_normal.weight"), 0.5f);
+            EXPECT_EQ(number("loss.tv_position.weight"), 1);
+            EXPECT_EQ(text("tv.vote_map"), "covariant");
+            EXPECT_EQ(text("tv.curvature"), "literal");
+            EXPECT_EQ(number("tv.flatness_limit"), 0);
+            EXPECT_EQ(number("tv.flatness_limit_position"), 0);
             const JsonValue run = resolved("--config '" + path + "'");
             EXPECT_EQ(run["tv"]["vote_map"].text, "covariant") << "the program takes the file";
         }
