@@ -139,8 +139,8 @@ public:
         gradient_.fill_zero();
     }
 
-    /// Adds the L1 term with the view's exposure, and keeps the gradient for step(). `ssim_loss` has
-    /// to be known.
+    /// Adds the L1 term with the view's exposure, and keeps the gradient for step(). `ssim_loss`
+    /// has to be known.
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,
