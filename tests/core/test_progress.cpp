@@ -4,8 +4,8 @@
 #include <sys/ioctl.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <cstdlib>
 
 #include "core/log.h"
@@ -77,11 +77,13 @@ std::string on_terminal(const Action& action) {
     set_progress_style(ProgressStyle::automatic);
     action();
     set_progress_style(ProgressStyle::quiet);
+    std::fputs("end", stderr);
     dup2(before, STDERR_FILENO);
-    char text[4096];
-    const ssize_t count = read(terminal, text, sizeof text);
+    std::string text;
+    char byte;
+    while (!text.ends_with("end") && read(terminal, &byte, 1) == 1) text += byte;
     for (const int file : {terminal, inside, before}) close(file);
-    return std::string(text, static_cast<std::size_t>(std::max<ssize_t>(count, 0)));
+    return text;
 }
 
 TEST(ProgressLines, ReplaceEachOtherOnATerminal) {
@@ -96,7 +98,7 @@ TEST(ProgressLines, ReplaceEachOtherOnATerminal) {
               "\rone\033[K\r\ntwo\033[K\033[J"               // the terminal makes \r\n of \n
               "\033[1A\r1\033[K\r\na line that\033[K\033[J"  // in their place
               "\033[1A\r\033[J"                              // several are removed
-              "\ralone\033[K\033[J\r\n");                    // one stays
+              "\ralone\033[K\033[J\r\nend");                 // one stays
 }
 
 }  // namespace
