@@ -1,6 +1,7 @@
 #include "pipeline/signals.h"
 
 #include <csignal>
+#include <ctime>
 
 #include "io/atomic_file.h"
 
@@ -9,8 +10,9 @@ namespace {
 
 constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
+constexpr double kOneRequest = 0.1;  // seconds: `timeout` sends its signal twice at once
 volatile std::sig_atomic_t first_signal = 0;
-int noted_signal = 0;  // of another process
+double first_at = 0;  // seconds since some moment
 
 extern "C" void end_at_once(int signal) {
     remove_temporary_files();
@@ -18,9 +20,16 @@ extern "C" void end_at_once(int signal) {
     std::raise(signal);
 }
 
-/// Who sends a second one does not want to wait.
+/// A second signal asks not to wait for what is saved.
 extern "C" void note_signal(int signal) {
-    if (first_signal != 0) return end_at_once(signal);
+    timespec now{};
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    const double at = static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+    if (first_signal != 0) {
+        if (at - first_at > kOneRequest) end_at_once(signal);
+        return;
+    }
+    first_at = at;
     first_signal = signal;
 }
 
@@ -45,7 +54,7 @@ void end_on_signals() {
 }
 
 SignalGuard::SignalGuard() {
-    first_signal = 0, noted_signal = 0;
+    first_signal = 0;
     on_ending_signals(note_signal);
 }
 
@@ -54,11 +63,7 @@ SignalGuard::~SignalGuard() {
 }
 
 int SignalGuard::received() {
-    return first_signal != 0 ? first_signal : noted_signal;
-}
-
-void SignalGuard::note(int signal) {
-    noted_signal = signal;
+    return first_signal;
 }
 
 void SignalGuard::check() {

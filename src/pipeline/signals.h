@@ -12,8 +12,8 @@ struct Stopped {
 void end_on_signals();
 
 /// While it lives, the signals that ask a command to end (SIGINT, SIGTERM, SIGHUP) are only noted,
-/// so that it can save its work; a second one ends it at once, as the first does otherwise, without
-/// leaving temporary files.
+/// so that it can save its work; a second one, 0.1 s later or more, ends it at once, as the first
+/// does otherwise, without leaving temporary files.
 class SignalGuard {
 public:
     SignalGuard();
@@ -22,10 +22,6 @@ public:
     ~SignalGuard();
 
     static int received();  ///< the first signal; 0: none
-
-    /// Another process of the run has received `signal`: as if this one had, whose own first one
-    /// may still come.
-    static void note(int signal);
 
     /// Ends the command with the signal's exit code if one has arrived. To be called where nothing
     /// is half done.

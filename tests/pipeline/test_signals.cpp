@@ -1,0 +1,34 @@
+// Signals that ask a command to end.
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <csignal>
+
+#include "pipeline/signals.h"
+
+namespace tvsgs {
+namespace {
+
+// As `timeout` sends it: to the command, then to its group.
+TEST(SignalGuards, ASignalThatIsSentTwiceAtOnceIsOne) {
+    const SignalGuard guard;
+    EXPECT_EQ(SignalGuard::received(), 0);
+    std::raise(SIGTERM);
+    std::raise(SIGTERM);
+    EXPECT_EQ(SignalGuard::received(), SIGTERM);
+    EXPECT_THROW(SignalGuard::check(), Stopped);
+}
+
+TEST(SignalGuardsDeathTest, ALaterOneEndsTheCommand) {
+    EXPECT_EXIT(
+        {
+            const SignalGuard guard;
+            std::raise(SIGTERM);
+            usleep(200000);
+            std::raise(SIGINT);
+        },
+        testing::KilledBySignal(SIGINT), "");
+}
+
+}  // namespace
+}  // namespace tvsgs
