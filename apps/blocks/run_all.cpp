@@ -43,7 +43,7 @@ std::vector<BlockJob> jobs_of(const BlocksManifest& manifest, int iterations) {
     return jobs;
 }
 
-/// What the processes have of the machine when `places` of them run side by side.
+/// Threads and host memory of one process when `places` of them run side by side.
 struct Share {
     int threads;
     std::string host_memory;  // empty: by the settings
