@@ -261,12 +261,12 @@ TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
             const Vec3d p = eye + t * (back - eye);
             const double u = a.fx_px * p.x / p.z + a.cx_px, v = a.fy_px * p.y / p.z + a.cy_px;
             // Well inside the block: its points there fill pixels of the other view.
-            if (!(t > 0 && t < 1 && u > 16 && u < 24 && v > 11 && v < 19)) continue;
+            if (!(t > 0 && t < 1 && u > 15.5 && u < 24.5 && v > 10.5 && v < 19.5)) continue;
             if (seen.dL_ddepth[i] == 0) continue;
             ++hidden;
             removed += behind.dL_ddepth[i] == 0;
         }
-    EXPECT_GE(hidden, 15);  // enough for the share below
+    EXPECT_GT(hidden, 20);
     EXPECT_GT(removed, 0.9 * hidden);
 }
 
