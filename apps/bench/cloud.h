@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

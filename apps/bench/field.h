@@ -7,7 +7,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "tv/vote_math.h"
 #include "tv/voting.h"
 

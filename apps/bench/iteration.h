@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "optim/train.h"
 #include "render/backbone.h"
 

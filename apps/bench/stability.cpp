@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "apps/bench/stability_measure.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "io/atomic_file.h"
 #include "io/config.h"
 #include "report/plot.h"

@@ -10,7 +10,7 @@
 
 #include <random>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs::stability {
 

@@ -7,7 +7,7 @@
 
 #include "apps/bench/stability_measure.h"
 #include "apps/bench/stability_row.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 
 namespace tvsgs::stability {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "apps/bench/stability_row.h"
-#include "core/eigen.h"
+#include "core/math/eigen.h"
 #include "tv/vote_math.h"
 
 namespace tvsgs::stability {

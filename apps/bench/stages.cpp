@@ -6,8 +6,8 @@
 
 #include "apps/bench/iteration.h"
 #include "apps/bench/stats.h"
-#include "core/device_choice.h"
-#include "core/rng.h"
+#include "core/device/device_choice.h"
+#include "core/math/rng.h"
 #include "io/atomic_file.h"
 #include "optim/adam.h"
 #include "optim/splat_order.h"

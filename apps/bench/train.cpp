@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "apps/bench/stats.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "io/atomic_file.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/planned_scene.h"

@@ -9,7 +9,7 @@
 #include "apps/bench/case.h"
 #include "apps/bench/cloud.h"
 #include "apps/bench/stats.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "io/atomic_file.h"
 #include "pipeline/run_options.h"
 

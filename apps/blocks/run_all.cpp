@@ -6,7 +6,7 @@
 
 #include "apps/blocks/run.h"
 #include "apps/blocks/subcommands.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "core/progress.h"
 #include "pipeline/blocks_schedule.h"
 #include "pipeline/memory_plan.h"

@@ -4,8 +4,8 @@
 
 #include "apps/blocks/subcommands.h"
 #include "apps/common/key_flags.h"
-#include "core/device_choice.h"
-#include "core/splat_lists.h"
+#include "core/device/device_choice.h"
+#include "core/scene/splat_lists.h"
 #include "io/atomic_file.h"
 #include "io/manifest.h"
 #include "io/read_file.h"

@@ -18,7 +18,7 @@
 
 #include "apps/common/build_info.h"
 #include "apps/common/help_pages.h"
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "core/nearest_name.h"
 #include "io/atomic_file.h"
 #include "io/manifest.h"

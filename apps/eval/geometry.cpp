@@ -4,8 +4,8 @@
 
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
-#include "core/local_origin.h"
 #include "core/parse_numbers.h"
+#include "core/scene/local_origin.h"
 #include "eval/geometry_scores.h"
 #include "io/crop_file.h"
 #include "io/mesh_files.h"

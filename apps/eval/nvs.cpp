@@ -3,7 +3,7 @@
 
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "eval/lpips_weights.h"
 #include "io/json_value.h"
 #include "pipeline/run_folder.h"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs::prepare {
 

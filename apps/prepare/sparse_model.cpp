@@ -4,7 +4,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/quaternion.h"
+#include "core/math/quaternion.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 

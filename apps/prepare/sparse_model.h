@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/rigid.h"
+#include "core/math/rigid.h"
 #include "io/camera_model.h"
 
 namespace tvsgs::prepare {

@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/image.h"
-#include "core/parallel.h"
+#include "core/scene/camera.h"
+#include "core/scene/image.h"
 #include "io/camera_model.h"
 
 namespace tvsgs::synth {

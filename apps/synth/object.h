@@ -10,10 +10,10 @@
 #include <unordered_map>
 #include <vector>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/mesh.h"
-#include "core/parallel.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs::synth {
 

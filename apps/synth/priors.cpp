@@ -7,7 +7,7 @@
 #include <limits>
 
 #include "core/error.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 #include "io/atomic_file.h"
 #include "io/image_file.h"
 #include "io/npz.h"

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "apps/synth/views.h"
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs::synth {
 

@@ -11,7 +11,7 @@
 #include "apps/synth/wide.h"
 #include "core/log.h"
 #include "core/progress.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/atomic_file.h"
 #include "io/image_file.h"
 #include "io/ply.h"

@@ -9,9 +9,9 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/quaternion.h"
-#include "core/rng.h"
+#include "core/math/quaternion.h"
+#include "core/math/rng.h"
+#include "core/scene/camera.h"
 #include "render/camera_math.h"
 
 namespace tvsgs::synth {

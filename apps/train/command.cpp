@@ -4,7 +4,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "core/progress.h"
 #include "io/atomic_file.h"
 #include "io/built_in_configs.h"

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 
 namespace tvsgs {
 

@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "eval/mesh_metrics.h"
 #include "eval/thin_points.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/crop.h"
+#include "core/scene/crop.h"
 #include "eval/mesh_metrics.h"
 #include "io/json_value.h"
 

@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 
 namespace tvsgs {
 namespace {

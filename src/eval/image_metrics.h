@@ -1,7 +1,7 @@
 // PSNR and SSIM as 3DGS defines them, in double on the host.
 #pragma once
 
-#include "core/image.h"
+#include "core/scene/image.h"
 
 namespace tvsgs {
 

@@ -8,8 +8,8 @@
 #include <cmath>
 #include <limits>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 
 namespace tvsgs {
 namespace {

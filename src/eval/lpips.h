@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "core/image.h"
+#include "core/scene/image.h"
 
 namespace tvsgs {
 

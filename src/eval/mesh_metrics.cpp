@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

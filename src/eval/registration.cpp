@@ -5,10 +5,10 @@
 #include <array>
 #include <cmath>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/point_tree.h"
-#include "core/rng.h"
+#include "core/math/point_tree.h"
+#include "core/math/rng.h"
 #include "eval/mesh_metrics.h"
 
 namespace tvsgs {

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "core/parallel.h"
-#include "core/point_tree.h"
+#include "core/device/parallel.h"
+#include "core/math/point_tree.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "eval/surface_samples.h"
 
 namespace tvsgs {

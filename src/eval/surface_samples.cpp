@@ -4,8 +4,8 @@
 #include <array>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/rng.h"
+#include "core/device/parallel.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

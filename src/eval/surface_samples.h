@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/crop.h"
+#include "core/scene/crop.h"
 #include "mesh/triangle_tree.h"
 
 namespace tvsgs {

@@ -6,9 +6,9 @@
 #include <limits>
 #include <numeric>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

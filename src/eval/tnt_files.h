@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "core/affine.h"
-#include "core/crop.h"
+#include "core/math/affine.h"
+#include "core/scene/crop.h"
 #include "eval/benchmark_files.h"
 #include "io/json_value.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "eval/image_metrics.h"
 #include "eval/lpips.h"
 #include "io/json_value.h"

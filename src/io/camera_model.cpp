@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/device/parallel.h"
 #include "core/log.h"
-#include "core/parallel.h"
 #include "io/read_file.h"
 
 namespace tvsgs {

@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/image.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/image.h"
 
 namespace tvsgs {
 

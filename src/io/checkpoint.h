@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "core/state.h"
+#include "core/scene/state.h"
 #include "io/atomic_file.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/rigid.h"
+#include "core/math/rigid.h"
 #include "io/camera_model.h"
 
 namespace tvsgs {

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "core/crop.h"
+#include "core/scene/crop.h"
 
 namespace tvsgs {
 

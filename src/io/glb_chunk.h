@@ -7,7 +7,7 @@
 #include <string>
 #include <type_traits>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 #include "io/glb_format.h"
 
 namespace tvsgs::glb {

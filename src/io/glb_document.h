@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 #include "io/glb_format.h"
 #include "io/json_file.h"
 

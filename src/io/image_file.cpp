@@ -9,8 +9,8 @@
 #include <limits>
 #include <memory>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"
 #include "io/stb.h"

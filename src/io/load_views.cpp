@@ -6,8 +6,8 @@
 #include <map>
 #include <set>
 
+#include "core/device/parallel_errors.h"
 #include "core/log.h"
-#include "core/parallel_errors.h"
 #include "core/progress.h"
 #include "io/exif.h"
 #include "io/image_file.h"

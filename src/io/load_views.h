@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/pixel_file.h"
-#include "core/scene.h"
+#include "core/scene/pixel_file.h"
+#include "core/scene/scene.h"
 #include "io/colmap.h"
 #include "io/scene_options.h"
 

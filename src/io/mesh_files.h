@@ -5,7 +5,7 @@
 #include <optional>
 #include <string>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "io/ply.h"
 
 namespace tvsgs {

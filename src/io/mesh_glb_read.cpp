@@ -5,7 +5,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/affine.h"
+#include "core/math/affine.h"
 #include "io/glb_document.h"
 #include "io/image_file.h"
 #include "io/mesh_glb.h"

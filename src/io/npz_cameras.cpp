@@ -2,8 +2,8 @@
 
 #include <cmath>
 
-#include "core/affine.h"
 #include "core/log.h"
+#include "core/math/affine.h"
 #include "io/npz.h"
 #include "io/read_file.h"
 

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/rigid.h"
+#include "core/math/rigid.h"
 
 namespace tvsgs {
 

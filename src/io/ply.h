@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/mesh.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/mesh.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 

@@ -11,9 +11,9 @@
 #include <string_view>
 #include <vector>
 
+#include "core/device/parallel_lists.h"
 #include "core/log.h"
-#include "core/parallel_lists.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
 #include "io/read_file.h"
 
 namespace tvsgs::ply {

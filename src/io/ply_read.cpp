@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "core/log.h"
-#include "core/smoothing_filter.h"
-#include "core/splat_lists.h"
+#include "core/math/smoothing_filter.h"
+#include "core/scene/splat_lists.h"
 #include "io/ply.h"
 #include "io/ply_parser.h"
 

@@ -6,8 +6,8 @@
 #include <optional>
 #include <string>
 
-#include "core/image.h"
-#include "core/scene.h"
+#include "core/scene/image.h"
+#include "core/scene/scene.h"
 #include "io/camera_model.h"
 
 namespace tvsgs {

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "core/prior_conventions.h"
+#include "core/scene/prior_conventions.h"
 #include "io/prior_files.h"
 #include "io/prior_placement.h"
 

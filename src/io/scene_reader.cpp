@@ -10,10 +10,10 @@
 #include <set>
 #include <tuple>
 
-#include "core/buffer.h"
-#include "core/local_origin.h"
+#include "core/device/buffer.h"
+#include "core/device/parallel_lists.h"
 #include "core/log.h"
-#include "core/parallel_lists.h"
+#include "core/scene/local_origin.h"
 #include "io/colmap.h"
 #include "io/image_file.h"
 #include "io/load_views.h"

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/scene_layout.h"
 #include "io/scene_options.h"
 #include "io/view_split.h"

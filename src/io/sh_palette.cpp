@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "io/splat_frame.h"
 
 namespace tvsgs {

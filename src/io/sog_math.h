@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs::sog {
 

@@ -1,7 +1,7 @@
 #include <filesystem>
 #include <map>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "io/codebook.h"
 #include "io/json_file.h"
 #include "io/sog.h"

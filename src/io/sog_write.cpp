@@ -4,7 +4,7 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "core/version.h"
 #include "io/codebook.h"
 #include "io/read_file.h"

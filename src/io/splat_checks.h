@@ -5,8 +5,8 @@
 #include <string>
 
 #include "core/error.h"
-#include "core/gaussians.h"
-#include "core/sigmoid.h"
+#include "core/math/sigmoid.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,7 @@
 #include <numbers>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "io/splat_checks.h"
 
 namespace tvsgs {

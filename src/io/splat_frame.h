@@ -1,8 +1,8 @@
 // Frames in which formats keep splats, and the half turns between them.
 #pragma once
 
-#include "core/gaussians.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

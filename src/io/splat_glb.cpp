@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "core/version.h"
 #include "io/glb_chunk.h"
 #include "io/glb_document.h"

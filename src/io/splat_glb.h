@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "io/splat_frame.h"
 
 namespace tvsgs {

@@ -5,9 +5,9 @@
 #include <bit>
 #include <cstring>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel.h"
 #include "core/version.h"
 #include "io/atomic_file.h"
 #include "io/read_file.h"

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "io/splat_frame.h"
 
 namespace tvsgs {

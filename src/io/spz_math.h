@@ -7,7 +7,7 @@
 #include <cmath>
 #include <cstdint>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 #include "io/splat_checks.h"
 
 namespace tvsgs::spz {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/affine.h"
+#include "core/math/affine.h"
 
 namespace tvsgs {
 

@@ -2,7 +2,7 @@
 // distance in the world.  [Barron22, Eq. 10; 2DGS, utils/mesh_utils]
 #pragma once
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

@@ -4,9 +4,9 @@
 #include <cstdint>
 #include <utility>
 
+#include "core/device/morton.h"
 #include "core/error.h"
-#include "core/morton.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

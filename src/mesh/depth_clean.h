@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "mesh/pixel_trust.h"
 #include "mesh/tsdf_math.h"
 #include "render/backbone.h"

@@ -1,8 +1,8 @@
 // What both twins of clean_depth do for one pixel.
 #pragma once
 
-#include "core/parallel.h"
-#include "core/scene.h"
+#include "core/device/parallel.h"
+#include "core/scene/scene.h"
 #include "mesh/depth_clean.h"
 
 namespace tvsgs {

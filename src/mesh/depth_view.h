@@ -1,8 +1,8 @@
 // A depth map of a view, and where its pixels lie.
 #pragma once
 
-#include "core/buffer.h"
-#include "core/camera.h"
+#include "core/device/buffer.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

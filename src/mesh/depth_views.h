@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/log.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mesh/depth_clean.h"
 #include "mesh/depth_view.h"
 #include "mesh/mesh_evidence.h"

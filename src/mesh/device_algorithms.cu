@@ -6,7 +6,7 @@
 #include <thrust/sort.h>
 #include <thrust/unique.h>
 
-#include "core/cuda_runtime.h"
+#include "core/device/cuda_runtime.h"
 #include "core/error.h"
 #include "mesh/device_algorithms.h"
 

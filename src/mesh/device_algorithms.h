@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 
 namespace tvsgs {
 

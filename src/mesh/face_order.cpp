@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/morton.h"
-#include "core/parallel_lists.h"
+#include "core/device/morton.h"
+#include "core/device/parallel_lists.h"
 
 namespace tvsgs {
 namespace {

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/gaussians.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/scene/camera.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

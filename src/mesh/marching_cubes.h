@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/tsdf.h"
 
 namespace tvsgs {

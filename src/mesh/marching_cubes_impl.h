@@ -3,8 +3,8 @@
 // a search.
 #pragma once
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/marching_cubes.h"
 #include "mesh/marching_cubes_table.h"

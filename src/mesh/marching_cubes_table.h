@@ -4,7 +4,7 @@
 #include <array>
 #include <cstdint>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

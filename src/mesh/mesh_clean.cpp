@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "core/parallel_lists.h"
+#include "core/device/parallel_lists.h"
 #include "core/progress.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_corners.h"

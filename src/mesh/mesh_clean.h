@@ -1,7 +1,7 @@
 // What no views bear out, or what is small and hangs loose, is taken off a mesh.
 #pragma once
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/mesh_evidence.h"
 
 namespace tvsgs {

@@ -4,8 +4,8 @@
 #include <array>
 #include <utility>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 
 namespace tvsgs {
 namespace {

@@ -5,8 +5,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/mesh.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs {
 

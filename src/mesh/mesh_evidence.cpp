@@ -4,7 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "core/progress.h"
 #include "mesh/mesh_render.h"
 #include "mesh/pixel_trust.h"

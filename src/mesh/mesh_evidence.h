@@ -6,9 +6,9 @@
 #include <functional>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/mesh.h"
-#include "core/sight_limits.h"
+#include "core/scene/camera.h"
+#include "core/scene/mesh.h"
+#include "core/scene/sight_limits.h"
 
 namespace tvsgs {
 

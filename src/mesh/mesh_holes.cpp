@@ -6,7 +6,7 @@
 #include <map>
 #include <utility>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "mesh/mesh_loops.h"
 #include "mesh/mesh_patch.h"
 #include "mesh/mesh_sound.h"

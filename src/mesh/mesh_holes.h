@@ -1,8 +1,8 @@
 // Small holes in a surface are closed where no view contradicts.
 #pragma once
 
-#include "core/camera.h"
-#include "core/mesh.h"
+#include "core/scene/camera.h"
+#include "core/scene/mesh.h"
 #include "mesh/mesh_corners.h"
 #include "mesh/mesh_evidence.h"
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/parallel_lists.h"
+#include "core/device/parallel_lists.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/mesh_corners.h"
 
 namespace tvsgs {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "core/camera.h"
-#include "core/mesh.h"
+#include "core/scene/camera.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs {
 

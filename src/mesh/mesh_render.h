@@ -2,9 +2,9 @@
 // previews.
 #pragma once
 
-#include "core/camera.h"
-#include "core/image.h"
-#include "core/mesh.h"
+#include "core/scene/camera.h"
+#include "core/scene/image.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs {
 

@@ -1,6 +1,6 @@
 #include "mesh/mesh_smooth.h"
 
-#include "core/parallel_lists.h"
+#include "core/device/parallel_lists.h"
 #include "mesh/mesh_corners.h"
 #include "mesh/pixel_length.h"
 

@@ -4,8 +4,8 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/mesh.h"
+#include "core/scene/camera.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 #include <map>
 #include <vector>
 
-#include "core/parallel_lists.h"
+#include "core/device/parallel_lists.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/mesh_corners.h"

@@ -3,7 +3,7 @@
 
 #include <cstddef>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/mesh_corners.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/log.h"
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/depth_views.h"
 
 namespace tvsgs {

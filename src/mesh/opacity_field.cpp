@@ -1,6 +1,6 @@
 #include "mesh/opacity_field.h"
 
-#include "core/smoothing_filter.h"
+#include "core/math/smoothing_filter.h"
 #include "mesh/opacity_field_impl.h"
 #include "render/tiles_cpu.h"
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
 #include "mesh/opacity_math.h"
 #include "render/tiles.h"
 

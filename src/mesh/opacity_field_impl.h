@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "core/progress.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mesh/opacity_field.h"
 
 namespace tvsgs::detail {

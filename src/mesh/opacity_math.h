@@ -2,9 +2,9 @@
 // docs/method/tetrahedra.md
 #pragma once
 
-#include "core/camera.h"
-#include "core/fast_math.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/math/fast_math.h"
+#include "core/scene/camera.h"
 #include "render/blend_math.h"
 
 namespace tvsgs {

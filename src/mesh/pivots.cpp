@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/morton.h"
+#include "core/device/morton.h"
 #include "mesh/grid_predicates.h"
 
 namespace tvsgs {

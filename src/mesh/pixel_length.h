@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

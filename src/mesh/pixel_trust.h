@@ -1,7 +1,7 @@
 // Which pixels of a depth map are sure enough that what no other view confirms may rest on them.
 #pragma once
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "mesh/depth_view.h"
 
 namespace tvsgs {

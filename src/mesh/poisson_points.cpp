@@ -3,7 +3,7 @@
 #include <cmath>
 #include <cstddef>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "mesh/pixel_trust.h"
 
 namespace tvsgs {

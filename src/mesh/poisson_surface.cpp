@@ -2,7 +2,7 @@
 #include <array>
 #include <utility>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "mesh/mesh_parts.h"
 #include "mesh/poisson_solve.h"
 

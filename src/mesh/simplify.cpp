@@ -5,8 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "mesh/face_order.h"
 #include "mesh/mesh_clean.h"
 #include "mesh/simplify_pieces.h"

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
 #include "core/log.h"
-#include "core/mesh.h"
+#include "core/scene/camera.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs {
 

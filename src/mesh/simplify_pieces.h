@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/mesh_corners.h"
 #include "mesh/simplify_collapse.h"
 

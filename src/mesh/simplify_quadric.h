@@ -1,7 +1,7 @@
 // Sums of squared distances to planes, as a function of the point.
 #pragma once
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "core/mesh.h"
-#include "core/scene.h"
+#include "core/scene/mesh.h"
+#include "core/scene/scene.h"
 #include "core/stage_clock.h"
 
 namespace tvsgs {

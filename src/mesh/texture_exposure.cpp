@@ -5,7 +5,7 @@
 #include <cmath>
 #include <map>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 
 namespace tvsgs::texture {
 namespace {

@@ -5,7 +5,7 @@
 #include <numeric>
 #include <tuple>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 
 namespace tvsgs::texture {
 namespace {

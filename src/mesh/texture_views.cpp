@@ -4,7 +4,7 @@
 #include <cmath>
 #include <optional>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "core/progress.h"
 #include "mesh/mesh_render.h"
 

@@ -3,9 +3,9 @@
 
 #include <vector>
 
-#include "core/buffer.h"
-#include "core/mesh.h"
-#include "core/scene.h"
+#include "core/device/buffer.h"
+#include "core/scene/mesh.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs::texture {
 

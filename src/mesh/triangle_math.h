@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

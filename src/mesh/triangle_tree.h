@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 #include "mesh/face_order.h"
 #include "mesh/triangle_math.h"
 

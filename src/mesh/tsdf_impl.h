@@ -5,9 +5,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/sight_limits.h"
+#include "core/scene/sight_limits.h"
 #include "mesh/device_algorithms.h"
 #include "mesh/pixel_trust.h"
 #include "mesh/tsdf.h"

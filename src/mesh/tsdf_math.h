@@ -4,8 +4,8 @@
 
 #include <cstdint>
 
-#include "core/buffer.h"
-#include "core/camera.h"
+#include "core/device/buffer.h"
+#include "core/scene/camera.h"
 #include "mesh/contraction_math.h"
 #include "mesh/depth_view.h"
 

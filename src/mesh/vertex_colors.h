@@ -1,7 +1,7 @@
 // Colours of a mesh's vertices from renders of the views that see them.
 #pragma once
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "mesh/depth_view.h"
 
 namespace tvsgs {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 #include "mesh/mesh_evidence.h"
 #include "mesh/poisson.h"
 

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/scene.h"
+#include "core/device/parallel.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 namespace {

@@ -1,7 +1,7 @@
 // Which depths are believed, and the points they fuse to, pixel by pixel.
 #pragma once
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mvs/patch_match_bodies.h"
 
 namespace tvsgs {

@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/prior_maps.h"
-#include "core/vec.h"
+#include "core/device/parallel.h"
+#include "core/math/vec.h"
+#include "core/scene/prior_maps.h"
 
 namespace tvsgs {
 namespace {

@@ -4,9 +4,9 @@
 
 #include <cmath>
 
-#include "core/buffer.h"
-#include "core/camera.h"
-#include "core/lanes.h"
+#include "core/device/buffer.h"
+#include "core/math/lanes.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

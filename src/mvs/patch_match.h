@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/options.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 

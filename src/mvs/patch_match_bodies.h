@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/rng.h"
+#include "core/math/rng.h"
 #include "mvs/mvs_math.h"
 
 namespace tvsgs {

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <optional>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "core/progress.h"
 #include "mvs/depth_fusion_bodies.h"
 #include "mvs/depth_segments.h"

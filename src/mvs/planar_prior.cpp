@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mvs/triangulation.h"
 
 namespace tvsgs {

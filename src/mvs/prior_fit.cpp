@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/rng.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/prior_conventions.h"
+#include "core/scene/prior_conventions.h"
 
 namespace tvsgs {
 

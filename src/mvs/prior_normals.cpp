@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/eigen.h"
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/point_tree.h"
+#include "core/math/eigen.h"
+#include "core/math/point_tree.h"
 
 namespace tvsgs {
 

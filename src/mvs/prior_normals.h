@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/prior_conventions.h"
+#include "core/scene/camera.h"
+#include "core/scene/prior_conventions.h"
 
 namespace tvsgs {
 

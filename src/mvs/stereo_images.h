@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mvs/mvs_math.h"
 
 namespace tvsgs {

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <optional>
 
-#include "core/eigen.h"
 #include "core/error.h"
 #include "core/log.h"
+#include "core/math/eigen.h"
 #include "mvs/mvs_math.h"
 
 namespace tvsgs {

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "core/camera.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

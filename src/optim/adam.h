@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 
+#include "core/device/parallel.h"
 #include "core/options.h"
-#include "core/parallel.h"
-#include "core/state.h"
+#include "core/scene/state.h"
 #include "optim/adam_step.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/fast_math.h"
+#include "core/math/fast_math.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {

@@ -7,8 +7,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/scene.h"
-#include "core/state.h"
+#include "core/scene/scene.h"
+#include "core/scene/state.h"
 #include "render/camera_math.h"
 
 namespace tvsgs {

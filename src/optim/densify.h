@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "core/device/parallel.h"
+#include "core/device/scan.h"
 #include "core/options.h"
-#include "core/parallel.h"
-#include "core/scan.h"
 #include "optim/adam.h"
 #include "optim/densify_bodies.h"
 #include "optim/growth_rules.h"

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/gaussians.h"
-#include "core/parallel.h"
-#include "core/rng.h"
-#include "core/smoothing_filter.h"
+#include "core/device/parallel.h"
+#include "core/math/rng.h"
+#include "core/math/smoothing_filter.h"
+#include "core/scene/gaussians.h"
 #include "optim/growth_rules.h"
 
 namespace tvsgs {

@@ -2,8 +2,8 @@
 // compare normals share.
 #pragma once
 
-#include "core/camera.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/scene/camera.h"
 #include "render/normal_math.h"
 
 namespace tvsgs {

@@ -4,8 +4,8 @@
 
 #include <cmath>
 
-#include "core/rng.h"
-#include "core/vec.h"
+#include "core/math/rng.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

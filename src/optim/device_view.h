@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "core/camera.h"
-#include "core/scene.h"
+#include "core/scene/camera.h"
+#include "core/scene/scene.h"
 #include "render/backbone.h"
 
 namespace tvsgs {

@@ -6,9 +6,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/copy_lane.h"
-#include "core/parallel.h"
-#include "core/scene.h"
+#include "core/device/copy_lane.h"
+#include "core/device/parallel.h"
+#include "core/scene/scene.h"
 #include "optim/edge_strength.h"
 #include "optim/loss.h"
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "core/device.h"
+#include "core/device/device.h"
 
 namespace tvsgs {
 

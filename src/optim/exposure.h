@@ -2,8 +2,8 @@
 // photographs. [docs/method/pgsr.md#exposure]
 #pragma once
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "optim/loss.h"
 #include "optim/photo_background.h"
 #include "render/photometric.h"

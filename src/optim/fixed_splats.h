@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <memory>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

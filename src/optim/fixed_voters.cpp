@@ -1,9 +1,9 @@
 #include "optim/fixed_voters.h"
 
-#include "core/eigen.h"
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
-#include "core/point_tree.h"
+#include "core/math/eigen.h"
+#include "core/math/point_tree.h"
 #include "optim/init.h"
 
 namespace tvsgs {

@@ -1,7 +1,7 @@
 // Measured points that vote: surveyed geometry as a constraint.
 #pragma once
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "tv/voting.h"
 
 namespace tvsgs {

@@ -7,9 +7,9 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/parallel.h"
-#include "core/quantile.h"
+#include "core/device/parallel.h"
+#include "core/math/quantile.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

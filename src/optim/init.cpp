@@ -2,11 +2,11 @@
 
 #include <limits>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel.h"
-#include "core/point_forest.h"
-#include "core/rng.h"
+#include "core/math/point_forest.h"
+#include "core/math/rng.h"
 #include "render/sh_math.h"
 
 namespace tvsgs {

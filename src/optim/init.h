@@ -3,9 +3,9 @@
 
 #include <string>
 
-#include "core/gaussians.h"
 #include "core/options.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 

@@ -4,9 +4,9 @@
 #include <cmath>
 #include <cstdint>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "optim/init.h"
 
 namespace tvsgs {

@@ -8,9 +8,9 @@
 #include <string>
 #include <vector>
 
+#include "core/device/parallel.h"
 #include "core/options.h"
-#include "core/parallel.h"
-#include "core/state.h"
+#include "core/scene/state.h"
 #include "optim/depth_prior_options.h"
 #include "optim/device_view.h"
 #include "optim/other_views.h"

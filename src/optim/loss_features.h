@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "core/error.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "optim/feature_math.h"
 #include "optim/loss.h"
 

@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "core/device/parallel.h"
 #include "core/log.h"
-#include "core/parallel.h"
 #include "core/progress.h"
-#include "core/sight_limits.h"
+#include "core/scene/sight_limits.h"
 #include "optim/plan.h"
 
 namespace tvsgs {

@@ -2,8 +2,8 @@
 // patches warped by the surface's plane. [PGSR, Section 3.3]
 #pragma once
 
-#include "core/camera.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

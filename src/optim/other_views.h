@@ -6,8 +6,8 @@
 #include <utility>
 #include <vector>
 
-#include "core/parallel.h"
-#include "core/scan.h"
+#include "core/device/parallel.h"
+#include "core/device/scan.h"
 #include "optim/device_view.h"
 #include "optim/multiview_math.h"
 #include "optim/view_pairs.h"

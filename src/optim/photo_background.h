@@ -5,10 +5,10 @@
 #include <cstdint>
 #include <string>
 
-#include "core/parallel.h"
-#include "core/rng.h"
-#include "core/scene.h"
-#include "core/sky_map.h"
+#include "core/device/parallel.h"
+#include "core/math/rng.h"
+#include "core/scene/scene.h"
+#include "core/scene/sky_map.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 #include <string_view>
 
 #include "core/error.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "optim/device_view.h"
 
 namespace tvsgs {

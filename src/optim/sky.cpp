@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 
-#include "core/parallel.h"
-#include "core/quantile.h"
-#include "core/sky_map.h"
+#include "core/device/parallel.h"
+#include "core/math/quantile.h"
+#include "core/scene/sky_map.h"
 #include "optim/matchable.h"
 #include "optim/view_pairs.h"
 

@@ -6,7 +6,7 @@
 #include <limits>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs {
 

@@ -3,9 +3,9 @@
 
 #include <utility>
 
-#include "core/gaussians.h"
-#include "core/morton.h"
-#include "core/parallel.h"
+#include "core/device/morton.h"
+#include "core/device/parallel.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

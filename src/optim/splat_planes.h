@@ -1,9 +1,9 @@
 // Parts of the arrays of splats, of which harmonics have a plane for each coefficient.
 #pragma once
 
-#include "core/buffer.h"
-#include "core/parallel.h"
-#include "core/vec.h"
+#include "core/device/buffer.h"
+#include "core/device/parallel.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

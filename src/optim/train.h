@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
+#include "core/scene/state.h"
 #include "core/stage_clock.h"
-#include "core/state.h"
 #include "optim/adam.h"
 #include "optim/camera_refinement.h"
 #include "optim/densify.h"

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/error.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "optim/adam.h"
 #include "optim/loss.h"
 

@@ -4,7 +4,7 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 #include "optim/fixed_voters.h"
 #include "optim/iteration.h"
 #include "optim/matchable.h"

@@ -14,8 +14,8 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
 #include "core/parse_numbers.h"
+#include "core/scene/gaussians.h"
 #include "io/scene_options.h"
 #include "pipeline/blocks_geometry.h"
 

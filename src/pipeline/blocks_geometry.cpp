@@ -4,8 +4,8 @@
 #include <cmath>
 #include <numeric>
 
-#include "core/eigen.h"
 #include "core/error.h"
+#include "core/math/eigen.h"
 
 namespace tvsgs {
 namespace {

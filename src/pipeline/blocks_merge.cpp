@@ -4,8 +4,8 @@
 #include <cmath>
 #include <utility>
 
-#include "core/sigmoid.h"
-#include "core/splat_lists.h"
+#include "core/math/sigmoid.h"
+#include "core/scene/splat_lists.h"
 #include "optim/fixed_splats.h"
 #include "optim/splat_order.h"
 #include "optim/splat_planes.h"

@@ -5,7 +5,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "pipeline/blocks_folder.h"
 
 namespace tvsgs {

@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "core/point_tree.h"
-#include "core/quantile.h"
-#include "core/sigmoid.h"
+#include "core/math/point_tree.h"
+#include "core/math/quantile.h"
+#include "core/math/sigmoid.h"
 #include "pipeline/view_evaluation.h"
 #include "render/sh_math.h"
 

@@ -6,7 +6,7 @@
 #include <optional>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "core/progress.h"
 #include "optim/fixed_splats.h"
 #include "pipeline/blocks_folder.h"

@@ -5,7 +5,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "io/checkpoint.h"

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/config.h"
 #include "optim/train.h"
 

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "optim/loss.h"
 
 namespace tvsgs {

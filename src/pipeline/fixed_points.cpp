@@ -5,10 +5,10 @@
 #include <cmath>
 #include <optional>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel.h"
-#include "core/point_tree.h"
+#include "core/math/point_tree.h"
 #include "eval/registration.h"
 #include "io/mesh_files.h"
 #include "io/scene_reader.h"

@@ -1,7 +1,7 @@
 // The points that training starts from.
 #pragma once
 
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "pipeline/fixed_points.h"
 #include "pipeline/mask_use.h"
 #include "pipeline/stereo_cloud.h"

@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/smoothing_filter.h"
+#include "core/math/smoothing_filter.h"
 #include "io/atomic_file.h"
 #include "io/json_value.h"
 #include "io/spz.h"

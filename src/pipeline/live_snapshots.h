@@ -5,7 +5,7 @@
 #include <future>
 #include <string>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

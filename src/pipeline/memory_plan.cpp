@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <string>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "optim/train.h"
 
 namespace tvsgs {

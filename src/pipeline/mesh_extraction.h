@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/log.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mesh/focus.h"
 #include "mesh/large_splats.h"
 #include "mesh/mesh_clean.h"

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/mesh_files.h"
 #include "io/scene_options.h"
 

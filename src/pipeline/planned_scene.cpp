@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "io/built_in_configs.h"
 #include "pipeline/background_plan.h"
 #include "pipeline/exposures.h"

@@ -1,7 +1,7 @@
 // From options to the scene that is trained on, with what it needs decided on the way.
 #pragma once
 
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
 #include "pipeline/stereo_priors.h"

@@ -4,10 +4,10 @@
 #include <limits>
 #include <set>
 
+#include "core/device/parallel_errors.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel_errors.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "io/read_file.h"
 #include "mvs/prior_fit.h"
 #include "pipeline/prior_parts.h"

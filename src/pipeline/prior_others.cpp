@@ -4,9 +4,9 @@
 #include <filesystem>
 #include <limits>
 
+#include "core/device/parallel_errors.h"
 #include "core/log.h"
-#include "core/parallel_errors.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "io/read_file.h"
 #include "mvs/prior_normals.h"
 #include "pipeline/prior_parts.h"

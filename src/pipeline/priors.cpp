@@ -4,10 +4,10 @@
 #include <cmath>
 #include <limits>
 
+#include "core/device/parallel_errors.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/parallel_errors.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "io/scene_layout.h"
 #include "pipeline/prior_parts.h"
 

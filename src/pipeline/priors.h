@@ -4,7 +4,7 @@
 
 #include <string>
 
-#include "core/prior_conventions.h"
+#include "core/scene/prior_conventions.h"
 #include "io/scene_options.h"
 #include "optim/loss.h"
 
@@ -31,9 +31,9 @@ struct PriorOptions {
     }
 };
 
-/// Fills View::maps of the training views with the maps of core/prior_maps.h among `wanted` that
-/// lie on disk, if options.source says so. Scale and shift are fitted to Scene::points. One line
-/// says what was found. Throws Error(ExitCode::input).
+/// Fills View::maps of the training views with the maps of core/scene/prior_maps.h among `wanted`
+/// that lie on disk, if options.source says so. Scale and shift are fitted to Scene::points. One
+/// line says what was found. Throws Error(ExitCode::input).
 void read_priors(const PriorOptions& options,
                  const MapNames& wanted,
                  const SceneOptions& scene_options,

@@ -8,7 +8,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/quaternion.h"
+#include "core/math/quaternion.h"
 #include "io/atomic_file.h"
 #include "io/colmap.h"
 #include "io/json_value.h"

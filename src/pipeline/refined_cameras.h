@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/json_value.h"
 #include "optim/camera_refinement.h"
 

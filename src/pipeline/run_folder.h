@@ -6,8 +6,8 @@
 #include <initializer_list>
 #include <string>
 
-#include "core/gaussians.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
 #include "io/json_value.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"

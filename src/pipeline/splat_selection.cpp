@@ -5,7 +5,7 @@
 #include <numeric>
 
 #include "core/error.h"
-#include "core/splat_lists.h"
+#include "core/scene/splat_lists.h"
 #include "io/splat_checks.h"
 #include "optim/splat_order.h"
 #include "render/map_images.h"

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
 #include "core/parse_numbers.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
 #include "eval/image_metrics.h"
 #include "optim/train.h"
 #include "pipeline/render_background.h"

@@ -4,10 +4,10 @@
 #include <algorithm>
 #include <chrono>
 
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mvs/patch_match.h"
 #include "optim/init_cloud.h"
 

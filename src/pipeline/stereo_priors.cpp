@@ -4,8 +4,8 @@
 #include <cmath>
 #include <limits>
 
-#include "core/parallel.h"
-#include "core/prior_maps.h"
+#include "core/device/parallel.h"
+#include "core/scene/prior_maps.h"
 #include "mvs/depth_completion.h"
 #include "mvs/mvs_math.h"
 #include "mvs/planar_prior.h"

@@ -4,8 +4,8 @@
 
 #include <vector>
 
-#include "core/device_choice.h"
-#include "core/scene.h"
+#include "core/device/device_choice.h"
+#include "core/scene/scene.h"
 #include "mvs/patch_match.h"
 #include "optim/device_view.h"
 
@@ -14,8 +14,8 @@ namespace tvsgs {
 // Confidences: measured pixels have more than planes between them, these more than the rest.
 inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
 
-/// Fills View::maps of the views with those maps of core/prior_maps.h that are `wanted`, of the
-/// photographs' size; `stereo` is of the same views. Depth is measured (confidence above
+/// Fills View::maps of the views with those maps of core/scene/prior_maps.h that are `wanted`, of
+/// the photographs' size; `stereo` is of the same views. Depth is measured (confidence above
 /// kPlanarConfidence), on a plane between measured pixels (that confidence), or filled in
 /// (kFillConfidence, without a normal). A view keeps what it came with, depth with its order
 /// and confidence, and normals; a view without a measured pixel gets none.

@@ -3,8 +3,8 @@
 
 #include <string>
 
-#include "core/device_choice.h"
-#include "core/scene.h"
+#include "core/device/device_choice.h"
+#include "core/scene/scene.h"
 #include "optim/train.h"
 
 namespace tvsgs {

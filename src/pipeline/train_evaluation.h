@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "core/crop.h"
+#include "core/scene/crop.h"
 #include "eval/geometry_scores.h"
 #include "io/json_value.h"
 #include "pipeline/mesh_extraction.h"

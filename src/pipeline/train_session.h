@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "core/device_choice.h"
-#include "core/scene.h"
+#include "core/device/device_choice.h"
+#include "core/scene/scene.h"
 #include "pipeline/resume.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 
 namespace tvsgs {
 namespace {

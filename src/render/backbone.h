@@ -7,9 +7,9 @@
 #include <string>
 #include <vector>
 
-#include "core/camera.h"
 #include "core/error.h"
-#include "core/gaussians.h"
+#include "core/scene/camera.h"
+#include "core/scene/gaussians.h"
 #include "core/stage_clock.h"
 
 namespace tvsgs {

@@ -2,7 +2,7 @@
 // from what they add up there to their parameters.  [RaDe-GS], filter: [Yu24]
 #pragma once
 
-#include "core/smoothing_filter.h"
+#include "core/math/smoothing_filter.h"
 #include "render/blend_rade.h"
 #include "render/rade_math.h"
 #include "render/splat_vjp.h"

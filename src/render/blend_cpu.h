@@ -4,8 +4,8 @@
 
 #include <algorithm>
 
-#include "core/pack.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/math/pack.h"
 #include "render/blend.h"
 
 namespace tvsgs {

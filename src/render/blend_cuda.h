@@ -4,7 +4,7 @@
 
 #include <bit>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/blend.h"
 
 namespace tvsgs {

@@ -4,8 +4,8 @@
 
 #include <limits>
 
-#include "core/fast_math.h"
-#include "core/sigmoid.h"
+#include "core/math/fast_math.h"
+#include "core/math/sigmoid.h"
 #include "render/channels.h"
 #include "render/projection_math.h"
 

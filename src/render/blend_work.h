@@ -1,7 +1,7 @@
 // How much work blending a view is, counted: what is tested, evaluated in vain, and drawn.
 #pragma once
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/backbone.h"
 #include "render/blend.h"
 

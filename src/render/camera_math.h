@@ -2,7 +2,7 @@
 // motion of the camera.  [docs/method/cameras.md#formula]
 #pragma once
 
-#include "core/rigid.h"
+#include "core/math/rigid.h"
 
 namespace tvsgs {
 

@@ -3,8 +3,8 @@
 
 #include <vector>
 
-#include "core/image.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/image.h"
 
 namespace tvsgs {
 

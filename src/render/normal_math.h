@@ -2,7 +2,7 @@
 // backbones
 #pragma once
 
-#include "core/vec.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

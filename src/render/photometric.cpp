@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <vector>
 
-#include "core/pack.h"
-#include "core/parallel.h"
+#include "core/device/parallel.h"
+#include "core/math/pack.h"
 
 namespace tvsgs {
 

@@ -1,7 +1,7 @@
 // Windows are sums along rows, then along columns, in tiles that lie in shared memory with their
 // margin. What bounds them is reading that memory, so each thread makes several neighbouring sums
 // of one row or column from values that it reads once.
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/photometric.h"
 
 namespace tvsgs {

@@ -1,8 +1,8 @@
 // L1 + SSIM of a render against a photograph, value and gradient in one go.  [Kerbl23, Eq. 7]
 #pragma once
 
-#include "core/buffer.h"
-#include "core/vec.h"
+#include "core/device/buffer.h"
+#include "core/math/vec.h"
 #include "render/ssim_math.h"
 
 namespace tvsgs {

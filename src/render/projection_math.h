@@ -2,8 +2,8 @@
 // Section 4], EWA splatting
 #pragma once
 
-#include "core/camera.h"
-#include "core/fast_math.h"
+#include "core/math/fast_math.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 

@@ -1,7 +1,7 @@
 // Real spherical harmonics to degree 3, the 3DGS basis and signs.  [Kerbl23]
 #pragma once
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 
 namespace tvsgs {
 

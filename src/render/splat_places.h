@@ -6,7 +6,7 @@
 #include <type_traits>
 #include <vector>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/tiles.h"
 
 #if defined(_OPENMP)

@@ -4,7 +4,7 @@
 
 #include <concepts>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/blend.h"
 #include "render/camera_math.h"
 #include "render/sh_math.h"

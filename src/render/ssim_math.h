@@ -2,7 +2,7 @@
 // constants as in 3DGS
 #pragma once
 
-#include "core/device.h"
+#include "core/device/device.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 
 #include <type_traits>
 
-#include "core/fast_math.h"
+#include "core/math/fast_math.h"
 #include "render/projection_math.h"
 
 namespace tvsgs {

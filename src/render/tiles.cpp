@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/parallel.h"
 #include "render/tiles_cpu.h"
 
 namespace tvsgs {

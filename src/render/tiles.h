@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "core/buffer.h"
-#include "core/vec.h"
+#include "core/device/buffer.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

@@ -3,8 +3,8 @@
 
 #include <utility>
 
-#include "core/parallel.h"
-#include "core/warp_reduce_cuda.h"
+#include "core/device/parallel.h"
+#include "core/device/warp_reduce_cuda.h"
 #include "render/tiles.h"
 
 namespace tvsgs {

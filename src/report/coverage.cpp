@@ -4,7 +4,7 @@
 #include <array>
 #include <cmath>
 
-#include "core/sigmoid.h"
+#include "core/math/sigmoid.h"
 
 namespace tvsgs {
 namespace {

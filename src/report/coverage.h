@@ -3,7 +3,7 @@
 
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "io/json_value.h"
 #include "report/view_page.h"
 

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "io/json_value.h"
 
 namespace tvsgs {

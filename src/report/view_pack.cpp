@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "core/error.h"
-#include "core/sigmoid.h"
-#include "core/splat_lists.h"
+#include "core/math/sigmoid.h"
+#include "core/scene/splat_lists.h"
 #include "io/spz.h"
 #include "optim/splat_order.h"
 #include "pipeline/splat_selection.h"

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/mesh.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/mesh.h"
 #include "io/json_value.h"
 #include "pipeline/train_evaluation.h"
 

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/image.h"
-#include "core/mesh.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/image.h"
+#include "core/scene/mesh.h"
 #include "io/json_value.h"
 #include "optim/train.h"
 #include "pipeline/train_evaluation.h"

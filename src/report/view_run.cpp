@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 
-#include "core/local_origin.h"
 #include "core/log.h"
+#include "core/scene/local_origin.h"
 #include "io/mesh_files.h"
 #include "io/read_file.h"
 #include "mesh/simplify.h"

@@ -3,8 +3,8 @@
 
 #include <cmath>
 
-#include "core/fast_math.h"
-#include "core/vec.h"
+#include "core/math/fast_math.h"
+#include "core/math/vec.h"
 
 namespace tvsgs {
 

@@ -7,8 +7,8 @@
 #include <string>
 #include <vector>
 
-#include "core/gaussians.h"
 #include "core/options.h"
+#include "core/scene/gaussians.h"
 #include "tv/internal/neighbour_lists.h"
 
 namespace tvsgs {

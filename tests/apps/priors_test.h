@@ -13,7 +13,7 @@
 #include "apps/synth/priors.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "io/npz.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"

@@ -14,7 +14,7 @@
 #include <nlohmann/json.hpp>
 #include <thread>
 
-#include "core/device.h"
+#include "core/device/device.h"
 #include "io/ply.h"
 #include "pipeline/blocks_folder.h"
 #include "support/command.h"

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "core/rng.h"
-#include "core/vec.h"
+#include "core/math/rng.h"
+#include "core/math/vec.h"
 
 namespace tvsgs::test {
 

@@ -2,7 +2,7 @@
 
 #include <numeric>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 
 namespace tvsgs {
 namespace {

@@ -3,11 +3,11 @@
 
 #include <cmath>
 
-#include "core/cuda_device.h"
-#include "core/morton.h"
+#include "core/device/cuda_device.h"
+#include "core/device/morton.h"
+#include "core/device/parallel.h"
+#include "core/math/rng.h"
 #include "core/morton_cases.h"
-#include "core/parallel.h"
-#include "core/rng.h"
 
 namespace tvsgs {
 namespace {

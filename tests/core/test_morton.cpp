@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <numeric>
 
-#include "core/morton.h"
+#include "core/device/morton.h"
 #include "core/morton_cases.h"
 
 namespace tvsgs {

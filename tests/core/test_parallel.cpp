@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 
-#include "core/parallel_lists.h"
+#include "core/device/parallel_lists.h"
 
 namespace tvsgs {
 namespace {

@@ -3,7 +3,7 @@
 #include <set>
 #include <utility>
 
-#include "core/rng.h"
+#include "core/math/rng.h"
 
 namespace tvsgs {
 namespace {

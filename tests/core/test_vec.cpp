@@ -2,8 +2,8 @@
 
 #include <limits>
 
-#include "core/camera.h"
-#include "core/vec.h"
+#include "core/math/vec.h"
+#include "core/scene/camera.h"
 
 namespace tvsgs {
 namespace {

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
-#include "core/rng.h"
+#include "core/math/rng.h"
 #include "eval/dtu_protocol.h"
 #include "eval/error_colors.h"
 #include "eval/frame_check.h"

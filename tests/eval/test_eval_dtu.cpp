@@ -1,6 +1,6 @@
 // tvsgs-eval dtu as a user calls it, in the official layout: the numbers of the oracle, and what
 // bad input gets.
-#include "core/image.h"
+#include "core/scene/image.h"
 #include "eval/eval_test.h"
 #include "io/image_file.h"
 #include "io/npz_cameras.h"

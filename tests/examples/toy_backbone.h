@@ -2,7 +2,7 @@
 // round dot of its opacity and plain colour, and dots add up. docs/develop/add-a-backbone.md
 #pragma once
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "render/backbone.h"
 
 namespace tvsgs::examples {

@@ -3,7 +3,7 @@
 // docs/develop/add-a-loss.md
 #pragma once
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "optim/loss.h"
 
 namespace tvsgs::examples {

@@ -4,8 +4,8 @@
 #include <cstdio>
 #include <fstream>
 
-#include "core/crop.h"
 #include "core/error.h"
+#include "core/scene/crop.h"
 #include "io/crop_file.h"
 #include "support/test_data.h"
 

@@ -3,8 +3,8 @@
 #include <cstring>
 #include <limits>
 
-#include "core/rng.h"
-#include "core/smoothing_filter.h"
+#include "core/math/rng.h"
+#include "core/math/smoothing_filter.h"
 #include "io/io_test.h"
 #include "io/ply.h"
 

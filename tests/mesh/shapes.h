@@ -4,7 +4,7 @@
 #include <cmath>
 #include <functional>
 
-#include "core/mesh.h"
+#include "core/scene/mesh.h"
 
 namespace tvsgs::test {
 

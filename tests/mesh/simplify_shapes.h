@@ -8,7 +8,7 @@
 #include <tuple>
 #include <utility>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 #include "mesh/shapes.h"
 
 namespace tvsgs::test {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <vector>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 #include "mesh/tsdf.h"
 
 namespace tvsgs::test {

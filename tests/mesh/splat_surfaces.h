@@ -4,8 +4,8 @@
 #include <cmath>
 #include <vector>
 
-#include "core/gaussians.h"
-#include "core/scene.h"
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs::test {

@@ -6,7 +6,7 @@
 #include <map>
 #include <set>
 
-#include "core/rng.h"
+#include "core/math/rng.h"
 #include "mesh/delaunay.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "core/cuda_device.h"
+#include "core/device/cuda_device.h"
 #include "mesh/depth_clean.h"
 #include "mesh/focus.h"
 #include "mesh/sphere_views.h"

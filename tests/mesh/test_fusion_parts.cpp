@@ -6,7 +6,7 @@
 #include <filesystem>
 #include <set>
 
-#include "core/cuda_device.h"
+#include "core/device/cuda_device.h"
 #include "core/error.h"
 #include "mesh/fusion.h"
 #include "mesh/pixel_trust.h"

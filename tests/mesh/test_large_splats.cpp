@@ -5,7 +5,7 @@
 #include <cmath>
 #include <limits>
 
-#include "core/cuda_device.h"
+#include "core/device/cuda_device.h"
 #include "mesh/large_splats.h"
 
 namespace tvsgs {

@@ -7,9 +7,9 @@
 #include <random>
 #include <utility>
 
+#include "core/device/morton.h"
+#include "core/device/parallel.h"
 #include "core/error.h"
-#include "core/morton.h"
-#include "core/parallel.h"
 #include "mesh/disjoint_sets.h"
 #include "mesh/face_order.h"
 #include "mesh/mesh_clean.h"

@@ -6,7 +6,7 @@
 #include <cstring>
 #include <limits>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mesh_clean.h"
 #include "pipeline/mesh_extraction.h"

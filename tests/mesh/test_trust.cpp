@@ -5,7 +5,7 @@
 #include <cstring>
 #include <functional>
 
-#include "core/cuda_device.h"
+#include "core/device/cuda_device.h"
 #include "mesh/depth_clean.h"
 #include "mesh/fusion.h"
 #include "mesh/pixel_trust.h"

@@ -6,7 +6,7 @@
 #include <map>
 #include <tuple>
 
-#include "core/cuda_device.h"
+#include "core/device/cuda_device.h"
 #include "core/error.h"
 #include "mesh/marching_cubes.h"
 #include "mesh/mesh_clean.h"

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "core/affine.h"
+#include "core/math/affine.h"
 #include "mesh/sphere_views.h"
 #include "mesh/upright.h"
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <functional>
 
-#include "core/scene.h"
+#include "core/scene/scene.h"
 
 namespace tvsgs::test {
 

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <string>
 
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "mvs/descriptors.h"
 #include "support/numeric.h"
 

@@ -2,7 +2,7 @@
 // either device.
 #pragma once
 
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "optim/losses_list.h"
 #include "render/view_splats.h"
 #include "support/random_gaussians.h"

@@ -2,7 +2,7 @@
 // training lowers each term.
 #include <map>
 
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "optim/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/planned_scene.h"

@@ -2,7 +2,7 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "core/point_forest.h"
+#include "core/math/point_forest.h"
 #include "optim/init.h"
 #include "render/sh_math.h"
 #include "support/random_gaussians.h"

@@ -4,7 +4,7 @@
 #include <cstring>
 #include <map>
 
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "optim/device_views.h"
 #include "optim/iteration.h"
 #include "training_scene.h"

@@ -10,7 +10,7 @@
 #include <set>
 #include <sstream>
 
-#include "core/device_choice.h"
+#include "core/device/device_choice.h"
 #include "core/error.h"
 #include "core/log.h"
 #include "pipeline/blocks_schedule.h"

@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "core/error.h"
-#include "core/pixel_file.h"
-#include "core/sight_limits.h"
+#include "core/scene/pixel_file.h"
+#include "core/scene/sight_limits.h"
 #include "mesh/mesh_evidence.h"
 #include "optim/device_views.h"
 #include "optim/init.h"

@@ -7,8 +7,8 @@
 #include <functional>
 
 #include "core/error.h"
-#include "core/rng.h"
-#include "core/sky_map.h"
+#include "core/math/rng.h"
+#include "core/scene/sky_map.h"
 #include "io/image_file.h"
 #include "optim/matchable.h"
 #include "pipeline/sky.h"

@@ -1,7 +1,7 @@
 // What stereo knows as priors: maps made of a scene whose surfaces are known, and of stereo itself.
 #include <algorithm>
 
-#include "core/prior_maps.h"
+#include "core/scene/prior_maps.h"
 #include "mvs/analytic_scene.h"
 #include "pipeline/run_options.h"
 #include "pipeline/stereo_priors.h"

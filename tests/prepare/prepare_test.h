@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "apps/prepare/sparse_model.h"
-#include "core/quaternion.h"
+#include "core/math/quaternion.h"
 #include "io/io_test.h"
 
 namespace tvsgs::prepare {

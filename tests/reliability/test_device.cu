@@ -1,8 +1,8 @@
 // GPUs that cannot be used: how they are told.
 #include <gtest/gtest.h>
 
-#include "core/cuda_device.h"
-#include "core/cuda_runtime.h"
+#include "core/device/cuda_device.h"
+#include "core/device/cuda_runtime.h"
 #include "core/error.h"
 
 namespace tvsgs {

@@ -2,7 +2,7 @@
 #include <sys/resource.h>
 
 #include "command_test.h"
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "core/error.h"
 #include "support/numeric.h"
 

@@ -6,7 +6,7 @@
 
 #include <vector>
 
-#include "core/camera.h"
+#include "core/scene/camera.h"
 #include "render/blend.h"
 
 namespace tvsgs::test {

@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "support/numeric.h"
 
 namespace tvsgs::test {

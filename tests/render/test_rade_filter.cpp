@@ -1,7 +1,7 @@
 // The smoothing filter of the backbone `rade`: what it is, when it changes, and what it does.
 #include <gtest/gtest.h>
 
-#include "core/smoothing_filter.h"
+#include "core/math/smoothing_filter.h"
 #include "rade_case.h"
 
 namespace tvsgs {

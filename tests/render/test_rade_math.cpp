@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "core/smoothing_filter.h"
+#include "core/math/smoothing_filter.h"
 #include "render/blend_rade.h"
 #include "render/rade_math.h"
 #include "support/numeric.h"

@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "core/local_origin.h"
+#include "core/scene/local_origin.h"
 #include "io/mesh_files.h"
 #include "io/ply.h"
 #include "io/scene_reader.h"

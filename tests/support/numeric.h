@@ -6,9 +6,9 @@
 #include <cmath>
 #include <random>
 
-#include "core/cuda_device.h"
-#include "core/device.h"
-#include "core/vec.h"
+#include "core/device/cuda_device.h"
+#include "core/device/device.h"
+#include "core/math/vec.h"
 
 namespace tvsgs::test {
 

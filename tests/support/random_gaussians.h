@@ -1,8 +1,8 @@
 // Seeded Gaussians and cameras for rendering tests.
 #pragma once
 
-#include "core/camera.h"
-#include "core/gaussians.h"
+#include "core/scene/camera.h"
+#include "core/scene/gaussians.h"
 #include "support/numeric.h"
 
 namespace tvsgs::test {

@@ -1,4 +1,4 @@
-#include "core/eigen.h"
+#include "core/math/eigen.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {

@@ -3,7 +3,7 @@
 
 #include "apps/bench/cloud.h"
 #include "core/error.h"
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "tv/tv_support.h"
 
 namespace tvsgs::test {

@@ -1,6 +1,6 @@
 // The closed form against the formulas as the page has them, and its table of degenerate geometry.
 // [docs/method/voting.md#one-vote, docs/method/voting.md#degenerate-geometry]
-#include "core/fast_math.h"
+#include "core/math/fast_math.h"
 #include "tv/internal/warp.h"
 #include "tv/tv_support.h"
 #include "tv/vote_math.h"

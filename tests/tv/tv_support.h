@@ -11,8 +11,8 @@
 #include <vector>
 
 #include "apps/bench/field.h"
-#include "core/cuda_device.h"
-#include "core/gaussians.h"
+#include "core/device/cuda_device.h"
+#include "core/scene/gaussians.h"
 #include "tv/vote_math.h"
 #include "tv/voting.h"
 

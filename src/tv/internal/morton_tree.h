@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <limits>
 
-#include "core/morton.h"
+#include "core/device/morton.h"
 
 namespace tvsgs {
 

@@ -5,7 +5,7 @@
 #include <bit>
 #include <cstdint>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 
 namespace tvsgs {
 

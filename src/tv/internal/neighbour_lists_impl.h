@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "tv/internal/neighbours.h"
 
 namespace tvsgs::detail {

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <functional>
 
-#include "core/buffer.h"
+#include "core/device/buffer.h"
 #include "tv/internal/morton_tree.h"
 #include "tv/internal/neighbour_lists.h"
 #include "tv/internal/splats.h"

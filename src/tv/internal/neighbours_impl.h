@@ -3,7 +3,7 @@
 
 #include <limits>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "tv/internal/neighbour_lists_impl.h"
 
 namespace tvsgs::detail {

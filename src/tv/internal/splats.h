@@ -1,7 +1,7 @@
 // The part of the Gaussians that tensor voting reads.
 #pragma once
 
-#include "core/gaussians.h"
+#include "core/scene/gaussians.h"
 #include "tv/vote_math.h"
 
 namespace tvsgs {

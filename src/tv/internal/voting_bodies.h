@@ -1,7 +1,7 @@
 // The kernels of one voting event; both devices run them.  [docs/method/voting.md#one-event]
 #pragma once
 
-#include "core/eigen.h"
+#include "core/math/eigen.h"
 #include "tv/internal/voting_ranks.h"
 
 namespace tvsgs::detail {

@@ -4,7 +4,7 @@
 
 #include <cstring>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "tv/internal/neighbour_lists.h"
 #include "tv/internal/neighbours.h"
 #include "tv/internal/splats.h"

@@ -3,7 +3,7 @@
 
 #include <chrono>
 
-#include "core/parallel.h"
+#include "core/device/parallel.h"
 #include "tv/internal/neighbours_impl.h"
 #include "tv/internal/voting_ranks.h"
 

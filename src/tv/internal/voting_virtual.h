@@ -2,8 +2,8 @@
 // [docs/method/voting.md#one-event]
 #pragma once
 
-#include "core/abreast.h"
-#include "core/eigen.h"
+#include "core/math/abreast.h"
+#include "core/math/eigen.h"
 #include "tv/internal/voting_bodies.h"
 
 namespace tvsgs::detail {

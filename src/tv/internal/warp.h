@@ -10,9 +10,9 @@
 #include <utility>
 #include <vector>
 
-#include "core/abreast.h"
-#include "core/buffer.h"
-#include "core/device.h"
+#include "core/device/buffer.h"
+#include "core/device/device.h"
+#include "core/math/abreast.h"
 
 namespace tvsgs {
 

@@ -8,9 +8,9 @@
 #include <cub/device/device_radix_sort.cuh>
 #include <cub/device/device_scan.cuh>
 
-#include "core/cuda_runtime.h"
-#include "core/parallel.h"
-#include "core/warp_reduce_cuda.h"
+#include "core/device/cuda_runtime.h"
+#include "core/device/parallel.h"
+#include "core/device/warp_reduce_cuda.h"
 #include "tv/internal/warp.h"
 
 namespace tvsgs {

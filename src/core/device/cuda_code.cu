@@ -1,0 +1,15 @@
+#include "core/device/cuda_runtime.h"
+
+namespace tvsgs {
+namespace {
+__global__ void any_kernel() {}
+}  // namespace
+
+cudaError_t find_device_code() {
+    cudaFuncAttributes attributes{};
+    const cudaError_t status = cudaFuncGetAttributes(&attributes, any_kernel);
+    if (status != cudaSuccess) cudaGetLastError();  // an answer, not an error to meet again later
+    return status;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,246 @@
+// A few numbers that are computed with at a time, for CPU code that must use vector instructions
+// and not hope for them. Formulas written for a Real take a Pack as well if they branch by select()
+// only.
+#pragma once
+
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <type_traits>
+
+#include "core/device/device.h"
+
+#if defined(__x86_64__) && !defined(__CUDACC__)
+#include <immintrin.h>
+#endif
+
+namespace tvsgs {
+
+/// condition ? a : b. Both are computed.
+template <class Real>
+TVSGS_HD constexpr Real select(bool condition, Real a, Real b) {
+    return condition ? a : b;
+}
+/// make() where the condition holds. One number branches, a Pack computes both.
+template <class Real, class Make>
+TVSGS_HD Real choose(bool condition, const Make& make, Real otherwise) {
+    return condition ? make() : otherwise;
+}
+TVSGS_HD constexpr bool both(bool a, bool b) {
+    return a && b;
+}
+TVSGS_HD constexpr bool all(bool a) {
+    return a;
+}
+/// a < b ? a : b.
+TVSGS_HD inline float minimum(float a, float b) {
+    return a < b ? a : b;
+}
+/// The larger one; a single instruction, so not for NaN.
+TVSGS_HD inline float maximum(float a, float b) {
+#if defined(__CUDA_ARCH__)
+    return fmaxf(a, b);
+#else
+    return a > b ? a : b;
+#endif
+}
+TVSGS_HD inline double maximum(double a, double b) {
+    return a > b ? a : b;
+}
+
+template <class Real>
+inline constexpr bool kIsDouble = std::is_same_v<Real, double>;
+
+#if defined(__CUDACC__)
+template <class T, int kBytes = 16>
+struct Pack;  // CPU only
+#else
+namespace detail {
+// What GCC makes single instructions of in no other form: 32 bytes would go through memory in
+// pieces, at twenty cycles each time. So packs of 32 bytes must not be used but where
+// has_wide_packs().
+#if defined(__x86_64__)
+[[gnu::target("avx2")]] inline __m256 broadcast8(float x) {
+    return _mm256_set1_ps(x);
+}
+[[gnu::target("avx2")]] inline __m256 minimum8(__m256 a, __m256 b) {
+    return _mm256_min_ps(a, b);
+}
+[[gnu::target("avx2")]] inline __m256 sqrt8(__m256 x) {
+    return _mm256_sqrt_ps(x);
+}
+[[gnu::target("avx2")]] inline unsigned signs8(__m256 x) {
+    return static_cast<unsigned>(_mm256_movemask_ps(x));
+}
+template <class T, int kBytes>
+inline constexpr bool kIsM256 = kBytes == 32 && std::is_same_v<T, float>;
+#else
+template <class T, int kBytes>
+inline constexpr bool kIsM256 = false;
+#endif
+}  // namespace detail
+
+/// 16 bytes: what every x86-64 and 64-bit Arm processor has. Functions with wider ones must be
+/// inlined into one that is compiled for processors that have them: see kWideBytes.
+template <class T, int kBytes = 16>
+struct Pack {
+    static constexpr int kSize = kBytes / static_cast<int>(sizeof(T));
+    using Int = std::conditional_t<sizeof(T) == 4, std::int32_t, std::int64_t>;
+    using Values [[gnu::vector_size(kBytes)]] = T;
+    using Ints [[gnu::vector_size(kBytes)]] = Int;
+    struct Mask {
+        Ints bits;  // all ones for true
+        friend Mask both(Mask a, Mask b) { return {a.bits & b.bits}; }
+        friend Mask either(Mask a, Mask b) { return {a.bits | b.bits}; }
+        friend Mask operator!(Mask a) { return {~a.bits}; }
+        friend bool any(Mask a) { return bits_of(a) != 0; }
+        friend bool all(Mask a) { return !any(!a); }
+        /// Bit i says whether entry i is true.
+        friend unsigned bits_of(Mask a) {
+            if constexpr (detail::kIsM256<T, kBytes>)
+                return detail::signs8(reinterpret_cast<Values>(a.bits));
+            unsigned bits = 0;
+#if defined(__SSE__)
+            if constexpr (kBytes == 16 && sizeof(T) == 4)
+                return static_cast<unsigned>(
+                    __builtin_ia32_movmskps(reinterpret_cast<Values>(a.bits)));
+#endif
+            for (int i = 0; i < kSize; ++i) bits |= (a.bits[i] != 0 ? 1u : 0u) << i;
+            return bits;
+        }
+    };
+
+    Values v{};
+
+    Pack() = default;
+    // As a vector, where GCC would copy the bytes of wide ones in halves.
+    Pack(const Pack& b) : v(b.v) {}
+    Pack& operator=(const Pack& b) {
+        return v = b.v, *this;
+    }
+    Pack(Values values) : v(values) {}
+    template <class U>
+    requires std::is_arithmetic_v<U> Pack(U x) : v(broadcast(static_cast<T>(x))) {}
+
+    T operator[](int i) const {
+        return v[i];
+    }
+    void set(int i, T x) {
+        v[i] = x;
+    }
+    static Pack load(const T* from) {
+        Pack p;
+        __builtin_memcpy(&p.v, from, kBytes);
+        return p;
+    }
+    /// Entries with these bits, for select() and less_bits() only.
+    static Pack from_bits(Int bits) {
+        return T(std::bit_cast<T>(bits));
+    }
+    void store(T* to) const {
+        __builtin_memcpy(to, &v, kBytes);
+    }
+
+    static Values broadcast(T x) {
+        if constexpr (detail::kIsM256<T, kBytes>) return detail::broadcast8(x);
+        if constexpr (kSize == 2) return Values{x, x};
+        if constexpr (kSize == 4) return Values{x, x, x, x};
+        if constexpr (kSize == 8) return Values{x, x, x, x, x, x, x, x};
+    }
+
+    friend Pack operator+(Pack a, Pack b) {
+        return a.v + b.v;
+    }
+    friend Pack operator-(Pack a, Pack b) {
+        return a.v - b.v;
+    }
+    friend Pack operator*(Pack a, Pack b) {
+        return a.v * b.v;
+    }
+    friend Pack operator/(Pack a, Pack b) {
+        return a.v / b.v;
+    }
+    friend Pack operator-(Pack a) {
+        return -a.v;
+    }
+    Pack& operator+=(Pack b) {
+        return v += b.v, *this;
+    }
+    Pack& operator-=(Pack b) {
+        return v -= b.v, *this;
+    }
+
+    friend Mask operator<(Pack a, Pack b) {
+        return {a.v < b.v};
+    }
+    friend Mask operator>(Pack a, Pack b) {
+        return {a.v > b.v};
+    }
+    friend Mask operator<=(Pack a, Pack b) {
+        return {a.v <= b.v};
+    }
+    friend Mask operator>=(Pack a, Pack b) {
+        return {a.v >= b.v};
+    }
+    friend Mask operator==(Pack a, Pack b) {
+        return {a.v == b.v};
+    }
+
+    /// The entries' bits as integers.
+    friend Mask less_bits(Pack a, Pack b) {
+        return {reinterpret_cast<Ints>(a.v) < reinterpret_cast<Ints>(b.v)};
+    }
+    friend Pack select(Mask condition, Pack a, Pack b) {
+        return condition.bits ? a.v : b.v;
+    }
+    template <class Make>
+    friend Pack choose(Mask condition, const Make& make, Pack otherwise) {
+        return select(condition, make(), otherwise);
+    }
+    friend Pack minimum(Pack a, Pack b) {
+        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::minimum8(a.v, b.v));
+        return a.v < b.v ? a.v : b.v;
+    }
+    friend Pack maximum(Pack a, Pack b) {
+        return a.v > b.v ? a.v : b.v;
+    }
+    friend Pack abs(Pack a) {
+        return reinterpret_cast<Values>(reinterpret_cast<Ints>(a.v) &
+                                        std::numeric_limits<Int>::max());
+    }
+    friend Pack sqrt(Pack a) {
+        if constexpr (detail::kIsM256<T, kBytes>) return Values(detail::sqrt8(a.v));
+#if defined(__SSE__)
+        if constexpr (kBytes == 16 && sizeof(T) == 4) return Values(__builtin_ia32_sqrtps(a.v));
+#endif
+        for (int i = 0; i < kSize; ++i) a.v[i] = std::sqrt(a.v[i]);
+        return a;
+    }
+    friend Pack atan2(Pack y, Pack x) {
+        for (int i = 0; i < kSize; ++i) y.v[i] = std::atan2(y.v[i], x.v[i]);
+        return y;
+    }
+};
+template <int kBytes>
+inline constexpr bool kIsDouble<Pack<double, kBytes>> = true;
+
+/// Packs of 32 bytes are worth it in functions that are marked TVSGS_WIDE and called where
+/// has_wide_packs(). AVX2 has no fused multiplication and addition, so that both widths round
+/// alike. Without optimisation nothing is inlined, and so there are none.
+#if defined(__x86_64__) && defined(__OPTIMIZE__)
+#define TVSGS_WIDE [[gnu::target("avx2"), gnu::flatten]]
+inline bool has_wide_packs() {
+    return __builtin_cpu_supports("avx2");
+}
+inline constexpr int kWideBytes = 32;
+#else
+#define TVSGS_WIDE
+inline bool has_wide_packs() {
+    return false;
+}
+inline constexpr int kWideBytes = 16;
+#endif
+#endif
+
+}  // namespace tvsgs

@@ -1,0 +1,45 @@
+// Some of the splats on the host.
+#pragma once
+
+#include <vector>
+
+#include "core/device/parallel_lists.h"
+#include "core/scene/gaussians.h"
+
+namespace tvsgs {
+
+/// Of each of the planes of an array: plane[numbers[0]], plane[numbers[1]], ...
+template <class T>
+Buffer<T, Cpu> taken(const Buffer<T, Cpu>& from, const std::vector<int>& numbers, int planes) {
+    Buffer<T, Cpu> out(numbers.size() * static_cast<std::size_t>(planes));
+    const std::size_t all = from.size() / static_cast<std::size_t>(planes);
+    for (std::size_t p = 0; p < static_cast<std::size_t>(planes); ++p)
+        parallel_for(Cpu{}, static_cast<int>(numbers.size()), [&](int i) {
+            const auto at = static_cast<std::size_t>(i);
+            out[p * numbers.size() + at] = from[p * all + static_cast<std::size_t>(numbers[at])];
+        });
+    return out;
+}
+
+/// Those at these places, in their order.
+inline Gaussians<Cpu> splats_at(const std::vector<int>& places, const Gaussians<Cpu>& all) {
+    Gaussians<Cpu> out;
+    out.sh_degree = all.sh_degree;
+    for_each_array(
+        [&](const SplatArray& array, const auto& from, auto& to) {
+            if (!from.empty()) to = taken(from, places, array.planes);
+        },
+        all, out);
+    return out;
+}
+
+/// Only those stay, in their order.
+inline void keep_splats(const std::vector<int>& places, Gaussians<Cpu>& g) {
+    for_each_array(
+        [&](const SplatArray& array, auto& values) {
+            if (!values.empty()) values = taken(values, places, array.planes);
+        },
+        g);
+}
+
+}  // namespace tvsgs
