@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "apps/bench/field.h"
-#include "io/npz.h"
+#include "io/files/npz.h"
 
 namespace tvsgs {
 

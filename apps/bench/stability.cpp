@@ -5,8 +5,8 @@
 
 #include "apps/bench/stability_measure.h"
 #include "core/device/device_choice.h"
-#include "io/atomic_file.h"
-#include "io/config.h"
+#include "io/config/config.h"
+#include "io/files/atomic_file.h"
 #include "report/plot.h"
 
 namespace tvsgs {

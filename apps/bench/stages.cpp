@@ -8,7 +8,7 @@
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
 #include "core/math/rng.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 #include "optim/adam.h"
 #include "optim/splat_order.h"
 #include "pipeline/run_options.h"

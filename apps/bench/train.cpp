@@ -6,7 +6,7 @@
 
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 #include "pipeline/initial_points.h"
 #include "pipeline/planned_scene.h"
 #include "pipeline/signals.h"

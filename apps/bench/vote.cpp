@@ -10,7 +10,7 @@
 #include "apps/bench/cloud.h"
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 #include "pipeline/run_options.h"
 
 namespace tvsgs {

@@ -4,9 +4,9 @@
 #include <memory>
 
 #include "apps/blocks/subcommands.h"
-#include "io/atomic_file.h"
-#include "io/json_value.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "pipeline/blocks_merge.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "apps/blocks/subcommands.h"
-#include "io/json_value.h"
-#include "io/read_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {

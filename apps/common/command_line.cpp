@@ -20,8 +20,8 @@
 #include "apps/common/help_pages.h"
 #include "core/device/buffer.h"
 #include "core/nearest_name.h"
-#include "io/atomic_file.h"
-#include "io/manifest.h"
+#include "io/files/atomic_file.h"
+#include "io/files/manifest.h"
 #include "mesh/device_algorithms.h"
 #include "pipeline/signals.h"
 

@@ -7,7 +7,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/config.h"
+#include "io/config/config.h"
 
 namespace tvsgs {
 

@@ -8,8 +8,8 @@
 #include "eval/dtu_files.h"
 #include "eval/dtu_protocol.h"
 #include "eval/frame_check.h"
-#include "io/manifest.h"
-#include "io/npz_cameras.h"
+#include "io/files/manifest.h"
+#include "io/scene/npz_cameras.h"
 
 namespace tvsgs {
 namespace {

@@ -7,8 +7,8 @@
 #include "core/parse_numbers.h"
 #include "core/scene/local_origin.h"
 #include "eval/geometry_scores.h"
-#include "io/crop_file.h"
-#include "io/mesh_files.h"
+#include "io/mesh/mesh_files.h"
+#include "io/scene/crop_file.h"
 
 namespace tvsgs {
 namespace {

@@ -12,8 +12,8 @@
 #include <map>
 
 #include "apps/common/command_line.h"
-#include "io/json_value.h"
-#include "io/read_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "pipeline/run_folder.h"
 
 extern char** environ;

@@ -5,7 +5,7 @@
 #include "apps/eval/subcommands.h"
 #include "core/device/device_choice.h"
 #include "eval/lpips_weights.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "pipeline/sky.h"

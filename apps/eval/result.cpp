@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/version.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 
 namespace tvsgs {
 

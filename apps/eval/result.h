@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

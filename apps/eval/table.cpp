@@ -7,9 +7,9 @@
 
 #include "apps/eval/matrix.h"
 #include "apps/eval/subcommands.h"
-#include "io/atomic_file.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {

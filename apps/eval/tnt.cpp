@@ -9,10 +9,10 @@
 #include "eval/tnt_curves.h"
 #include "eval/tnt_files.h"
 #include "eval/tnt_protocol.h"
-#include "io/atomic_file.h"
-#include "io/crop_file.h"
-#include "io/manifest.h"
-#include "io/trajectory.h"
+#include "io/files/atomic_file.h"
+#include "io/files/manifest.h"
+#include "io/scene/crop_file.h"
+#include "io/scene/trajectory.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "core/log.h"
 #include "core/version.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 namespace {

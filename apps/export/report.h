@@ -4,8 +4,8 @@
 #include <optional>
 #include <string>
 
-#include "io/splat_errors.h"
-#include "io/splat_files.h"
+#include "io/splats/splat_errors.h"
+#include "io/splats/splat_files.h"
 #include "pipeline/splat_selection.h"
 
 namespace tvsgs {

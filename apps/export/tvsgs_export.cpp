@@ -6,7 +6,7 @@
 #include "apps/export/report.h"
 #include "core/device/device_choice.h"
 #include "core/scene/local_origin.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 #include "mesh/upright.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "apps/prepare/sparse_model.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs::prepare {
 

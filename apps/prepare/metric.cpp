@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "core/log.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs::prepare {
 namespace {

@@ -8,8 +8,8 @@
 #include <opencv2/core.hpp>
 #include <opencv2/imgcodecs.hpp>
 
-#include "io/image_file.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs::prepare {
 namespace {

@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "apps/prepare/opencv.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs::prepare {

@@ -8,10 +8,10 @@
 
 #include "apps/prepare/opencv.h"
 #include "core/log.h"
-#include "io/colmap.h"
-#include "io/exif.h"
-#include "io/image_file.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
+#include "io/images/exif.h"
+#include "io/images/image_file.h"
+#include "io/scene/colmap.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs::prepare {

@@ -7,8 +7,8 @@
 #include "apps/prepare/run_program.h"
 #include "core/log.h"
 #include "core/progress.h"
-#include "io/atomic_file.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs::prepare {
 namespace {

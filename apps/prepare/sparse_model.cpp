@@ -5,8 +5,8 @@
 #include <filesystem>
 
 #include "core/math/quaternion.h"
-#include "io/atomic_file.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs::prepare {
 namespace {

@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "core/math/rigid.h"
-#include "io/camera_model.h"
+#include "io/scene/camera_model.h"
 
 namespace tvsgs::prepare {
 

@@ -13,8 +13,8 @@
 #include "apps/prepare/photographs.h"
 #include "apps/prepare/reconstruct.h"
 #include "core/log.h"
-#include "io/atomic_file.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs::prepare {

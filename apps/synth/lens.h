@@ -12,7 +12,7 @@
 #include "core/error.h"
 #include "core/scene/camera.h"
 #include "core/scene/image.h"
-#include "io/camera_model.h"
+#include "io/scene/camera_model.h"
 
 namespace tvsgs::synth {
 

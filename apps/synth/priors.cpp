@@ -8,9 +8,9 @@
 
 #include "core/error.h"
 #include "core/math/rng.h"
-#include "io/atomic_file.h"
-#include "io/image_file.h"
-#include "io/npz.h"
+#include "io/files/atomic_file.h"
+#include "io/files/npz.h"
+#include "io/images/image_file.h"
 #include "mesh/mesh_render.h"
 
 namespace tvsgs::synth {

@@ -12,9 +12,9 @@
 #include "core/log.h"
 #include "core/progress.h"
 #include "core/scene/scene.h"
-#include "io/atomic_file.h"
-#include "io/image_file.h"
-#include "io/ply.h"
+#include "io/files/atomic_file.h"
+#include "io/images/image_file.h"
+#include "io/splats/ply.h"
 #include "mesh/mesh_render.h"
 #include "pipeline/signals.h"
 

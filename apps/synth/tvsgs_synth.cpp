@@ -9,7 +9,7 @@
 #include "apps/synth/object.h"
 #include "apps/synth/priors.h"
 #include "apps/synth/scene.h"
-#include "io/manifest.h"
+#include "io/files/manifest.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs {

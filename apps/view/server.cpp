@@ -9,7 +9,7 @@
 #include <random>
 
 #include "core/log.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 #include "pipeline/run_folder.h"
 
 namespace tvsgs {

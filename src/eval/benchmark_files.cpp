@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/mesh_files.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 

@@ -9,8 +9,8 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "eval/benchmark_files.h"
-#include "io/image_file.h"
-#include "io/mat_file.h"
+#include "io/files/mat_file.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "eval/dtu_protocol.h"
 #include "eval/mask_cull.h"
-#include "io/npz_cameras.h"
+#include "io/scene/npz_cameras.h"
 
 namespace tvsgs {
 

@@ -7,7 +7,7 @@
 
 #include "core/scene/crop.h"
 #include "eval/mesh_metrics.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

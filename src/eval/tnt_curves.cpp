@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "core/error.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 
 namespace tvsgs {
 namespace {

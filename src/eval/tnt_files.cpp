@@ -11,8 +11,8 @@
 #include "eval/geometry_scores.h"
 #include "eval/mesh_metrics.h"
 #include "eval/tnt_protocol.h"
-#include "io/read_file.h"
-#include "io/trajectory.h"
+#include "io/files/read_file.h"
+#include "io/scene/trajectory.h"
 
 namespace tvsgs {
 namespace {

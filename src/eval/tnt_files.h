@@ -9,7 +9,7 @@
 #include "core/math/affine.h"
 #include "core/scene/crop.h"
 #include "eval/benchmark_files.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

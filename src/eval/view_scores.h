@@ -8,7 +8,7 @@
 #include "core/scene/scene.h"
 #include "eval/image_metrics.h"
 #include "eval/lpips.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

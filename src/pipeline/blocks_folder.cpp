@@ -5,11 +5,11 @@
 #include <cstdio>
 #include <filesystem>
 
-#include "io/atomic_file.h"
-#include "io/checkpoint.h"
-#include "io/json_value.h"
-#include "io/read_file.h"
-#include "io/scene_layout.h"
+#include "io/files/atomic_file.h"
+#include "io/files/checkpoint.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
+#include "io/scene/scene_layout.h"
 
 namespace tvsgs {
 namespace {

@@ -16,7 +16,7 @@
 
 #include "core/parse_numbers.h"
 #include "core/scene/gaussians.h"
-#include "io/scene_options.h"
+#include "io/scene/scene_options.h"
 #include "pipeline/blocks_geometry.h"
 
 namespace tvsgs {

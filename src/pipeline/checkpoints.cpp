@@ -8,7 +8,7 @@
 #include "core/device/buffer.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "io/checkpoint.h"
+#include "io/files/checkpoint.h"
 
 namespace tvsgs {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "io/config.h"
+#include "io/config/config.h"
 #include "optim/train.h"
 
 namespace tvsgs {

@@ -9,9 +9,9 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/atomic_file.h"
-#include "io/json_value.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "optim/exposure.h"
 
 namespace tvsgs {

@@ -5,9 +5,9 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/math/smoothing_filter.h"
-#include "io/atomic_file.h"
-#include "io/json_value.h"
-#include "io/spz.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/splats/spz.h"
 
 namespace tvsgs {
 namespace {

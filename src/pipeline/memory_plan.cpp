@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "mesh/device_algorithms.h"
 #include "optim/device_views.h"
 

@@ -2,8 +2,8 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
 #include "mesh/texture.h"
 #include "mesh/upright.h"
 #include "pipeline/mesh_extraction.h"

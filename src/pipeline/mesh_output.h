@@ -4,8 +4,8 @@
 #include <string>
 
 #include "core/scene/scene.h"
-#include "io/mesh_files.h"
-#include "io/scene_options.h"
+#include "io/mesh/mesh_files.h"
+#include "io/scene/scene_options.h"
 
 namespace tvsgs {
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/device/device_choice.h"
-#include "io/built_in_configs.h"
+#include "io/config/built_in_configs.h"
 #include "pipeline/background_plan.h"
 #include "pipeline/exposures.h"
 #include "pipeline/initial_points.h"

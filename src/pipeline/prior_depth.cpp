@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 #include "mvs/prior_fit.h"
 #include "pipeline/prior_parts.h"
 

@@ -7,7 +7,7 @@
 #include "core/device/parallel_errors.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
 #include "mvs/prior_normals.h"
 #include "pipeline/prior_parts.h"
 

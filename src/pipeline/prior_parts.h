@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/prior_sources.h"
+#include "io/priors/prior_sources.h"
 #include "mvs/visible_points.h"
 #include "pipeline/priors.h"
 

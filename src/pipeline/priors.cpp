@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
-#include "io/scene_layout.h"
+#include "io/scene/scene_layout.h"
 #include "pipeline/prior_parts.h"
 
 namespace tvsgs {

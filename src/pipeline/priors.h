@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/scene/prior_conventions.h"
-#include "io/scene_options.h"
+#include "io/scene/scene_options.h"
 #include "optim/loss.h"
 
 namespace tvsgs {

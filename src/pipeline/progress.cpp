@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <string_view>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "optim/schedule.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/progress.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "optim/train.h"
 
 namespace tvsgs {

@@ -9,9 +9,9 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/math/quaternion.h"
-#include "io/atomic_file.h"
-#include "io/colmap.h"
-#include "io/json_value.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/scene/colmap.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "core/scene/scene.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "optim/camera_refinement.h"
 
 namespace tvsgs {

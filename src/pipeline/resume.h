@@ -6,7 +6,7 @@
 #include <utility>
 #include <vector>
 
-#include "io/config.h"
+#include "io/config/config.h"
 #include "pipeline/checkpoints.h"
 #include "pipeline/run_folder.h"
 

@@ -15,10 +15,10 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/atomic_file.h"
-#include "io/json_value.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
 #include "pipeline/refined_cameras.h"
 
 namespace tvsgs {

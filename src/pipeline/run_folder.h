@@ -8,9 +8,9 @@
 
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
-#include "io/json_value.h"
-#include "io/ply.h"
-#include "io/scene_reader.h"
+#include "io/files/json_value.h"
+#include "io/scene/scene_reader.h"
+#include "io/splats/ply.h"
 #include "optim/train.h"
 
 namespace tvsgs {
@@ -55,7 +55,8 @@ public:
     /// Appends one line to log.jsonl and flushes it.
     void log(const JsonValue& line);
 
-    /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of io/ply.h.
+    /// point_cloud/iteration_N/point_cloud.ply; `origin`: the scene's, as in all of
+    /// io/splats/ply.h.
     void save_splats(const Gaussians<Cpu>& gaussians,
                      int iteration,
                      Vec3d origin,

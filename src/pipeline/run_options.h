@@ -1,8 +1,8 @@
 // What a run's config.json holds: read by every command that takes a run folder.
 #pragma once
 
-#include "io/config.h"
-#include "io/scene_reader.h"
+#include "io/config/config.h"
+#include "io/scene/scene_reader.h"
 #include "mvs/descriptors.h"
 #include "mvs/patch_match.h"
 #include "optim/train.h"

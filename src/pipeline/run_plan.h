@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/config.h"
+#include "io/config/config.h"
 #include "optim/plan.h"
 
 namespace tvsgs {

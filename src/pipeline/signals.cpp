@@ -3,7 +3,7 @@
 #include <csignal>
 #include <ctime>
 
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 
 namespace tvsgs {
 namespace {

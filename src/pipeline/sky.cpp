@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "optim/init_cloud.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/scene/splat_lists.h"
-#include "io/splat_checks.h"
+#include "io/splats/splat_checks.h"
 #include "optim/splat_order.h"
 #include "render/map_images.h"
 

@@ -6,8 +6,8 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
-#include "io/atomic_file.h"
-#include "io/crop_file.h"
+#include "io/files/atomic_file.h"
+#include "io/scene/crop_file.h"
 
 namespace tvsgs {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/scene/crop.h"
 #include "eval/geometry_scores.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/view_evaluation.h"
 

@@ -1,7 +1,7 @@
 #include "pipeline/train_session.h"
 
 #include "core/log.h"
-#include "io/ply.h"
+#include "io/splats/ply.h"
 #include "optim/fixed_splats.h"
 #include "optim/time_budget.h"
 #include "pipeline/checkpoints.h"

@@ -8,9 +8,9 @@
 
 #include "core/progress.h"
 #include "eval/view_scores.h"
-#include "io/atomic_file.h"
-#include "io/image_file.h"
-#include "io/json_value.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/images/image_file.h"
 #include "optim/train.h"
 #include "pipeline/render_background.h"
 #include "pipeline/signals.h"

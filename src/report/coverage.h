@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/scene/gaussians.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "report/view_page.h"
 
 namespace tvsgs {

@@ -6,8 +6,8 @@
 #include <optional>
 
 #include "core/log.h"
-#include "io/atomic_file.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/read_file.h"
 #include "pipeline/run_folder.h"
 #include "report/coverage.h"
 #include "report/html.h"

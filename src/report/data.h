@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/scene.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

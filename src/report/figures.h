@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "report/plot.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 #include <optional>
 #include <string>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "report/view_page.h"
 
 namespace tvsgs {

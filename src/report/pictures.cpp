@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "eval/error_colors.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 
 namespace tvsgs {
 

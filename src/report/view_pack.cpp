@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
-#include "io/spz.h"
+#include "io/splats/spz.h"
 #include "optim/splat_order.h"
 #include "pipeline/splat_selection.h"
 #include "render/blend_math.h"

@@ -7,7 +7,7 @@
 
 #include "core/scene/gaussians.h"
 #include "core/scene/mesh.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "pipeline/train_evaluation.h"
 
 namespace tvsgs {

@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "core/version.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "mesh/focus.h"
 #include "render/backbone.h"
 #include "render/blend_math.h"

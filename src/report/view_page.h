@@ -8,7 +8,7 @@
 #include "core/scene/gaussians.h"
 #include "core/scene/image.h"
 #include "core/scene/mesh.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "optim/train.h"
 #include "pipeline/train_evaluation.h"
 

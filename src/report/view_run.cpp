@@ -5,8 +5,8 @@
 
 #include "core/log.h"
 #include "core/scene/local_origin.h"
-#include "io/mesh_files.h"
-#include "io/read_file.h"
+#include "io/files/read_file.h"
+#include "io/mesh/mesh_files.h"
 #include "mesh/simplify.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"

@@ -15,7 +15,7 @@
 #include <thread>
 
 #include "core/device/device.h"
-#include "io/ply.h"
+#include "io/splats/ply.h"
 #include "pipeline/blocks_folder.h"
 #include "support/command.h"
 

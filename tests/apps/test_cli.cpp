@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "core/version.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "support/command.h"
 #include "support/numeric.h"
 

@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "eval/lpips.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "support/command.h"
 
 namespace tvsgs {

@@ -8,10 +8,10 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
-#include "io/ply.h"
-#include "io/splat_errors.h"
-#include "io/splat_files.h"
-#include "io/spz.h"
+#include "io/splats/ply.h"
+#include "io/splats/splat_errors.h"
+#include "io/splats/splat_files.h"
+#include "io/splats/spz.h"
 #include "pipeline/splat_selection.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"

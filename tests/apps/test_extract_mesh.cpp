@@ -11,9 +11,9 @@
 #include <utility>
 
 #include "core/error.h"
-#include "io/config.h"
-#include "io/mesh_files.h"
-#include "io/ply.h"
+#include "io/config/config.h"
+#include "io/mesh/mesh_files.h"
+#include "io/splats/ply.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/run_folder.h"
 #include "support/command.h"

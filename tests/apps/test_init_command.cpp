@@ -7,9 +7,9 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "io/image_file.h"
-#include "io/npz.h"
-#include "io/ply.h"
+#include "io/files/npz.h"
+#include "io/images/image_file.h"
+#include "io/splats/ply.h"
 #include "support/command.h"
 
 namespace tvsgs {

@@ -6,8 +6,8 @@
 #include <algorithm>
 #include <sstream>
 
-#include "io/json_value.h"
-#include "io/read_file.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
 #include "pipeline/run_options.h"
 #include "support/command.h"
 

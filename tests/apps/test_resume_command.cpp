@@ -13,7 +13,7 @@
 #include <nlohmann/json.hpp>
 #include <random>
 
-#include "io/checkpoint.h"
+#include "io/files/checkpoint.h"
 #include "support/command.h"
 
 namespace tvsgs {

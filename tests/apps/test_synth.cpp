@@ -10,11 +10,11 @@
 #include <fstream>
 #include <sstream>
 
-#include "io/crop_file.h"
-#include "io/image_file.h"
-#include "io/json_value.h"
-#include "io/ply.h"
-#include "io/scene_reader.h"
+#include "io/files/json_value.h"
+#include "io/images/image_file.h"
+#include "io/scene/crop_file.h"
+#include "io/scene/scene_reader.h"
+#include "io/splats/ply.h"
 #include "mesh/mesh_render.h"
 
 namespace tvsgs {

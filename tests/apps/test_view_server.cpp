@@ -9,9 +9,9 @@
 #include <fstream>
 #include <thread>
 
-#include "io/json_value.h"
-#include "io/ply.h"
-#include "io/spz.h"
+#include "io/files/json_value.h"
+#include "io/splats/ply.h"
+#include "io/splats/spz.h"
 #include "support/browser.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"

@@ -47,7 +47,7 @@ const std::set<std::pair<std::string, std::string>> kAllowed{
     {"src/optim/train.h", "ewa"},   // the default of `backbone` ...
     {"src/optim/train.h", "rade"},  // ... whose help names them all
     // Configurations that the program carries with it have the names of their files.
-    {"src/io/built_in_configs.h", "pgsr"},
+    {"src/io/config/built_in_configs.h", "pgsr"},
     // Splats that are ellipses, too: their tiles are found with the packs of EWA.
     {"src/render/blend_rade.cpp", "ewa"},
 };

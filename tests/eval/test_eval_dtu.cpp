@@ -2,9 +2,9 @@
 // bad input gets.
 #include "core/scene/image.h"
 #include "eval/eval_test.h"
-#include "io/image_file.h"
-#include "io/npz_cameras.h"
-#include "io/ply.h"
+#include "io/images/image_file.h"
+#include "io/scene/npz_cameras.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {

@@ -9,9 +9,9 @@
 #include <string>
 
 #include "core/error.h"
-#include "io/image_file.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
+#include "io/images/image_file.h"
 #include "support/test_data.h"
 
 namespace tvsgs {

@@ -4,7 +4,7 @@
 #include <cstdio>
 
 #include "core/version.h"
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 #include "io/io_test.h"
 
 namespace tvsgs {

@@ -1,5 +1,5 @@
-#include "io/camera_model.h"
 #include "io/io_test.h"
+#include "io/scene/camera_model.h"
 
 namespace tvsgs {
 namespace {

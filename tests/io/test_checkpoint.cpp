@@ -9,9 +9,9 @@
 #include <fstream>
 
 #include "core/error.h"
-#include "io/checkpoint.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/checkpoint.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
 
 namespace tvsgs {
 namespace {

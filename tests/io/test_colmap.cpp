@@ -1,8 +1,8 @@
 #include <cstring>
 #include <limits>
 
-#include "io/colmap.h"
 #include "io/io_test.h"
+#include "io/scene/colmap.h"
 
 namespace tvsgs {
 namespace {

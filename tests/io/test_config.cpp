@@ -2,7 +2,7 @@
 #include <cstdlib>
 #include <limits>
 
-#include "io/config.h"
+#include "io/config/config.h"
 #include "io/io_test.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/scene/crop.h"
-#include "io/crop_file.h"
+#include "io/scene/crop_file.h"
 #include "support/test_data.h"
 
 namespace tvsgs {

@@ -1,8 +1,8 @@
 #include <cmath>
 
-#include "io/image_file.h"
+#include "io/images/image_file.h"
+#include "io/images/webp.h"
 #include "io/io_test.h"
-#include "io/webp.h"
 
 namespace tvsgs {
 namespace {

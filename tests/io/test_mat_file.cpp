@@ -1,5 +1,5 @@
+#include "io/files/mat_file.h"
 #include "io/io_test.h"
-#include "io/mat_file.h"
 #include "support/test_data.h"
 
 namespace tvsgs {

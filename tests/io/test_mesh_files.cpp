@@ -10,7 +10,7 @@
 #include <sstream>
 
 #include "io/io_test.h"
-#include "io/mesh_files.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {

@@ -2,7 +2,7 @@
 #include <nlohmann/json.hpp>
 
 #include "io/io_test.h"
-#include "io/mesh_files.h"
+#include "io/mesh/mesh_files.h"
 
 namespace tvsgs {
 namespace {

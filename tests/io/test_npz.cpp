@@ -8,7 +8,7 @@
 #include <iterator>
 
 #include "core/error.h"
-#include "io/npz.h"
+#include "io/files/npz.h"
 #include "support/test_data.h"
 
 namespace tvsgs::test {

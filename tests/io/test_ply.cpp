@@ -6,7 +6,7 @@
 #include "core/math/rng.h"
 #include "core/math/smoothing_filter.h"
 #include "io/io_test.h"
-#include "io/ply.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {

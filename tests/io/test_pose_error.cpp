@@ -4,7 +4,7 @@
 
 #include <cmath>
 
-#include "io/pose_error.h"
+#include "io/scene/pose_error.h"
 #include "render/camera_math.h"
 #include "support/numeric.h"
 

@@ -3,7 +3,7 @@
 #include <limits>
 
 #include "io/io_test.h"
-#include "io/prior_placement.h"
+#include "io/priors/prior_placement.h"
 
 namespace tvsgs {
 namespace {

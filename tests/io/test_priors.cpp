@@ -4,9 +4,9 @@
 #include <cstring>
 
 #include "io/io_test.h"
-#include "io/prior_files.h"
-#include "io/prior_placement.h"
-#include "io/prior_sources.h"
+#include "io/priors/prior_files.h"
+#include "io/priors/prior_placement.h"
+#include "io/priors/prior_sources.h"
 
 namespace tvsgs {
 namespace {

@@ -1,8 +1,8 @@
 #include <cmath>
 #include <cstring>
 
+#include "io/files/safetensors.h"
 #include "io/io_test.h"
-#include "io/safetensors.h"
 
 namespace tvsgs {
 namespace {

@@ -4,12 +4,12 @@
 #include <cmath>
 #include <map>
 
-#include "io/colmap.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "io/io_test.h"
-#include "io/npz_cameras.h"
-#include "io/ply.h"
-#include "io/scene_reader.h"
+#include "io/scene/colmap.h"
+#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_reader.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {

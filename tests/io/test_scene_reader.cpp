@@ -5,11 +5,11 @@
 #include <sstream>
 
 #include "core/log.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
+#include "io/images/webp.h"
 #include "io/io_test.h"
-#include "io/ply.h"
-#include "io/scene_reader.h"
-#include "io/webp.h"
+#include "io/scene/scene_reader.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {

@@ -7,14 +7,14 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "io/codebook.h"
-#include "io/sh_palette.h"
-#include "io/sog.h"
-#include "io/sog_math.h"
-#include "io/splat_errors.h"
-#include "io/splat_glb.h"
-#include "io/webp.h"
-#include "io/zip_archive.h"
+#include "io/files/zip_archive.h"
+#include "io/images/webp.h"
+#include "io/splats/codebook.h"
+#include "io/splats/sh_palette.h"
+#include "io/splats/sog.h"
+#include "io/splats/sog_math.h"
+#include "io/splats/splat_errors.h"
+#include "io/splats/splat_glb.h"
 #include "io_test.h"
 #include "support/random_gaussians.h"
 

@@ -6,9 +6,9 @@
 
 #include <cstring>
 
-#include "io/splat_errors.h"
-#include "io/spz.h"
-#include "io/spz_math.h"
+#include "io/splats/splat_errors.h"
+#include "io/splats/spz.h"
+#include "io/splats/spz_math.h"
 #include "io_test.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"

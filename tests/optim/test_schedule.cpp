@@ -4,7 +4,7 @@
 #include <set>
 #include <utility>
 
-#include "io/config.h"
+#include "io/config/config.h"
 #include "optim/schedule.h"
 #include "optim/time_budget.h"
 

@@ -6,9 +6,9 @@
 #include <filesystem>
 #include <fstream>
 
-#include "io/atomic_file.h"
-#include "io/manifest.h"
-#include "io/read_file.h"
+#include "io/files/atomic_file.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
 #include "pipeline/blocks_folder.h"
 #include "pipeline/blocks_geometry.h"
 #include "pipeline/blocks_split.h"

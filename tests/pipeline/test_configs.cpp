@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <map>
 
-#include "io/built_in_configs.h"
+#include "io/config/built_in_configs.h"
 #include "pipeline/run_options.h"
 
 namespace tvsgs {

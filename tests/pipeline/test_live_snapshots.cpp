@@ -6,10 +6,10 @@
 #include <fstream>
 #include <thread>
 
-#include "io/json_value.h"
-#include "io/ply.h"
-#include "io/read_file.h"
-#include "io/spz.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
+#include "io/splats/ply.h"
+#include "io/splats/spz.h"
 #include "pipeline/live_snapshots.h"
 #include "support/random_gaussians.h"
 

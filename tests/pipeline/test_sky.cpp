@@ -9,7 +9,7 @@
 #include "core/error.h"
 #include "core/math/rng.h"
 #include "core/scene/sky_map.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "optim/matchable.h"
 #include "pipeline/sky.h"
 #include "pipeline/splat_selection.h"

@@ -2,7 +2,7 @@
 #include "apps/prepare/check.h"
 #include "apps/prepare/metric.h"
 #include "apps/prepare/photographs.h"
-#include "io/colmap.h"
+#include "io/scene/colmap.h"
 #include "prepare/prepare_test.h"
 
 namespace tvsgs::prepare {

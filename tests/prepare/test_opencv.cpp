@@ -7,7 +7,7 @@
 
 #include "apps/prepare/opencv.h"
 #include "apps/prepare/photographs.h"
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "prepare/prepare_test.h"
 #include "support/command.h"
 

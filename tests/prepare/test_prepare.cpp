@@ -4,9 +4,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "io/json_value.h"
-#include "io/scene_reader.h"
-#include "io/webp.h"
+#include "io/files/json_value.h"
+#include "io/images/webp.h"
+#include "io/scene/scene_reader.h"
 #include "prepare/prepare_test.h"
 #include "support/command.h"
 

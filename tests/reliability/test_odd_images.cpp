@@ -3,7 +3,7 @@
 
 #include <filesystem>
 
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 #include "io/io_test.h"
 
 namespace tvsgs {

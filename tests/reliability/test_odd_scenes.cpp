@@ -3,7 +3,7 @@
 #include <sstream>
 
 #include "command_test.h"
-#include "io/image_file.h"
+#include "io/images/image_file.h"
 
 namespace tvsgs {
 namespace {

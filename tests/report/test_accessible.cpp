@@ -3,7 +3,7 @@
 // others.
 #include <gtest/gtest.h>
 
-#include "io/atomic_file.h"
+#include "io/files/atomic_file.h"
 #include "report/html.h"
 #include "report/pictures.h"
 #include "view_cases.h"

@@ -8,7 +8,7 @@
 #include <map>
 #include <sstream>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "pipeline/train_evaluation.h"
 #include "report/figures.h"
 #include "report/html.h"

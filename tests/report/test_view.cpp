@@ -5,8 +5,8 @@
 #include <cmath>
 #include <filesystem>
 
-#include "io/atomic_file.h"
-#include "io/spz.h"
+#include "io/files/atomic_file.h"
+#include "io/splats/spz.h"
 #include "render/backbone.h"
 #include "report/pictures.h"
 #include "report/view_pack.h"

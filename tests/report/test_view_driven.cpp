@@ -1,8 +1,8 @@
 // Pages of tvsgs-view as a user moves through them, and as they follow a training.
 #include <gtest/gtest.h>
 
-#include "io/atomic_file.h"
-#include "io/spz.h"
+#include "io/files/atomic_file.h"
+#include "io/splats/spz.h"
 #include "report/pictures.h"
 #include "view_cases.h"
 

@@ -11,9 +11,9 @@
 #include <sstream>
 
 #include "core/scene/local_origin.h"
-#include "io/mesh_files.h"
-#include "io/ply.h"
-#include "io/scene_reader.h"
+#include "io/mesh/mesh_files.h"
+#include "io/scene/scene_reader.h"
+#include "io/splats/ply.h"
 
 namespace tvsgs {
 namespace {

@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "io/json_value.h"
+#include "io/files/json_value.h"
 #include "support/command.h"
 
 namespace tvsgs {

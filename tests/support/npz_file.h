@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "io/npz.h"
+#include "io/files/npz.h"
 
 namespace tvsgs::test {
 

@@ -1,8 +1,8 @@
 // A program of others: links the installed libraries and counts the points of a file.
 #include <cstdio>
 
-#include "io/built_in_configs.h"
-#include "io/ply.h"
+#include "io/config/built_in_configs.h"
+#include "io/splats/ply.h"
 
 int main(int argc, char** argv) {
     if (argc != 2) return 2;

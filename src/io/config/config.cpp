@@ -1,0 +1,464 @@
+#include "io/config/config.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+#include <nlohmann/json.hpp>
+#include <set>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "core/nearest_name.h"
+#include "io/config/built_in_configs.h"
+#include "io/files/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+/// Shortest text that reads back as the same number.
+template <class Number>
+std::string number_text(Number value) {
+    char text[64];
+    const auto result = std::to_chars(text, text + sizeof text, value);
+    return {text, result.ptr};
+}
+
+/// On one line; bytes that are not UTF-8 are replaced.
+std::string dumped(const Json& json) {
+    return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+bool is_utf8(const std::string& text) {
+    return Json::parse(json_text(text)).get<std::string>() == text;  // nothing had to be replaced
+}
+
+std::string normalized(std::string_view key) {
+    std::string out(trimmed(key));
+    std::replace(out.begin(), out.end(), '-', '_');
+    return out;
+}
+
+/// A JSON text without duplicate keys, which the library itself would accept silently.
+Json parse_json(const std::string& path, const std::string& text, ExitCode code) {
+    std::vector<std::set<std::string>> keys;  // one set per open object
+    const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
+        check_json_depth(depth, path);
+        if (event == Json::parse_event_t::object_start) keys.emplace_back();
+        if (event == Json::parse_event_t::object_end) keys.pop_back();
+        if (event == Json::parse_event_t::key &&
+            !keys.back().insert(value.get<std::string>()).second)
+            throw Error(code, str(path, ": key '", value.get<std::string>(),
+                                  "' appears twice in one object; remove one"));
+        return true;
+    };
+    try {
+        Json json = Json::parse(text, watch);
+        if (!json.is_object())
+            throw Error(code, str(path, ": expected a JSON object, {\"key\": value, ...}"));
+        return json;
+    } catch (const Json::exception& error) {
+        throw Error(code, str(path, ": not valid JSON: ", error.what()));
+    }
+}
+
+/// Limits of float, so that a range such as 1e300 can be compared in float.
+float to_float(double value) {
+    constexpr double kMax = std::numeric_limits<float>::max();
+    return static_cast<float>(std::clamp(value, -kMax, kMax));
+}
+
+std::string join(const std::vector<std::string>& words) {
+    std::string out;
+    for (const std::string& word : words) out += str(out.empty() ? "" : ", ", word);
+    return out;
+}
+
+/// What may stand at a value, for help and for messages.
+std::string expectation(const Option& option) {
+    const auto range = [&] {
+        return str(" from ", number_text(option.range.min), " to ", number_text(option.range.max));
+    };
+    switch (option.kind) {
+        case Option::Kind::boolean:
+            return "true or false";
+        case Option::Kind::integer:
+            return str("an integer", range());
+        case Option::Kind::real:
+            return str("a number", range());
+        case Option::Kind::text:
+            return "a text";
+        case Option::Kind::choice:
+            return str("one of ", join(option.choices));
+    }
+    return {};
+}
+
+/// The text to hand to option.set, or nothing when `value` is not allowed.
+bool accepted(const Option& option, std::string_view value, std::string& text) {
+    text = trimmed(value);
+    switch (option.kind) {
+        case Option::Kind::boolean:
+            for (const char* yes : {"true", "1", "on", "yes"})
+                if (text == yes) return text = "true", true;
+            for (const char* no : {"false", "0", "off", "no"})
+                if (text == no) return text = "false", true;
+            return false;
+        case Option::Kind::integer: {
+            std::int64_t number = 0;
+            return parse_number(text, number) && static_cast<double>(number) >= option.range.min &&
+                   static_cast<double>(number) <= option.range.max;
+        }
+        case Option::Kind::real: {
+            // Compared in float, as ranges and values are both written with float literals.
+            float number = 0;
+            return parse_number(text, number) && std::isfinite(number) &&
+                   number >= to_float(option.range.min) && number <= to_float(option.range.max);
+        }
+        case Option::Kind::text:
+            text = value;
+            return true;
+        case Option::Kind::choice: {
+            const auto same = [&](const std::string& name) {
+                return normalized(name) == normalized(text);
+            };
+            const auto found = std::find_if(option.choices.begin(), option.choices.end(), same);
+            if (found == option.choices.end()) return false;
+            text = *found;
+            return true;
+        }
+    }
+    return false;
+}
+
+bool json_fits(const Json& value, Option::Kind kind) {
+    switch (kind) {
+        case Option::Kind::boolean:
+            return value.is_boolean();
+        case Option::Kind::integer:
+        case Option::Kind::real:
+            return value.is_number();
+        case Option::Kind::choice:  // some have the names true and false
+            return value.is_string() || value.is_boolean();
+        case Option::Kind::text:
+            break;
+    }
+    return value.is_string();
+}
+
+template <class Number>
+Number parsed(const std::string& text) {
+    Number number{};
+    parse_number(text, number);  // checked by accepted()
+    return number;
+}
+
+template <class Options>
+auto find_option(Options& options, const std::string& key) {
+    const auto found = std::find_if(options.begin(), options.end(),
+                                    [&](const Option& option) { return option.key == key; });
+    return found == options.end() ? nullptr : &*found;
+}
+
+[[noreturn]] void throw_unknown(const std::vector<Option>& options,
+                                const std::string& key,
+                                const std::string& source) {
+    std::vector<std::string> keys;
+    for (const Option& option : options) keys.push_back(option.key);
+    const std::string near = nearest_name(key, keys);
+    throw Error(ExitCode::usage, str(source, ": unknown key '", key, "'; ",
+                                     near.empty() ? "tvsgs-train --list-keys prints them all"
+                                                  : str("did you mean '", near, "'?")));
+}
+
+/// A key of a configuration, and the file that has it.
+struct Leaf {
+    std::string key;
+    Json value;
+    std::string file;
+};
+
+/// Appends every leaf below `json` with its dotted key.
+void flatten(const Json& json,
+             const std::string& prefix,
+             const std::string& file,
+             std::vector<Leaf>& out) {
+    for (const auto& [name, value] : json.items()) {
+        if (name == "comment" || (prefix.empty() && (name == "info" || name == "extends")))
+            continue;
+        const std::string key = prefix + normalized(name);
+        if (value.is_object() && !value.empty())
+            flatten(value, key + ".", file, out);
+        else
+            out.push_back({key, value, file});
+    }
+}
+
+/// The entries of "extends", in order.
+std::vector<std::string> bases_of(const Json& json, const std::string& file) {
+    const Json bases = json.value("extends", Json::array());
+    if (bases.is_string()) return {bases.get<std::string>()};
+    const auto is_text = [](const Json& base) { return base.is_string(); };
+    if (bases.is_array() && std::all_of(bases.begin(), bases.end(), is_text))
+        return bases.get<std::vector<std::string>>();
+    throw Error(ExitCode::usage, str(file, ": extends = ", dumped(bases),
+                                     ": expected the name of a configuration, a file, or a list"));
+}
+
+std::string config_text(const std::string& path) {
+    try {
+        return read_bytes(path, kMaxTextBytes);
+    } catch (const Error& error) {
+        throw Error(error.code() == ExitCode::input ? ExitCode::usage : error.code(), error.what());
+    }
+}
+
+/// Appends the keys of a configuration behind those of the ones that it extends. `extending`: the
+/// files that have led to this one.
+void collect(const std::string& file,
+             const std::string& text,
+             std::vector<std::string> extending,
+             std::vector<Leaf>& out) {
+    const Json json = parse_json(file, text, ExitCode::usage);
+    extending.push_back(file);
+    for (const std::string& base : bases_of(json, file)) {
+        const bool is_file = base.ends_with(".json");
+        const std::string from =
+            is_file ? (fs::path(file).parent_path() / base).lexically_normal().string()
+                    : str("configs/", base, ".json");
+        if (std::find(extending.begin(), extending.end(), from) != extending.end())
+            throw Error(ExitCode::usage, str(file, ": extends '", base,
+                                             "', which extends it in turn; remove one of the two"));
+        with_context(str("reading the base of ", file), [&] {
+            collect(from, is_file ? config_text(from) : built_in_config(base), extending, out);
+        });
+    }
+    const std::size_t first = out.size();
+    flatten(json, "", file, out);
+    std::set<std::string> seen;
+    for (std::size_t i = first; i < out.size(); ++i)
+        if (!seen.insert(out[i].key).second)
+            throw Error(ExitCode::usage,
+                        str(file, ": key '", out[i].key, "' appears twice; remove one"));
+}
+
+}  // namespace
+
+Option& OptionTable::find(const std::string& key, const std::string& source) {
+    Option* option = find_option(options_, key);
+    if (!option) throw_unknown(options_, key, source);
+    return *option;
+}
+
+void OptionTable::set(Option& option, std::string_view value, const std::string& source) {
+    std::string text;
+    if (!accepted(option, value, text))
+        throw Error(ExitCode::usage, str(source, ": ", option.key, " = '", value, "': expected ",
+                                         expectation(option)));
+    option.set(text);
+    option.source = source;
+}
+
+void OptionTable::set(std::string_view key, std::string_view value, const std::string& source) {
+    set(find(normalized(key), source), value, source);
+}
+
+const Option& OptionTable::option(std::string_view key) const {
+    const std::string name = normalized(key);
+    const Option* found = find_option(options_, name);
+    if (!found) throw_unknown(options_, name, "the program");
+    return *found;
+}
+
+void OptionTable::set_all(const std::vector<std::string>& settings) {
+    for (const std::string& setting : settings) {
+        const std::size_t equals = setting.find('=');
+        if (equals == std::string::npos)
+            throw Error(ExitCode::usage, str("--set ", setting, ": expected KEY=VALUE"));
+        set(setting.substr(0, equals), setting.substr(equals + 1), "--set");
+    }
+}
+
+void OptionTable::read_file(const std::string& path) {
+    read_text(path, config_text(path));
+}
+
+void OptionTable::read_text(const std::string& source, const std::string& text) {
+    read(source, text, false);
+}
+void OptionTable::read_text_below(const std::string& source, const std::string& text) {
+    read(source, text, true);
+}
+
+void OptionTable::read(const std::string& source, const std::string& text, bool below) {
+    std::vector<Leaf> leaves;
+    collect(source, text, {}, leaves);
+    if (below) std::reverse(leaves.begin(), leaves.end());  // the first one sets a key
+    for (const auto& [key, value, file] : leaves) {
+        const auto in_group = [group = key + "."](const Option& option) {
+            return option.key.starts_with(group);
+        };
+        if (std::any_of(options_.begin(), options_.end(), in_group)) {
+            if (value.is_object()) continue;  // an empty group
+            throw Error(ExitCode::usage,
+                        str(file, ": ", key, " is a group of keys; expected an object, {...}"));
+        }
+        Option& option = find(key, file);
+        if (!json_fits(value, option.kind))
+            throw Error(ExitCode::usage, str(file, ": ", key, " = ", dumped(value), ": expected ",
+                                             expectation(option)));
+        if (below && !option.source.empty()) continue;
+        set(option, value.is_string() ? value.get<std::string>() : value.dump(), file);
+        option.source = source;
+    }
+}
+
+void OptionTable::read_environment() {
+    std::map<std::string, std::string> variables;  // in a fixed order, for messages
+    for (char** entry = environ; entry && *entry; ++entry) {
+        const std::string_view text = *entry;
+        const std::size_t equals = text.find('=');
+        if (text.starts_with("TVSGS_") && equals != std::string_view::npos)
+            variables.emplace(text.substr(0, equals), text.substr(equals + 1));
+    }
+    for (const auto& [name, value] : variables) {
+        std::string key = name.substr(6);
+        for (std::size_t at; (at = key.find("__")) != std::string::npos;)
+            key[at] = '.', key.erase(at + 1, 1);
+        std::transform(key.begin(), key.end(), key.begin(),
+                       [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+        set(key, value, str("environment variable ", name));
+    }
+}
+
+std::string OptionTable::json(const JsonValue& info) const {
+    Json out = Json::object();
+    for (const Option& option : options_) {
+        Json* place = &out;
+        std::size_t begin = 0;
+        for (std::size_t dot; (dot = option.key.find('.', begin)) != std::string::npos;
+             begin = dot + 1)
+            place = &(*place)[option.key.substr(begin, dot - begin)];
+        Json& value = (*place)[option.key.substr(begin)];
+        const bool is_string =
+            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
+        value = is_string ? Json(option.get()) : Json::parse(option.get());
+        if (is_string && !is_utf8(option.get()))
+            spdlog::warn(
+                "{} '{}' is not UTF-8, so config.json cannot hold it; rename it, or give it again "
+                "to the commands that take the run",
+                option.key, option.get());
+    }
+    if (info) out["info"] = Json::parse(json_text(info));
+    return out.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
+}
+
+std::string OptionTable::help() const {
+    std::string out, last_group = "-";
+    std::size_t width = 0;
+    for (const Option& option : options_) width = std::max(width, option.key.size());
+    for (const Option& option : options_) {
+        const std::size_t dot = option.key.rfind('.');
+        const std::string group = dot == std::string::npos ? "" : option.key.substr(0, dot);
+        if (group != last_group)
+            out += str(out.empty() ? "" : "\n", group.empty() ? "" : group + ":\n");
+        last_group = group;
+        const bool is_string =
+            option.kind == Option::Kind::text || option.kind == Option::Kind::choice;
+        out += str("  ", option.key, std::string(width - option.key.size() + 2, ' '), option.help,
+                   " (", expectation(option), "; default ",
+                   is_string ? json_text(option.get()) : option.get(), ")\n");
+    }
+    return out;
+}
+
+void OptionTable::Collector::operator()(const char* key,
+                                        int& value,
+                                        Range range,
+                                        const char* help) {
+    range.min = std::max(range.min, static_cast<double>(std::numeric_limits<int>::min()));
+    range.max = std::min(range.max, static_cast<double>(std::numeric_limits<int>::max()));
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::integer,
+                              range,
+                              {},
+                              [&value] { return number_text(value); },
+                              [&value](const std::string& text) { value = parsed<int>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key,
+                                        std::int64_t& value,
+                                        Range range,
+                                        const char* help) {
+    table.options_.push_back(
+        {prefix + key,
+         help,
+         Option::Kind::integer,
+         range,
+         {},
+         [&value] { return number_text(value); },
+         [&value](const std::string& text) { value = parsed<std::int64_t>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key,
+                                        float& value,
+                                        Range range,
+                                        const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::real,
+                              range,
+                              {},
+                              [&value] { return number_text(value); },
+                              [&value](const std::string& text) { value = parsed<float>(text); }});
+}
+void OptionTable::Collector::operator()(const char* key, bool& value, const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::boolean,
+                              {0, 0},
+                              {},
+                              [&value] { return value ? "true" : "false"; },
+                              [&value](const std::string& text) { value = text == "true"; }});
+}
+void OptionTable::Collector::operator()(const char* key, std::string& value, const char* help) {
+    table.options_.push_back({prefix + key,
+                              help,
+                              Option::Kind::text,
+                              {0, 0},
+                              {},
+                              [&value] { return value; },
+                              [&value](const std::string& text) { value = text; }});
+}
+void OptionTable::Collector::add_choice(const char* key,
+                                        std::vector<std::string> names,
+                                        std::function<int()> get,
+                                        std::function<void(int)> set,
+                                        const char* help) {
+    auto name_of = [names, get] { return names.at(static_cast<std::size_t>(get())); };
+    auto set_name = [names, set](const std::string& text) {
+        set(static_cast<int>(std::find(names.begin(), names.end(), text) - names.begin()));
+    };
+    table.options_.push_back(
+        {str(prefix, key), help, Option::Kind::choice, {0, 0}, names, name_of, set_name});
+}
+
+std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path) {
+    std::map<std::string, std::vector<std::string>> lists;
+    const Json json = parse_json(path, read_bytes(path), ExitCode::input);
+    for (const auto& [name, value] : json.items()) {
+        if (!value.is_array()) continue;
+        std::vector<std::string> list;
+        for (const Json& entry : value)
+            if (entry.is_string() || entry.is_number_integer())
+                list.push_back(entry.is_string() ? entry.get<std::string>() : entry.dump());
+        if (list.size() == value.size()) lists.emplace(name, std::move(list));
+    }
+    return lists;
+}
+
+}  // namespace tvsgs

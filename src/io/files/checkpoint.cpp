@@ -1,0 +1,193 @@
+#include "io/files/checkpoint.h"
+
+#include <zlib.h>
+
+#include <bit>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "core/error.h"
+#include "io/files/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+constexpr char kMagic[] = "TVSGSCKP";
+constexpr std::size_t kMagicBytes = 8, kFixedBytes = kMagicBytes + 4 + 4 + 8 + 4;
+constexpr std::size_t kMaxTableBytes = 1 << 20;  // a few hundred names
+
+template <class T>
+void put(std::string& out, T value) {
+    out.append(reinterpret_cast<const char*>(&value), sizeof value);
+}
+
+/// Takes values off the front of a text; what is beyond its end is an error.
+struct Reader {
+    const std::string& path;
+    std::string_view left;
+
+    std::string_view bytes(std::size_t count) {
+        if (left.size() < count) throw input_error(path, ": its table of arrays is damaged");
+        const std::string_view taken = left.substr(0, count);
+        left.remove_prefix(count);
+        return taken;
+    }
+    template <class T>
+    T take() {
+        T value;
+        std::memcpy(&value, bytes(sizeof value).data(), sizeof value);
+        return value;
+    }
+};
+
+void append(std::string& table, const CheckpointEntry& entry) {
+    put(table, static_cast<std::uint32_t>(entry.name.size()));
+    table += entry.name;
+    put(table, entry.element_bytes);
+    put(table, static_cast<std::uint8_t>(entry.real));
+    put(table, entry.bytes);
+    put(table, entry.crc);
+}
+
+CheckpointEntry take_entry(Reader& reader) {
+    CheckpointEntry e;
+    e.name = reader.bytes(reader.take<std::uint32_t>());
+    e.element_bytes = reader.take<std::uint32_t>();
+    e.real = reader.take<std::uint8_t>() != 0;
+    e.bytes = reader.take<std::uint64_t>();
+    e.crc = reader.take<std::uint32_t>();
+    if (e.element_bytes == 0 || e.bytes % e.element_bytes != 0 ||
+        (e.real && e.element_bytes % 4 != 0))
+        throw input_error(reader.path, ": its table of arrays is damaged at '", shown(e.name), "'");
+    return e;
+}
+
+class File {
+public:
+    explicit File(const std::string& path) : path_(path), file_(nullptr, std::fclose) {
+        std::error_code no_matter;
+        require_regular_file(path);
+        file_.reset(std::fopen(path.c_str(), "rb"));
+        if (!file_) throw input_error(path, ": cannot be opened: ", std::strerror(errno));
+        const auto size = std::filesystem::file_size(path, no_matter);
+        size_ = no_matter ? 0 : size;
+    }
+
+    std::uint64_t size() const { return size_; }
+
+    void read(void* to, std::size_t bytes) {
+        if (bytes == 0 || std::fread(to, 1, bytes, file_.get()) == bytes) return;
+        if (std::ferror(file_.get()))
+            throw Error(ExitCode::io, str(path_, ": reading failed: ", std::strerror(errno)));
+        throw input_error(path_, ": the checkpoint is cut off after ", size_, " bytes");
+    }
+
+private:
+    std::string path_;
+    std::unique_ptr<std::FILE, int (*)(std::FILE*)> file_;
+    std::uint64_t size_ = 0;
+};
+
+}  // namespace
+
+std::uint32_t checksum(const void* data, std::size_t bytes, std::uint32_t so_far) {
+    return static_cast<std::uint32_t>(crc32_z(so_far, static_cast<const Bytef*>(data), bytes));
+}
+
+std::uint32_t checksum_of_both(std::uint32_t first,
+                               std::uint32_t second,
+                               std::size_t second_bytes) {
+    return static_cast<std::uint32_t>(
+        crc32_combine(first, second, static_cast<z_off_t>(second_bytes)));
+}
+
+CheckpointEntry entry_of(const StateArray& array) {
+    return {array.name, array.element_bytes, array.real, array.bytes.size(),
+            checksum(array.bytes.data(), array.bytes.size())};
+}
+
+CheckpointFile::CheckpointFile(const std::string& path, const std::vector<CheckpointEntry>& entries)
+    : file_(path) {
+    std::string table;
+    std::uint64_t data_bytes = 0;
+    for (const CheckpointEntry& entry : entries) {
+        append(table, entry);
+        data_bytes += entry.bytes;
+    }
+    std::string head(kMagic, kMagicBytes);
+    put(head, kCheckpointVersion);
+    put(head, static_cast<std::uint32_t>(table.size()));
+    put(head, static_cast<std::uint64_t>(kFixedBytes + table.size() + 4 + data_bytes));
+    put(head, static_cast<std::uint32_t>(entries.size()));
+    head += table;
+    put(head, checksum(head.data(), head.size()));
+    file_.write(head);
+}
+
+void write_checkpoint(const std::string& path, std::initializer_list<const State*> parts) {
+    std::vector<CheckpointEntry> entries;
+    for (const State* part : parts)
+        for (const StateArray& array : part->arrays) entries.push_back(entry_of(array));
+    CheckpointFile file(path, entries);
+    for (const State* part : parts)
+        for (const StateArray& array : part->arrays)
+            file.write(array.bytes.data(), array.bytes.size());
+    file.commit();
+}
+
+State read_checkpoint(const std::string& path) {
+    File file(path);
+    std::string head(kFixedBytes, '\0');
+    if (file.size() < kFixedBytes)
+        throw input_error(path, ": ", file.size(), " bytes are no checkpoint of tvsgs-train");
+    file.read(head.data(), head.size());
+    Reader fixed{path, head};
+    if (fixed.bytes(kMagicBytes) != kMagic)
+        throw input_error(path, ": is no checkpoint of tvsgs-train");
+    const auto version = fixed.take<std::uint32_t>(), table_bytes = fixed.take<std::uint32_t>();
+    const auto file_bytes = fixed.take<std::uint64_t>();
+    const auto arrays = fixed.take<std::uint32_t>();
+    if (version != kCheckpointVersion)
+        throw input_error(path, ": is of checkpoint version ", version,
+                          ", or damaged; this program reads version ", kCheckpointVersion,
+                          "; resume with the program that wrote it");
+    if (table_bytes > kMaxTableBytes || file.size() < kFixedBytes + table_bytes + 4)
+        throw input_error(path, ": the checkpoint is cut off or damaged in its first bytes");
+    head.resize(kFixedBytes + table_bytes + 4);
+    file.read(head.data() + kFixedBytes, table_bytes + 4);
+    Reader reader{path, std::string_view(head).substr(kFixedBytes)};
+    const std::string_view table = reader.bytes(table_bytes);
+    if (reader.take<std::uint32_t>() != checksum(head.data(), kFixedBytes + table_bytes))
+        throw input_error(path,
+                          ": the checkpoint's table does not fit its checksum; it is damaged");
+    if (file.size() != file_bytes)
+        throw input_error(path, ": has ", file.size(), " bytes; expected ", file_bytes,
+                          "; the checkpoint is ", file.size() < file_bytes ? "cut off" : "damaged");
+
+    reader.left = table;
+    State state;
+    std::uint64_t left = file_bytes - head.size();
+    for (std::uint32_t i = 0; i < arrays; ++i) {
+        const CheckpointEntry entry = take_entry(reader);
+        if (entry.bytes > left)
+            throw input_error(path, ": its table of arrays is damaged at '", shown(entry.name),
+                              "'");
+        left -= entry.bytes;
+        StateArray& array = state.add(entry.name, entry.element_bytes,
+                                      entry.bytes / entry.element_bytes, entry.real);
+        file.read(array.bytes.data(), array.bytes.size());
+        if (checksum(array.bytes.data(), array.bytes.size()) != entry.crc)
+            throw input_error(path, ": the checkpoint's '", shown(entry.name),
+                              "' does not fit its checksum; the file is damaged");
+    }
+    if (left != 0 || !reader.left.empty())
+        throw input_error(path, ": its table of arrays does not fit its size; it is damaged");
+    return state;
+}
+
+}  // namespace tvsgs

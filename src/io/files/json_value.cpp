@@ -1,0 +1,139 @@
+#include "io/files/json_value.h"
+
+#include <charconv>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "core/error.h"
+#include "io/files/read_file.h"
+
+namespace tvsgs {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+JsonValue from_library(const Json& json) {
+    if (json.is_string()) return JsonValue(json.get<std::string>());
+    if (json.is_number()) return JsonValue(json.get<double>());
+    if (json.is_boolean()) return JsonValue(json.get<bool>());
+    JsonValue value;
+    if (json.is_array()) {
+        value.kind = JsonValue::Kind::list;
+        for (const Json& item : json) value.items.push_back(from_library(item));
+    } else if (json.is_object()) {
+        value.kind = JsonValue::Kind::object;
+        for (const auto& [name, member] : json.items())
+            value.members.emplace_back(name, from_library(member));
+    }
+    return value;
+}
+
+void append_quoted(std::string& out, const std::string& text) {
+    out += Json(text).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+void append_number(std::string& out, double number) {
+    char text[40];
+    const bool whole = std::trunc(number) == number && std::abs(number) < 9e18;
+    const auto end = whole ? std::to_chars(text, text + sizeof text, static_cast<long long>(number))
+                           : std::to_chars(text, text + sizeof text, number);
+    out.append(text, end.ptr);
+}
+
+void append(std::string& out, const JsonValue& value) {
+    const char* comma = "";
+    switch (value.kind) {
+        case JsonValue::Kind::null:
+            out += "null";
+            return;
+        case JsonValue::Kind::boolean:
+            out += value.number != 0 ? "true" : "false";
+            return;
+        case JsonValue::Kind::number:
+            return append_number(out, value.number);
+        case JsonValue::Kind::text:
+            return append_quoted(out, value.text);
+        case JsonValue::Kind::list:
+            out += "[";
+            for (const JsonValue& item : value.items) {
+                out += comma;
+                append(out, item);
+                comma = ", ";
+            }
+            out += "]";
+            return;
+        case JsonValue::Kind::object:
+            out += "{";
+            for (const auto& [name, member] : value.members) {
+                out += comma;
+                append_quoted(out, name);
+                out += ": ";
+                append(out, member);
+                comma = ", ";
+            }
+            out += "}";
+            return;
+    }
+}
+
+}  // namespace
+
+const JsonValue& JsonValue::operator[](std::string_view key) const {
+    static const JsonValue null;
+    for (const auto& [name, member] : members)
+        if (name == key) return member;
+    return null;
+}
+
+void JsonValue::set(std::string_view key, JsonValue value) {
+    for (auto& [name, member] : members)
+        if (name == key) {
+            member = std::move(value);
+            return;
+        }
+    add(key, std::move(value));
+}
+
+JsonValue parse_json_value(std::string_view text, const std::string& where) {
+    const auto limit_depth = [&](int depth, Json::parse_event_t, Json&) {
+        check_json_depth(depth, where);
+        return true;
+    };
+    try {
+        return from_library(Json::parse(text, limit_depth));
+    } catch (const Json::exception& error) {
+        throw Error(ExitCode::input, str(where, ": not valid JSON: ", error.what()));
+    }
+}
+
+std::vector<JsonValue> parse_json_lines(std::string_view text,
+                                        const std::string& where,
+                                        const std::function<void(const std::string&)>& damaged) {
+    std::vector<JsonValue> lines;
+    std::size_t number = 0;
+    for (std::size_t at = 0, end; (end = text.find('\n', at)) != text.npos; at = end + 1) {
+        try {
+            lines.push_back(
+                parse_json_value(text.substr(at, end - at), str(where, ": line ", ++number)));
+        } catch (const Error& error) {
+            damaged(error.what());
+        }
+    }
+    return lines;
+}
+
+double rounded(double value, int digits) {
+    char text[40];
+    const auto end =
+        std::to_chars(text, text + sizeof text, value, std::chars_format::general, digits);
+    std::from_chars(text, end.ptr, value);
+    return value;
+}
+
+std::string json_text(const JsonValue& value) {
+    std::string out;
+    append(out, value);
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,214 @@
+#include "io/mesh/glb_document.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+template <class T>
+T at_byte(std::string_view bytes, std::size_t offset) {
+    T value;
+    std::memcpy(&value, bytes.data() + offset, sizeof value);
+    return value;
+}
+
+std::size_t bytes_of(int component) {
+    switch (component) {
+        case glb::i8:
+        case glb::u8:
+            return 1;
+        case glb::i16:
+        case glb::u16:
+            return 2;
+        case glb::u32:
+        case glb::f32:
+            return 4;
+        default:
+            return 0;
+    }
+}
+
+}  // namespace
+
+double GlbAccessor::value(std::size_t i, int c) const {
+    const std::size_t at = i * stride + static_cast<std::size_t>(c) * bytes_of(component);
+    const auto scaled = [&](double v, double most) {
+        return normalized ? std::max(v / most, -1.0) : v;
+    };
+    switch (component) {
+        case glb::i8:
+            return scaled(at_byte<std::int8_t>(bytes, at), 127);
+        case glb::u8:
+            return scaled(at_byte<std::uint8_t>(bytes, at), 255);
+        case glb::i16:
+            return scaled(at_byte<std::int16_t>(bytes, at), 32767);
+        case glb::u16:
+            return scaled(at_byte<std::uint16_t>(bytes, at), 65535);
+        case glb::u32:
+            return at_byte<std::uint32_t>(bytes, at);
+        default:
+            return double{at_byte<float>(bytes, at)};
+    }
+}
+
+GlbDocument::GlbDocument(const std::string& path, std::string_view bytes) : path_(path) {
+    split(bytes);
+}
+
+void GlbDocument::check_extensions(std::initializer_list<const char*> known) const {
+    for (const json& required : list(doc_, "extensionsRequired")) {
+        const std::string name = required.is_string() ? required.get<std::string>() : "";
+        if (std::none_of(known.begin(), known.end(),
+                         [&](const char* begin) { return name.starts_with(begin); }))
+            fail(str("needs the extension '", shown(name),
+                     "', which is not read; save it without compression"));
+    }
+}
+
+bool GlbDocument::is_ours(const char* key) const {
+    const json& asset = member(doc_, "asset");
+    const json& extras = member(asset, "extras");
+    return text(asset, "generator").starts_with("tvsgs ") && extras.contains("origin") &&
+           extras.contains(key) && list(doc_, "nodes").size() == 1;
+}
+
+void GlbDocument::fail(const std::string& what) const {
+    throw input_error("E_GLB: ", path_, ": ", what);
+}
+
+void GlbDocument::split(std::string_view bytes) {
+    using glb::kChunkBytes;
+    const std::size_t header = glb::kHeaderBytes;
+    if (bytes.size() < header + kChunkBytes) fail("is cut off in its header");
+    if (const auto version = at_byte<std::uint32_t>(bytes, 4); version != glb::kVersion)
+        fail(str("glTF version ", version, "; expected 2"));
+    const auto claimed = at_byte<std::uint32_t>(bytes, 8);
+    if (claimed > bytes.size())
+        fail(str("claims ", claimed, " bytes of ", bytes.size(), "; is it cut off?"));
+    bytes = bytes.substr(0, claimed);
+    std::string_view text;
+    for (std::size_t begin = header, chunk = 0; begin < bytes.size(); ++chunk) {
+        if (bytes.size() - begin < kChunkBytes) fail(str("chunk ", chunk, " is cut off"));
+        const auto length = at_byte<std::uint32_t>(bytes, begin),
+                   kind = at_byte<std::uint32_t>(bytes, begin + 4);
+        begin += kChunkBytes;
+        if (length > bytes.size() - begin)
+            fail(str("chunk ", chunk, " claims ", length, " bytes of ", bytes.size() - begin));
+        if (chunk == 0 && kind != glb::kJson) fail("its first chunk is no JSON");
+        if (chunk == 0) text = bytes.substr(begin, length);
+        if (chunk == 1 && kind == glb::kBin) binary_ = bytes.substr(begin, length);
+        begin += length;
+    }
+    const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
+        check_json_depth(depth, path_);
+        return true;
+    };
+    doc_ = json::parse(text, limit_depth, /*allow_exceptions=*/false);
+    if (!doc_.is_object()) fail("its JSON chunk is damaged");
+}
+
+const GlbDocument::json& GlbDocument::member(const json& object, const char* key) {
+    static const json none = json::object();
+    if (!object.is_object() || !object.contains(key)) return none;
+    return object[key];
+}
+
+const GlbDocument::json& GlbDocument::list(const json& object, const char* key) const {
+    static const json none = json::array();
+    const json& found = member(object, key);
+    if (found.is_array()) return found;
+    if (object.is_object() && object.contains(key)) fail(str("\"", key, "\" is no list"));
+    return none;
+}
+
+std::string GlbDocument::text(const json& object, const char* key) {
+    const json& found = member(object, key);
+    return found.is_string() ? found.get<std::string>() : "";
+}
+
+std::uint64_t GlbDocument::whole(const json& object,
+                                 const char* key,
+                                 std::uint64_t standard) const {
+    if (!object.is_object() || !object.contains(key)) return standard;
+    if (!object[key].is_number_unsigned()) fail(str("\"", key, "\" is no whole number"));
+    return object[key].get<std::uint64_t>();
+}
+
+std::size_t GlbDocument::index(const json& object, const char* key, const json& of) const {
+    const std::uint64_t i = whole(object, key, std::uint64_t{1} << 60);
+    if (i >= of.size()) fail(str("\"", key, "\" refers to no element"));
+    return static_cast<std::size_t>(i);
+}
+
+std::size_t GlbDocument::index_at(const json& indices, std::size_t at, const json& of) const {
+    if (!indices[at].is_number_unsigned() || indices[at].get<std::uint64_t>() >= of.size())
+        fail("a node refers to no node");
+    return indices[at].get<std::size_t>();
+}
+
+std::vector<double> GlbDocument::numbers(const json& object,
+                                         const char* key,
+                                         std::size_t count) const {
+    std::vector<double> out;
+    for (const json& number : list(object, key))
+        out.push_back(number.is_number() ? number.get<double>() : NAN);
+    if (out.empty()) return out;
+    if (out.size() != count ||
+        !std::all_of(out.begin(), out.end(), [](double v) { return std::isfinite(v); }))
+        fail(str("\"", key, "\": expected ", count, " finite numbers"));
+    return out;
+}
+
+Vec3d GlbDocument::vector3(const json& object, const char* key, Vec3d standard) const {
+    const std::vector<double> v = numbers(object, key, 3);
+    return v.empty() ? standard : Vec3d{v[0], v[1], v[2]};
+}
+
+std::string_view GlbDocument::view_bytes(const json& holder, std::size_t* stride) const {
+    const json& views = list(doc_, "bufferViews");
+    const json& view = views[index(holder, "bufferView", views)];
+    if (whole(view, "buffer", 0) != 0 || member(view, "extensions").size() > 0)
+        fail("keeps numbers in another file, or compressed; save it as one plain .glb");
+    const std::uint64_t offset = whole(view, "byteOffset", 0),
+                        length = whole(view, "byteLength", 0);
+    if (offset > binary_.size() || length > binary_.size() - offset)
+        fail(str("a buffer view of ", length, " bytes from ", offset, " on lies outside of the ",
+                 binary_.size(), " that there are"));
+    if (stride) *stride = static_cast<std::size_t>(whole(view, "byteStride", 0));
+    return binary_.substr(offset, length);
+}
+
+GlbAccessor GlbDocument::accessor(const json& holder,
+                                  const char* key,
+                                  const char* type,
+                                  int width) const {
+    const json& accessors = list(doc_, "accessors");
+    const json& found = accessors[index(holder, key, accessors)];
+    GlbAccessor out;
+    if (text(found, "type") != type) fail(str(key, ": expected an accessor of type ", type));
+    if (found.contains("sparse") || !found.contains("bufferView"))
+        fail(str(key, ": a sparse or empty accessor, which is not read"));
+    out.width = width;
+    const std::uint64_t component = whole(found, "componentType", 0);
+    out.component = component < 10000 ? static_cast<int>(component) : 0;
+    const std::size_t size = bytes_of(out.component) * static_cast<std::size_t>(width);
+    if (size == 0) fail(str(key, ": unknown componentType ", component));
+    const json& normalized = member(found, "normalized");
+    out.normalized = normalized.is_boolean() && normalized.get<bool>();
+    out.bytes = view_bytes(found, &out.stride);
+    if (out.stride == 0) out.stride = size;
+    const std::uint64_t offset = whole(found, "byteOffset", 0), count = whole(found, "count", 0);
+    const std::uint64_t room = offset > out.bytes.size() ? 0 : out.bytes.size() - offset;
+    if (out.stride < size || out.stride > 65535 || count > room / out.stride + 1 ||
+        (count > 0 && (count - 1) * out.stride + size > room))
+        fail(str(key, ": ", count, " elements, ", out.stride,
+                 " bytes apart, do not fit into their buffer view"));
+    out.bytes = out.bytes.substr(static_cast<std::size_t>(std::min(offset, offset + room)));
+    out.count = static_cast<std::size_t>(count);
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,65 @@
+// A GLB taken apart: its chunks, members of its JSON of any type, accessors inside of its bytes.
+// For sources of readers only.
+#pragma once
+
+#include <cstring>
+#include <initializer_list>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/math/vec.h"
+#include "io/files/json_file.h"
+#include "io/mesh/glb_format.h"
+
+namespace tvsgs {
+
+/// Numbers of one accessor, all inside of the file.
+struct GlbAccessor {
+    std::string_view bytes;  // of its elements, from the first on
+    std::size_t count = 0, stride = 0;
+    int component = 0, width = 0;  // numbers per element
+    bool normalized = false;
+
+    double value(std::size_t i, int c) const;
+};
+
+/// What the readers of meshes and of splats have in common. All throw Error(ExitCode::input).
+class GlbDocument {
+protected:
+    using json = nlohmann::json;
+
+    /// Both have to outlive this object.
+    GlbDocument(const std::string& path, std::string_view bytes);
+
+    [[noreturn]] void fail(const std::string& what) const;
+
+    /// Those that are required begin with one of `known`.
+    void check_extensions(std::initializer_list<const char*> known) const;
+    /// Written by tvsgs, not changed since: one node, and asset.extras has `key` and an origin.
+    bool is_ours(const char* key) const;
+
+    /// Empty where there is none.
+    static const json& member(const json& object, const char* key);
+    const json& list(const json& object, const char* key) const;
+    static std::string text(const json& object, const char* key);
+    std::uint64_t whole(const json& object, const char* key, std::uint64_t standard) const;
+    std::size_t index(const json& object, const char* key, const json& of) const;
+    std::size_t index_at(const json& indices, std::size_t at, const json& of) const;
+    /// `count` finite numbers, or none where the key is missing.
+    std::vector<double> numbers(const json& object, const char* key, std::size_t count) const;
+    Vec3d vector3(const json& object, const char* key, Vec3d standard) const;
+
+    std::string_view view_bytes(const json& holder, std::size_t* stride) const;
+    GlbAccessor accessor(const json& holder, const char* key, const char* type, int width) const;
+
+    const std::string& path_;
+    json doc_;
+
+private:
+    void split(std::string_view bytes);
+
+    std::string_view binary_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,75 @@
+#include <limits>
+
+#include "io/files/read_file.h"
+#include "io/mesh/mesh_glb.h"
+
+namespace tvsgs {
+
+ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_colors) {
+    ReadMesh out;
+    std::int64_t line_number = 0;
+    const auto fail = [&](const std::string& what) {
+        throw input_error("E_OBJ: ", path, ": line ", line_number, ": ", what);
+    };
+    const auto number = [&](std::string_view word) {
+        double value = 0;
+        if (!parse_number(word, value)) fail(str("'", shown(word), "' is no number"));
+        return value;
+    };
+    bool all_colored = true;
+    std::string joined;
+    while (!bytes.empty()) {
+        const std::size_t end = std::min(bytes.find('\n'), bytes.size());
+        std::string_view line = bytes.substr(0, end);
+        bytes.remove_prefix(std::min(end + 1, bytes.size()));
+        ++line_number;
+        if (line.ends_with('\r')) line.remove_suffix(1);
+        // A line that ends so goes on in the next.
+        for (joined.clear(); line.ends_with('\\') && !bytes.empty(); ++line_number) {
+            const std::size_t next = std::min(bytes.find('\n'), bytes.size());
+            if (joined.empty()) joined = line;
+            joined.back() = ' ';
+            joined += bytes.substr(0, next);
+            bytes.remove_prefix(std::min(next + 1, bytes.size()));
+            if (joined.ends_with('\r')) joined.pop_back();
+            line = joined;
+        }
+        line = line.substr(0, line.find('#'));
+        const std::string_view kind = next_word(line);
+        if (kind == "v") {
+            Vec3d p;
+            for (int a = 0; a < 3; ++a) p[a] = number(next_word(line));
+            out.positions.push_back(p);
+            // Three more numbers are a colour; a single one would be a weight.
+            double rest[4];
+            int count = 0;
+            for (std::string_view word; count < 4 && !(word = next_word(line)).empty();)
+                rest[count++] = number(word);
+            all_colored = all_colored && count == 3;
+            if (want_colors)
+                out.colors.push_back(count == 3 ? vec_cast<float>(Vec3d{rest[0], rest[1], rest[2]})
+                                                : Vec3f{});
+        } else if (kind == "f") {
+            Vec3i fan;
+            int corners = 0;
+            for (std::string_view word; !(word = next_word(line)).empty(); ++corners) {
+                std::int64_t vertex = 0;
+                if (!parse_number(word.substr(0, word.find('/')), vertex))
+                    fail(str("'", shown(word), "' is no corner of a face"));
+                const auto count = static_cast<std::int64_t>(out.positions.size());
+                if (vertex == 0 || vertex > count || vertex < -count)
+                    fail(str("a face refers to vertex ", vertex, "; ", count,
+                             " stand before it, counted from 1"));
+                const int i = static_cast<int>(vertex > 0 ? vertex - 1 : count + vertex);
+                if (corners >= 2) out.faces.push_back({fan.x, fan.y, i});
+                (corners == 0 ? fan.x : fan.y) = i;
+            }
+            if (corners < 3) fail(str("a face of ", corners, " corners; expected 3 or more"));
+        }
+    }
+    if (out.positions.empty()) throw input_error("E_OBJ: ", path, ": holds no vertex (v x y z)");
+    if (!all_colored) out.colors.clear();
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,202 @@
+#include <zlib.h>
+
+#include <cctype>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+#include <memory>
+
+#include "core/error.h"
+#include "core/version.h"
+#include "io/files/atomic_file.h"
+#include "io/images/image_file.h"
+#include "io/images/webp.h"
+#include "io/mesh/mesh_glb.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kQuality = 90;  // of JPEG and WebP
+
+/// Shortest text that is read as the same number, whatever the locale.
+template <class Real>
+void put_number(std::string& out, Real value) {
+    char digits[40];
+    out.append(digits, std::to_chars(digits, digits + sizeof digits, value).ptr);
+}
+
+std::string be32(std::uint32_t value) {
+    std::string bytes;
+    for (int shift = 24; shift >= 0; shift -= 8) bytes += static_cast<char>(value >> shift & 0xff);
+    return bytes;
+}
+
+/// The picture with our name in it, by which it can be told from those of others.
+std::string signed_picture(std::string bytes, TextureFormat format) {
+    const std::string name = kVersion;
+    if (format == TextureFormat::jpeg) {  // a comment behind the first segment
+        constexpr std::size_t kAfterJfif = 20;
+        const std::size_t length = name.size() + 2;
+        bytes.insert(kAfterJfif, std::string("\xff\xfe") + static_cast<char>(length >> 8) +
+                                     static_cast<char>(length & 0xff) + name);
+    } else {  // a text behind the header
+        constexpr std::size_t kAfterHeader = 33;
+        const std::string text = std::string("tEXtSoftware") + '\0' + name;
+        const uLong sum =
+            crc32(0, reinterpret_cast<const Bytef*>(text.data()), static_cast<uInt>(text.size()));
+        bytes.insert(kAfterHeader, be32(static_cast<std::uint32_t>(text.size() - 4)) + text +
+                                       be32(static_cast<std::uint32_t>(sum)));
+    }
+    return bytes;
+}
+
+const char* extension_of(TextureFormat format) {
+    return format == TextureFormat::jpeg ? ".jpg" : format == TextureFormat::png ? ".png" : ".webp";
+}
+
+/// The name that one file of a mesh calls another beside it.
+std::string name_of(const std::string& path) {
+    return fs::path(path).filename().string();
+}
+
+std::string obj_text(const TriangleMesh& mesh,
+                     const MeshTexture& texture,
+                     Vec3d origin,
+                     const std::string& material) {
+    std::string out = str("# ", kVersion, "\n");
+    if (!material.empty()) out += "mtllib " + material + "\nusemtl photographs\n";
+    const bool far = norm(origin) > 0, colors = texture.empty() && !mesh.colors.empty();
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+        out += 'v';
+        for (int a = 0; a < 3; ++a) {
+            out += ' ';
+            if (far)
+                put_number(out, double{mesh.vertices[i][a]} + origin[a]);
+            else
+                put_number(out, mesh.vertices[i][a]);
+        }
+        for (int c = 0; colors && c < 3; ++c) out += ' ', put_number(out, mesh.colors[i][c]);
+        out += '\n';
+    }
+    for (const Vec2f place : texture.places) {  // up from the bottom left corner
+        out += "vt ", put_number(out, place.x);
+        out += ' ', put_number(out, 1 - double{place.y}), out += '\n';
+    }
+    for (std::size_t f = 0; f < mesh.faces.size(); ++f) {
+        out += 'f';
+        for (int c = 0; c < 3; ++c) {
+            out += ' ', put_number(out, mesh.faces[f][c] + 1);
+            if (!texture.empty()) out += '/', put_number(out, texture.faces[f][c] + 1);
+        }
+        out += '\n';
+    }
+    return out;
+}
+
+/// Files that belong together: the first appears under its name when all of them are on the disk.
+class FileGroup {
+public:
+    void add(const std::string& path, const std::string& bytes) {
+        files_.push_back(std::make_unique<AtomicFile>(path));
+        files_.back()->write(bytes);
+        files_.back()->flush();
+    }
+    void commit() {
+        for (const auto& file : files_) file->commit();
+    }
+
+private:
+    std::vector<std::unique_ptr<AtomicFile>> files_;
+};
+
+}  // namespace
+
+std::optional<MeshFormat> mesh_format(const std::string& path) {
+    std::string extension = fs::path(path).extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (extension == ".glb") return MeshFormat::glb;
+    if (extension == ".obj") return MeshFormat::obj;
+    if (extension == ".ply") return MeshFormat::ply;
+    return std::nullopt;
+}
+
+std::vector<std::string> mesh_files(const std::string& path, bool textured, TextureFormat format) {
+    if (!textured || mesh_format(path) != MeshFormat::obj) return {path};
+    // Readers of OBJ end names at blanks, and lines at '#'; the mesh calls these two by name. The
+    // preview of a mesh has the name mesh.png.
+    std::string stem = fs::path(path).stem().string();
+    for (char& c : stem)
+        if (std::isspace(static_cast<unsigned char>(c)) ||
+            std::iscntrl(static_cast<unsigned char>(c)) || std::strchr("#\\\"'", c))
+            c = '_';
+    const std::string beside = (fs::path(path).parent_path() / stem).string();
+    return {beside + "_texture" + extension_of(format), beside + ".mtl", path};
+}
+
+void require_texture_format(const std::string& path, TextureFormat format) {
+    if (format == TextureFormat::webp && mesh_format(path) == MeshFormat::obj)
+        throw Error(ExitCode::usage,
+                    str(path, ": programs that read OBJ take no WebP; expected jpg or png"));
+}
+
+std::string encode_texture(const ImageU8& image, TextureFormat format) {
+    return format == TextureFormat::jpeg  ? jpeg_bytes(image, kQuality)
+           : format == TextureFormat::png ? png_bytes(image)
+                                          : webp_bytes(image, kQuality);
+}
+
+void check_mesh(const std::string& path, const TriangleMesh& mesh) {
+    const auto check_finite = [&](const std::vector<Vec3f>& values, const char* what) {
+        for (std::size_t i = 0; i < values.size(); ++i)
+            if (!is_finite(values[i]))
+                throw Error(ExitCode::numerical,
+                            str(path, ": not written: ", what, " ", i, " is (", values[i].x, ", ",
+                                values[i].y, ", ", values[i].z, "); expected finite numbers"));
+    };
+    check_finite(mesh.vertices, "vertex");
+    check_finite(mesh.colors, "colour");
+    const int count = static_cast<int>(mesh.vertices.size());
+    if (!mesh.colors.empty() && mesh.colors.size() != mesh.vertices.size())
+        throw Error(ExitCode::internal, str(path, ": not written: ", mesh.colors.size(),
+                                            " colours for ", count, " positions"));
+    if (!mesh.views.empty() && mesh.views.size() != mesh.vertices.size())
+        throw Error(ExitCode::internal, str(path, ": not written: ", mesh.views.size(),
+                                            " numbers of views for ", count, " positions"));
+    for (const Vec3i face : mesh.faces)
+        for (int c = 0; c < 3; ++c)
+            if (face[c] < 0 || face[c] >= count)
+                throw Error(ExitCode::internal, str(path, ": not written: a face refers to vertex ",
+                                                    face[c], " of ", count));
+}
+
+void write_mesh(const std::string& path,
+                const TriangleMesh& mesh,
+                const MeshTexture& texture,
+                const MeshFileOptions& options) {
+    const MeshFormat format = mesh_format(path).value_or(MeshFormat::ply);
+    if (format == MeshFormat::ply) return write_mesh_ply(path, mesh, options.origin);
+    check_mesh(path, mesh);
+    if (!texture.empty() && texture.faces.size() != mesh.faces.size())
+        throw Error(ExitCode::internal, str(path, ": not written: ", texture.faces.size(),
+                                            " textured faces of ", mesh.faces.size()));
+    if (!texture.empty()) require_texture_format(path, options.texture_format);
+    FileGroup files;
+    if (format == MeshFormat::glb) {
+        files.add(path, glb_bytes(path, mesh, texture, options));
+    } else if (texture.empty()) {
+        files.add(path, obj_text(mesh, texture, options.origin, ""));
+    } else {
+        const std::vector<std::string> names = mesh_files(path, true, options.texture_format);
+        files.add(names[0], signed_picture(encode_texture(texture.image, options.texture_format),
+                                           options.texture_format));
+        files.add(names[1],
+                  str("# ", kVersion, "\nnewmtl photographs\nKa 0 0 0\nKd 1 1 1\nKs 0 0 0",
+                      "\nillum 0\nmap_Kd ", name_of(names[0]), "\n"));
+        files.add(path, obj_text(mesh, texture, options.origin, name_of(names[1])));
+    }
+    files.commit();
+}
+
+}  // namespace tvsgs

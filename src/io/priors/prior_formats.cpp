@@ -1,0 +1,224 @@
+// The files of other programs, each found by its name.
+#include <filesystem>
+#include <utility>
+
+#include "io/files/read_file.h"
+#include "io/priors/prior_sources.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using Strings = std::vector<std::string>;
+
+constexpr auto kAnything = PriorQuantity::unknown;
+constexpr auto kAnyGeometry = PriorGeometry::unknown;
+
+struct Place {
+    fs::path folder;
+    const Strings& views;
+};
+
+/// A folder of depth maps with what its numbers usually are.
+struct DepthFolder {
+    const char* folder;
+    Strings endings;
+    PriorQuantity quantity;
+    PriorGeometry geometry;
+    PriorAlignment alignment;
+    bool zero_is_none;
+};
+
+DepthSource depth_source(PriorFiles files, const DepthFolder& row) {
+    DepthSource source;
+    static_cast<PriorFiles&>(source) = std::move(files);
+    source.convention = {row.quantity, row.geometry, row.alignment, ""};
+    if (row.zero_is_none) source.invalid = {0};
+    return source;
+}
+
+DepthSource find_in(const Place& place, const std::vector<DepthFolder>& rows) {
+    for (const DepthFolder& row : rows)
+        if (PriorFiles files =
+                match_priors((place.folder / row.folder).string(), row.endings, place.views);
+            !files.empty())
+            return depth_source(std::move(files), row);
+    return {};
+}
+
+DepthSource find_with_params(const Place& place) {
+    const fs::path params = place.folder / "sparse/0/depth_params.json";
+    std::error_code failure;
+    if (!fs::is_regular_file(params, failure)) return {};
+    DepthSource source = depth_source(
+        match_priors((place.folder / "depths").string(), {".png"}, place.views),
+        {"", {}, PriorQuantity::inverse_depth, PriorGeometry::z, PriorAlignment::metric, false});
+    if (!source.empty()) read_depth_params(params.string(), source);
+    return source;
+}
+
+/// COLMAP's maps keep the whole name of the image.
+PriorFiles colmap_maps(const Place& place, const char* kind) {
+    for (const char* ending : {".geometric.bin", ".photometric.bin"})
+        if (PriorFiles files = match_priors((place.folder / "stereo" / kind).string(), {ending},
+                                            place.views, /*whole_names=*/true);
+            !files.empty())
+            return files;
+    return {};
+}
+
+/// ACMM names the folder of a view by the number of its image: 2333_00000007.
+PriorFiles acmm_maps(const Place& place, const Strings& names) {
+    std::error_code failure;
+    for (const char* program : {"ACMM", "ACMP", "ACMMP"})
+        for (const std::string& name : names) {
+            PriorFiles found;
+            for (const std::string& view : place.views) {
+                int number = 0;
+                std::string digits = fs::path(view).stem().string();
+                if (!parse_number(digits, number) || number < 0 || number > 99999999) continue;
+                digits = str(number);
+                const fs::path file = place.folder / program /
+                                      ("2333_" + std::string(8 - digits.size(), '0') + digits) /
+                                      name;
+                if (fs::is_regular_file(file, failure)) found.files[view].path = file.string();
+            }
+            if (found.empty()) continue;
+            found.what = str(program, "/*/", name);
+            return found;
+        }
+    return {};
+}
+
+/// Files beside the photographs, as Omnidata's for MonoSDF: 000000_depth.npy.
+PriorFiles beside(const Place& place, const std::string& ending) {
+    PriorFiles found;
+    std::error_code failure;
+    for (const std::string& view : place.views) {
+        std::string stem = fs::path(view).stem().string();
+        if (stem.ends_with("_rgb")) stem.resize(stem.size() - 4);
+        const fs::path file = place.folder / (stem + ending);
+        if (fs::is_regular_file(file, failure)) found.files[view].path = file.string();
+    }
+    if (!found.empty()) found.what = "*" + ending, found.centre_crop = true;
+    return found;
+}
+
+DepthSource find_depth(const Place& place) {
+    using enum PriorAlignment;
+    constexpr auto kDepth = PriorQuantity::depth;
+    const Strings kNumbers{"_pred.npy", "_depth.npy", "_raw_depth_meter.npy", ".npy",
+                           ".pfm",      "_pred.png",  "_depth.png",           ".png"};
+    Strings midas{".pfm", ".png"};  // its run.py appends the model: 0001-dpt_large_384.pfm
+    for (const char* model : {"dpt_beit_large_512", "dpt_beit_large_384", "dpt_swin2_large_384",
+                              "dpt_large_384", "dpt_hybrid_384", "midas_v21_384"})
+        for (const char* ending : {".png", ".pfm"})
+            midas.insert(midas.begin(), str("-", model, ending));
+    DepthSource found =
+        find_in(place, {{"depth_vggt", {"_pred.npy", ".npy"}, kDepth, kAnyGeometry, scale, true},
+                        {"depth_npy", kNumbers, kAnything, kAnyGeometry, affine, false}});
+    if (found.empty()) found = find_with_params(place);
+    if (found.empty()) found = read_transforms_depth(place.folder.string(), place.views);
+    if (found.empty())
+        found = depth_source(colmap_maps(place, "depth_maps"),
+                             {"", {}, kDepth, PriorGeometry::z, metric, true});
+    if (found.empty())
+        found = find_in(place, {{"depth_est", {".pfm"}, kDepth, kAnyGeometry, metric, true},
+                                {"renders_depth", {".npy"}, kDepth, PriorGeometry::z, metric, true},
+                                {"metric3d", kNumbers, kDepth, kAnyGeometry, scale, true},
+                                {"depth_bw",
+                                 {"_pred.png", "_depth.png", ".png"},
+                                 kAnything,
+                                 kAnyGeometry,
+                                 affine,
+                                 false},
+                                {"depths", kNumbers, kAnything, kAnyGeometry, affine, false},
+                                {"depth", kNumbers, kAnything, kAnyGeometry, affine, false},
+                                {"vis_depth", kNumbers, kAnything, kAnyGeometry, affine, false},
+                                {"midas", midas, kAnything, kAnyGeometry, affine, false}});
+    if (found.empty())
+        found = depth_source(acmm_maps(place, {"depths_geom.dmb", "depths.dmb"}),
+                             {"", {}, kDepth, PriorGeometry::z, metric, true});
+    for (const char* folder : {".", "omnidata"})
+        if (found.empty())
+            found = depth_source(beside({place.folder / folder, place.views}, "_depth.npy"),
+                                 {"", {}, kAnything, kAnyGeometry, affine, false});
+    return found;
+}
+
+NormalSource find_normal(const Place& place) {
+    const Strings endings{"_normal.npy", "_normals.npy", "_pred.npy", ".npy", ".pfm",
+                          "_normal.png", "_normals.png", "_pred.png", ".png"};
+    NormalSource found;
+    const auto take = [&found](PriorFiles files) {
+        if (found.empty()) static_cast<PriorFiles&>(found) = std::move(files);
+    };
+    for (const char* folder : {"normal", "normals", "normals_npy"})
+        take(match_priors((place.folder / folder).string(), endings, place.views));
+    take(colmap_maps(place, "normal_maps"));
+    if (found.empty()) {
+        take(acmm_maps(place, {"normals.dmb"}));
+        if (!found.empty()) found.convention.frame = NormalFrame::world;
+    }
+    for (const char* folder : {".", "omnidata"})
+        take(beside({place.folder / folder, place.views}, "_normal.npy"));
+    return found;
+}
+
+ConfidenceSource find_confidence(const Place& place) {
+    ConfidenceSource found;
+    static_cast<PriorFiles&>(found) = match_priors((place.folder / "depth_vggt").string(),
+                                                   {"_conf.npy", "_confidence.npy"}, place.views);
+    found.from_one = !found.empty();
+    if (found.empty())
+        static_cast<PriorFiles&>(found) = match_priors((place.folder / "confidence").string(),
+                                                       {".npy", ".pfm", "_conf.npy"}, place.views);
+    return found;
+}
+
+PriorSources find_formats(const Place& place) {
+    PriorSources found;
+    found.depth = find_depth(place);
+    found.normal = find_normal(place);
+    found.confidence = find_confidence(place);
+    found.features = match_priors((place.folder / "features").string(), {".npy"}, place.views);
+    for (const char* folder : {"sky", "sky_mask", "sky_masks"})
+        if (found.sky.empty())
+            found.sky = match_priors((place.folder / folder).string(), {".png", ".jpg", ".npy"},
+                                     place.views);
+    return found;
+}
+
+}  // namespace
+
+Strings prior_folders(const PriorQuery& query) {
+    const fs::path scene(query.scene);
+    if (query.folder.empty())
+        return {(scene / "priors").string(), scene.string(), (scene / "dense").string()};
+    std::error_code failure;
+    if (fs::is_directory(scene / query.folder, failure)) return {(scene / query.folder).string()};
+    if (fs::is_directory(query.folder, failure)) return {query.folder};
+    throw input_error("E_PRIORS: ", query.folder,
+                      ": no such folder of priors, neither in the scene nor here");
+}
+
+PriorSources find_priors(const PriorQuery& query) {
+    PriorSources found;
+    const auto take = [](auto& to, auto& from) {
+        if (to.empty()) to = std::move(from);
+    };
+    for (const std::string& folder : prior_folders(query)) {
+        std::error_code failure;
+        PriorSources here = fs::is_regular_file(fs::path(folder) / "priors.json", failure)
+                                ? read_priors_json(folder, query.views)
+                                : find_formats({folder, query.views});
+        // A confidence belongs to the depth beside it.
+        if (found.depth.empty() && found.confidence.empty())
+            take(found.confidence, here.confidence);
+        take(found.depth, here.depth), take(found.normal, here.normal);
+        take(found.features, here.features), take(found.sky, here.sky);
+    }
+    return found;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,135 @@
+// DTU scans in the layout of IDR and NeuS, and cameras of MVSNet.
+// [docs/method/input.md#cameras-of-idr-and-neus, docs/method/input.md#cameras-of-mvsnet]
+#include <cmath>
+#include <filesystem>
+
+#include "core/log.h"
+#include "io/files/read_file.h"
+#include "io/images/image_file.h"
+#include "io/scene/npz_cameras.h"
+#include "io/scene/scene_layout.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The file with the cameras: where both are there and normalise differently, the user chooses.
+std::string find_camera_file(const SceneOptions& options) {
+    const fs::path scene(options.path);
+    if (!options.cameras_file.empty()) {
+        const fs::path inside = scene / options.cameras_file;
+        return fs::exists(inside) ? inside.string() : options.cameras_file;
+    }
+    const std::string sphere = (scene / "cameras_sphere.npz").string(),
+                      plain = (scene / "cameras.npz").string();
+    if (!fs::exists(sphere) && !fs::exists(plain))
+        throw input_error("E_SCENE_LAYOUT: ", options.path,
+                          ": neither cameras_sphere.npz nor cameras.npz");
+    if (!fs::exists(sphere) || !fs::exists(plain)) return fs::exists(sphere) ? sphere : plain;
+    const NpzCameras a = read_npz_cameras(sphere), b = read_npz_cameras(plain);
+    if (std::abs(a.scale - b.scale) > 1e-6 * a.scale || norm(a.offset - b.offset) > 1e-6 * a.scale)
+        throw input_error("E_SCALE_MAT: ", options.path,
+                          ": cameras_sphere.npz and cameras.npz have different scale_mat_0; choose "
+                          "one by scene.cameras_file, and evaluate with the same");
+    return sphere;
+}
+
+/// Width over that of the image, for cameras that were made for larger ones: 1, 2, 4 or 8.
+int camera_scale(double cx_px, int width, const std::string& where) {
+    for (const int q : {1, 2, 4, 8})
+        if (std::abs(2 * cx_px - q * width) <= 0.2 * q * width) return q;
+    throw input_error("E_CAM_SCALE: ", where, ": the principal point is at ", cx_px,
+                      " px, for an image ", width,
+                      " px wide; expected cameras of this size, or of 2, 4 or 8 times it");
+}
+
+}  // namespace
+
+SceneLayout read_npz_layout(const SceneOptions& options) {
+    const std::string cameras_file = find_camera_file(options);  // the first thing to miss
+    SceneLayout layout =
+        empty_layout("idr", cameras_file, find_image_folder(options, {"image", "images"}));
+    const NpzCameras cameras = read_npz_cameras(layout.source);
+    const std::vector<std::string> names = image_names(layout.images);
+    if (names.size() != cameras.views.size())
+        throw input_error("E_VIEW_COUNT: ", layout.source, ": ", cameras.views.size(),
+                          " cameras for ", names.size(), " photographs in ", layout.images,
+                          "; the i-th camera belongs to the i-th file");
+    for (std::size_t i = 0; i < names.size(); ++i) {
+        const NpzCamera& camera = cameras.views[i];
+        const std::string where = str(layout.source, ": world_mat_", i);
+        const ImageSize size = read_image_size((fs::path(layout.images) / names[i]).string());
+        const int q = camera_scale(camera.cx_px, size.width, where);
+        Rigid3d pose = checked_pose(camera.camera_from_world.R, camera.camera_from_world.t, where);
+        // To the normalised frame: camera coordinates shrink along.
+        pose.t = (pose.R * cameras.offset + pose.t) / cameras.scale;
+        add_view(layout, names[i],
+                 make_intrinsics(layout.source, static_cast<std::uint32_t>(i),
+                                 *find_camera_model("PINHOLE"),
+                                 static_cast<std::uint64_t>(size.width) * q,
+                                 static_cast<std::uint64_t>(size.height) * q,
+                                 {camera.fx_px, camera.fy_px, camera.cx_px + options.pixel_offset,
+                                  camera.cy_px + options.pixel_offset}),
+                 pose);
+    }
+    spdlog::info("{}: {} cameras, normalised by scale_mat_0: 1 unit is {:.6g} of the world",
+                 layout.source, cameras.views.size(), cameras.scale);
+    return finished(std::move(layout));
+}
+
+SceneLayout read_mvsnet_layout(const SceneOptions& options) {
+    const fs::path scene(options.path);
+    SceneLayout layout =
+        empty_layout("mvsnet", (scene / (fs::exists(scene / "cams") ? "cams" : "cams_1")).string(),
+                     find_image_folder(options, {"images", "image", "blended_images"}));
+    std::size_t cameras = 0;
+    for (const std::string& name : image_names(layout.images)) {
+        const std::string path = layout.source + "/" + fs::path(name).stem().string() + "_cam.txt";
+        if (!fs::exists(path)) continue;
+        ++cameras;
+        const std::string text = read_text(path);
+        std::string_view rest = text;
+        const auto expect = [&](std::string_view word) {
+            if (const auto found = next_word(rest); found != word)
+                throw input_error("E_MVSNET_CAM: ", path, ": expected '", word, "', found '",
+                                  shown(found), "'");
+        };
+        const auto read = [&](double* to, int count) {
+            for (int i = 0; i < count; ++i)
+                if (const auto word = next_word(rest); !parse_number(word, to[i]))
+                    throw input_error("E_MVSNET_CAM: ", path, ": '", shown(word),
+                                      "' is no number; expected ", count, " in this matrix");
+        };
+        double pose[16], K[9];
+        expect("extrinsic"), read(pose, 16);
+        expect("intrinsic"), read(K, 9);
+        Mat3<double> R;
+        for (int r = 0; r < 3; ++r)
+            for (int c = 0; c < 3; ++c) R[r][c] = pose[4 * r + c];
+        const Rigid3d camera_from_world = checked_pose(R, {pose[3], pose[7], pose[11]}, path);
+        const ImageSize size = read_image_size((fs::path(layout.images) / name).string());
+        // Cameras of the networks' training data are made for images reduced to a quarter.
+        const double ratio = size.width / (2 * K[2]);
+        double q = 1;
+        if (std::abs(2 * K[2] - size.width) > 0.2 * size.width) {
+            q = ratio > 1 ? std::exp2(std::round(std::log2(ratio))) : 0;
+            if (!(q >= 2 && q <= 8 && std::abs(ratio - q) <= 0.2 * q))
+                throw input_error("E_CAM_SCALE: ", path, ": the principal point is at ", K[2],
+                                  " px, for an image ", size.width, " px wide");
+            if (cameras == 1)
+                spdlog::info("{}: cameras of images reduced {:g} times were scaled up", path, q);
+        }
+        add_view(
+            layout, name,
+            make_intrinsics(path, static_cast<std::uint32_t>(cameras),
+                            *find_camera_model("PINHOLE"), static_cast<std::uint64_t>(size.width),
+                            static_cast<std::uint64_t>(size.height),
+                            {q * K[0], q * K[4], q * (K[2] + options.pixel_offset),
+                             q * (K[5] + options.pixel_offset)}),
+            camera_from_world);
+    }
+    return finished(std::move(layout));
+}
+
+}  // namespace tvsgs

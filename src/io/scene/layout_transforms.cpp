@@ -1,0 +1,190 @@
+// transforms.json of Blender scenes, nerfstudio and instant-ngp.
+// [docs/method/input.md#transformsjson]
+#include <cmath>
+#include <filesystem>
+#include <optional>
+
+#include "io/files/json_file.h"
+#include "io/images/image_file.h"
+#include "io/scene/scene_layout.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// One file; every complaint names it.
+struct TransformsReader {
+    std::string path;
+    json file;
+
+    explicit TransformsReader(const std::string& p) : path(p), file(read_json_file(p)) {
+        if (!file.is_object()) throw wrong("not a JSON object");
+        if (!file.contains("frames") || !file["frames"].is_array() || file["frames"].empty())
+            throw wrong("has no frames; expected a list \"frames\"");
+    }
+    Error wrong(const std::string& what) const {
+        return input_error("E_TRANSFORMS: ", path, ": ", what);
+    }
+    /// A number of the frame, else of the file.
+    std::optional<double> number(const json& frame, const char* key) const {
+        for (const json* object : {&frame, &file})
+            if (object->contains(key)) {
+                if (!(*object)[key].is_number()) throw wrong(str("'", key, "' is no number"));
+                return (*object)[key].get<double>();
+            }
+        return std::nullopt;
+    }
+    std::string text(const json& object, const char* key) const {
+        if (!object.contains(key)) return "";
+        if (!object[key].is_string()) throw wrong(str("'", key, "' is no text"));
+        return object[key].get<std::string>();
+    }
+    /// The file's name relative to the scene.
+    std::string name(const json& frame, const char* key) const {
+        const fs::path clean = fs::path(text(frame, key)).lexically_normal();
+        const std::string found = clean.generic_string();
+        if (found.empty() || clean.is_absolute() || found.starts_with("..") || found.size() > 4096)
+            throw input_error("E_BAD_NAME: ", path, ": ", key, " '", shown(text(frame, key)),
+                              "'; expected a relative path without '..'");
+        return found;
+    }
+    /// Camera to world with x right, y up, z backwards becomes world to camera, y down, z forward.
+    Rigid3d pose(const json& frame, const std::string& image) const {
+        const std::string where = str(path, ": frame '", image, "'");
+        if (!frame.contains("transform_matrix")) throw wrong("a frame has no transform_matrix");
+        const json& m = frame["transform_matrix"];
+        bool fits = m.is_array() && (m.size() == 3 || m.size() == 4);
+        Mat3<double> R;
+        Vec3d t;
+        for (int r = 0; r < 3 && fits; ++r) {
+            const json& row = m[static_cast<std::size_t>(r)];
+            fits = row.is_array() && row.size() == 4;
+            for (int c = 0; c < 4 && fits; ++c) {
+                const json& entry = row[static_cast<std::size_t>(c)];
+                // JSON has no NaN: what cannot be one is written as null.
+                const double v = entry.is_number() ? entry.get<double>() : std::nan("");
+                if (c == 3)
+                    t[r] = v;
+                else
+                    R[r][c] = c == 0 ? v : -v;
+            }
+        }
+        if (!fits) throw wrong("a transform_matrix is neither 4x4 nor 3x4");
+        return inverse(checked_pose(R, t, where));
+    }
+    Intrinsics camera(const json& frame, const std::string& image) const {
+        std::optional<double> w = number(frame, "w"), h = number(frame, "h");
+        if (!w || !h) {
+            const ImageSize size = read_image_size(image);
+            w = size.width, h = size.height;
+        }
+        if (!(*w >= 1 && *h >= 1 && *w <= 65535 && *h <= 65535))
+            throw input_error("E_CAMERA_SIZE: ", path, ": ", *w, "x", *h, " pixels");
+        std::optional<double> fx = number(frame, "fl_x");
+        std::optional<double> fy = number(frame, "fl_y");
+        if (!fx)
+            if (const auto angle = number(frame, "camera_angle_x"))
+                fx = 0.5 * *w / std::tan(0.5 * *angle);
+        if (!fx) throw wrong("neither fl_x nor camera_angle_x: the focal length is not known");
+        const auto value = [&](const char* key, double fallback) {
+            return number(frame, key).value_or(fallback);
+        };
+        const std::string model_name = frame.contains("camera_model") ? text(frame, "camera_model")
+                                                                      : text(file, "camera_model");
+        std::vector<double> params = {*fx, fy.value_or(*fx), value("cx", 0.5 * *w),
+                                      value("cy", 0.5 * *h)};
+        const char* model = "OPENCV";
+        if (model_name == "OPENCV_FISHEYE") {
+            model = "OPENCV_FISHEYE";
+            for (const char* key : {"k1", "k2", "k3", "k4"}) params.push_back(value(key, 0));
+        } else if (model_name.empty() || model_name == "PINHOLE" || model_name == "OPENCV" ||
+                   model_name == "SIMPLE_PINHOLE" || model_name == "SIMPLE_RADIAL" ||
+                   model_name == "RADIAL") {
+            for (const char* key : {"k1", "k2", "p1", "p2"}) params.push_back(value(key, 0));
+            if (value("k3", 0) != 0 || value("k4", 0) != 0) {
+                model = "FULL_OPENCV";
+                params.insert(params.end(), {value("k3", 0), value("k4", 0), 0, 0});
+            }
+        } else {
+            throw_camera_model(path, 0, model_name);
+        }
+        return make_intrinsics(path, 0, *find_camera_model(model), static_cast<std::uint64_t>(*w),
+                               static_cast<std::uint64_t>(*h), params);
+    }
+};
+
+/// The name with the extension that is on disk, where the file lists it without one.
+std::string with_extension(const fs::path& folder, const std::string& name) {
+    if (fs::is_regular_file(folder / name)) return name;
+    for (const char* extension : {".png", ".jpg", ".jpeg", ".JPG"})
+        if (fs::is_regular_file(folder / (name + extension))) return name + extension;
+    return name;
+}
+
+}  // namespace
+
+SceneLayout read_blender_layout(const SceneOptions& options) {
+    const fs::path scene(options.path);
+    SceneLayout layout =
+        empty_layout("blender", (scene / "transforms_train.json").string(), options.path);
+    layout.alpha_on_black = true;
+    for (const bool test : {false, true}) {
+        const std::string path =
+            (scene / (test ? "transforms_test.json" : "transforms_train.json")).string();
+        if (test && !fs::exists(path)) break;
+        const TransformsReader in(path);
+        std::optional<ImageSize> size;  // one for all: a missing file may be left out
+        for (const json& frame : in.file["frames"]) {
+            const std::string name = with_extension(scene, in.name(frame, "file_path"));
+            if (!size && fs::exists(scene / name)) size = read_image_size((scene / name).string());
+        }
+        if (!size)
+            throw input_error("E_NO_IMAGES: ", path, ": none of its ", in.file["frames"].size(),
+                              " images is in ", options.path);
+        for (const json& frame : in.file["frames"]) {
+            const std::string name = with_extension(scene, in.name(frame, "file_path"));
+            json sized = frame;
+            sized["w"] = size->width, sized["h"] = size->height;
+            add_view(layout, name, in.camera(sized, name), in.pose(frame, name));
+            (test ? layout.test : layout.train).push_back(name);
+        }
+    }
+    if (fs::exists(scene / "points3d.ply")) layout.points = (scene / "points3d.ply").string();
+    return finished(std::move(layout));
+}
+
+SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
+    const fs::path scene(options.path);
+    SceneLayout layout =
+        empty_layout("nerfstudio", (scene / "transforms.json").string(), options.path);
+    const TransformsReader in(layout.source);
+    const auto listed = [&](const json& frame, const char* key) {
+        std::string name = in.name(frame, key);
+        // --images names another folder of the same photographs, as images_2.
+        if (options.images != "images" && name.starts_with("images/"))
+            name = options.images + name.substr(6);
+        return with_extension(scene, name);
+    };
+    for (const json& frame : in.file["frames"]) {
+        const std::string name = listed(frame, "file_path");
+        const std::string file = (scene / name).string();
+        const bool sized = in.number(frame, "w") && in.number(frame, "h");
+        if (!sized && !fs::exists(file)) continue;  // its camera cannot be known
+        add_view(layout, name, in.camera(frame, file), in.pose(frame, name));
+        if (frame.contains("mask_path"))
+            layout.masks.emplace(name, (scene / in.name(frame, "mask_path")).string());
+    }
+    for (const auto& [key, list] :
+         {std::pair{"train_filenames", &layout.train}, {"test_filenames", &layout.test}}) {
+        if (!in.file.contains(key) || !in.file[key].is_array()) continue;
+        for (const json& entry : in.file[key])
+            if (entry.is_string()) list->push_back(listed(json{{"name", entry}}, "name"));
+    }
+    if (in.file.contains("ply_file_path"))
+        layout.points = (scene / in.name(in.file, "ply_file_path")).string();
+    return finished(std::move(layout));
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,248 @@
+#include "io/scene/load_views.h"
+
+#include <algorithm>
+#include <atomic>
+#include <cmath>
+#include <map>
+#include <set>
+
+#include "core/device/parallel_errors.h"
+#include "core/log.h"
+#include "core/progress.h"
+#include "io/files/read_file.h"
+#include "io/images/exif.h"
+#include "io/images/image_file.h"
+#include "io/scene/scene_reader.h"
+
+namespace tvsgs {
+namespace {
+
+/// Are the two sizes one image at two scales, up to a pixel of rounding?
+bool same_shape(int w, int h, int camera_w, int camera_h) {
+    return std::abs(static_cast<double>(w) * camera_h / camera_w - h) <= 1 ||
+           std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
+}
+
+/// The pixels as their camera has them: turned by EXIF where they fit only so. Others are left as
+/// they are stored, as COLMAP does.
+ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was_turned) {
+    const auto fits = [&](int width, int height) {
+        return same_shape(width, height, camera.width_px, camera.height_px);
+    };
+    was_turned = false;
+    const ImageSize found = read_image_size(file);
+    const bool as_stored = fits(found.width, found.height),
+               sideways = !as_stored && fits(found.height, found.width);
+    const auto wrong = [&](const char* what_to_do) {
+        return input_error("E_IMAGE_SIZE: ", file, ": ", found.width, "x", found.height,
+                           " pixels; its camera has ", camera.width_px, "x", camera.height_px,
+                           what_to_do);
+    };
+    if (!as_stored && !sideways)
+        throw wrong(
+            "; pass the folder of the images that the cameras were computed for (--images)");
+    const std::string bytes = read_bytes(file);
+    if (as_stored) return decode_image(file, bytes);
+    const int orientation = read_exif(bytes).orientation;
+    if (!turns_sides(orientation))
+        throw wrong(
+            " (turned, as by EXIF orientation 6, which this file no longer says: the poses were "
+            "computed on rotated pixels); rotate the image, or pass the folder of the images that "
+            "the cameras were computed for (--images)");
+    was_turned = true;
+    return turned(decode_image(file, bytes), orientation);
+}
+
+/// Masks may be smaller or larger than their images, but not of another shape.
+void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8& photo) {
+    if (same_shape(mask.width, mask.height, photo.width, photo.height)) return;
+    throw input_error("E_MASKS: ", file, ": ", mask.width, "x", mask.height,
+                      " pixels; its image has ", photo.width, "x", photo.height,
+                      "; expected that size or the same shape: make the masks from these images");
+}
+
+void threshold(ImageU8& mask) {
+    for (auto& value : mask.pixels) value = value >= kObjectMask ? 255 : 0;
+}
+
+/// A side of the grey image: that many times the training size, no larger than the file's.
+int finer(int size_px, const SceneOptions& options, int file_px) {
+    return std::max(size_px, std::min(file_px, static_cast<int>(static_cast<float>(size_px) /
+                                                                options.grey_scale)));
+}
+
+/// From the least to the most of some shares.
+struct Shares {
+    double least = 1, most = 0;
+    void add(double share) { least = std::min(least, share), most = std::max(most, share); }
+    /// In per cent; one number where they agree.
+    std::string text() const {
+        const double low = std::round(1000 * least) / 10, high = std::round(1000 * most) / 10;
+        return low == high ? str(low) : str(low, " to ", high);
+    }
+};
+
+/// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
+void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
+    const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
+    const std::size_t channels = static_cast<std::size_t>(image.channels);
+    photo = ImageU8(image.width, image.height, 3);
+    for (std::size_t i = 0; i < count; ++i)
+        for (std::size_t c = 0; c < 3; ++c)
+            photo.pixels[3 * i + c] = image.pixels[channels * i + (channels < 3 ? 0 : c)];
+    if (channels != 4) return;
+    alpha = ImageU8(image.width, image.height, 1);
+    for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
+}
+
+/// Leaves nothing out.
+bool is_whole(const ImageU8& mask) {
+    return std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; });
+}
+
+View load_view(const ViewSource& source,
+               const SceneOptions& options,
+               Vec3d origin,
+               std::atomic<int>& turns) {
+    // 1. Pixels, and where there are masks, theirs.
+    ImageU8 mask;
+    bool was_turned = false;
+    ImageU8 photo = read_photo(source, mask, was_turned);
+    turns += was_turned;
+    if (is_whole(mask)) mask = {};
+    const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
+
+    // 2. Lens distortion, at the size of the file.
+    Intrinsics intrinsics = scaled(source.intrinsics, photo.width, photo.height);
+    ImageU8 valid;
+    const bool distorted = intrinsics.distortion.kind != Distortion::Kind::none;
+    if (source.mask_file) {
+        mask = read_image(*source.mask_file, 1);
+        check_mask_size(*source.mask_file, mask, photo);
+    }
+    if (distorted) {
+        if (!mask.empty())
+            mask = undistorted(intrinsics, resize_nearest(mask, photo.width, photo.height), valid);
+        photo = undistorted(intrinsics, photo, valid);
+    }
+
+    // 3. The training size.
+    View view;
+    view.name = source.image->name;
+    view.photo = resize_bicubic(photo, size.width_px, size.height_px);
+    view.reduction = static_cast<double>(photo.width) / size.width_px;
+    if (options.grey_scale < 1)
+        view.grey = grey_of(resize_bicubic(photo, finer(size.width_px, options, photo.width),
+                                           finer(size.height_px, options, photo.height)));
+    if (!mask.empty()) {
+        view.mask = source.mask_file ? resize_nearest(mask, size.width_px, size.height_px)
+                                     : resize_bicubic(mask, size.width_px, size.height_px);
+        threshold(view.mask);
+    }
+    if (distorted) {
+        // Where the filter of the colours takes in a pixel without any. It falls below 0 as well,
+        // so 128 stands for a photograph: what is missing shows as more or as less.
+        constexpr std::uint8_t kPhoto = 128;
+        for (auto& value : valid.pixels) value = value ? kPhoto : 0;
+        valid = resize_bicubic(valid, size.width_px, size.height_px);
+        if (view.mask.empty()) view.mask = ImageU8(valid.width, valid.height, 1, 255);
+        for (std::size_t i = 0; i < valid.pixels.size(); ++i)
+            if (valid.pixels[i] != kPhoto) view.mask.pixels[i] = kNoPhoto;
+        if (!source.mask_file && is_whole(view.mask)) view.mask = {};
+    }
+
+    intrinsics = scaled(intrinsics, size.width_px, size.height_px);
+    Camera& camera = view.camera;
+    camera.width_px = size.width_px, camera.height_px = size.height_px;
+    camera.fx_px = static_cast<float>(intrinsics.fx_px),
+    camera.fy_px = static_cast<float>(intrinsics.fy_px);
+    camera.cx_px = static_cast<float>(intrinsics.cx_px),
+    camera.cy_px = static_cast<float>(intrinsics.cy_px);
+    if (options.center_principal_point)
+        camera.cx_px = static_cast<float>(size.width_px) / 2,
+        camera.cy_px = static_cast<float>(size.height_px) / 2;
+    const Rigid3d& pose = source.image->camera_from_world;
+    camera.camera_from_world = {mat_cast<float>(pose.R), vec_cast<float>(pose * origin)};
+    return view;
+}
+
+}  // namespace
+
+ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned) {
+    ImageU8 photo;
+    alpha = {};
+    split_alpha(read_pixels(source.file, source.intrinsics, was_turned), photo, alpha);
+    if (source.alpha_on_black)
+        for (std::size_t i = 0; i < photo.pixels.size() && !alpha.empty(); ++i)
+            photo.pixels[i] =
+                static_cast<std::uint8_t>(photo.pixels[i] * alpha.pixels[i / 3] / 255);
+    return photo;
+}
+
+std::vector<View> load_views(const std::vector<ViewSource>& sources,
+                             const SceneOptions& options,
+                             Vec3d origin,
+                             PixelFile* file) {
+    std::vector<View> views(sources.size());
+    std::atomic<int> turns = 0;
+    Progress progress("photographs", double(sources.size()));
+    parallel_for_throwing(static_cast<int>(sources.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        View& view = views[at];
+        view = load_view(sources[at], options, origin, turns);
+        if (file != nullptr) file->keep(view.photo), file->keep(view.mask), file->keep(view.grey);
+        progress.advance();
+    });
+    if (turns > 0)
+        spdlog::info(
+            "{} of {} photographs were turned by their EXIF orientation, as their cameras have "
+            "them",
+            turns.load(), views.size());
+    return views;
+}
+
+void say_lenses(const std::vector<ViewSource>& sources) {
+    struct Lens {
+        Shares cropped, empty;
+    };
+    std::map<std::string, Lens> lenses;
+    std::set<std::uint32_t> seen;
+    for (const ViewSource& source : sources) {
+        const Intrinsics& in = source.intrinsics;
+        if (in.distortion.kind == Distortion::Kind::none ||
+            !seen.insert(source.image->camera_id).second)
+            continue;
+        const UndistortionLoss loss = undistortion_loss(in);
+        lenses[in.model].cropped.add(loss.cropped), lenses[in.model].empty.add(loss.empty);
+    }
+    for (const auto& [model, lens] : lenses)
+        spdlog::info("lens: {} undistorted, {} % of the pixels cropped{}", model,
+                     lens.cropped.text(),
+                     lens.empty.most >= 0.0005
+                         ? str(", ", lens.empty.text(), " % of the views empty and masked")
+                         : "");
+}
+
+void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views) {
+    std::size_t masked = 0, empty = 0;
+    const ViewSource* first = nullptr;
+    for (std::size_t i = 0; i < views.size(); ++i) {
+        if (!sources[i].mask_file) continue;
+        const auto& pixels = views[i].mask.pixels;
+        ++masked;
+        if (std::any_of(pixels.begin(), pixels.end(),
+                        [](auto value) { return value >= kObjectMask; }))
+            continue;
+        ++empty;
+        if (!first) first = &sources[i];
+    }
+    if (!first) return;
+    const ImageU8 mask = read_image(*first->mask_file, 1);
+    spdlog::warn(
+        "{} of {} masks have no pixel of the object, such as {}: its largest value is {}, where "
+        "255 is object, and what is below 128 is not; nothing of these views gets into a mesh",
+        empty, masked, *first->mask_file,
+        *std::max_element(mask.pixels.begin(), mask.pixels.end()));
+}
+
+}  // namespace tvsgs

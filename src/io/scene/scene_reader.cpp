@@ -1,0 +1,414 @@
+#include "io/scene/scene_reader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <map>
+#include <numeric>
+#include <optional>
+#include <set>
+#include <tuple>
+
+#include "core/device/buffer.h"
+#include "core/device/parallel_lists.h"
+#include "core/log.h"
+#include "core/scene/local_origin.h"
+#include "io/files/read_file.h"
+#include "io/images/image_file.h"
+#include "io/scene/colmap.h"
+#include "io/scene/load_views.h"
+#include "io/scene/pose_error.h"
+#include "io/splats/ply.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_file(const fs::path& path) {
+    std::error_code error;
+    return fs::is_regular_file(path, error);
+}
+
+/// The file of an image: as listed, else with another extension, else by its base name where that
+/// is unique.
+class ImageFinder {
+public:
+    ImageFinder(const fs::path& folder, const ColmapModel& model) : folder_(folder) {
+        for (const auto& image : model.images) ++uses_[fs::path(image.name).stem().string()];
+    }
+    std::optional<std::string> find(const std::string& name) const {
+        if (auto found = find_with_extensions(folder_ / name)) return found;
+        const fs::path base = fs::path(name).filename();
+        if (uses_.at(base.stem().string()) == 1) return find_with_extensions(folder_ / base);
+        return std::nullopt;
+    }
+
+private:
+    static std::optional<std::string> find_with_extensions(const fs::path& path) {
+        const bool listed = is_file(path);
+        if (listed && has_image_extension(path.string())) return path.string();
+        for (std::string extension : kImageExtensions)
+            for (const bool upper : {false, true}) {
+                if (upper)
+                    std::transform(
+                        extension.begin(), extension.end(), extension.begin(),
+                        [](unsigned char c) { return static_cast<char>(std::toupper(c)); });
+                const fs::path other = fs::path(path).replace_extension(extension);
+                if (is_file(other)) return other.string();
+            }
+        // A TIFF, say: reading it says what to do.
+        return listed ? std::optional(path.string()) : std::nullopt;
+    }
+    fs::path folder_;
+    std::map<std::string, int> uses_;
+};
+
+/// The mask of an image, by the same name, else by the number in it (DTU: 000.png belongs to
+/// 000000.jpg).
+class MaskFinder {
+public:
+    explicit MaskFinder(const SceneOptions& options) {
+        const fs::path scene(options.path);
+        if (!options.masks.empty()) {
+            required_ = true;
+            folder_ = fs::is_directory(scene / options.masks) ? scene / options.masks
+                                                              : fs::path(options.masks);
+            if (!fs::is_directory(folder_))
+                throw input_error("E_MASKS: ", options.masks,
+                                  ": no such folder, neither in the scene nor here");
+        } else {
+            for (const char* name : {"mask", "masks"})
+                if (folder_.empty() && fs::is_directory(scene / name)) folder_ = scene / name;
+        }
+        if (folder_.empty()) return;
+        std::vector<fs::path> files;
+        for (const auto& entry : fs::recursive_directory_iterator(folder_))
+            if (entry.is_regular_file()) files.push_back(entry.path().lexically_relative(folder_));
+        std::sort(files.begin(), files.end());
+        for (const fs::path& file : files) {
+            const std::string stem = fs::path(file).replace_extension().string();
+            by_stem_.emplace(stem, file);
+            int number = 0;
+            if (parse_number(file.stem().string(), number)) {
+                const auto [entry, is_new] = by_number_.emplace(number, file);
+                if (!is_new) entry->second.clear();  // ambiguous
+            }
+        }
+    }
+    std::optional<std::string> find(const std::string& name) const {
+        if (folder_.empty()) return std::nullopt;
+        const fs::path path(name);
+        for (const std::string& stem :
+             {fs::path(path).replace_extension().string(), path.string(), path.stem().string()})
+            if (const auto found = by_stem_.find(stem); found != by_stem_.end())
+                return (folder_ / found->second).string();
+        int number = 0;
+        if (parse_number(path.stem().string(), number))
+            if (const auto found = by_number_.find(number);
+                found != by_number_.end() && !found->second.empty())
+                return (folder_ / found->second).string();
+        if (required_)
+            throw input_error("E_MASKS: ", folder_.string(), ": no mask for image '", name, "'");
+        return std::nullopt;
+    }
+
+private:
+    fs::path folder_;
+    bool required_ = false;
+    std::map<std::string, fs::path> by_stem_;
+    std::map<int, fs::path> by_number_;
+};
+
+}  // namespace
+
+std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
+    const std::vector<Vec3f>& p = cloud.positions;
+    const auto is_finite_here = [&](std::size_t i) {
+        return std::abs(p[i].x) <= 1e9f && std::abs(p[i].y) <= 1e9f && std::abs(p[i].z) <= 1e9f;
+    };
+    std::vector<int> order = numbers_where(p.size(), is_finite_here);
+    const std::size_t not_finite = p.size() - order.size();
+    const auto place = [&](int i) {
+        const Vec3f at = p[static_cast<std::size_t>(i)];
+        return std::tuple(at.x, at.y, at.z);
+    };
+    sort_in_parallel(
+        order, [&](int a, int b) { return std::tuple(place(a), a) < std::tuple(place(b), b); });
+    std::vector<char> keep(p.size());
+    parallel_for(Cpu{}, static_cast<int>(order.size()), [&](int j) {
+        const auto at = static_cast<std::size_t>(j);
+        keep[static_cast<std::size_t>(order[at])] =
+            at == 0 || place(order[at - 1]) != place(order[at]);
+    });
+    const std::vector<int> kept =
+        numbers_where(p.size(), [&](std::size_t i) { return keep[i] != 0; });
+    const std::size_t repeated = order.size() - kept.size();
+    if (not_finite > 0)
+        spdlog::warn("{}: {} points were dropped: positions not finite or beyond 1e9", source,
+                     not_finite);
+    if (repeated > 0)
+        spdlog::warn("{}: {} points were dropped: repeated positions", source, repeated);
+    if (not_finite + repeated == 0) return 0;
+    const auto compact = [&](auto& values) {
+        if (!values.empty()) values = taken(values, kept);
+    };
+    compact(cloud.positions), compact(cloud.colors), compact(cloud.normals);
+    compact(cloud.confidences);
+    return not_finite + repeated;
+}
+
+namespace {
+
+/// Also says of the views what the points do.
+PointCloud initial_points(const SceneOptions& options,
+                          const SceneLayout& layout,
+                          const std::vector<ViewSource>& train,
+                          Vec3d origin,
+                          std::vector<View>& views) {
+    const std::string& model_folder = layout.source;
+    const ColmapModel& model = layout.model;
+    const auto from_ply = [origin](const std::string& path) {
+        PointCloud cloud = read_ply(path, origin).points;
+        drop_unusable(cloud, path);
+        return cloud;
+    };
+    if (!options.init_ply.empty()) {
+        PointCloud cloud = from_ply(options.init_ply);
+        if (cloud.positions.empty())
+            throw input_error("E_NO_POINTS: ", options.init_ply, ": holds no usable point");
+        return cloud;
+    }
+
+    // Clouds beside the model do not say which images they come from, so a subset cannot use them:
+    // test views would leak in.
+    const bool subset = train.size() < model.images.size();
+    const bool colmap = layout.format == "colmap";
+    const std::string fused = (fs::path(options.path) / "dense/fused.ply").string();
+    if (!subset && is_file(fused)) return from_ply(fused);
+
+    const ColmapPoints points = colmap ? read_colmap_points(model_folder) : ColmapPoints{};
+    if (colmap) measure_pose_errors(points, train, views);
+    std::set<std::uint32_t> train_ids;
+    for (const auto& view : train) train_ids.insert(view.image->id);
+    PointCloud cloud;
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        if (subset) {
+            std::set<std::uint32_t> seen_by;  // an image may be listed twice in a track
+            for (std::size_t j = points.track_begin[i]; j < points.track_begin[i + 1]; ++j)
+                if (train_ids.contains(points.track[j])) seen_by.insert(points.track[j]);
+            if (seen_by.size() < 2) continue;
+        }
+        cloud.positions.push_back(vec_cast<float>(points.positions[i] - origin));
+        cloud.colors.push_back(points.colors[i]);
+    }
+    if (subset && !points.positions.empty())
+        spdlog::info("{} of the model's {} points are seen by two training views",
+                     cloud.positions.size(), points.positions.size());
+    drop_unusable(cloud, model_folder);
+    // Blender scenes come with points that no photograph had a part in.
+    const bool may_use = !subset || layout.format == "blender";
+    const std::string ply =
+        colmap ? (fs::path(model_folder) / "points3D.ply").string() : layout.points;
+    if (cloud.positions.empty() && may_use && is_file(ply)) cloud = from_ply(ply);
+    if (cloud.positions.empty() && options.points_required)
+        throw input_error(
+            "E_NO_POINTS: ", model_folder, ": no initial points",
+            subset ? str(" (", points.positions.size(), " in the model, none seen by two of the ",
+                         train.size(), " training views)")
+                   : "",
+            "; pass --init-ply, for instance a dense cloud of a multi-view stereo program");
+    return cloud;
+}
+
+/// All images of the model count, so that the frame does not depend on the split.
+Vec3d origin_of(const ColmapModel& model) {
+    std::vector<Vec3d> centres;
+    for (const ColmapImage& image : model.images)
+        centres.push_back(inverse(image.camera_from_world).t);
+    return local_origin(centres);
+}
+
+}  // namespace
+
+float scene_extent(const Scene& scene) {
+    if (scene.train.empty()) return 1;
+    Vec3d mean;
+    for (const View& view : scene.train) mean += vec_cast<double>(camera_centre(view.camera));
+    mean = mean / static_cast<double>(scene.train.size());
+    double radius = 0;
+    for (const View& view : scene.train)
+        radius = std::max(radius, norm(vec_cast<double>(camera_centre(view.camera)) - mean));
+    if (1.1 * radius >= 1e-9) return static_cast<float>(1.1 * radius);
+
+    std::vector<float> distances;
+    for (const Vec3f p : scene.points.positions)
+        distances.push_back(norm(p - camera_centre(scene.train[0].camera)));
+    if (distances.empty()) return 1;
+    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    spdlog::warn(
+        "{}: all training cameras stand at one place; the extent is the median distance of the "
+        "points, {}",
+        scene.path, *middle);
+    return *middle;
+}
+
+PixelSize resized_size(int resolution, int width, int height) {
+    const double w = width, h = height;
+    const auto size = [](double x, double y) {
+        return PixelSize{std::max(1, static_cast<int>(x)), std::max(1, static_cast<int>(y))};
+    };
+    if (resolution == 1 || resolution == 2 || resolution == 4 || resolution == 8)
+        return size(std::nearbyint(w / resolution),
+                    std::nearbyint(h / resolution));  // half to even
+    if (resolution == -1) {
+        if (width <= 1600) return {width, height};
+        const double scale = w / 1600.0;
+        return size(w / scale, h / scale);
+    }
+    if (resolution < 1 || resolution > 65535)
+        throw Error(ExitCode::usage, str("--resolution ", resolution,
+                                         ": expected -1, 1, 2, 4, 8 or a width in pixels"));
+    // The order of the operations is that of the official codes; it can lose a pixel.
+    const double scale = w / resolution;
+    return size(w / scale, h / scale);
+}
+
+Vec3d read_scene_origin(const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path),
+                        [&] { return origin_of(read_layout(options).model); });
+}
+
+ChosenViews choose_views(const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path), [&] {
+        SceneLayout layout = read_layout(options);
+        const ColmapModel& model = layout.model;
+        resized_size(options.resolution, 1,
+                     1);  // a wrong value is an error before anything is loaded
+
+        const fs::path image_folder = layout.images;
+        const ImageFinder image_finder(image_folder, model);
+        std::vector<std::string> names;
+        std::vector<std::optional<std::string>> files;
+        std::vector<bool> exists;
+        for (const ColmapImage& image : model.images) {
+            names.push_back(image.name);
+            files.push_back(image_finder.find(image.name));
+            exists.push_back(files.back().has_value());
+        }
+        const auto missing = std::count(exists.begin(), exists.end(), false);
+        if (missing == static_cast<std::ptrdiff_t>(names.size()))
+            throw input_error(
+                "E_NO_IMAGES: ", image_folder.string(), ": ",
+                fs::is_directory(image_folder) ? "holds none of" : "no such folder for",
+                " the model's ", names.size(), " images", str(", such as '", names[0], "'"),
+                "; name the folder with --images");
+        if (missing > 0)
+            spdlog::warn("{}: {} of the model's {} images are missing; their views are skipped",
+                         image_folder.string(), missing, names.size());
+        ViewSplit split = split_views(options, names, exists, layout.train, layout.test);
+        return ChosenViews{std::move(layout), std::move(files), std::move(split)};
+    });
+}
+
+PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& options) {
+    constexpr std::int64_t kShareOfMemory = 4;
+    // Of a pixel: its colours, the mask where there may be one, the finer grey pixels.
+    const double finer = 1 / static_cast<double>(options.grey_scale),
+                 per_pixel = 3 + 1 + (options.grey_scale < 1 ? finer * finer : 0);
+    double bytes = 0;
+    for (const auto* indices : {&chosen.split.train, &chosen.split.test})
+        for (const int i : *indices) {
+            const ColmapModel& model = chosen.layout.model;
+            const Intrinsics& in =
+                model.cameras.at(model.images[static_cast<std::size_t>(i)].camera_id);
+            const PixelSize size = resized_size(options.resolution, static_cast<int>(in.width_px),
+                                                static_cast<int>(in.height_px));
+            bytes += per_pixel * size.width_px * size.height_px;
+        }
+    PhotoStorage storage;
+    storage.bytes = std::llround(bytes);
+    storage.limit =
+        options.photo_memory > 0 ? options.photo_memory : free_host_bytes() / kShareOfMemory;
+    storage.in_file = options.photos == PhotoPlace::file ||
+                      (options.photos == PhotoPlace::automatic && storage.bytes > storage.limit);
+    return storage;
+}
+
+std::string PhotoStorage::reason() const {
+    return fmt::format("photographs and masks: {:.3g} {} {:.3g} GB, a quarter of the memory",
+                       static_cast<double>(bytes) / 1e9,
+                       bytes > limit ? ">" : "<=", static_cast<double>(limit) / 1e9);
+}
+
+Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
+    return with_context(str("reading scene ", options.path), [&] {
+        const SceneLayout& layout = chosen.layout;
+        const ColmapModel& model = layout.model;
+
+        // 1. The views.
+        const MaskFinder mask_finder(options);
+        const auto sources = [&](const std::vector<int>& indices) {
+            std::vector<ViewSource> out;
+            for (const int i : indices) {
+                const ColmapImage& image = model.images[static_cast<std::size_t>(i)];
+                const Intrinsics& intrinsics = model.cameras.at(image.camera_id);
+                const auto mask = layout.masks.find(image.name);
+                out.push_back({&image, intrinsics, *chosen.files[static_cast<std::size_t>(i)],
+                               mask != layout.masks.end() && options.masks.empty()
+                                   ? mask->second
+                                   : mask_finder.find(image.name),
+                               layout.alpha_on_black});
+            }
+            return out;
+        };
+        const std::vector<ViewSource> train = sources(chosen.split.train);
+        Scene scene;
+        scene.path = options.path;
+        scene.origin = origin_of(model);
+        if (norm(scene.origin) > 0)
+            spdlog::info(
+                "{}: the cameras stand far from zero, so all is computed in a frame at ({}, {}, "
+                "{}); files have coordinates as given",
+                options.path, scene.origin.x, scene.origin.y, scene.origin.z);
+        const PhotoStorage storage = photo_storage(chosen, options);
+        std::optional<PixelFile> file;
+        if (storage.in_file) {
+            const std::string folder =
+                options.photo_folder.empty() ? options.scratch : options.photo_folder;
+            file.emplace(folder);
+            spdlog::info(
+                "photographs in a file in {}: {}", folder.empty() ? "." : folder,
+                options.photos == PhotoPlace::file ? "scene.photos=file" : storage.reason());
+        }
+        PixelFile* const to = file ? &*file : nullptr;
+        scene.train = load_views(train, options, scene.origin, to);
+        say_lenses(train);
+        warn_of_empty_masks(train, scene.train);
+        scene.test = load_views(sources(chosen.split.test), options, scene.origin, to);
+        double offset = 0;
+        for (const ViewSource& view : train)
+            offset =
+                std::max({offset, std::abs(view.intrinsics.cx_px / view.intrinsics.width_px - 0.5),
+                          std::abs(view.intrinsics.cy_px / view.intrinsics.height_px - 0.5)});
+        if (offset > 0.01 && !options.center_principal_point)
+            spdlog::info(
+                "{}: the principal point is used as given, {:.1f} % off the centre (the official "
+                "codes assume the centre)",
+                options.path, 100 * offset);
+
+        // 2. The initial cloud.
+        if (options.need_points)
+            scene.points = initial_points(options, layout, train, scene.origin, scene.train);
+        scene.extent = scene_extent(scene);
+        return scene;
+    });
+}
+
+Scene read_scene(const SceneOptions& options) {
+    return load_scene(choose_views(options), options);
+}
+
+}  // namespace tvsgs

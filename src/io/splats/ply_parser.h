@@ -1,0 +1,272 @@
+// Takes PLY files apart; what the readers of clouds, meshes and splats share.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "core/device/parallel_lists.h"
+#include "core/log.h"
+#include "core/math/vec.h"
+#include "io/files/read_file.h"
+
+namespace tvsgs::ply {
+
+enum class Type { i8, u8, i16, u16, i32, u32, f32, f64 };
+inline constexpr std::size_t kTypeBytes[] = {1, 1, 2, 2, 4, 4, 4, 8};
+
+struct Property {
+    std::string name;
+    Type type = Type::f32, count_type = Type::u8;
+    bool is_list = false;
+};
+
+struct Element {
+    std::string name;
+    std::uint64_t count = 0;
+    std::vector<Property> properties;
+
+    int find(std::string_view wanted) const {
+        for (std::size_t i = 0; i < properties.size(); ++i)
+            if (properties[i].name == wanted) return static_cast<int>(i);
+        return -1;
+    }
+    /// The first of several spellings.
+    int find(std::initializer_list<const char*> spellings) const {
+        for (const char* spelling : spellings)
+            if (const int i = find(spelling); i >= 0) return i;
+        return -1;
+    }
+    bool has(std::initializer_list<const char*> all) const {
+        return std::all_of(all.begin(), all.end(),
+                           [&](std::string_view wanted) { return find(wanted) >= 0; });
+    }
+};
+
+/// Takes a PLY file apart. The elements must be read or skipped in the order of the file.
+class PlyReader {
+public:
+    explicit PlyReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {
+        read_header();
+    }
+
+    const std::vector<Element>& elements() const { return elements_; }
+
+    /// action(i, row) for each row of an element without lists that check_count() has passed; a row
+    /// has one number per property. Of a binary file several threads do so at once.
+    template <class Action>
+    void for_rows(const Element& element, const Action& action) {
+        const auto read = [&](std::size_t& at, std::vector<double>& row) {
+            for (std::size_t i = 0; i < row.size(); ++i)
+                row[i] = get(element.properties[i].type, at);
+        };
+        if (ascii_) {
+            std::vector<double> row(element.properties.size());
+            for (std::size_t i = 0; i < element.count; ++i) read(offset_, row), action(i, row);
+            return;
+        }
+        std::size_t bytes = 0;
+        for (const Property& p : element.properties) bytes += kTypeBytes[static_cast<int>(p.type)];
+        for_parts(element.count, [&](std::size_t /*part*/, std::size_t first, std::size_t last) {
+            std::vector<double> row(element.properties.size());
+            std::size_t at = offset_ + first * bytes;
+            for (std::size_t i = first; i < last; ++i) read(at, row), action(i, row);
+        });
+        offset_ += element.count * bytes;
+    }
+
+    /// Calls on_list(property index, values) for each list in a row; scalars are skipped.
+    template <class OnList>
+    void read_lists(const Element& element, std::vector<double>& values, const OnList& on_list) {
+        for (std::size_t i = 0; i < element.properties.size(); ++i) {
+            const Property& property = element.properties[i];
+            if (!property.is_list) {
+                get(property.type, offset_);
+                continue;
+            }
+            const double count = get(property.count_type, offset_);
+            if (!(count >= 0 && count <= static_cast<double>(left())))
+                count_error(element, str("a list of ", count, " values"));
+            values.resize(static_cast<std::size_t>(count));
+            for (double& value : values) value = get(property.type, offset_);
+            on_list(static_cast<int>(i), values);
+        }
+    }
+
+    /// Fails unless the element can be in what is left of the file, so that nothing is allocated
+    /// for a wrong count.
+    void check_count(const Element& element) const {
+        std::uint64_t row = 0;
+        for (const Property& p : element.properties)
+            row += ascii_ ? 2 : kTypeBytes[static_cast<int>(p.is_list ? p.count_type : p.type)];
+        // The last number of a text file needs no separator after it.
+        if (row > 0 && element.count > (left() + (ascii_ ? 1 : 0)) / row)
+            count_error(element, str(element.count, " rows of ", row, " or more bytes"));
+    }
+
+    void skip(const Element& element) {
+        check_count(element);
+        if (element.properties.empty()) return;
+        std::vector<double> values;
+        for (std::uint64_t i = 0; i < element.count; ++i)
+            read_lists(element, values, [](int, auto&) {});
+    }
+
+    /// After the last element: bytes that no count speaks of mean that a count is wrong.
+    void finish() const {
+        const auto rest = std::string_view(bytes_).substr(offset_);
+        if (!(ascii_ ? trimmed(rest) : rest).empty())
+            spdlog::warn(
+                "{}: {} bytes after the last element were ignored; are the counts in its "
+                "header right?",
+                path_, rest.size());
+    }
+
+    [[noreturn]] void header_error(const std::string& what) const {
+        throw input_error("E_PLY_HEADER: ", path_, ": ", what);
+    }
+    [[noreturn]] void count_error(const Element& element, const std::string& what) const {
+        throw input_error("E_PLY_COUNT: ", path_, ": byte ", offset_, ", element '", element.name,
+                          "': ", what, ", but ", left(),
+                          " bytes are left; the file is cut off: copy it again");
+    }
+    const std::string& path() const { return path_; }
+
+private:
+    std::size_t left() const { return bytes_.size() - offset_; }
+
+    void read_header() {
+        constexpr std::size_t kMaxHeader = 1 << 20;
+        bool has_format = false;
+        for (int number = 1;; ++number) {
+            const std::size_t end = bytes_.find('\n', offset_);
+            if (end == std::string::npos || end > kMaxHeader)
+                header_error("no end_header in the first MiB; is this a PLY file?");
+            std::string_view line =
+                trimmed(std::string_view(bytes_).substr(offset_, end - offset_));
+            offset_ = end + 1;
+            const std::string_view word = next_word(line);
+            if (number == 1) {
+                if (word != "ply") header_error("does not start with 'ply'");
+            } else if (word == "format") {
+                const std::string_view format = next_word(line);
+                ascii_ = format == "ascii";
+                big_endian_ = format == "binary_big_endian";
+                if (!ascii_ && !big_endian_ && format != "binary_little_endian")
+                    header_error(str("unknown format '", shown(format), "'"));
+                has_format = true;
+            } else if (word == "element") {
+                Element element;
+                element.name = shown(next_word(line));
+                if (!parse_number(next_word(line), element.count))
+                    header_error(
+                        str("line ", number, ": element '", element.name, "' has no valid count"));
+                elements_.push_back(element);
+            } else if (word == "property") {
+                if (elements_.empty())
+                    header_error(str("line ", number, ": a property before the first element"));
+                add_property(line, elements_.back(), number);
+            } else if (word == "end_header") {
+                break;
+            } else if (word != "comment" && word != "obj_info" && !word.empty()) {
+                header_error(str("line ", number, ": unknown keyword '", shown(word),
+                                 "'; is the header cut off?"));
+            }
+        }
+        if (!has_format) header_error("no format line");
+    }
+
+    void add_property(std::string_view line, Element& element, int number) const {
+        const auto type_of = [&](std::string_view word) {
+            constexpr std::array<std::array<std::string_view, 2>, 8> kNames = {
+                {{"char", "int8"},
+                 {"uchar", "uint8"},
+                 {"short", "int16"},
+                 {"ushort", "uint16"},
+                 {"int", "int32"},
+                 {"uint", "uint32"},
+                 {"float", "float32"},
+                 {"double", "float64"}}};
+            for (std::size_t i = 0; i < kNames.size(); ++i)
+                if (word == kNames[i][0] || word == kNames[i][1]) return static_cast<Type>(i);
+            header_error(str("line ", number, ": unknown type '", shown(word), "'"));
+        };
+        Property property;
+        std::string_view word = next_word(line);
+        property.is_list = word == "list";
+        if (property.is_list) {
+            property.count_type = type_of(next_word(line));
+            if (property.count_type == Type::f32 || property.count_type == Type::f64)
+                header_error(str("line ", number, ": a list counted in floating point"));
+            word = next_word(line);
+        }
+        property.type = type_of(word);
+        property.name = next_word(line);
+        if (element.find(property.name) >= 0)
+            header_error(str("line ", number, ": property '", shown(property.name), "' twice"));
+        element.properties.push_back(property);
+    }
+
+    template <class T>
+    double get_binary(std::size_t& at) const {
+        if (bytes_.size() - at < sizeof(T)) truncated();
+        std::array<char, sizeof(T)> raw;
+        std::memcpy(raw.data(), &bytes_[at], sizeof(T));
+        if (big_endian_ != (std::endian::native == std::endian::big))
+            std::reverse(raw.begin(), raw.end());
+        at += sizeof(T);
+        return static_cast<double>(std::bit_cast<T>(raw));
+    }
+
+    /// The number at byte `at`, which moves behind it.
+    double get(Type type, std::size_t& at) const {
+        if (ascii_) {
+            std::string_view rest = std::string_view(bytes_).substr(at);
+            const std::string_view word = next_word(rest);
+            at = bytes_.size() - rest.size();
+            double value = 0;
+            if (word.empty()) truncated();
+            if (!parse_number(word, value))
+                throw input_error("E_PLY_COUNT: ", path_, ": byte ", at - word.size(), ": '",
+                                  shown(word), "' is not a number");
+            return value;
+        }
+        switch (type) {
+            case Type::i8:
+                return get_binary<std::int8_t>(at);
+            case Type::u8:
+                return get_binary<std::uint8_t>(at);
+            case Type::i16:
+                return get_binary<std::int16_t>(at);
+            case Type::u16:
+                return get_binary<std::uint16_t>(at);
+            case Type::i32:
+                return get_binary<std::int32_t>(at);
+            case Type::u32:
+                return get_binary<std::uint32_t>(at);
+            case Type::f32:
+                return get_binary<float>(at);
+            case Type::f64:
+                break;
+        }
+        return get_binary<double>(at);
+    }
+
+    [[noreturn]] void truncated() const {
+        throw input_error("E_PLY_COUNT: ", path_, ": the file ends at byte ", bytes_.size(),
+                          " in the middle of its elements: copy it again");
+    }
+
+    std::string path_, bytes_;
+    std::size_t offset_ = 0;
+    bool ascii_ = false, big_endian_ = false;
+    std::vector<Element> elements_;
+};
+
+}  // namespace tvsgs::ply

@@ -1,0 +1,296 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "core/log.h"
+#include "core/math/smoothing_filter.h"
+#include "core/scene/splat_lists.h"
+#include "io/splats/ply.h"
+#include "io/splats/ply_parser.h"
+
+namespace tvsgs {
+namespace {
+
+using ply::Element;
+using ply::PlyReader;
+using ply::Property;
+using ply::Type;
+
+constexpr float kSh0 = 0.28209479177387814f;  // the constant spherical harmonic
+
+/// Checks the vertex element before its rows are read.
+void check_vertices(const PlyReader& in, const Element& vertex) {
+    for (const Property& property : vertex.properties)
+        if (property.is_list)
+            in.header_error(str("the list '", shown(property.name), "' in the vertex element"));
+    if (!vertex.has({"x", "y", "z"})) in.header_error("the vertex element has no x, y and z");
+    in.check_count(vertex);
+    if (vertex.count > static_cast<std::uint64_t>(std::numeric_limits<int>::max()))
+        in.count_error(vertex, "more than 2^31 - 1 rows are not supported");
+}
+
+const Element& vertex_element(const PlyReader& in) {
+    for (const Element& element : in.elements())
+        if (element.name == "vertex") return element;
+    in.header_error("no vertex element");
+}
+
+Vec3f pick(const std::vector<double>& row, const std::array<int, 3>& columns) {
+    Vec3f v;
+    for (int c = 0; c < 3; ++c)
+        v[c] =
+            static_cast<float>(row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])]);
+    return v;
+}
+
+/// A position in the frame at `origin`.
+Vec3f pick_position(const std::vector<double>& row,
+                    const std::array<int, 3>& columns,
+                    Vec3d origin) {
+    Vec3d v;
+    for (int c = 0; c < 3; ++c)
+        v[c] = row[static_cast<std::size_t>(columns[static_cast<std::size_t>(c)])] - origin[c];
+    return vec_cast<float>(v);
+}
+
+Vec3f clamped_color(Vec3f color, float scale) {
+    for (int c = 0; c < 3; ++c) {
+        const float value = color[c] * scale;
+        color[c] = value > 0 ? std::min(value, 1.0f) : 0;  // NaN becomes 0
+    }
+    return color;
+}
+
+void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents& out) {
+    check_vertices(in, vertex);
+    const std::array<int, 3> xyz{vertex.find("x"), vertex.find("y"), vertex.find("z")};
+    const std::array<int, 3> normal{vertex.find({"nx", "normal_x"}),
+                                    vertex.find({"ny", "normal_y"}),
+                                    vertex.find({"nz", "normal_z"})};
+    std::array<int, 3> color{vertex.find({"red", "r", "diffuse_red"}),
+                             vertex.find({"green", "g", "diffuse_green"}),
+                             vertex.find({"blue", "b", "diffuse_blue"})};
+    const int weight = vertex.find({"confidence", "weight"});
+    out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
+    const auto complete = [](const std::array<int, 3>& columns) {
+        return *std::min_element(columns.begin(), columns.end()) >= 0;
+    };
+    float scale = 1, offset = 0;
+    if (complete(color)) {
+        const Type type = vertex.properties[static_cast<std::size_t>(color[0])].type;
+        scale = type == Type::u8 ? 1.0f / 255 : type == Type::u16 ? 1.0f / 65535 : 1.0f;
+    } else if (vertex.has({"f_dc_0", "f_dc_1", "f_dc_2"})) {
+        color = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+        scale = kSh0, offset = 0.5f;
+    }
+    const auto count = static_cast<std::size_t>(vertex.count);
+    PointCloud& points = out.points;
+    // The normals of splat files are zeros that fill a column.
+    const bool has_normals = complete(normal) && !out.is_splats, has_colors = complete(color);
+    points.positions.resize(count);
+    if (has_normals) points.normals.resize(count);
+    if (weight >= 0) points.confidences.resize(count);
+    if (has_colors) points.colors.resize(count);
+    in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+        points.positions[i] = pick_position(row, xyz, origin);
+        if (has_normals) points.normals[i] = normalize(pick(row, normal));
+        if (weight >= 0)
+            points.confidences[i] = static_cast<float>(row[static_cast<std::size_t>(weight)]);
+        if (has_colors)
+            points.colors[i] =
+                clamped_color(scale * pick(row, color) + Vec3f{offset, offset, offset}, 1);
+    });
+}
+
+/// Polygons become fans of triangles.
+void read_faces(PlyReader& in,
+                const Element& face,
+                double vertex_count,
+                std::vector<Vec3i>& faces) {
+    in.check_count(face);
+    const int indices = face.find({"vertex_indices", "vertex_index"});
+    if (indices < 0 || !face.properties[static_cast<std::size_t>(indices)].is_list)
+        in.header_error("the face element has no list vertex_indices");
+    std::vector<double> values;
+    for (std::uint64_t i = 0; i < face.count; ++i)
+        in.read_lists(face, values, [&](int property, const std::vector<double>& list) {
+            if (property != indices) return;
+            for (const double index : list)
+                if (!(index >= 0 && index < vertex_count) || index != std::floor(index))
+                    throw input_error("E_PLY_FACE: ", in.path(), ": face ", i, " refers to vertex ",
+                                      index, ", but there are ", vertex_count);
+            for (std::size_t k = 2; k < list.size(); ++k)
+                faces.push_back({static_cast<int>(list[0]), static_cast<int>(list[k - 1]),
+                                 static_cast<int>(list[k])});
+        });
+}
+
+/// Column numbers of the properties of a splat, in the vertex element.
+struct SplatColumns {
+    std::array<int, 3> mean, scale, dc;
+    std::array<int, 4> rot;
+    std::vector<int> rest;  // [3 (K - 1)], channel major, as in the file
+    int opacity, filter, file_coefficients;
+    int sh_degree = 0;
+};
+
+SplatColumns splat_columns(const PlyReader& in, const Element& vertex) {
+    if (!vertex.has({"opacity", "scale_0", "scale_1", "rot_0", "rot_1", "rot_2", "rot_3", "f_dc_0",
+                     "f_dc_1", "f_dc_2"}))
+        throw input_error(
+            "E_PLY_NOT_SPLAT: ", in.path(),
+            ": the vertices lack some of opacity, scale_*, rot_* and f_dc_*",
+            "; this is a cloud or a mesh: pass it to --init-ply or to the tools for meshes");
+    SplatColumns c;
+    c.mean = {vertex.find("x"), vertex.find("y"), vertex.find("z")};
+    c.scale = {vertex.find("scale_0"), vertex.find("scale_1"), vertex.find("scale_2")};
+    c.dc = {vertex.find("f_dc_0"), vertex.find("f_dc_1"), vertex.find("f_dc_2")};
+    c.rot = {vertex.find("rot_0"), vertex.find("rot_1"), vertex.find("rot_2"),
+             vertex.find("rot_3")};
+    c.opacity = vertex.find("opacity"), c.filter = vertex.find("filter_3D");
+    for (int i = 0; vertex.find(str("f_rest_", i)) >= 0; ++i)
+        c.rest.push_back(vertex.find(str("f_rest_", i)));
+    const auto named = std::count_if(vertex.properties.begin(), vertex.properties.end(),
+                                     [](auto& p) { return p.name.starts_with("f_rest_"); });
+    const std::size_t rest = c.rest.size();
+    if (static_cast<std::size_t>(named) != rest ||
+        (rest != 0 && rest != 9 && rest != 24 && rest != 45 && rest != 72))
+        in.header_error(str(
+            named, " properties f_rest_*; expected f_rest_0 to f_rest_8, 23, 44 or 71, or none"));
+    c.file_coefficients = static_cast<int>(rest / 3);
+    while (c.sh_degree < 3 && sh_count(c.sh_degree) < c.file_coefficients + 1) ++c.sh_degree;
+    if (rest == 72)
+        spdlog::warn("{}: spherical harmonics of degree 4 are cut to degree 3", in.path());
+    return c;
+}
+
+}  // namespace
+
+PlyContents read_ply(const std::string& path, Vec3d origin) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    PlyContents contents;
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex)
+            read_cloud(in, element, origin, contents);
+        else if (element.name == "face")
+            read_faces(in, element, static_cast<double>(vertex.count), contents.faces);
+        else
+            in.skip(element);
+    }
+    in.finish();
+    return contents;
+}
+
+PlyGeometry read_ply_geometry(const std::string& path) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    PlyGeometry out;
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex) {
+            check_vertices(in, vertex);
+            out.is_splats = vertex.has({"opacity", "scale_0", "rot_0"});
+            const auto column = [&](std::string_view name) {
+                return static_cast<std::size_t>(vertex.find(name));
+            };
+            const std::size_t x = column("x"), y = column("y"), z = column("z"),
+                              opacity = column("opacity");
+            out.positions.resize(static_cast<std::size_t>(vertex.count));
+            if (out.is_splats) out.opacity_logits.resize(out.positions.size());
+            in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+                out.positions[i] = {row[x], row[y], row[z]};
+                if (out.is_splats) out.opacity_logits[i] = static_cast<float>(row[opacity]);
+            });
+        } else if (element.name == "face") {
+            read_faces(in, element, static_cast<double>(vertex.count), out.faces);
+        } else {
+            in.skip(element);
+        }
+    }
+    in.finish();
+    return out;
+}
+
+Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* scales) {
+    PlyReader in(path);
+    const Element& vertex = vertex_element(in);
+    check_vertices(in, vertex);
+    const SplatColumns columns = splat_columns(in, vertex);
+    const bool flat = columns.scale[2] < 0;
+    if (scales) *scales = flat ? PlyScales::two : PlyScales::three;
+    for (const Element& element : in.elements()) {
+        if (&element == &vertex) break;
+        in.skip(element);
+    }
+    in.check_count(vertex);
+
+    const std::size_t rows = static_cast<std::size_t>(vertex.count);
+    const auto per_splat = static_cast<std::size_t>(sh_count(columns.sh_degree));
+    Gaussians<Cpu> out;
+    resize(out, static_cast<int>(rows), columns.sh_degree);
+    std::vector<char> usable(rows), activated(rows);
+    in.for_rows(vertex, [&](std::size_t i, const std::vector<double>& row) {
+        const auto value = [&](int column) {
+            return static_cast<float>(row[static_cast<std::size_t>(column)]);
+        };
+        Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
+        // Discs have no third scale; a scale of zero has no finite logarithm. Both become a
+        // millionth of the largest.
+        if (!flat) log_scale.z = value(columns.scale[2]);
+        const float thin = std::max({log_scale.x, log_scale.y, flat ? log_scale.x : log_scale.z}) +
+                           std::log(1e-6f);
+        if (flat) log_scale.z = thin;
+        for (int c = 0; c < 3; ++c)
+            if (log_scale[c] == -std::numeric_limits<float>::infinity()) log_scale[c] = thin;
+        // Infinite logits are legal: fully opaque or transparent, which 30 is in float, too.
+        float opacity = value(columns.opacity);
+        if (std::isinf(opacity)) opacity = std::copysign(30.0f, opacity);
+        activated[i] = opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
+        if (columns.filter >= 0) {
+            // mip-splatting's 3D filter, baked: wider scales, fainter in proportion.  [Yu24]
+            const auto smooth = smoothed(vec_cast<double>(log_scale),
+                                         row[static_cast<std::size_t>(columns.filter)]);
+            for (int c = 0; c < 3; ++c)
+                log_scale[c] = static_cast<float>(std::log(smooth.scales[c]));
+            const double alpha = smooth.dimming / (1 + std::exp(-double{opacity}));
+            opacity = static_cast<float>(std::log(alpha / (1 - alpha)));
+        }
+        const Quatf quat{value(columns.rot[0]), value(columns.rot[1]), value(columns.rot[2]),
+                         value(columns.rot[3])};
+        const Vec3f mean = pick_position(row, columns.mean, origin);
+        bool finite = is_finite(mean) && is_finite(log_scale) && std::isfinite(opacity);
+        finite = finite && is_finite(Vec3f{quat.x, quat.y, quat.z}) && std::isfinite(quat.w);
+        for (std::size_t k = 0; k < per_splat; ++k) {
+            Vec3f coefficient;
+            for (std::size_t c = 0; c < 3; ++c) {
+                const std::size_t rest =
+                    c * static_cast<std::size_t>(columns.file_coefficients) + k - 1;
+                coefficient[static_cast<int>(c)] =
+                    value(k == 0 ? columns.dc[c] : columns.rest[rest]);
+            }
+            finite = finite && is_finite(coefficient);
+            out.sh[k * rows + i] = coefficient;
+        }
+        usable[i] = finite && !(quat.w == 0 && quat.x == 0 && quat.y == 0 && quat.z == 0);
+        out.means[i] = mean, out.log_scales[i] = log_scale, out.quats[i] = quat;
+        out.opacity_logits[i] = opacity;
+    });
+    if (&vertex == &in.elements().back()) in.finish();
+    const std::vector<int> numbers =
+        numbers_where(rows, [&](std::size_t i) { return usable[i] != 0; });
+    const std::size_t count = numbers.size();
+    if (count < rows)
+        spdlog::warn("{}: {} of {} splats were dropped: not finite, or a zero quaternion", path,
+                     rows - count, rows);
+    if (rows > 0 && std::find(activated.begin(), activated.end(), 0) == activated.end())
+        spdlog::warn(
+            "{}: opacities in [0, 1] and positive scales: were activated values saved instead of "
+            "logits and logarithms?",
+            path);
+
+    if (count < rows) keep_splats(numbers, out);
+    return out;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,184 @@
+#include <algorithm>
+#include <bit>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/version.h"
+#include "io/files/atomic_file.h"
+#include "io/mesh/mesh_files.h"
+#include "io/splats/ply.h"
+
+namespace tvsgs {
+namespace {
+
+static_assert(std::endian::native == std::endian::little,
+              "PLY files are written in the machine's byte order");
+
+bool is_zero(Vec3d v) {
+    return v.x == 0 && v.y == 0 && v.z == 0;
+}
+const char* position_type(Vec3d origin) {
+    return is_zero(origin) ? "float" : "double";
+}
+
+/// A file that is written in pieces of a MiB.
+class PlyWriter {
+public:
+    explicit PlyWriter(const std::string& path) : file_(path) {}
+
+    template <class T>
+    void put(const T& value) {
+        static_assert(std::is_arithmetic_v<T>);
+        buffer_.append(reinterpret_cast<const char*>(&value), sizeof value);
+        if (buffer_.size() >= 1 << 20) flush();
+    }
+    void put(const std::string& text) { buffer_ += text; }
+    void put(Vec3f v) { put(v.x), put(v.y), put(v.z); }
+    /// In the frame of the file; doubles where `origin` is not zero.
+    void put_position(Vec3f v, Vec3d origin) {
+        if (is_zero(origin)) return put(v);
+        const Vec3d p = vec_cast<double>(v) + origin;
+        put(p.x), put(p.y), put(p.z);
+    }
+    void put_color(Vec3f color) {
+        for (int c = 0; c < 3; ++c)
+            put(static_cast<std::uint8_t>(std::clamp(color[c], 0.0f, 1.0f) * 255 + 0.5f));
+    }
+    void commit() {
+        flush();
+        file_.commit();
+    }
+
+private:
+    void flush() {
+        file_.write(buffer_);
+        buffer_.clear();
+    }
+    AtomicFile file_;
+    std::string buffer_;
+};
+
+enum class Comment { before_count, after_count, none };
+
+/// Of splats viewers expect the count in the third line.
+std::string header(std::size_t count, Vec3d origin, Comment comment = Comment::before_count) {
+    const std::string ours = str("comment ", kVersion, "\n");
+    std::string text =
+        str("ply\nformat binary_little_endian 1.0\n", comment == Comment::before_count ? ours : "",
+            "element vertex ", count, "\n", comment == Comment::after_count ? ours : "");
+    for (const char* axis : {"x", "y", "z"})
+        text += str("property ", position_type(origin), " ", axis, "\n");
+    return text;
+}
+constexpr const char* kNormals = "property float nx\nproperty float ny\nproperty float nz\n";
+constexpr const char* kColors = "property uchar red\nproperty uchar green\nproperty uchar blue\n";
+
+void check_finite(const std::string& path, const std::vector<Vec3f>& values, const char* what) {
+    for (std::size_t i = 0; i < values.size(); ++i)
+        if (!is_finite(values[i]))
+            throw Error(ExitCode::numerical,
+                        str(path, ": not written: ", what, " ", i, " is (", values[i].x, ", ",
+                            values[i].y, ", ", values[i].z, "); expected finite numbers"));
+}
+
+void check_size(const std::string& path,
+                std::size_t found,
+                std::size_t expected,
+                const char* what) {
+    if (found != 0 && found != expected)
+        throw Error(ExitCode::internal, str(path, ": not written: ", found, " ", what, " for ",
+                                            expected, " positions"));
+}
+
+}  // namespace
+
+void write_splat_ply(const std::string& path,
+                     const Gaussians<Cpu>& g,
+                     Vec3d origin,
+                     PlyScales scales,
+                     bool signature) {
+    const std::size_t count = g.means.size();
+    const int rest = sh_count(g.sh_degree) - 1;
+
+    std::vector<std::string> names = {"nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2"};
+    for (int i = 0; i < 3 * rest; ++i) names.push_back(str("f_rest_", i));
+    const int scale_count = scales == PlyScales::two ? 2 : 3;
+    names.push_back("opacity");
+    for (int i = 0; i < scale_count; ++i) names.push_back(str("scale_", i));
+    for (int i = 0; i < 4; ++i) names.push_back(str("rot_", i));
+    if (!g.filter.empty()) names.push_back("filter_3D");
+    check_size(path, g.filter.size(), count, "filters");
+    std::string text = header(count, origin, signature ? Comment::after_count : Comment::none);
+    for (const std::string& name : names) text += "property float " + name + "\n";
+
+    PlyWriter out(path);
+    out.put(text + "end_header\n");
+    std::vector<float> row(names.size(), 0.0f);
+    for (std::size_t i = 0; i < count; ++i) {
+        auto to = row.begin();
+        const auto put3 = [&](Vec3f v) { to = std::copy_n(&v.x, 3, to); };
+        if (!is_finite(g.means[i]))
+            throw Error(ExitCode::numerical,
+                        str(path, ": not written: the centre of splat ", i, " is (", g.means[i].x,
+                            ", ", g.means[i].y, ", ", g.means[i].z, "); expected finite numbers"));
+        out.put_position(g.means[i], origin);
+        put3({});  // normals
+        put3(g.sh[i]);
+        for (int c = 0; c < 3; ++c)  // channel major
+            for (int k = 1; k <= rest; ++k)
+                *to++ = g.sh[static_cast<std::size_t>(k) * count + i][c];
+        *to++ = g.opacity_logits[i];
+        to = std::copy_n(&g.log_scales[i].x, scale_count, to);
+        const Quatf q = g.quats[i];
+        for (const float value : {q.w, q.x, q.y, q.z}) *to++ = value;
+        if (!g.filter.empty()) *to++ = g.filter[i];
+        for (std::size_t p = 0; p < row.size(); ++p) {
+            if (!std::isfinite(row[p]))
+                throw Error(ExitCode::numerical,
+                            str(path, ": not written: ", names[p], " of splat ", i, " is ", row[p],
+                                "; expected a finite number"));
+            out.put(row[p]);
+        }
+    }
+    out.commit();
+}
+
+void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin) {
+    check_mesh(path, mesh);
+    PlyWriter out(path);
+    out.put(str(header(mesh.vertices.size(), origin), mesh.colors.empty() ? "" : kColors,
+                mesh.views.empty() ? "" : "property uchar views\n", "element face ",
+                mesh.faces.size(), "\nproperty list uchar int vertex_indices\nend_header\n"));
+    for (std::size_t i = 0; i < mesh.vertices.size(); ++i) {
+        out.put_position(mesh.vertices[i], origin);
+        if (!mesh.colors.empty()) out.put_color(mesh.colors[i]);
+        if (!mesh.views.empty()) out.put(mesh.views[i]);
+    }
+    for (const Vec3i face : mesh.faces) {
+        out.put(std::uint8_t{3});
+        for (int c = 0; c < 3; ++c) out.put(face[c]);
+    }
+    out.commit();
+}
+
+void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin) {
+    check_finite(path, points.positions, "position");
+    check_finite(path, points.colors, "colour");
+    check_finite(path, points.normals, "normal");
+    check_size(path, points.colors.size(), points.positions.size(), "colours");
+    check_size(path, points.normals.size(), points.positions.size(), "normals");
+    check_size(path, points.confidences.size(), points.positions.size(), "confidences");
+    PlyWriter out(path);
+    out.put(str(header(points.positions.size(), origin), points.normals.empty() ? "" : kNormals,
+                points.colors.empty() ? "" : kColors,
+                points.confidences.empty() ? "" : "property float confidence\n", "end_header\n"));
+    for (std::size_t i = 0; i < points.positions.size(); ++i) {
+        out.put_position(points.positions[i], origin);
+        if (!points.normals.empty()) out.put(points.normals[i]);
+        if (!points.colors.empty()) out.put_color(points.colors[i]);
+        if (!points.confidences.empty()) out.put(points.confidences[i]);
+    }
+    out.commit();
+}
+
+}  // namespace tvsgs

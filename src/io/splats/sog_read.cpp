@@ -1,0 +1,199 @@
+#include <filesystem>
+#include <map>
+
+#include "core/device/parallel.h"
+#include "io/files/json_file.h"
+#include "io/files/zip_archive.h"
+#include "io/images/webp.h"
+#include "io/splats/codebook.h"
+#include "io/splats/sog.h"
+#include "io/splats/sog_math.h"
+#include "io/splats/splat_checks.h"
+
+namespace tvsgs {
+namespace {
+
+using nlohmann::json;
+
+constexpr std::int64_t kMaxSplats = 50000000;
+// A picture of one colour takes next to nothing, and so do its bytes once they are deflated: what a
+// file may claim goes by its size on the disk.
+constexpr std::int64_t kSplatsPerByte = 16;
+constexpr std::uint64_t kInflated = 16, kAtLeast = 1 << 20;  // bytes of the entries, times the size
+
+class SogReader {
+public:
+    explicit SogReader(const std::string& path) : path_(path) {
+        std::error_code no_file;  // which read_zip says
+        const std::uintmax_t size = std::filesystem::file_size(path, no_file);
+        const std::uint64_t bytes = no_file ? 0 : size;
+        read_zip(path, "SOG", {.entries = 64, .total_bytes = kInflated * bytes + kAtLeast},
+                 [&](const std::string& name, std::string content) {
+                     files_[name] = std::move(content);
+                 });
+        const auto found = files_.find(sog::kMetaName);
+        if (found == files_.end()) fail("holds no ", sog::kMetaName, "; is it a SOG file?");
+        const auto limit_depth = [&](int depth, json::parse_event_t, json&) {
+            check_json_depth(depth, path_);
+            return true;
+        };
+        meta_ = json::parse(found->second, limit_depth, /*allow_exceptions=*/false);
+        if (!meta_.is_object()) fail(sog::kMetaName, " is damaged");
+        if (const std::int64_t version = whole(meta_, "version", 1); version != sog::kVersion)
+            fail("SOG version ", version, "; expected ", sog::kVersion);
+        count_ = whole(meta_, "count", 0);
+        const std::int64_t most =
+            std::min(kMaxSplats, kSplatsPerByte * static_cast<std::int64_t>(bytes));
+        if (count_ < 1 || count_ > most)
+            fail("claims ", count_, " splats; expected 1 to ", most, " in a file of its size");
+    }
+
+    Gaussians<Cpu> read(const HalfTurn& turn) {
+        Gaussians<Cpu> g;
+        const json& rest = member(meta_, "shN");
+        const std::int64_t bands = meta_.contains("shN") ? whole(rest, "bands", 0) : 0;
+        if (bands < 0 || bands > 3 || (bands == 0 && !rest.is_null()))
+            fail("shN: ", bands, " bands; expected 1 to 3");
+        // Memory for splats that there are pixels of only.
+        encoded(member(meta_, "means"), 1, count_);
+        for (const char* part : {"means", "scales", "sh0", "quats"})
+            encoded(member(meta_, part), 0, count_);
+        if (bands > 0) encoded(rest, 1, count_);
+        resize(g, static_cast<int>(count_), static_cast<int>(bands));
+        read_means(g, turn);
+        read_others(g, turn);
+        if (bands > 0) read_harmonics(g, rest, turn);
+        require_sound(g, path_);
+        return g;
+    }
+
+private:
+    template <class... Parts>
+    [[noreturn]] void fail(const Parts&... parts) const {
+        throw input_error(path_, ": ", parts...);
+    }
+    static const json& member(const json& object, const char* key) {
+        static const json none;
+        return object.is_object() && object.contains(key) ? object[key] : none;
+    }
+    std::int64_t whole(const json& object, const char* key, std::int64_t standard) const {
+        const json& found = member(object, key);
+        if (found.is_null()) return standard;
+        if (!found.is_number_unsigned() || found.get<std::uint64_t>() > std::uint64_t{1} << 40)
+            fail("\"", key, "\" is no whole number that can be right");
+        return static_cast<std::int64_t>(found.get<std::uint64_t>());
+    }
+    std::vector<float> numbers(const json& object, const char* key, std::size_t count) const {
+        std::vector<float> out;
+        const json& found = member(object, key);
+        for (std::size_t i = 0; found.is_array() && i < found.size() && i < count; ++i)
+            if (found[i].is_number()) out.push_back(found[i].get<float>());
+        const bool finite =
+            std::all_of(out.begin(), out.end(), [](float v) { return std::isfinite(v); });
+        if (out.size() != count || found.size() != count || !finite)
+            fail("\"", key, "\": expected ", count, " finite numbers");
+        return out;
+    }
+    Codebook codebook(const json& object) const {
+        const std::vector<float> values = numbers(object, "codebook", Codebook{}.size());
+        Codebook codes;
+        std::copy(values.begin(), values.end(), codes.begin());
+        return codes;
+    }
+    /// The file of picture number `at` of a part: of at least `least` pixels, by its first bytes.
+    const std::pair<const std::string, std::string>& encoded(const json& part,
+                                                             std::size_t at,
+                                                             std::int64_t least) const {
+        const json& names = member(part, "files");
+        if (!names.is_array() || at >= names.size() || !names[at].is_string())
+            fail("a list of files is missing, or too short");
+        const auto found = files_.find(names[at].get<std::string>());
+        if (found == files_.end())
+            fail("holds no ", shown(names[at].get<std::string>()), ", which it refers to");
+        const std::string where = where_of(found->first);
+        int width = 0, height = 0, channels = 0;
+        if (!read_webp_size(found->second, width, height, channels))
+            throw input_error(where, ": is no WebP picture");
+        if (std::int64_t{width} * height < least)
+            throw input_error(where, ": ", width, "x", height, " pixels; expected at least ",
+                              least);
+        return *found;
+    }
+    std::string where_of(const std::string& name) const { return str(path_, ": ", shown(name)); }
+    ImageU8 picture(const json& part, std::size_t at, std::int64_t least) const {
+        const auto& [name, bytes] = encoded(part, at, least);
+        return decode_webp(bytes, where_of(name), 2 * least + (1 << 16));
+    }
+
+    void read_means(Gaussians<Cpu>& g, const HalfTurn& turn) const {
+        const json& part = member(meta_, "means");
+        const std::vector<float> mins = numbers(part, "mins", 3), maxs = numbers(part, "maxs", 3);
+        const ImageU8 low = picture(part, 0, count_), high = picture(part, 1, count_);
+        parallel_for(Cpu{}, g.size(), [&](int index) {
+            const auto i = static_cast<std::size_t>(index);
+            Vec3f p;
+            for (std::size_t c = 0; c < 3; ++c)
+                p[static_cast<int>(c)] = static_cast<float>(
+                    sog::unpack_position(low.pixels[4 * i + c] | high.pixels[4 * i + c] << 8,
+                                         double{mins[c]}, double{maxs[c]}));
+            g.means[i] = turn(p);
+        });
+    }
+
+    void read_others(Gaussians<Cpu>& g, const HalfTurn& turn) const {
+        const json &scales = member(meta_, "scales"), &colors = member(meta_, "sh0");
+        const Codebook scale_codes = codebook(scales), color_codes = codebook(colors);
+        const ImageU8 scale = picture(scales, 0, count_), color = picture(colors, 0, count_),
+                      quat = picture(member(meta_, "quats"), 0, count_);
+        parallel_for(Cpu{}, g.size(), [&](int index) {
+            const auto i = static_cast<std::size_t>(index);
+            for (std::size_t c = 0; c < 3; ++c) {
+                g.log_scales[i][static_cast<int>(c)] = scale_codes[scale.pixels[4 * i + c]];
+                g.sh[i][static_cast<int>(c)] = color_codes[color.pixels[4 * i + c]];
+            }
+            g.opacity_logits[i] = logit(static_cast<float>(color.pixels[4 * i + 3]) / 255);
+            g.quats[i] = turn(sog::unpack_quat(&quat.pixels[4 * i]));
+        });
+    }
+
+    void read_harmonics(Gaussians<Cpu>& g, const json& part, const HalfTurn& turn) const {
+        const std::int64_t palette = whole(part, "count", 0);
+        if (palette < 1 || palette > sog::kMaxPalette)
+            fail("shN: ", palette, " kinds of harmonics; expected 1 to ", sog::kMaxPalette);
+        const Codebook codes = codebook(part);
+        const auto rest = static_cast<std::size_t>(sh_count(g.sh_degree) - 1);
+        constexpr int kColumns = sog::kPaletteColumns;
+        const std::int64_t rows = (palette + kColumns - 1) / kColumns;
+        const ImageU8 centroids =
+            picture(part, 0, rows * kColumns * static_cast<std::int64_t>(rest));
+        if (centroids.width != kColumns * static_cast<int>(rest))
+            fail("shN: centroids in a picture ", centroids.width, " wide; expected ",
+                 kColumns * rest);
+        const ImageU8 labels = picture(part, 1, count_);
+        const auto count = static_cast<std::size_t>(count_);
+        parallel_for(Cpu{}, g.size(), [&](int index) {
+            const auto i = static_cast<std::size_t>(index);
+            const std::size_t label =
+                std::min<std::size_t>(labels.pixels[4 * i] + 256u * labels.pixels[4 * i + 1],
+                                      static_cast<std::size_t>(palette) - 1);
+            for (std::size_t k = 0; k < rest; ++k)
+                for (std::size_t c = 0; c < 3; ++c)
+                    g.sh[(k + 1) * count + i][static_cast<int>(c)] =
+                        turn.of_coefficient(static_cast<int>(k) + 1) *
+                        codes[centroids.pixels[4 * (label * rest + k) + c]];
+        });
+    }
+
+    const std::string& path_;
+    std::map<std::string, std::string> files_;
+    json meta_;
+    std::int64_t count_ = 0;
+};
+
+}  // namespace
+
+Gaussians<Cpu> read_sog(const std::string& path, SplatFrame frame) {
+    return SogReader(path).read(half_turn(frame));
+}
+
+}  // namespace tvsgs

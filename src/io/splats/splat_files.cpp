@@ -1,0 +1,168 @@
+#include "io/splats/splat_files.h"
+
+#include <cctype>
+#include <cmath>
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/version.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
+#include "io/splats/ply.h"
+#include "io/splats/sog.h"
+#include "io/splats/splat_glb.h"
+#include "io/splats/spz.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+SplatFormat format_of(const std::string& path) {
+    const std::optional<SplatFormat> format = splat_format(path);
+    if (!format)
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": is no file of splats by its name; expected one that ends in .ply, "
+                        ".spz, .sog or .glb"));
+    return *format;
+}
+
+void write(const std::string& path, const void* bytes, std::size_t size) {
+    AtomicFile file(path);
+    file.write(bytes, size);
+    file.commit();
+}
+
+/// In the scene's axes: what is added to a position, once it is turned back from the file's.
+std::string origin_json(Vec3d origin, SplatFrame frame) {
+    return json_text(JsonValue()
+                         .add("generator", kVersion)
+                         .add("frame", frame_name(frame))
+                         .add("origin", std::vector{origin.x, origin.y, origin.z})) +
+           "\n";
+}
+
+/// What FILE.json says where it is ours; else nothing.
+std::optional<JsonValue> read_origin_file(const std::string& path) {
+    const std::string file = origin_file(path);
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return {};
+    JsonValue json = parse_json_value(read_text(file), file);
+    if (!json["generator"].text_or("").starts_with("tvsgs ")) return {};
+    return json;
+}
+
+/// Before the splats are written: an older origin would move them.
+void put_origin_file(const std::string& path, Vec3d origin, SplatFrame frame) {
+    require_replaceable(path);
+    if (norm(origin) > 0)
+        write_text_file(origin_file(path), origin_json(origin, frame));
+    else if (read_origin_file(path))
+        fs::remove(origin_file(path));
+}
+
+}  // namespace
+
+std::optional<SplatFormat> splat_format(const std::string& path) {
+    std::string extension = fs::path(path).extension().string();
+    for (char& c : extension) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+    if (extension == ".ply") return SplatFormat::ply;
+    if (extension == ".spz") return SplatFormat::spz;
+    if (extension == ".sog") return SplatFormat::sog;
+    if (extension == ".glb") return SplatFormat::glb;
+    return std::nullopt;
+}
+
+SplatFrame usual_frame(SplatFormat format) {
+    return format == SplatFormat::spz   ? SplatFrame::rub
+           : format == SplatFormat::glb ? SplatFrame::luf
+                                        : SplatFrame::rdf;
+}
+
+const char* frame_name(SplatFrame frame) {
+    return frame == SplatFrame::rdf ? "rdf" : frame == SplatFrame::rub ? "rub" : "luf";
+}
+
+std::string origin_file(const std::string& path) {
+    return path + ".json";
+}
+
+std::uintmax_t write_splat_file(const std::string& path,
+                                const Gaussians<Cpu>& g,
+                                const SplatFileOptions& options) {
+    const SplatFormat format = format_of(path);
+    const SplatFrame frame = options.frame.value_or(usual_frame(format));
+    if (format == SplatFormat::ply) {
+        Gaussians<Cpu> turned;
+        copy(g, turned);
+        turn(turned, half_turn(frame));
+        const Vec3f signs = half_turn(frame).signs;
+        write_splat_ply(path, turned, vec_cast<double>(signs) * options.origin, PlyScales::three,
+                        /*signature=*/true);
+        return fs::file_size(path);
+    }
+    std::uintmax_t size = 0;
+    if (format == SplatFormat::spz) {
+        SpzOptions how;
+        how.version = options.spz_version, how.frame = frame;
+        how.antialiased = options.antialiased;
+        how.sh_bits_1 = options.spz_sh_bits_1, how.sh_bits_rest = options.spz_sh_bits_rest;
+        const std::vector<std::uint8_t> bytes = spz_bytes(g, how, path);
+        put_origin_file(path, options.origin, frame);
+        write(path, bytes.data(), size = bytes.size());
+    } else if (format == SplatFormat::sog) {
+        const std::string bytes =
+            sog_bytes(path, g, {frame, options.sog_palette, options.antialiased});
+        put_origin_file(path, options.origin, frame);
+        write(path, bytes.data(), size = bytes.size());
+    } else {
+        SplatGlbOptions how;
+        how.frame = frame, how.origin = options.origin;
+        how.antialiased = options.antialiased;
+        if (options.upright_from_scene) how.upright_from_scene = *options.upright_from_scene;
+        const std::string bytes = splat_glb_bytes(path, g, how);
+        write(path, bytes.data(), size = bytes.size());
+    }
+    return size;
+}
+
+Vec3d read_splat_origin(const std::string& path) {
+    const SplatFormat format = format_of(path);
+    if (format == SplatFormat::glb) return splat_glb_origin(read_bytes(path), path);
+    if (format == SplatFormat::ply) return {};
+    const std::optional<JsonValue> json = read_origin_file(path);
+    if (!json) return {};
+    const std::vector<JsonValue>& numbers = (*json)["origin"].items;
+    Vec3d origin;
+    for (int c = 0; c < 3; ++c)
+        origin[c] = numbers.size() == 3 ? numbers[static_cast<std::size_t>(c)].number_or(NAN) : NAN;
+    if (!is_finite(origin))
+        throw input_error(origin_file(path), ": \"origin\": expected three finite numbers");
+    return origin;
+}
+
+Gaussians<Cpu> read_splat_file(const std::string& path,
+                               std::optional<SplatFrame> given,
+                               Vec3d origin) {
+    const SplatFormat format = format_of(path);
+    const SplatFrame frame = given.value_or(usual_frame(format));
+    switch (format) {
+        case SplatFormat::spz:
+            return read_spz(path, frame).splats;
+        case SplatFormat::sog:
+            return read_sog(path, frame);
+        case SplatFormat::glb:
+            return parse_splat_glb(read_bytes(path), path, frame);
+        default: {
+            const HalfTurn by = half_turn(frame);
+            Gaussians<Cpu> g = read_splat_ply(path, vec_cast<double>(by.signs) * origin);
+            turn(g, by);
+            return g;
+        }
+    }
+}
+
+}  // namespace tvsgs
