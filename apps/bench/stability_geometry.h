@@ -6,7 +6,7 @@
 #include "apps/bench/stability_row.h"
 #include "mesh/tsdf_math.h"
 #include "optim/multiview_math.h"
-#include "render/normal_math.h"
+#include "render/depth/normal_math.h"
 
 namespace tvsgs::stability {
 

@@ -2,8 +2,8 @@
 #pragma once
 
 #include "apps/bench/stability_row.h"
-#include "render/blend_math.h"
-#include "render/ssim_math.h"
+#include "render/photometric/ssim_math.h"
+#include "render/tiles/blend_math.h"
 
 namespace tvsgs::stability {
 

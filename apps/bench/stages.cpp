@@ -12,9 +12,9 @@
 #include "optim/adam.h"
 #include "optim/splat_order.h"
 #include "pipeline/run_options.h"
-#include "render/channels.h"
-#include "render/map_images.h"
-#include "render/photometric.h"
+#include "render/depth/map_images.h"
+#include "render/photometric/photometric.h"
+#include "render/tiles/channels.h"
 
 namespace tvsgs {
 namespace {

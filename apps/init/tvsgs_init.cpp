@@ -15,7 +15,7 @@
 #include "pipeline/mask_use.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/stereo_cloud.h"
-#include "render/map_images.h"
+#include "render/depth/map_images.h"
 
 namespace tvsgs {
 namespace {

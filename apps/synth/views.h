@@ -12,7 +12,7 @@
 #include "core/math/quaternion.h"
 #include "core/math/rng.h"
 #include "core/scene/camera.h"
-#include "render/camera_math.h"
+#include "render/tiles/camera_math.h"
 
 namespace tvsgs::synth {
 

@@ -2,7 +2,7 @@
 
 #include "core/error.h"
 #include "mesh/device_algorithms.h"
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 
 namespace tvsgs::detail {
 namespace {

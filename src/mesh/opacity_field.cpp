@@ -2,7 +2,7 @@
 
 #include "core/math/smoothing_filter.h"
 #include "mesh/opacity_field_impl.h"
-#include "render/tiles_cpu.h"
+#include "render/tiles/tiles_cpu.h"
 
 namespace tvsgs {
 

@@ -1,5 +1,5 @@
 #include "mesh/opacity_field_impl.h"
-#include "render/tiles_cuda.h"
+#include "render/tiles/tiles_cuda.h"
 
 namespace tvsgs {
 

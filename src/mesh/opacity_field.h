@@ -7,7 +7,7 @@
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
 #include "mesh/opacity_math.h"
-#include "render/tiles.h"
+#include "render/tiles/tiles.h"
 
 namespace tvsgs {
 

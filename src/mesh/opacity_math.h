@@ -5,7 +5,7 @@
 #include "core/device/parallel.h"
 #include "core/math/fast_math.h"
 #include "core/scene/camera.h"
-#include "render/blend_math.h"
+#include "render/tiles/blend_math.h"
 
 namespace tvsgs {
 

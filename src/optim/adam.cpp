@@ -1,6 +1,6 @@
 #include "optim/adam.h"
 
-#include "render/fused_gradients.h"
+#include "render/tiles/fused_gradients.h"
 
 namespace tvsgs {
 

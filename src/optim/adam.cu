@@ -1,5 +1,5 @@
 #include "optim/adam.h"
-#include "render/fused_gradients.h"
+#include "render/tiles/fused_gradients.h"
 
 namespace tvsgs {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "core/math/fast_math.h"
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 
 #include "optim/adam_math.h"
 #include "render/backbone.h"
-#include "render/splat_vjp.h"
+#include "render/tiles/splat_vjp.h"
 
 namespace tvsgs {
 

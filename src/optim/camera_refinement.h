@@ -9,7 +9,7 @@
 
 #include "core/scene/scene.h"
 #include "core/scene/state.h"
-#include "render/camera_math.h"
+#include "render/tiles/camera_math.h"
 
 namespace tvsgs {
 

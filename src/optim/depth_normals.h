@@ -4,7 +4,7 @@
 
 #include "core/device/parallel.h"
 #include "core/scene/camera.h"
-#include "render/normal_math.h"
+#include "render/depth/normal_math.h"
 
 namespace tvsgs {
 

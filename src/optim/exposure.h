@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "optim/loss.h"
 #include "optim/photo_background.h"
-#include "render/photometric.h"
+#include "render/photometric/photometric.h"
 
 namespace tvsgs {
 

@@ -7,7 +7,7 @@
 #include "core/log.h"
 #include "core/math/point_forest.h"
 #include "core/math/rng.h"
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 
 namespace tvsgs {
 namespace {

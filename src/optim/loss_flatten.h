@@ -2,7 +2,7 @@
 #pragma once
 
 #include "optim/loss.h"
-#include "render/projection_math.h"
+#include "render/ewa/projection_math.h"
 
 namespace tvsgs {
 

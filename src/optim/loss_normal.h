@@ -4,7 +4,7 @@
 #include "optim/depth_normals.h"
 #include "optim/edge_strength.h"
 #include "optim/loss.h"
-#include "render/photometric.h"
+#include "render/photometric/photometric.h"
 
 namespace tvsgs {
 

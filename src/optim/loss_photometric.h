@@ -6,7 +6,7 @@
 #include "core/error.h"
 #include "optim/exposure.h"
 #include "optim/loss.h"
-#include "render/photometric.h"
+#include "render/photometric/photometric.h"
 
 namespace tvsgs {
 

@@ -9,7 +9,7 @@
 #include "optim/fixed_splats.h"
 #include "optim/splat_order.h"
 #include "optim/splat_planes.h"
-#include "render/projection_math.h"
+#include "render/ewa/projection_math.h"
 
 namespace tvsgs {
 namespace {

@@ -8,7 +8,7 @@
 #include "core/math/quantile.h"
 #include "core/math/sigmoid.h"
 #include "pipeline/view_evaluation.h"
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 
 namespace tvsgs {
 namespace {

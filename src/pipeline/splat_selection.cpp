@@ -8,7 +8,7 @@
 #include "core/scene/splat_lists.h"
 #include "io/splats/splat_checks.h"
 #include "optim/splat_order.h"
-#include "render/map_images.h"
+#include "render/depth/map_images.h"
 
 namespace tvsgs {
 namespace {

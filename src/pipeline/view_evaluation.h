@@ -15,7 +15,7 @@
 #include "pipeline/render_background.h"
 #include "pipeline/signals.h"
 #include "render/backbone.h"
-#include "render/map_images.h"
+#include "render/depth/map_images.h"
 
 namespace tvsgs {
 

@@ -5,9 +5,9 @@
 #include <map>
 
 #include "core/error.h"
-#include "render/backbone_ewa.h"
-#include "render/backbone_rade.h"
-#include "render/backbone_surfel.h"
+#include "render/ewa/backbone_ewa.h"
+#include "render/rade/backbone_rade.h"
+#include "render/surfel/backbone_surfel.h"
 
 namespace tvsgs {
 

@@ -12,7 +12,7 @@
 #include "io/splats/spz.h"
 #include "optim/splat_order.h"
 #include "pipeline/splat_selection.h"
-#include "render/blend_math.h"
+#include "render/tiles/blend_math.h"
 
 namespace tvsgs {
 namespace {

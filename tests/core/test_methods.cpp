@@ -34,7 +34,7 @@ struct Kind {
 };
 const std::vector<Kind> kKinds{
     {"src/optim/loss_", {"src/optim/losses_list.h"}},
-    {"src/render/backbone_", {"src/render/backbones_list.h", "src/render/fused_gradients.h"}},
+    {"src/render/backbone_", {"src/render/backbones_list.h", "src/render/tiles/fused_gradients.h"}},
     {"src/mesh/mesher_", {"src/mesh/meshers_list.h"}}};
 
 /// Names of methods, as words of file names, identifiers and strings.
@@ -49,7 +49,7 @@ const std::set<std::pair<std::string, std::string>> kAllowed{
     // Configurations that the program carries with it have the names of their files.
     {"src/io/config/built_in_configs.h", "pgsr"},
     // Splats that are ellipses, too: their tiles are found with the packs of EWA.
-    {"src/render/blend_rade.cpp", "ewa"},
+    {"src/render/rade/blend_rade.cpp", "ewa"},
 };
 
 /// A piece of a source: a word of code, or all that stands in one string.
@@ -264,7 +264,7 @@ TEST(Methods, ANameThatIsUsedElsewhereIsFound) {
         EXPECT_EQ(in(innocent), 0u) << innocent;
     for (const char* guilty :
          {"if (name == \"pgsr\") {}", "make<EwaBackbone>();", "bool is_2dgs = false;",
-          "struct PGSROptions {};", "#include \"render/blend_rade.h\"", "FatesLoss<Cpu> loss;",
+          "struct PGSROptions {};", "#include \"render/rade/blend_rade.h\"", "FatesLoss<Cpu> loss;",
           "#include \"optim/loss_fates.h\"", "R\"json(\"vggs\")json\"", "o.vggs.weight = 1;",
           "field(\"backbone\", b, \"one of ewa, and more\");", "const char* c = \"3DGS\";"})
         EXPECT_EQ(in(guilty), 1u) << guilty;

@@ -7,7 +7,7 @@
 
 #include "core/error.h"
 #include "eval/image_metrics.h"
-#include "render/map_images.h"
+#include "render/depth/map_images.h"
 #include "support/test_data.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "io/scene/pose_error.h"
-#include "render/camera_math.h"
+#include "render/tiles/camera_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

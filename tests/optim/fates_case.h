@@ -4,7 +4,7 @@
 
 #include "core/scene/prior_maps.h"
 #include "optim/losses_list.h"
-#include "render/view_splats.h"
+#include "render/tiles/view_splats.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

@@ -4,7 +4,7 @@
 #include "core/error.h"
 #include "core/math/point_forest.h"
 #include "optim/init.h"
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 
 #include "command_test.h"
 #include "core/error.h"
-#include "render/tiles.h"
+#include "render/tiles/tiles.h"
 
 namespace tvsgs {
 namespace {

@@ -1,6 +1,6 @@
 #include "disc_case.h"
-#include "render/blend_cuda.h"
-#include "render/tiles_cuda.h"
+#include "render/tiles/blend_cuda.h"
+#include "render/tiles/tiles_cuda.h"
 
 namespace tvsgs::test {
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/scene/camera.h"
-#include "render/blend.h"
+#include "render/tiles/blend.h"
 
 namespace tvsgs::test {
 

@@ -1,7 +1,7 @@
 #include <vector>
 
-#include "render/blend_math.h"
-#include "render/normal_math.h"
+#include "render/depth/normal_math.h"
+#include "render/tiles/blend_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

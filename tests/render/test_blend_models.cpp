@@ -7,8 +7,8 @@
 #include <numeric>
 
 #include "disc_case.h"
-#include "render/blend_cpu.h"
-#include "render/tiles_cpu.h"
+#include "render/tiles/blend_cpu.h"
+#include "render/tiles/tiles_cpu.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

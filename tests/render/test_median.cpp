@@ -9,8 +9,8 @@
 #include "core/error.h"
 #include "double_splats.h"
 #include "render/backbone.h"
-#include "render/blend_math.h"
-#include "render/median_math.h"
+#include "render/depth/median_math.h"
+#include "render/tiles/blend_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -3,8 +3,8 @@
 #include <functional>
 #include <vector>
 
-#include "render/median_math.h"
-#include "render/ray_profile_math.h"
+#include "render/depth/median_math.h"
+#include "render/rade/ray_profile_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -1,4 +1,4 @@
-#include "render/photometric.h"
+#include "render/photometric/photometric.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "render/backbone.h"
-#include "render/splat_places.h"
+#include "render/tiles/splat_places.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -1,6 +1,6 @@
 #include <array>
 
-#include "render/projection_math.h"
+#include "render/ewa/projection_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -8,9 +8,9 @@
 #include "core/error.h"
 #include "double_splats.h"
 #include "rade_case.h"
-#include "render/blend_math.h"
-#include "render/rade_math.h"
-#include "render/sh_math.h"
+#include "render/rade/rade_math.h"
+#include "render/tiles/blend_math.h"
+#include "render/tiles/sh_math.h"
 
 namespace tvsgs {
 namespace {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/math/smoothing_filter.h"
-#include "render/blend_rade.h"
-#include "render/rade_math.h"
+#include "render/rade/blend_rade.h"
+#include "render/rade/rade_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -7,9 +7,9 @@
 #include <functional>
 
 #include "render/backbone.h"
-#include "render/blend_math.h"
-#include "render/projection_math.h"
-#include "render/sh_math.h"
+#include "render/ewa/projection_math.h"
+#include "render/tiles/blend_math.h"
+#include "render/tiles/sh_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

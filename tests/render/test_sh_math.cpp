@@ -1,4 +1,4 @@
-#include "render/sh_math.h"
+#include "render/tiles/sh_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

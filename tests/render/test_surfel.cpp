@@ -8,9 +8,9 @@
 #include "core/error.h"
 #include "double_splats.h"
 #include "render/backbone.h"
-#include "render/blend_math.h"
-#include "render/sh_math.h"
-#include "render/surfel_math.h"
+#include "render/surfel/surfel_math.h"
+#include "render/tiles/blend_math.h"
+#include "render/tiles/sh_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -1,7 +1,7 @@
 // Surfels in double: closed-form intersections, and all derivatives against central differences.
 #include <gtest/gtest.h>
 
-#include "render/surfel_math.h"
+#include "render/surfel/surfel_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

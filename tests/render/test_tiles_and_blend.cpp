@@ -4,7 +4,7 @@
 #include <array>
 #include <cstring>
 
-#include "render/blend_ewa.h"
+#include "render/ewa/blend_ewa.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

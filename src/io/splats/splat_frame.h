@@ -21,7 +21,7 @@ struct HalfTurn {
     Quatf operator()(Quatf q) const { return {q.w, signs.x * q.x, signs.y * q.y, signs.z * q.z}; }
     /// What coefficient `k` below 16 of the harmonics is multiplied with.
     float of_coefficient(int k) const {
-        // Of render/sh_math.h; 1: odd in x, 2: in y, 4: in z.
+        // Of render/tiles/sh_math.h; 1: odd in x, 2: in y, 4: in z.
         constexpr int kOdd[16] = {0, 2, 4, 1, 3, 6, 0, 5, 0, 2, 7, 2, 4, 1, 4, 1};
         float sign = 1;
         for (int axis = 0; axis < 3; ++axis)

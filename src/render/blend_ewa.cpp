@@ -1,8 +1,0 @@
-#include "render/blend_ewa_packs.h"
-
-namespace tvsgs {
-TVSGS_TILES_CPU(SplatShape<float>, FeatureRecord)
-TVSGS_BLEND_CPU(EwaModel<Channels::color>)
-TVSGS_BLEND_CPU(EwaModel<Channels::color_plane>)
-TVSGS_BLEND_CPU(EwaModel<Channels::plane>)
-}  // namespace tvsgs

@@ -1,9 +1,0 @@
-#include "render/blend_rade.h"
-
-#include "render/blend_ewa_packs.h"
-
-namespace tvsgs {
-TVSGS_TILES_CPU(SplatShape<float>, RadeRecord)
-TVSGS_BLEND_CPU(RadeModel<false>)
-TVSGS_BLEND_CPU(RadeModel<true>)
-}  // namespace tvsgs

@@ -1,9 +1,0 @@
-#include "render/blend_cuda.h"
-#include "render/blend_rade.h"
-#include "render/tiles_cuda.h"
-
-namespace tvsgs {
-TVSGS_TILES_CUDA(SplatShape<float>, RadeRecord)
-TVSGS_BLEND_CUDA(RadeModel<false>)
-TVSGS_BLEND_CUDA(RadeModel<true>)
-}  // namespace tvsgs

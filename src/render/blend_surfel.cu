@@ -1,9 +1,0 @@
-#include "render/blend_cuda.h"
-#include "render/blend_surfel.h"
-#include "render/tiles_cuda.h"
-
-namespace tvsgs {
-TVSGS_TILES_CUDA(SurfelShape<float>, SurfelRecord)
-TVSGS_BLEND_CUDA(SurfelModel<false>)
-TVSGS_BLEND_CUDA(SurfelModel<true>)
-}  // namespace tvsgs

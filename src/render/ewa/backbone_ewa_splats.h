@@ -1,0 +1,150 @@
+// The splats of one view of the backbone `ewa`, one at a time on both devices: to the image, and
+// from what they add up there to their parameters.
+#pragma once
+
+#include "render/depth/ray_depth.h"
+#include "render/ewa/blend_ewa.h"
+#include "render/tiles/splat_vjp.h"
+#include "render/tiles/view_splats.h"
+
+namespace tvsgs {
+
+template <Channels kChannels>
+struct ProjectBody {
+    ViewParameters view;
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<SplatShape<float>> shapes;
+    Span<FeatureRecord> features;
+    Span<float> depths;
+    Span<TileRect> rects;
+
+    struct Found {
+        Vec3f p;
+        Mat3f R;
+        ViewEllipse e;
+    };
+    TVSGS_HD bool find(int i, Found& f) const {
+        f.p = view.camera.camera_from_world * means[i];
+        if (!(f.p.z > view.near) || !is_finite(f.p)) return false;
+        const float opacity = sigmoid(opacity_logits[i]);
+        if (!(opacity > kMinAlpha)) return false;  // nowhere visible
+        f.R = rotation(normalize(quats[i]));
+        f.e = view_ellipse(view, f.p, f.R, exp(log_scales[i]), opacity, /*least_det=*/0);
+        return f.e.rect.count() != 0;
+    }
+    TVSGS_HD float radius(const Found& f) const { return f.e.radius; }
+    TVSGS_HD void store(int i, const Found& f, std::uint32_t at) const {
+        SplatShape<float>& shape = shapes[at];  // as a whole nvcc copies it byte by byte
+        shape.mean = f.e.shape.mean, shape.root = f.e.shape.root;
+        shape.opacity = f.e.shape.opacity, shape.reach = f.e.shape.reach;
+        depths[at] = f.p.z;
+        rects[at] = f.e.rect;
+
+        if constexpr (has_plane(kChannels)) {
+            const CameraPlane<float> plane = camera_plane(view.camera.camera_from_world.R, f.R,
+                                                          smallest_axis(log_scales[i]), f.p);
+            features[at].f.normal = plane.normal;
+            features[at].f.distance = plane.distance;
+        }
+    }
+};
+
+/// From the sums of each splat to its parameters.
+template <Channels kChannels>
+struct EwaVjp {
+    static constexpr bool kColor = has_color(kChannels);
+
+    ViewParameters view;
+    Span<const SplatShape<float>> shapes;
+    Span<const FeatureRecord> features;
+    SplatSums<SplatGradients<float>> sums;
+    // As those of `sums`; none where depth along rays has no gradient.
+    Span<const RayDepthGradients> ray_fragments;
+    Span<const std::uint8_t> ray_drawn;
+
+    template <class Visit>
+    TVSGS_HD bool operator()(int i,
+                             const SplatGeometry& splat,
+                             SplatGeometry& sum,
+                             Visit& visit) const {
+        SplatGradients<float> g;
+        std::uint32_t at = 0;
+        if (!finish(i, at, g)) return false;
+        Vec3f dL_dmean{};  // the harmonics first: they hold most numbers at once
+        if constexpr (kColor)
+            dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+                                           features[at].f.color, g.features.color, visit);
+        const Vec3f p = view.camera.camera_from_world * splat.mean;
+        const Mat3f R = rotation(normalize(splat.quat));
+        const Vec3f scales = exp(splat.log_scale);
+        const SplatShape<float> shape = shapes[at];
+        sum.opacity_logit += sigmoid_slope(splat.opacity_logit) * g.opacity;
+
+        auto ellipse =
+            image_ellipse_vjp(projection_jacobian(view.camera, p), R, scales, shape.root, g.spread);
+        Vec3f dL_dp = projection_vjp(view.camera, p, g.mean, ellipse.dL_dT);
+        if constexpr (has_plane(kChannels)) {
+            const int axis = smallest_axis(splat.log_scale);
+            const auto plane = camera_plane_vjp(view.camera.camera_from_world.R, R, axis, p,
+                                                g.features.normal, g.features.distance);
+            dL_dp += plane.dL_dmean_camera;
+            for (int k = 0; k < 3; ++k) {
+                const float here = k == axis ? 1.0f : 0.0f;
+                ellipse.dL_dR[0][k] += here * plane.dL_daxis.x;
+                ellipse.dL_dR[1][k] += here * plane.dL_daxis.y;
+                ellipse.dL_dR[2][k] += here * plane.dL_daxis.z;
+            }
+        }
+        if constexpr (has_ray(kChannels)) {
+            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
+                const auto ray = ray_profile_vjp(view.camera, R, scales, p, by_depth->profile);
+                dL_dp += ray.dL_dp;
+                ellipse.dL_dlog_s += ray.dL_dlog_s;
+                for (int r = 0; r < 3; ++r)
+                    for (int c = 0; c < 3; ++c) ellipse.dL_dR[r][c] += ray.dL_dR[r][c];
+            }
+        }
+        sum.mean += dL_dmean + transpose_times(view.camera.camera_from_world.R, dL_dp);
+        sum.log_scale += ellipse.dL_dlog_s;
+        add(sum.quat, rotation_vjp(splat.quat, ellipse.dL_dR));
+        return true;
+    }
+
+    TVSGS_HD void observe(int i) const {
+        SplatGradients<float> g;
+        std::uint32_t at = 0;
+        finish(i, at, g);
+    }
+
+private:
+    /// Null if depth says nothing of the Gaussian there, which drew something.
+    TVSGS_HD const RayDepthGradients* ray_gradients(std::uint32_t at) const {
+        const std::uint32_t first = sums.first_fragment[at];
+        return ray_fragments.empty() || !ray_drawn[first] ? nullptr : &ray_fragments[first];
+    }
+
+    /// Completes the sums of Gaussian i and writes its statistics, those of absolute values without
+    /// depth along rays; `at`: its place. False if it drew nothing: `g` is then unchanged.
+    TVSGS_HD bool finish(int i, std::uint32_t& at, SplatGradients<float>& g) const {
+        const SplatGradients<float>* const blended = sums.find(i, at);
+        if (blended == nullptr) {
+            sums.write(i, {}, {}, 0);
+            return false;
+        }
+        g = *blended;
+        if constexpr (has_ray(kChannels)) {
+            if (const RayDepthGradients* const by_depth = ray_gradients(at)) {
+                g.mean += by_depth->mean, g.opacity += by_depth->opacity;
+                g.spread.xx += by_depth->spread.xx, g.spread.xy += by_depth->spread.xy;
+                g.spread.yy += by_depth->spread.yy;
+            }
+        }
+        complete(g, shapes[at]);
+        sums.write(i, per_ndc(view.grid, g.mean), per_ndc(view.grid, g.abs_mean), g.front_pixels);
+        return true;
+    }
+};
+
+}  // namespace tvsgs

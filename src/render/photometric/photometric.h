@@ -1,0 +1,78 @@
+// L1 + SSIM of a render against a photograph, value and gradient in one go.  [Kerbl23, Eq. 7]
+#pragma once
+
+#include "core/device/buffer.h"
+#include "core/math/vec.h"
+#include "render/photometric/ssim_math.h"
+
+namespace tvsgs {
+
+struct PhotometricWeights {
+    float l1, ssim;  // L = l1 * mean |x - y| + ssim * (1 - SSIM); means over pixels and channels
+};
+
+/// Scratch of one device, kept between calls.
+template <class Device>
+struct PhotometricScratch {
+    Buffer<Vec3f, Device> dS_dx, dS_dxx,
+        dS_dxy;                   // [H W] derivatives with respect to the windowed moments
+    Buffer<float, Device> photo;  // [H W 3] 0 to 1; CPU only
+};
+
+/// Adds dL/dcolor to `dL_dcolor` [H W] and writes each pixel's share of L to `pixel_loss` [H W], so
+/// that their sum is L.
+///   color   rendered [H W], not clamped;   photo   [H W 3], 0 to 255
+void photometric_loss(Span<const Vec3f> color,
+                      Span<const std::uint8_t> photo,
+                      int width,
+                      int height,
+                      PhotometricWeights weights,
+                      PhotometricScratch<Cpu>& scratch,
+                      Span<Vec3f> dL_dcolor,
+                      Span<float> pixel_loss,
+                      Cpu);
+void photometric_loss(Span<const Vec3f> color,
+                      Span<const std::uint8_t> photo,
+                      int width,
+                      int height,
+                      PhotometricWeights weights,
+                      PhotometricScratch<Cuda>& scratch,
+                      Span<Vec3f> dL_dcolor,
+                      Span<float> pixel_loss,
+                      Cuda);
+
+namespace detail {
+
+TVSGS_HD inline Vec3f photo_pixel(const std::uint8_t* photo, std::size_t at) {
+    return {static_cast<float>(photo[3 * at]) / 255, static_cast<float>(photo[3 * at + 1]) / 255,
+            static_cast<float>(photo[3 * at + 2]) / 255};
+}
+
+TVSGS_HD inline float magnitude(float x) {
+    return x < 0 ? -x : x;
+}
+TVSGS_HD inline float sign(float x) {
+    return x > 0 ? 1.0f : x < 0 ? -1.0f : 0.0f;
+}
+
+/// Share of the loss of one number x of the render, y of the photograph.
+template <class Real>
+TVSGS_HD Real loss_share(Real x, Real y, Real ssim, PhotometricWeights weights, float per_value) {
+    return per_value * (weights.l1 * magnitude(x - y) + weights.ssim * (1 - ssim));
+}
+
+/// dL/dx of one number from the windowed derivative sums.
+template <class Real>
+TVSGS_HD Real loss_derivative(Real x,
+                              Real y,
+                              Real dS_dx,
+                              Real dS_dxx,
+                              Real dS_dxy,
+                              PhotometricWeights weights,
+                              float per_value) {
+    return per_value *
+           (weights.l1 * sign(x - y) - weights.ssim * (dS_dx + 2 * x * dS_dxx + y * dS_dxy));
+}
+
+}  // namespace detail
+}  // namespace tvsgs

@@ -1,0 +1,165 @@
+// The splats of one view of the backbone `surfel`, one at a time on both devices: to the image, and
+// from what they add up there to their parameters.  [2DGS]
+#pragma once
+
+#include "render/surfel/blend_surfel.h"
+#include "render/tiles/blend_math.h"
+#include "render/tiles/splat_vjp.h"
+
+namespace tvsgs {
+
+struct SurfelView {
+    Pinhole<float> camera;
+    Vec3f centre;  // of the camera, world
+    TileGrid grid;
+    int sh_degree;
+    float near;
+};
+
+/// Of a splat, in the camera's frame. `sign`: of the normal, which looks at the camera; 0: edge on.
+struct SurfelPose {
+    SurfelAxes<float> axes;
+    Mat3f R;  // of the splat in the world
+    Vec3f normal;
+    float sign;
+};
+TVSGS_HD inline SurfelPose surfel_pose(const SurfelView& view,
+                                       Vec3f mean,
+                                       Vec3f log_scale,
+                                       Quatf quat) {
+    SurfelPose pose;
+    const Mat3f& to_camera = view.camera.camera_from_world.R;
+    pose.R = rotation(normalize(quat));
+    pose.axes.centre = view.camera.camera_from_world * mean;
+    pose.axes.a = std::exp(log_scale.x) * (to_camera * column(pose.R, 0));
+    pose.axes.b = std::exp(log_scale.y) * (to_camera * column(pose.R, 1));
+    const Vec3f normal = to_camera * column(pose.R, 2);
+    const float facing = dot(normal, pose.axes.centre);
+    pose.sign = facing < 0 ? 1.0f : facing > 0 ? -1.0f : 0.0f;
+    pose.normal = pose.sign * normal;
+    return pose;
+}
+
+struct ProjectSurfelsBody {
+    SurfelView view;
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<SurfelShape<float>> shapes;
+    Span<SurfelRecord> features;
+    Span<float> depths;
+    Span<TileRect> rects;
+
+    struct Found {
+        SurfelPose pose;
+        SurfelShape<float> shape;
+        TileRect rect;
+    };
+    TVSGS_HD bool find(int i, Found& f) const {
+        f.pose = surfel_pose(view, means[i], log_scales[i], quats[i]);
+        const Vec3f p = f.pose.axes.centre;
+        if (!(p.z > view.near) || !is_finite(p) || f.pose.sign == 0) return false;
+        const float opacity = sigmoid(opacity_logits[i]);
+        if (!(opacity > kLeastSurfelAlpha)) return false;
+        SurfelShape<float>& s = f.shape;
+        if (!surfel_shape(view.camera, f.pose.axes, opacity, s)) return false;
+        const Vec2f half{0.5f * (s.high.x - s.low.x), 0.5f * (s.high.y - s.low.y)};
+        if (!(half.x < 1e6f) || !(half.y < 1e6f)) return false;
+        f.rect =
+            tile_rect({s.mean.x + s.low.x + half.x, s.mean.y + s.low.y + half.y}, half, view.grid);
+        return f.rect.count() != 0;
+    }
+    TVSGS_HD float radius(const Found& f) const {
+        const SurfelBox<float> box =
+            surfel_box(surfel_rows(view.camera, f.pose.axes), kLowPassReach);
+        const float longer = box.extent.x > box.extent.y ? box.extent.x : box.extent.y;
+        const float least = kLowPassReach * 0.70710678f;
+        return std::ceil(longer > least ? longer : least);
+    }
+    TVSGS_HD void store(int /*i*/, const Found& found, std::uint32_t at) const {
+        shapes[at] = found.shape;
+        depths[at] = found.pose.axes.centre.z;
+        rects[at] = found.rect;
+        SurfelFeatures<float>& f = features[at].f;
+        f.normal = found.pose.normal;
+        f.color = {};  // a render without colours blends it, too
+    }
+};
+
+/// From the sums of each splat to its parameters. The third scale has no gradient.
+template <bool kMaps, bool kColor_>
+struct SurfelVjp {
+    static constexpr bool kColor = kColor_;
+    using Gradients = SurfelGradients<kMaps, float>;
+
+    SurfelView view;
+    Span<const SurfelShape<float>> shapes;
+    Span<const SurfelRecord> features;
+    SplatSums<Gradients> sums;
+
+    template <class Visit>
+    TVSGS_HD bool operator()(int i,
+                             const SplatGeometry& splat,
+                             SplatGeometry& sum,
+                             Visit& visit) const {
+        Gradients g;
+        SurfelMatrixGradient<float> matrix;
+        std::uint32_t at = 0;
+        if (!finish(i, at, g, matrix)) return false;
+        Vec3f dL_dmean{};
+        if constexpr (kColor)
+            dL_dmean = sh_color_vjp<float>(view.sh_degree, splat.mean - view.centre,
+                                           features[at].f.color, g.color, visit);
+        if constexpr (kMaps) matrix.row_z.z += g.depth;
+        const SurfelPose pose = surfel_pose(view, splat.mean, splat.log_scale, splat.quat);
+        low_pass_vjp(surfel_rows(view.camera, pose.axes), shapes[at].low_pass, g.inverse.low_pass,
+                     matrix);
+        const SurfelAxes<float> axes = surfel_axes_vjp(view.camera, pose.axes.centre, matrix);
+        const Mat3f& to_camera = view.camera.camera_from_world.R;
+        sum.log_scale.x += dot(axes.a, pose.axes.a);
+        sum.log_scale.y += dot(axes.b, pose.axes.b);
+        Vec3f by_normal{};
+        if constexpr (kMaps) by_normal = pose.sign * transpose_times(to_camera, g.normal);
+        const Vec3f by_axis[3] = {std::exp(splat.log_scale.x) * transpose_times(to_camera, axes.a),
+                                  std::exp(splat.log_scale.y) * transpose_times(to_camera, axes.b),
+                                  by_normal};
+        Mat3f dL_dR;
+        for (int r = 0; r < 3; ++r)
+            for (int c = 0; c < 3; ++c) dL_dR[r][c] = by_axis[c][r];
+        add(sum.quat, rotation_vjp(splat.quat, dL_dR));
+        sum.opacity_logit += sigmoid_slope(splat.opacity_logit) * g.opacity;
+        sum.mean += transpose_times(to_camera, axes.centre) + dL_dmean;
+        return true;
+    }
+
+    TVSGS_HD void observe(int i) const {
+        Gradients g;
+        SurfelMatrixGradient<float> matrix;
+        std::uint32_t at = 0;
+        finish(i, at, g, matrix);
+    }
+
+private:
+    /// The sums of Gaussian i, as they are and by its matrix; writes its statistics. `at`: its
+    /// place. False if it drew nothing.
+    TVSGS_HD bool finish(int i,
+                         std::uint32_t& at,
+                         Gradients& g,
+                         SurfelMatrixGradient<float>& matrix) const {
+        const Gradients* const blended = sums.find(i, at);
+        if (blended == nullptr) {
+            sums.write(i, {}, {}, 0);
+            return false;
+        }
+        g = *blended;
+        const SurfelShape<float> s = shapes[at];
+        matrix = surfel_inverse_vjp(s, g.inverse);
+        // A surrogate for the derivative by the centre's place, of what the dot did not draw.
+        const Vec2f by_place = per_ndc(view.grid, {matrix.row_x.z, matrix.row_y.z});
+        const Vec2f by_ndc{by_place.x / s.inverse_depth, by_place.y / s.inverse_depth};
+        sums.write(i, by_ndc, {std::abs(by_ndc.x), std::abs(by_ndc.y)}, g.front_pixels);
+        return true;
+    }
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,248 @@
+// Front-to-back compositing of one pixel, and its backward, one splat at a time; both devices walk
+// their lists with these. [Kerbl23, Eq. 2-3], plane channels and unbiased depth: [PGSR]
+#pragma once
+
+#include <limits>
+
+#include "core/math/fast_math.h"
+#include "core/math/sigmoid.h"
+#include "render/ewa/projection_math.h"
+#include "render/tiles/channels.h"
+
+namespace tvsgs {
+
+inline constexpr float kMinAlpha = 1.0f / 255;  // below one step of 8-bit colour
+inline constexpr float kMaxAlpha =
+    0.99f;  // keeps 1 - alpha, by which the backward divides, away from 0
+inline constexpr float kMinTransmittance = 1e-4f;   // behind this nothing is visible
+inline constexpr float kFrontTransmittance = 0.5f;  // "in front" for the observation count
+
+/// The ellipse of a splat in the image; in whole 16-byte words.
+template <class Real>
+struct alignas(16) SplatShape {
+    Vec2<Real> mean;         // px, corner convention
+    EllipseRoot<Real> root;  // 1/px
+    Real opacity;            // activated
+    Real reach;  // splat_reach(): alpha is at least kMinAlpha where the Gaussian's exponent is at
+                 // most this
+};
+
+template <class Real>
+TVSGS_HD Real splat_reach(Real opacity) {
+    return std::log(opacity / Real(kMinAlpha));
+}
+
+/// Half-widths of the box in which alpha can reach kMinAlpha, px.
+template <class Real>
+TVSGS_HD Vec2<Real> splat_extent(const SplatShape<Real>& s) {
+    const EllipseRoot<Real>& R = s.root;
+    return {std::sqrt(s.reach * (R.xy * R.xy + R.yy * R.yy)) / (R.xx * R.yy),
+            std::sqrt(s.reach) / R.yy};
+}
+
+/// What a splat adds to the channels.
+template <class Real>
+struct SplatFeatures {
+    Vec3<Real> color;
+    Vec3<Real> normal;  // camera frame
+    Real distance;      // world units
+};
+
+/// Sum over the channels that a set holds.
+template <Channels kChannels, class Real>
+TVSGS_HD Real feature_dot(const SplatFeatures<Real>& a, const SplatFeatures<Real>& b) {
+    if constexpr (!has_plane(kChannels)) return dot(a.color, b.color);
+    Real sum = dot(a.normal, b.normal) + a.distance * b.distance;
+    if constexpr (has_color(kChannels)) sum += dot(a.color, b.color);
+    return sum;
+}
+
+/// target += weight * f, channels of the set only.
+template <Channels kChannels, class Real>
+TVSGS_HD void add_features(SplatFeatures<Real>& target, Real weight, const SplatFeatures<Real>& f) {
+    if constexpr (has_color(kChannels)) target.color += weight * f.color;
+    if constexpr (has_plane(kChannels)) {
+        target.normal += weight * f.normal;
+        target.distance += weight * f.distance;
+    }
+}
+
+/// Gaussian value and clamped alpha at a pixel; alpha = 0 says that the splat is skipped there.
+template <class Real>
+struct SplatAlpha {
+    Real gauss, alpha;
+};
+
+/// `d` = mean - pixel centre. Forward and backward must decide alike, so both call this. FastMath:
+/// where alpha is not cut off, its exponential is right to 5 units in the last place.
+template <class Real>
+TVSGS_HD SplatAlpha<Real> splat_alpha(const SplatShape<Real>& s, Vec2<Real> d) {
+    const Vec2<Real> w = whitened(s.root, d);
+    const Real gauss = FastMath::decay(multiply_add(w.x, w.x, w.y * w.y));
+    const Real alpha = s.opacity * gauss;
+    if (!(alpha >= Real(kMinAlpha))) return {0, 0};
+    return {gauss, alpha < Real(kMaxAlpha) ? alpha : Real(kMaxAlpha)};
+}
+
+/// One pixel's running state on the way to the back.
+template <class Real>
+struct PixelForward {
+    Real T = 1;
+    SplatFeatures<Real> sum{};
+};
+
+/// Blends one splat; false when the pixel is full and the splat was not blended.
+template <Channels kChannels, class Real>
+TVSGS_HD bool blend(PixelForward<Real>& pixel, Real alpha, const SplatFeatures<Real>& f) {
+    const Real next = pixel.T * (1 - alpha);
+    const bool fits = !(next < Real(kMinTransmittance));  // no branch: pixels side by side differ
+    add_features<kChannels>(pixel.sum, fits ? alpha * pixel.T : Real(0), f);
+    pixel.T = fits ? next : pixel.T;
+    return fits;
+}
+
+/// One pixel's running state on the way back to the front.
+template <class Real>
+struct PixelBackward {
+    Real T;  // behind the next splat to visit; starts at the final transmittance
+    SplatFeatures<Real> dL_dpixel;  // gradient of the blended channels
+    Real behind = 0;                // <dL_dpixel, blended features behind, as if seen with T = 1>
+};
+
+/// Gradients of one splat; what a backward pass sums over pixels. In whole 16-byte words.
+template <class Real>
+struct alignas(16) SplatGradients {
+    Vec2<Real> mean, abs_mean;  // per px; abs: sum of absolute values per pixel
+    Sym2<Real> spread;          // -dL/dexponent w w^T, w = whitened(root, d)
+    Real opacity;
+    SplatFeatures<Real> features;
+    Real front_pixels;  // pixels where T in front of the splat exceeds one half
+
+    static constexpr int kCount = 16;
+};
+
+/// Counts a pixel where the splat drew with T in front of it.
+template <class Real>
+TVSGS_HD void count_front(Real& pixels, Real T, Real alpha) {
+    pixels += T > Real(kFrontTransmittance) && alpha > 0 ? Real(1) : Real(0);
+}
+
+/// Adds what a splat's alpha gives at a pixel, but for the factors that are the splat's, see
+/// complete(); `change`: dL/dopacity, the exponent is |w|^2.
+template <class Real, class Gradients>
+TVSGS_HD void add_alpha_gradient(Real change, Vec2<Real> w, Gradients& g) {
+    const Real x = change * w.x, y = change * w.y;
+    g.opacity += change;
+    g.mean.x += x, g.mean.y += y;
+    g.spread.xx += x * w.x, g.spread.xy += x * w.y, g.spread.yy += y * w.y;
+}
+
+/// One splat at one pixel, visited back to front; w = whitened(root, mean - pixel centre). Adds to
+/// `g` without the factors that are the splat's. An `a` of zeros adds nothing. The
+/// upper clamp of alpha is passed straight through, as in the official code.
+template <Channels kChannels, class Real>
+TVSGS_HD void blend_vjp(PixelBackward<Real>& pixel,
+                        const EllipseRoot<Real>& root,
+                        const SplatFeatures<Real>& f,
+                        Vec2<Real> w,
+                        SplatAlpha<Real> a,
+                        SplatGradients<Real>& g) {
+    using std::abs;
+    const Real T = pixel.T * FastMath::inverse(1 - a.alpha);  // in front of this splat
+    const Real step = feature_dot<kChannels>(f, pixel.dL_dpixel) - pixel.behind;
+    add_features<kChannels>(g.features, a.alpha * T, pixel.dL_dpixel);
+    pixel.behind += a.alpha * step;  // features behind <- alpha f + (1 - alpha) features behind
+    pixel.T = T;
+
+    const Real change = a.gauss * (T * step);
+    const Real x = change * w.x, y = change * w.y;
+    g.abs_mean.x += abs(x), g.abs_mean.y += abs(root.xy * x + root.yy * y);
+    add_alpha_gradient(change, w, g);
+    count_front(g.front_pixels, T, a.alpha);
+}
+
+/// Puts in the factors that blend_vjp() leaves out of its sums.
+template <class Real>
+TVSGS_HD void complete(SplatGradients<Real>& g, const SplatShape<Real>& s) {
+    const EllipseRoot<Real>& R = s.root;
+    g.mean = {-2 * s.opacity * (R.xx * g.mean.x),
+              -2 * s.opacity * (R.xy * g.mean.x + R.yy * g.mean.y)};
+    g.abs_mean = {2 * s.opacity * (R.xx * g.abs_mean.x), 2 * s.opacity * g.abs_mean.y};
+    g.spread.xx *= s.opacity, g.spread.xy *= s.opacity, g.spread.yy *= s.opacity;
+}
+
+/// Lower bound of the exponent over the rectangle of pixel centres [low, high], as tight as
+/// rounding allows: splat_alpha() finds no smaller exponent at any of them. Nothing here can be
+/// fused by a compiler, so all kernels get the same bits. A Real may be a Pack.
+template <class Real>
+TVSGS_HD Real least_exponent(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+    using std::abs;
+    const auto clamped = [](Real value, Real lo, Real hi) {
+        return select(value < lo, lo, select(value > hi, hi, value));
+    };
+    const EllipseRoot<Real>& R = s.root;
+    const Real zero(0);
+    const Vec2<Real> from = low - s.mean, to = high - s.mean;
+    const Real dx = clamped(zero, from.x, to.x), dy = clamped(zero, from.y, to.y);
+    if (all(both(dx == zero, dy == zero))) return zero;
+    const auto at = [&](Real x, Real y) {
+        // Two evaluations of w.x, here and in splat_alpha, differ by less than kError size.
+        constexpr double kError = 4 * (kIsDouble<Real> ? std::numeric_limits<double>::epsilon()
+                                                       : std::numeric_limits<float>::epsilon());
+        const Real size = multiply_add(abs(R.xy), abs(y), R.xx * abs(x));
+        const Vec2<Real> w = whitened(R, {x, y});
+        const Real surely = multiply_add(Real(-kError), size, abs(w.x));
+        const Real u = select(surely > zero, surely, zero);
+        return multiply_add(u, u, w.y * w.y);
+    };
+    // The minimum lies on an edge that faces the mean.
+    const Real beside = choose(
+        !(dx == zero),
+        [&] {
+            const Real yy = multiply_add(R.xy, R.xy, R.yy * R.yy);
+            return at(dx, clamped(-(R.xx * R.xy) * dx * FastMath::inverse(yy), from.y, to.y));
+        },
+        Real(3e38));
+    const Real above = choose(
+        !(dy == zero),
+        [&] { return at(clamped(-R.xy * dy * FastMath::inverse(R.xx), from.x, to.x), dy); },
+        Real(3e38));
+    const Real least = select(above < beside, above, beside);
+    return select(both(dx == zero, dy == zero), zero, least);
+}
+
+/// True if the exponent can be within the splat's reach at a pixel centre in [low, high]. Rounding
+/// errors can make this true where it is not, never the reverse.
+template <class Real>
+TVSGS_HD auto may_draw(const SplatShape<Real>& s, Vec2<Real> low, Vec2<Real> high) {
+    return least_exponent(s, low, high) <= s.reach + Real(1e-4);
+}
+
+/// The plane's depth along a pixel ray r (z = 1): D = distance / -(normal . r); 0 where it is
+/// undefined. The blending weights' sum cancels. `coverage` = 1 - T; grazing rays and almost empty
+/// pixels have no depth.
+template <class Real>
+TVSGS_HD Real plane_depth(Vec3<Real> normal, Real distance, Vec3<Real> ray, Real coverage) {
+    const Real facing = -dot(normal, ray);
+    if (!(coverage >= Real(1e-4)) || !(facing >= Real(1e-3) * coverage)) return 0;
+    const Real depth = distance / facing;
+    return depth > 0 ? depth : 0;
+}
+
+template <class Real>
+struct PlaneDepthGradients {
+    Vec3<Real> dL_dnormal;
+    Real dL_ddistance;
+};
+
+/// Only where plane_depth is not 0.
+template <class Real>
+TVSGS_HD PlaneDepthGradients<Real> plane_depth_vjp(Vec3<Real> normal,
+                                                   Real distance,
+                                                   Vec3<Real> ray,
+                                                   Real dL_ddepth) {
+    const Real facing = -dot(normal, ray);
+    return {dL_ddepth * distance / (facing * facing) * ray, dL_ddepth / facing};
+}
+
+}  // namespace tvsgs

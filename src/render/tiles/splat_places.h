@@ -1,0 +1,193 @@
+// Where a view keeps what it knows of its splats: records of those in view alone, one behind the
+// other in the order of their indices.
+#pragma once
+
+#include <algorithm>
+#include <type_traits>
+#include <vector>
+
+#include "core/device/parallel.h"
+#include "render/tiles/tiles.h"
+
+#if defined(_OPENMP)
+#include <omp.h>
+#endif
+
+namespace tvsgs {
+
+inline constexpr std::uint32_t kNoPlace = 0xffffffffu;
+
+/// Of each splat.
+struct SplatPlaces {
+    Span<const float> radii;           // [N] > 0: in view
+    Span<const std::uint32_t> before;  // [N + 1] splats in view before it; the last: all of them
+
+    /// kNoPlace: not in view. Compare it with the number of records before using it.
+    TVSGS_HD std::uint32_t of(int i) const {
+        const std::uint32_t place = before[i];  // at once: neither load waits for the other
+        return radii[i] > 0 ? place : kNoPlace;
+    }
+    TVSGS_HD std::uint32_t in_view() const { return before[before.count - 1]; }
+};
+
+/// A rasteriser's projection of splats to records:
+///
+///   Found           what is known of a splat before it is stored
+///   find(i, found)  whether splat i is in view
+///   radius(found)   px, > 0: ScreenStatistics
+///   store(i, found, place)  writes its records: of a ViewSplats, `rects` among them
+template <class Projection>
+struct MarkBody {
+    Projection projection;
+    Span<float> radii;
+
+    TVSGS_HD void operator()(int i) const {
+        typename Projection::Found found;
+        radii[i] = projection.find(i, found) ? projection.radius(found) : 0;
+    }
+};
+template <class Projection>
+struct StoreBody {
+    Projection projection;
+    SplatPlaces places;
+
+    TVSGS_HD void operator()(int i) const {
+        const auto room = static_cast<std::uint32_t>(projection.rects.count);
+        if (const std::uint32_t place = places.of(i); place < room) {
+            typename Projection::Found found;
+            if (projection.find(i, found)) projection.store(i, found, place);
+        }
+        // Places that no splat has are empty; there are no more places than splats.
+        const auto beyond = static_cast<std::uint32_t>(i);
+        if (beyond < room && beyond >= places.in_view()) projection.rects[beyond] = {};
+    }
+};
+
+/// before[i] = how many of radii[0], ..., radii[i - 1] are > 0, for i up to their number.
+void count_in_view(const Buffer<float, Cuda>& radii,
+                   Buffer<std::uint32_t, Cuda>& before,
+                   Buffer<std::uint8_t, Cuda>& temporary);
+
+/// Finds the places of a view's splats, and keeps room for as many records.
+template <class Device>
+class PlaceFinder {
+public:
+    /// Overwrites `radii` and `splats`, which has a place for each splat in view on a CPU. On a GPU
+    /// there may turn out to be too few, so that nobody has to wait for their number: ask
+    /// found_room() of splats.in_view, once that is known. project(to) is the Projection of splats
+    /// [0, count) to the records in `to`.
+    template <class Splats, class Project>
+    void find(int count, const Project& project, Buffer<float, Device>& radii, Splats& splats) {
+        const auto n = static_cast<std::size_t>(count);
+        radii.resize(n), before_.resize(n + 1);
+        room_ = std::min(room_, n);
+        if constexpr (std::is_same_v<Device, Cpu>)
+            find_once(count, project, radii, splats);
+        else
+            find_twice(count, project, radii, splats);
+    }
+
+    /// False: there was no room for all, and now there is.
+    bool found_room(std::size_t in_view) {
+        if (in_view <= room_) return true;
+        // With some to spare, as the next view may have more; Buffer leaves more when it grows.
+        room_ = std::min(in_view + in_view / 16, before_.size() - 1);
+        return false;
+    }
+
+    std::size_t room() const { return room_; }
+
+    SplatPlaces places(const Buffer<float, Device>& radii) const {
+        return {radii.span(), before_.span()};
+    }
+
+private:
+    /// Chunks of splats are projected to memory of their thread, and placed in their order.
+    template <class Splats, class Project>
+    void find_once(int count, const Project& project, Buffer<float, Cpu>& radii, Splats& splats) {
+        constexpr int kChunk = 256;
+        std::vector<Splats> own(threads());
+        for (Splats& records : own) records.resize(kChunk);
+        std::uint32_t in_view = 0;
+        do {
+            splats.resize(room_);
+            in_view = 0;
+#pragma omp parallel for ordered schedule(dynamic, 1)
+            for (int begin = 0; begin < count; begin += kChunk) {
+                const int end = std::min(count, begin + kChunk);
+                Splats& records = own[thread()];
+                const auto projection = project(records);
+                typename std::remove_const_t<decltype(projection)>::Found found;
+                std::uint32_t here = 0, first = 0;
+                for (int i = begin; i < end; ++i) {
+                    const auto at = static_cast<std::size_t>(i);
+                    before_[at] = here;
+                    const bool seen = projection.find(i, found);
+                    radii[at] = seen ? projection.radius(found) : 0;
+                    if (seen) projection.store(i, found, here++);
+                }
+#pragma omp ordered
+                first = in_view, in_view += here;
+                for (int i = begin; i < end; ++i) before_[static_cast<std::size_t>(i)] += first;
+                if (in_room(first, here)) copy_records(records, here, splats, first);
+            }
+        } while (!found_room(in_view));
+        before_[static_cast<std::size_t>(count)] = in_view;
+        splats.resize(in_view);
+    }
+    bool in_room(std::size_t first, std::size_t count) const {
+        return first + count <= room_;
+    }
+    template <class Splats>
+    static void copy_records(const Splats& from,
+                             std::uint32_t count,
+                             Splats& to,
+                             std::uint32_t at) {
+        std::copy_n(from.shapes.data(), count, to.shapes.data() + at);
+        std::copy_n(from.features.data(), count, to.features.data() + at);
+        std::copy_n(from.depths.data(), count, to.depths.data() + at);
+        std::copy_n(from.rects.data(), count, to.rects.data() + at);
+    }
+
+    /// Their number first, then each of those in view again.
+    template <class Splats, class Project>
+    void find_twice(int count,
+                    const Project& project,
+                    Buffer<float, Device>& radii,
+                    Splats& splats) {
+        using Projection = decltype(project(splats));
+        parallel_for(Device{}, count, MarkBody<Projection>{project(splats), radii.span()});
+        count_in_view(radii, before_, temporary_);
+        const std::uint32_t* const all = places(radii).before.data + count;
+        if (room_ == 0) {  // the first view: nothing is known
+            std::uint32_t in_view = 0;
+            detail::copy(Device{}, all, Cpu{}, &in_view, sizeof in_view);
+            found_room(in_view);
+        }
+        splats.resize(room_);
+        splats.in_view = all;
+        parallel_for(Device{}, count, StoreBody<Projection>{project(splats), places(radii)});
+    }
+
+#if defined(_OPENMP)
+    static std::size_t threads() {
+        return static_cast<std::size_t>(omp_get_max_threads());
+    }
+    static std::size_t thread() {
+        return static_cast<std::size_t>(omp_get_thread_num());
+    }
+#else
+    static std::size_t threads() {
+        return 1;
+    }
+    static std::size_t thread() {
+        return 0;
+    }
+#endif
+
+    Buffer<std::uint32_t, Device> before_;
+    Buffer<std::uint8_t, Device> temporary_;  // CUDA only
+    std::size_t room_ = 0;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,156 @@
+// From what the splats of a view add up over its pixels to the gradients of their parameters: what
+// all rasterisers share. Each has a SplatVjp of its own.
+#pragma once
+
+#include <concepts>
+
+#include "core/device/parallel.h"
+#include "render/tiles/blend.h"
+#include "render/tiles/camera_math.h"
+#include "render/tiles/sh_math.h"
+#include "render/tiles/splat_places.h"
+
+namespace tvsgs {
+
+/// The parameters of one Gaussian but its colour, or their gradients.
+struct SplatGeometry {
+    Vec3f mean, log_scale;
+    Quatf quat;
+    float opacity_logit;
+};
+TVSGS_HD inline SplatGeometry no_gradient() {
+    return {{}, {}, {0, 0, 0, 0}, 0};  // Quatf{} is the identity
+}
+TVSGS_HD inline void add(Quatf& sum, const Quatf& q) {
+    sum.w += q.w, sum.x += q.x, sum.y += q.y, sum.z += q.z;
+}
+TVSGS_HD inline void add(SplatGeometry& sum, const SplatGeometry& g) {
+    sum.mean += g.mean, sum.log_scale += g.log_scale;
+    add(sum.quat, g.quat);
+    sum.opacity_logit += g.opacity_logit;
+}
+
+/// Per NDC unit, of a gradient per px.
+TVSGS_HD inline Vec2f per_ndc(const TileGrid& grid, Vec2f per_px) {
+    return {0.5f * static_cast<float>(grid.width) * per_px.x,
+            0.5f * static_cast<float>(grid.height) * per_px.y};
+}
+
+/// What each splat adds up over pixels, as FragmentGradients, and where its statistics go.
+template <class Gradients>
+struct SplatSums {
+    SplatPlaces places;
+    Span<const std::uint32_t> fragment_counts, first_fragment;  // by place
+    Span<const Gradients> fragments;
+    Span<const std::uint8_t> drawn;
+    Span<Vec2f> stat_grad, stat_abs;  // [N], overwritten: ScreenStatistics
+    Span<int> stat_front;
+
+    /// The sums of splat i, and the place of its records. Null if it drew nothing.
+    TVSGS_HD const Gradients* find(int i, std::uint32_t& place) const {
+        place = places.of(i);
+        if (place < fragment_counts.count && fragment_counts[place] != 0 &&
+            drawn[first_fragment[place]])
+            return &fragments[first_fragment[place]];
+        return nullptr;
+    }
+    /// Overwrites the screen statistics of splat i.
+    TVSGS_HD void write(int i, Vec2f by_ndc, Vec2f abs_by_ndc, float front_pixels) const {
+        stat_grad[i] = by_ndc, stat_abs[i] = abs_by_ndc;
+        stat_front[i] = static_cast<int>(front_pixels);
+    }
+};
+
+/// The second half of the way back, of a rasteriser and a set of maps; for both devices.
+///
+///   kColor     whether there are gradients of harmonics
+///   sums       a SplatSums
+///   vjp(i, splat, sum, visit)  adds the gradients of Gaussian i, which is `splat`, to `sum`, hands
+///              those of its harmonics to `visit` as sh_color_vjp does, and writes its statistics.
+///              False if it drew nothing: nothing is added or visited then
+///   observe(i) writes the statistics alone
+template <class Vjp>
+concept SplatVjp = requires(const Vjp& vjp,
+                            const SplatGeometry& splat,
+                            SplatGeometry& sum,
+                            AddShGradient<float>& visit) {
+    { Vjp::kColor } -> std::convertible_to<bool>;
+    { vjp(0, splat, sum, visit) } -> std::same_as<bool>;
+    vjp.observe(0);
+    vjp.sums.places.of(0);
+};
+
+/// Adds the gradients of the Gaussians to arrays.
+template <SplatVjp Vjp>
+struct AddGradientsBody {
+    Vjp vjp;
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<const Vec3f> sh;
+    Span<Vec3f> dL_dmeans, dL_dlog_scales;
+    Span<Quatf> dL_dquats;
+    Span<float> dL_dopacity_logits;
+    Span<Vec3f> dL_dsh;  // may be empty without colour
+
+    TVSGS_HD void operator()(int i) const {
+        SplatGeometry sum = no_gradient();
+        AddShGradient<float> visit{sh.data, dL_dsh.data, means.count, static_cast<std::size_t>(i)};
+        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
+        if (!vjp(i, splat, sum, visit)) return;
+        dL_dmeans[i] += sum.mean;
+        dL_dlog_scales[i] += sum.log_scale;
+        dL_dopacity_logits[i] += sum.opacity_logit;
+        add(dL_dquats[i], sum.quat);
+    }
+};
+
+/// Harmonics whose own gradients nobody wants, only what moves with the camera.
+struct CameraVisit {
+    static constexpr int kGroup = 1;
+    const Vec3f* sh;
+    std::size_t stride, i;
+    Vec3f dL_ddirection{};
+
+    TVSGS_HD void operator()(int k,
+                             const Vec3f (&/*gradient*/)[kGroup],
+                             Vec3f (&values)[kGroup]) const {
+        values[0] = sh[static_cast<std::size_t>(k) * stride + i];
+    }
+};
+
+/// What each splat says of the camera.
+template <SplatVjp Vjp>
+struct CameraGradientBody {
+    Vjp vjp;
+    Mat3f camera_from_world;
+    Vec3f centre;  // of the camera
+    Span<const Vec3f> means, log_scales;
+    Span<const Quatf> quats;
+    Span<const float> opacity_logits;
+    Span<const Vec3f> sh;
+    Span<CameraGradient<float>> gradients;  // [N] overwritten
+
+    TVSGS_HD void operator()(int i) const {
+        gradients[i] = {};
+        SplatGeometry sum = no_gradient();
+        CameraVisit visit{sh.data, means.count, static_cast<std::size_t>(i)};
+        const SplatGeometry splat{means[i], log_scales[i], quats[i], opacity_logits[i]};
+        if (!vjp(i, splat, sum, visit)) return;
+        gradients[i] = camera_gradient(camera_from_world, splat.mean - centre, sum.mean,
+                                       visit.dL_ddirection, splat.quat, sum.quat);
+    }
+};
+struct CameraGradientTerm {
+    Span<const CameraGradient<float>> gradients;
+    int k;
+    TVSGS_HD float operator()(int i) const { return component(gradients[i], k); }
+};
+
+template <SplatVjp Vjp>
+struct ObserveBody {
+    Vjp vjp;
+    TVSGS_HD void operator()(int i) const { vjp.observe(i); }
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,54 @@
+// Splats of one view that are drawn as ellipses: what the projection knows of the view, and where
+// each is in the image; for both devices.
+#pragma once
+
+#include "render/ewa/projection_math.h"
+#include "render/tiles/blend_math.h"
+#include "render/tiles/tiles.h"
+
+namespace tvsgs {
+
+/// px^2, added to the covariance of an ellipse: none is thinner than about a pixel.  [Kerbl23]
+inline constexpr float kLowPassPx2 = 0.3f;
+
+/// What the projection of a Gaussian needs to know of the view.
+struct ViewParameters {
+    Pinhole<float> camera;
+    Vec3f centre;  // of the camera, world
+    TileGrid grid;
+    int sh_degree;
+    float near, low_pass;
+};
+
+/// Where a splat is in the image. No tiles: it is not in view, and the rest means nothing.
+struct ViewEllipse {
+    SplatShape<float> shape;
+    TileRect rect;
+    float radius;  // the 3-sigma radius of 3DGS, px: statistics only, tiles come from an exact test
+};
+
+/// Of a splat at `p`, in front of the camera; `R`: world_from_gaussian. It is not drawn where the
+/// determinant of its covariance in the image, px^4, is not above `least_det`.
+TVSGS_HD inline ViewEllipse view_ellipse(const ViewParameters& view,
+                                         Vec3f p,
+                                         const Mat3f& R,
+                                         Vec3f scales,
+                                         float opacity,
+                                         float least_det) {
+    ViewEllipse out{};
+    const ImageEllipse<float> e =
+        image_ellipse(projection_jacobian(view.camera, p), R, scales, view.low_pass);
+    if (!(e.det > least_det) || !(e.det < 1e30f)) return out;
+    out.shape = {project_point(view.camera, p), ellipse_root(e), opacity, splat_reach(opacity)};
+    const TileGrid& grid = view.grid;
+    const TileRect rect = tile_rect(out.shape.mean, splat_extent(out.shape), grid);
+    // Which of the tiles it meets is tested where their lists are built.
+    if (rect.count() == 0 || !meets_tiles(out.shape, grid, rect)) return out;
+    out.rect = rect;
+    const float mid = 0.5f * (e.covariance.xx + e.covariance.yy);
+    const float under_root = mid * mid - e.det;
+    out.radius = std::ceil(3 * std::sqrt(mid + std::sqrt(under_root > 0.1f ? under_root : 0.1f)));
+    return out;
+}
+
+}  // namespace tvsgs
