@@ -8,7 +8,7 @@
 #include "core/log.h"
 #include "core/scene/prior_maps.h"
 #include "io/files/read_file.h"
-#include "mvs/prior_normals.h"
+#include "mvs/priors/prior_normals.h"
 #include "pipeline/prior_parts.h"
 
 namespace tvsgs {

@@ -3,8 +3,8 @@
 
 #include "io/config/config.h"
 #include "io/scene/scene_reader.h"
-#include "mvs/descriptors.h"
-#include "mvs/patch_match.h"
+#include "mvs/stereo/descriptors.h"
+#include "mvs/stereo/patch_match.h"
 #include "optim/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/mesh_extraction.h"

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/scene/scene.h"
-#include "mvs/patch_match.h"
+#include "mvs/stereo/patch_match.h"
 #include "optim/init_cloud.h"
 
 namespace tvsgs {

@@ -6,9 +6,9 @@
 
 #include "core/device/parallel.h"
 #include "core/scene/prior_maps.h"
-#include "mvs/depth_completion.h"
-#include "mvs/mvs_math.h"
-#include "mvs/planar_prior.h"
+#include "mvs/stereo/depth_completion.h"
+#include "mvs/stereo/mvs_math.h"
+#include "mvs/stereo/planar_prior.h"
 #include "pipeline/stereo_cloud.h"
 
 namespace tvsgs {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "mvs/descriptors.h"
+#include "mvs/stereo/descriptors.h"
 #include "optim/loss.h"
 
 namespace tvsgs {

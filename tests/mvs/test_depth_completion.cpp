@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "mvs/depth_completion.h"
+#include "mvs/stereo/depth_completion.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/scene/prior_maps.h"
-#include "mvs/descriptors.h"
+#include "mvs/stereo/descriptors.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -1,9 +1,9 @@
 // The formulas of stereo for one pixel.
 #include "analytic_scene.h"
-#include "mvs/depth_fusion_bodies.h"
-#include "mvs/depth_segments.h"
-#include "mvs/mvs_math.h"
-#include "mvs/stereo_images.h"
+#include "mvs/stereo/depth_fusion_bodies.h"
+#include "mvs/stereo/depth_segments.h"
+#include "mvs/stereo/mvs_math.h"
+#include "mvs/stereo/stereo_images.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -4,8 +4,8 @@
 #include <set>
 
 #include "analytic_scene.h"
-#include "mvs/planar_prior.h"
-#include "mvs/triangulation.h"
+#include "mvs/stereo/planar_prior.h"
+#include "mvs/stereo/triangulation.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

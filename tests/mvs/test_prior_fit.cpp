@@ -4,9 +4,9 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "mvs/prior_fit.h"
-#include "mvs/prior_normals.h"
-#include "mvs/visible_points.h"
+#include "mvs/priors/prior_fit.h"
+#include "mvs/priors/prior_normals.h"
+#include "mvs/stereo/visible_points.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 
 #include "analytic_scene.h"
 #include "core/error.h"
-#include "mvs/patch_match.h"
+#include "mvs/stereo/patch_match.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

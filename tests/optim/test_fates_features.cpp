@@ -4,7 +4,7 @@
 #include <numbers>
 
 #include "fates_case.h"
-#include "mvs/descriptors.h"
+#include "mvs/stereo/descriptors.h"
 #include "optim/feature_math.h"
 
 namespace tvsgs {

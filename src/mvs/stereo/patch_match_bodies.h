@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "core/math/rng.h"
-#include "mvs/mvs_math.h"
+#include "mvs/stereo/mvs_math.h"
 
 namespace tvsgs {
 

@@ -1,5 +1,5 @@
-#include "mvs/patch_match.h"
-#include "mvs/patch_match_impl.h"
+#include "mvs/stereo/patch_match.h"
+#include "mvs/stereo/patch_match_impl.h"
 
 namespace tvsgs {
 

@@ -1,9 +1,9 @@
-#include "mvs/planar_prior.h"
+#include "mvs/stereo/planar_prior.h"
 
 #include <algorithm>
 
 #include "core/scene/scene.h"
-#include "mvs/triangulation.h"
+#include "mvs/stereo/triangulation.h"
 
 namespace tvsgs {
 namespace {

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/scene/scene.h"
-#include "mvs/patch_match_bodies.h"
+#include "mvs/stereo/patch_match_bodies.h"
 
 namespace tvsgs {
 

@@ -1,4 +1,4 @@
-#include "mvs/depth_completion.h"
+#include "mvs/stereo/depth_completion.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "mvs/descriptors.h"
+#include "mvs/stereo/descriptors.h"
 
 #include <algorithm>
 #include <array>

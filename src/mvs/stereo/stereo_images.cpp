@@ -1,4 +1,4 @@
-#include "mvs/stereo_images.h"
+#include "mvs/stereo/stereo_images.h"
 
 #include <algorithm>
 

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "mvs/prior_fit.h"
+#include "mvs/priors/prior_fit.h"
 
 namespace tvsgs {
 namespace {

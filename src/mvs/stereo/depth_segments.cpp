@@ -1,4 +1,4 @@
-#include "mvs/depth_segments.h"
+#include "mvs/stereo/depth_segments.h"
 
 #include <algorithm>
 #include <cmath>

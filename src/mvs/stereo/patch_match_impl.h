@@ -8,11 +8,11 @@
 #include "core/device/parallel.h"
 #include "core/error.h"
 #include "core/progress.h"
-#include "mvs/depth_fusion_bodies.h"
-#include "mvs/depth_segments.h"
-#include "mvs/patch_match.h"
-#include "mvs/stereo_images.h"
-#include "mvs/view_selection.h"
+#include "mvs/stereo/depth_fusion_bodies.h"
+#include "mvs/stereo/depth_segments.h"
+#include "mvs/stereo/patch_match.h"
+#include "mvs/stereo/stereo_images.h"
+#include "mvs/stereo/view_selection.h"
 
 namespace tvsgs {
 

@@ -1,4 +1,4 @@
-#include "mvs/prior_normals.h"
+#include "mvs/priors/prior_normals.h"
 
 #include <algorithm>
 #include <cmath>

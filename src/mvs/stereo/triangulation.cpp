@@ -1,4 +1,4 @@
-#include "mvs/triangulation.h"
+#include "mvs/stereo/triangulation.h"
 
 #include <cstdint>
 

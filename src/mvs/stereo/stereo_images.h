@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "mvs/mvs_math.h"
+#include "mvs/stereo/mvs_math.h"
 
 namespace tvsgs {
 

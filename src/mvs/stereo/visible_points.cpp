@@ -1,4 +1,4 @@
-#include "mvs/visible_points.h"
+#include "mvs/stereo/visible_points.h"
 
 #include <algorithm>
 #include <limits>

@@ -4,7 +4,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "mvs/mvs_math.h"
+#include "mvs/stereo/mvs_math.h"
 
 namespace tvsgs {
 

@@ -1,4 +1,4 @@
-#include "mvs/prior_fit.h"
+#include "mvs/priors/prior_fit.h"
 
 #include <algorithm>
 #include <array>

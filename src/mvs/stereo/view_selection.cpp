@@ -1,4 +1,4 @@
-#include "mvs/view_selection.h"
+#include "mvs/stereo/view_selection.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/math/eigen.h"
-#include "mvs/mvs_math.h"
+#include "mvs/stereo/mvs_math.h"
 
 namespace tvsgs {
 namespace {
