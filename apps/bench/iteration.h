@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "render/backbone.h"
 
 namespace tvsgs {

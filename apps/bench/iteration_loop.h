@@ -2,8 +2,8 @@
 #pragma once
 
 #include "apps/bench/iteration.h"
-#include "optim/losses_list.h"
-#include "optim/train_loop.h"
+#include "optim/loop/train_loop.h"
+#include "optim/losses/losses_list.h"
 
 namespace tvsgs {
 

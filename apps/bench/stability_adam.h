@@ -2,7 +2,7 @@
 #pragma once
 
 #include "apps/bench/stability_row.h"
-#include "optim/adam.h"
+#include "optim/optimiser/adam.h"
 
 namespace tvsgs::stability {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "optim/sky.h"
+#include "optim/photo/sky.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/error.h"
-#include "optim/schedule.h"
+#include "optim/loop/schedule.h"
 
 namespace tvsgs {
 namespace {

@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "optim/sky.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
+#include "optim/photo/sky.h"
 
 namespace tvsgs {
 

@@ -8,7 +8,7 @@
 #include "core/progress.h"
 #include "optim/matchable.h"
 #include "optim/plan.h"
-#include "optim/view_pairs.h"
+#include "optim/views/view_pairs.h"
 
 namespace tvsgs {
 namespace {

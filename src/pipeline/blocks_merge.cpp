@@ -6,9 +6,9 @@
 
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
-#include "optim/fixed_splats.h"
-#include "optim/splat_order.h"
-#include "optim/splat_planes.h"
+#include "optim/growth/fixed_splats.h"
+#include "optim/growth/splat_order.h"
+#include "optim/growth/splat_planes.h"
 #include "render/ewa/projection_math.h"
 
 namespace tvsgs {

@@ -8,7 +8,7 @@
 
 #include "core/device/parallel.h"
 #include "core/progress.h"
-#include "optim/fixed_splats.h"
+#include "optim/growth/fixed_splats.h"
 #include "pipeline/blocks_folder.h"
 #include "pipeline/run_options.h"
 

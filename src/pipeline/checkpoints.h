@@ -9,7 +9,7 @@
 
 #include "core/scene/scene.h"
 #include "io/config/config.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs {
 

@@ -12,7 +12,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
-#include "optim/exposure.h"
+#include "optim/photo/exposure.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/scene/scene.h"
-#include "optim/loss.h"
+#include "optim/losses/loss.h"
 
 namespace tvsgs {
 

@@ -12,8 +12,8 @@
 #include "eval/registration.h"
 #include "io/mesh/mesh_files.h"
 #include "io/scene/scene_reader.h"
-#include "optim/fixed_voters.h"
-#include "optim/init_cloud.h"
+#include "optim/growth/fixed_voters.h"
+#include "optim/growth/init_cloud.h"
 #include "pipeline/run_folder.h"
 
 namespace tvsgs {

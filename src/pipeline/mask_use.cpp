@@ -4,7 +4,7 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "optim/init_cloud.h"
+#include "optim/growth/init_cloud.h"
 
 namespace tvsgs {
 namespace {

@@ -9,7 +9,7 @@
 #include "core/parse_numbers.h"
 #include "io/files/json_value.h"
 #include "mesh/device_algorithms.h"
-#include "optim/device_views.h"
+#include "optim/views/device_views.h"
 
 namespace tvsgs {
 namespace {

@@ -5,7 +5,7 @@
 #include <string>
 
 #include "core/scene/scene.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs {
 

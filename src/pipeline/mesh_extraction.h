@@ -13,7 +13,7 @@
 #include "mesh/mesh_clean.h"
 #include "mesh/meshers_list.h"
 #include "mesh/simplify.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs {
 

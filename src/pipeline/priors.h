@@ -6,7 +6,7 @@
 
 #include "core/scene/prior_conventions.h"
 #include "io/scene/scene_options.h"
-#include "optim/loss.h"
+#include "optim/losses/loss.h"
 
 namespace tvsgs {
 

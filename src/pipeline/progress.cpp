@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "io/files/json_value.h"
-#include "optim/schedule.h"
+#include "optim/loop/schedule.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,7 @@
 
 #include "core/progress.h"
 #include "io/files/json_value.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs {
 

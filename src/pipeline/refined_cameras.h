@@ -5,7 +5,7 @@
 
 #include "core/scene/scene.h"
 #include "io/files/json_value.h"
-#include "optim/camera_refinement.h"
+#include "optim/optimiser/camera_refinement.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/error.h"
-#include "optim/loss.h"
+#include "optim/losses/loss.h"
 #include "render/backbone.h"
 
 namespace tvsgs {

@@ -11,7 +11,7 @@
 #include "io/files/json_value.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs {
 

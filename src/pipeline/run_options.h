@@ -5,7 +5,7 @@
 #include "io/scene/scene_reader.h"
 #include "mvs/stereo/descriptors.h"
 #include "mvs/stereo/patch_match.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/mesh_output.h"

@@ -5,7 +5,7 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "io/images/image_file.h"
-#include "optim/init_cloud.h"
+#include "optim/growth/init_cloud.h"
 
 namespace tvsgs {
 namespace {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "optim/sky.h"
+#include "optim/photo/sky.h"
 #include "pipeline/run_options.h"
 #include "pipeline/run_plan.h"
 

@@ -7,7 +7,7 @@
 #include "core/error.h"
 #include "core/scene/splat_lists.h"
 #include "io/splats/splat_checks.h"
-#include "optim/splat_order.h"
+#include "optim/growth/splat_order.h"
 #include "render/depth/map_images.h"
 
 namespace tvsgs {

@@ -10,7 +10,7 @@
 #include "core/scene/gaussians.h"
 #include "core/scene/scene.h"
 #include "eval/image_metrics.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "pipeline/render_background.h"
 #include "render/backbone.h"
 

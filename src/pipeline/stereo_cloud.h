@@ -9,7 +9,7 @@
 #include "core/log.h"
 #include "core/scene/scene.h"
 #include "mvs/stereo/patch_match.h"
-#include "optim/init_cloud.h"
+#include "optim/growth/init_cloud.h"
 
 namespace tvsgs {
 

@@ -7,7 +7,7 @@
 #include "core/device/device_choice.h"
 #include "core/scene/scene.h"
 #include "mvs/stereo/patch_match.h"
-#include "optim/device_view.h"
+#include "optim/views/device_view.h"
 
 namespace tvsgs {
 

@@ -6,7 +6,7 @@
 
 #include "core/error.h"
 #include "core/progress.h"
-#include "optim/schedule.h"
+#include "optim/loop/schedule.h"
 
 namespace tvsgs {
 namespace {

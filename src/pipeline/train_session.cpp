@@ -2,8 +2,8 @@
 
 #include "core/log.h"
 #include "io/splats/ply.h"
-#include "optim/fixed_splats.h"
-#include "optim/time_budget.h"
+#include "optim/growth/fixed_splats.h"
+#include "optim/loop/time_budget.h"
 #include "pipeline/checkpoints.h"
 #include "pipeline/exposures.h"
 #include "pipeline/live_snapshots.h"

@@ -11,7 +11,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/images/image_file.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "pipeline/render_background.h"
 #include "pipeline/signals.h"
 #include "render/backbone.h"

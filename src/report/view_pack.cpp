@@ -10,7 +10,7 @@
 #include "core/math/sigmoid.h"
 #include "core/scene/splat_lists.h"
 #include "io/splats/spz.h"
-#include "optim/splat_order.h"
+#include "optim/growth/splat_order.h"
 #include "pipeline/splat_selection.h"
 #include "render/tiles/blend_math.h"
 

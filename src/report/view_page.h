@@ -9,7 +9,7 @@
 #include "core/scene/image.h"
 #include "core/scene/mesh.h"
 #include "io/files/json_value.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "pipeline/train_evaluation.h"
 
 namespace tvsgs {

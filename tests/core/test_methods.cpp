@@ -33,7 +33,7 @@ struct Kind {
     std::set<std::string> lists;
 };
 const std::vector<Kind> kKinds{
-    {"src/optim/loss_", {"src/optim/losses_list.h"}},
+    {"src/optim/loss_", {"src/optim/losses/losses_list.h"}},
     {"src/render/backbone_", {"src/render/backbones_list.h", "src/render/tiles/fused_gradients.h"}},
     {"src/mesh/mesher_", {"src/mesh/meshers_list.h"}}};
 
@@ -44,8 +44,8 @@ const std::string kAlsoEnglish = "fates";  // so it counts as the name of a type
 
 /// Where else a name may stand, with the reason.
 const std::set<std::pair<std::string, std::string>> kAllowed{
-    {"src/optim/train.h", "ewa"},   // the default of `backbone` ...
-    {"src/optim/train.h", "rade"},  // ... whose help names them all
+    {"src/optim/loop/train.h", "ewa"},   // the default of `backbone` ...
+    {"src/optim/loop/train.h", "rade"},  // ... whose help names them all
     // Configurations that the program carries with it have the names of their files.
     {"src/io/config/built_in_configs.h", "pgsr"},
     // Splats that are ellipses, too: their tiles are found with the packs of EWA.
@@ -238,7 +238,8 @@ using Faults = std::vector<std::string>;
 TEST(Methods, ATypeThatIsUsedElsewhereIsFound) {
     const Source loss{"src/optim/loss_x.h",
                       "template <class D>\nclass XLoss final : public Loss<D> {\n};\n"};
-    const Source list{"src/optim/losses_list.h", "#include \"optim/loss_x.h\"\nXLoss<Cpu> l;\n"};
+    const Source list{"src/optim/losses/losses_list.h",
+                      "#include \"optim/loss_x.h\"\nXLoss<Cpu> l;\n"};
     const auto with = [&](const std::string& path, const std::string& text) {
         return types_known_elsewhere({loss, list, {path, text}});
     };

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "core/device/parallel.h"
-#include "optim/loss.h"
+#include "optim/losses/loss.h"
 
 namespace tvsgs::examples {
 

@@ -33,7 +33,7 @@
 #include "io/splats/sog.h"
 #include "io/splats/splat_glb.h"
 #include "io/splats/spz.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 
 namespace tvsgs::fuzz {
 namespace {

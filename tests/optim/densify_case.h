@@ -1,7 +1,7 @@
 // A growth, an Adam step and a trim with reset on either device, from the same random numbers.
 #pragma once
 
-#include "optim/densify.h"
+#include "optim/growth/densify.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

@@ -1,7 +1,7 @@
 // Hand-made splats and screen statistics for the tests of growing and pruning.
 #pragma once
 
-#include "optim/densify.h"
+#include "optim/growth/densify.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

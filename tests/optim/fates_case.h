@@ -3,7 +3,7 @@
 #pragma once
 
 #include "core/scene/prior_maps.h"
-#include "optim/losses_list.h"
+#include "optim/losses/losses_list.h"
 #include "render/tiles/view_splats.h"
 #include "support/random_gaussians.h"
 

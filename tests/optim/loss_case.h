@@ -1,7 +1,7 @@
 // Inputs of one loss evaluation on the host, and the evaluation on either device.
 #pragma once
 
-#include "optim/losses_list.h"
+#include "optim/losses/losses_list.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

@@ -1,7 +1,7 @@
 // A photometric term with masks and a background, on either device.
 #pragma once
 
-#include "optim/loss_photometric.h"
+#include "optim/losses/loss_photometric.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

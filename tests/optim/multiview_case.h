@@ -2,7 +2,7 @@
 // are images made up by the test: a backbone that hands them out takes the place of a renderer.
 #pragma once
 
-#include "optim/losses_list.h"
+#include "optim/losses/losses_list.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
 

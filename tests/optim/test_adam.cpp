@@ -1,7 +1,7 @@
 // Adam against its closed form and an independent loop in double.  [Kingma15]
 #include <algorithm>
 
-#include "optim/adam.h"
+#include "optim/optimiser/adam.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

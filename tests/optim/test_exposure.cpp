@@ -1,7 +1,7 @@
 // A gain and an offset per photograph: derivatives. Fits are in test_multiview_losses.cpp.
 #include <gtest/gtest.h>
 
-#include "optim/exposure.h"
+#include "optim/photo/exposure.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 

@@ -5,7 +5,7 @@
 
 #include "fates_case.h"
 #include "mvs/stereo/descriptors.h"
-#include "optim/feature_math.h"
+#include "optim/losses/feature_math.h"
 
 namespace tvsgs {
 namespace {

@@ -1,9 +1,9 @@
 // The formulas of FatesGS' terms: pairs, patches, points in other views, descriptors.
 #include <set>
 
-#include "optim/depth_order_math.h"
-#include "optim/edge_strength.h"
-#include "optim/feature_math.h"
+#include "optim/losses/depth_order_math.h"
+#include "optim/losses/feature_math.h"
+#include "optim/photo/edge_strength.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

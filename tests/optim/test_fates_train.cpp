@@ -3,7 +3,7 @@
 #include <map>
 
 #include "core/scene/prior_maps.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "pipeline/memory_plan.h"
 #include "pipeline/planned_scene.h"
 #include "pipeline/view_maps.h"

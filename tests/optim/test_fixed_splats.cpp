@@ -1,8 +1,8 @@
 // Splats that are drawn with those that train and stay as they are.
 #include <cstring>
 
-#include "optim/fixed_splats.h"
-#include "optim/train_state.h"
+#include "optim/growth/fixed_splats.h"
+#include "optim/loop/train_state.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 #include "training_scene.h"

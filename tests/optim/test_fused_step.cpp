@@ -5,7 +5,7 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "optim/adam.h"
+#include "optim/optimiser/adam.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"
 

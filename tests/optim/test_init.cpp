@@ -3,7 +3,7 @@
 
 #include "core/error.h"
 #include "core/math/point_forest.h"
-#include "optim/init.h"
+#include "optim/growth/init.h"
 #include "render/tiles/sh_math.h"
 #include "support/random_gaussians.h"
 

@@ -7,8 +7,8 @@
 
 #include "core/error.h"
 #include "core/log.h"
-#include "optim/fixed_voters.h"
-#include "optim/init_cloud.h"
+#include "optim/growth/fixed_voters.h"
+#include "optim/growth/init_cloud.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

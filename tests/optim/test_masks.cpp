@@ -5,7 +5,7 @@
 
 #include "core/error.h"
 #include "masks_case.h"
-#include "optim/device_views.h"
+#include "optim/views/device_views.h"
 #include "support/numeric.h"
 #include "training_scene.h"
 

@@ -3,7 +3,7 @@
 #include <cstring>
 
 #include "multiview_case.h"
-#include "optim/adam.h"
+#include "optim/optimiser/adam.h"
 
 namespace tvsgs {
 namespace {

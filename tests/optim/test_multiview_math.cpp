@@ -3,7 +3,7 @@
 #include <functional>
 #include <set>
 
-#include "optim/multiview_math.h"
+#include "optim/losses/multiview_math.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

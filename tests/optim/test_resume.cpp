@@ -4,7 +4,7 @@
 #include <cstring>
 
 #include "core/error.h"
-#include "optim/device_views.h"
+#include "optim/views/device_views.h"
 #include "training_scene.h"
 
 namespace tvsgs {

@@ -5,8 +5,8 @@
 #include <utility>
 
 #include "io/config/config.h"
-#include "optim/schedule.h"
-#include "optim/time_budget.h"
+#include "optim/loop/schedule.h"
+#include "optim/loop/time_budget.h"
 
 namespace tvsgs {
 namespace {

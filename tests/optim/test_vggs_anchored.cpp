@@ -3,7 +3,7 @@
 #include <set>
 
 #include "anchored_case.h"
-#include "optim/train_state.h"
+#include "optim/loop/train_state.h"
 
 namespace tvsgs {
 namespace {

@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <set>
 
-#include "optim/depth_anchors.h"
+#include "optim/losses/depth_anchors.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -1,5 +1,5 @@
 // Formulas of the terms that compare depth with priors: values by hand, slopes against differences.
-#include "optim/depth_prior_math.h"
+#include "optim/losses/depth_prior_math.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -5,8 +5,8 @@
 #include <map>
 
 #include "core/scene/prior_maps.h"
-#include "optim/device_views.h"
-#include "optim/iteration.h"
+#include "optim/loop/iteration.h"
+#include "optim/views/device_views.h"
 #include "training_scene.h"
 
 namespace tvsgs {

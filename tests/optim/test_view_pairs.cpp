@@ -1,7 +1,7 @@
 // Which views are compared with which, by the official rule and by the one without units.
 #include <gtest/gtest.h>
 
-#include "optim/view_pairs.h"
+#include "optim/views/view_pairs.h"
 
 namespace tvsgs {
 namespace {

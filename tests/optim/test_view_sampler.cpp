@@ -1,6 +1,6 @@
 #include <set>
 
-#include "optim/train_loop.h"
+#include "optim/loop/train_loop.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

@@ -1,7 +1,7 @@
 // A scene that the rasteriser can explain exactly: its photographs are renders.
 #pragma once
 
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs::test {

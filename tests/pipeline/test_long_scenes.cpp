@@ -11,10 +11,10 @@
 #include "core/scene/pixel_file.h"
 #include "core/scene/sight_limits.h"
 #include "mesh/mesh_evidence.h"
-#include "optim/device_views.h"
-#include "optim/init.h"
+#include "optim/growth/init.h"
 #include "optim/matchable.h"
 #include "optim/training_scene.h"
+#include "optim/views/device_views.h"
 #include "pipeline/exposures.h"
 #include "pipeline/memory_plan.h"
 

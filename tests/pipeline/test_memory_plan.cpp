@@ -1,7 +1,7 @@
 // A training's memory as it is estimated, and what the plan makes of it.
 #include <gtest/gtest.h>
 
-#include "optim/loss.h"
+#include "optim/losses/loss.h"
 #include "pipeline/machine_plan.h"
 #include "render/backbone.h"
 #include "support/random_gaussians.h"

@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "optim/train.h"
+#include "optim/loop/train.h"
 #include "optim/training_scene.h"
 
 namespace tvsgs {

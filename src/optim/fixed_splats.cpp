@@ -1,7 +1,0 @@
-#include "optim/fixed_splats_impl.h"
-
-namespace tvsgs {
-
-template class FixedSplats<Cpu>;
-
-}  // namespace tvsgs

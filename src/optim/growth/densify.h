@@ -1,0 +1,322 @@
+// Growing and pruning: clone, split, prune, trim, opacity reset; then to their places in memory.
+// [Kerbl23, Section 5], rules of [PGSR]
+#pragma once
+
+#include <algorithm>
+#include <functional>
+
+#include "core/device/parallel.h"
+#include "core/device/scan.h"
+#include "core/options.h"
+#include "optim/growth/densify_bodies.h"
+#include "optim/growth/growth_rules.h"
+#include "optim/growth/splat_order.h"
+#include "optim/optimiser/adam.h"
+#include "render/backbone.h"
+
+namespace tvsgs {
+
+struct DensifyOptions {
+    bool enabled = true;
+    GrowthRule rule = GrowthRule::thresholds;
+    int from = 500, until = 15000, every = 100, opacity_reset_every = 3000, trim_every = 1000,
+        prune_large_after = 3000;
+    float gradient_threshold = 2e-4f, percent_dense = 0.001f, min_opacity = 0.005f,
+          reset_opacity = 0.01f, prune_large = 0.1f, abs_gradient_threshold = 8e-4f,
+          spare_covered = 0;
+    int max_abs_split = 50000, trim_min_views = 2;
+    bool jitter_clones = true;
+    int max_gaussians = 6000000;
+    float max_per_pixel = 1;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("enabled", enabled, "grow and prune at all");
+        field.choice(
+            "rule", rule, {"thresholds", "quantile"},
+            "which splats grow; thresholds: those of mean screen gradients, and large ones "
+            "of mean absolute ones; quantile: as many again by the absolute ones as there "
+            "are above gradient_threshold");
+        field("from", from, {0, 1e9}, "no densification up to and including this iteration");
+        field("until", until, {0, 1e9}, "none from this iteration on");
+        field("every", every, {1, 1e9}, "iterations between densifications");
+        field("opacity_reset_every", opacity_reset_every, {1, 1e9},
+              "iterations between opacity resets");
+        // Below, splats that are too faint to be drawn would not come back.
+        field("reset_opacity", reset_opacity, {0.00999, 0.999}, "what a reset lowers opacities to");
+        field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
+        field("gradient_threshold", gradient_threshold, {0, 1e9},
+              "mean screen gradient that grows a splat, per NDC unit");
+        field("percent_dense", percent_dense, {0, 1e3},
+              "largest scale up to which a splat is cloned, not split, in scene extents");
+        field("min_opacity", min_opacity, {0, 1}, "splats below are pruned");
+        field("prune_large", prune_large, {0, 1e6},
+              "splats with a larger scale are pruned, in scene extents");
+        field("prune_large_after", prune_large_after, {0, 1e9},
+              "no such pruning up to and including this iteration");
+        field("abs_gradient_threshold", abs_gradient_threshold, {0, 1e9},
+              "mean absolute screen gradient that splits a splat wider than 20 px, by rule "
+              "thresholds");
+        field("max_abs_split", max_abs_split, {0, 1e9}, "most splats split so at once; 0: none");
+        field("trim_min_views", trim_min_views, {0, 1e6},
+              "splats in front in fewer training views are trimmed; 0: no trim");
+        field("jitter_clones", jitter_clones,
+              "clones move by a draw from their splat (PGSR); off: same place (3DGS)");
+        field("spare_covered", spare_covered, {0, 1},
+              "how far splats neither grow, nor are pruned or reset; less beside gaps that the "
+              "initial cloud leaves in the photographs; 0: as ever, 1: not at all");
+        // 45 floats of colour each are counted in int.
+        field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
+        field("max_per_pixel", max_per_pixel, {0, 1e6},
+              "growth stops at so many splats per pixel of the training views; 0: not");
+    }
+};
+
+template <class Device>
+class Densifier {
+public:
+    Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
+        : options_(options), extent_(extent), seed_(seed) {}
+
+    /// What the cloud leaves open around each splat, [N], where covered ones are spared.
+    void set_open(const std::vector<float>& open) { copy(open, open_); }
+
+    /// What happened at a step.
+    struct Event {
+        bool structure_changed = false;  // parents() is valid
+        bool opacity_reset = false;
+    };
+
+    /// Adds the statistics of the last render. When due, grows, prunes, trims and resets; `observe`
+    /// renders the training views and calls its argument with the statistics of each.
+    /// [docs/method/pgsr.md#growth]
+    template <class Observe>
+    Event step(int step,
+               const ScreenStatistics<Device>& screen,
+               Gaussians<Device>& g,
+               Adam<Device>& adam,
+               const Observe& observe) {
+        Event event;
+        if (!acts(step)) return event;
+        count_view(screen, g.means.size());
+        if (grows(step)) {
+            grow_and_prune(step, g);
+            event.structure_changed |= rebuild(static_cast<std::uint32_t>(step), g, adam);
+        }
+        if (trims(step)) {
+            trim(g, observe);
+            Buffer<int, Device> before;
+            if (event.structure_changed) before.swap(parents_);
+            const bool trimmed = rebuild(static_cast<std::uint32_t>(step), g, adam);
+            if (event.structure_changed) chain_parents(before, trimmed);
+            event.structure_changed |= trimmed;
+        }
+        if (resets_opacity(step)) {
+            parallel_for(
+                Device{}, g.size(),
+                ResetOpacityBody{options_.reset_opacity, logit(options_.reset_opacity),
+                                 std::as_const(g.log_scales).span(), std::as_const(g.filter).span(),
+                                 weights(), g.opacity_logits.span(),
+                                 adam.first_moments().opacity_logits.span(),
+                                 adam.second_moments().opacity_logits.span()});
+            event.opacity_reset = true;
+        }
+        return event;
+    }
+
+    /// Whether step() may add, remove or re-order splats then.
+    bool may_change_structure(int step) const { return acts(step) && (grows(step) || trims(step)); }
+
+    bool resets_opacity(int step) const {
+        return acts(step) && step % options_.opacity_reset_every == 0;
+    }
+
+    void state(StateVisitor<Device>& visit) {
+        visit("densify.statistics", statistics_);
+        if (visit.loading() ? visit.has("densify.open") : !open_.empty())
+            visit("densify.open", open_);
+    }
+
+    /// Old index of each splat after a step that changed the structure.
+    Span<const int> parents() const { return parents_.span(); }
+
+private:
+    bool acts(int step) const {
+        return options_.enabled && options_.spare_covered < 1 && step < options_.until;
+    }
+
+    bool grows(int step) const { return step > options_.from && step % options_.every == 0; }
+
+    bool trims(int step) const {
+        return options_.trim_min_views > 0 && step % options_.trim_every == 0;
+    }
+
+    GrowthWeights weights() const { return {open_.span(), options_.spare_covered}; }
+
+    static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
+
+    /// Sums since the last growth; growth empties them.
+    void count_view(const ScreenStatistics<Device>& screen, std::size_t splats) {
+        if (statistics_.size() != splats) {
+            statistics_.resize(splats);
+            statistics_.fill_zero();
+        }
+        parallel_for(Device{}, static_cast<int>(splats),
+                     AccumulateBody{screen.radii_px.span(), screen.dL_dmeans2d.span(),
+                                    screen.abs_dL_dmeans2d.span(), screen.front_pixels.span(),
+                                    options_.rule, weights(), statistics_.span()});
+    }
+
+    /// Fills growth_ and counts_.
+    void grow_and_prune(int step, const Gaussians<Device>& g) {
+        const std::size_t n = g.means.size();
+        growth_.resize(n), score_.resize(n), counts_.resize(n);
+        propose_growth<Device>(
+            options_.rule,
+            {statistics_, g.log_scales.span(), options_.gradient_threshold,
+             options_.max_abs_split > 0 ? options_.abs_gradient_threshold : 3e38f,
+             options_.percent_dense * extent_},
+            growth_.span(), score_.span());
+        apply_quotas(g.size());
+        const float infinite = 3e38f;
+        parallel_for(
+            Device{}, g.size(),
+            CountBody{growth_.span(), g.log_scales.span(), g.opacity_logits.span(),
+                      logit(options_.min_opacity),
+                      step > options_.prune_large_after ? options_.prune_large * extent_ : infinite,
+                      weights(), counts_.span()});
+        statistics_.resize(0);
+    }
+
+    /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index.
+    /// On the host: it is rare.
+    void apply_quotas(int n) {
+        std::vector<Growth> growth = to_host(growth_);
+        const std::vector<float> score = to_host(score_);
+        std::size_t room =
+            options_.max_gaussians > n ? static_cast<std::size_t>(options_.max_gaussians - n) : 0;
+        bool changed = false;
+        for (Growth kind : {Growth::clone, Growth::split, Growth::abs_split}) {
+            std::vector<int> chosen;
+            for (int i = 0; i < n; ++i)
+                if (growth[static_cast<std::size_t>(i)] == kind) chosen.push_back(i);
+            std::size_t quota = room;
+            if (kind == Growth::abs_split)
+                quota = std::min(quota, static_cast<std::size_t>(options_.max_abs_split));
+            if (chosen.size() > quota) {
+                std::nth_element(chosen.begin(),
+                                 chosen.begin() + static_cast<std::ptrdiff_t>(quota), chosen.end(),
+                                 [&](int a, int b) {
+                                     const float sa = score[static_cast<std::size_t>(a)],
+                                                 sb = score[static_cast<std::size_t>(b)];
+                                     return sa != sb ? sa > sb : a < b;
+                                 });
+                for (std::size_t j = quota; j < chosen.size(); ++j)
+                    growth[static_cast<std::size_t>(chosen[j])] = Growth::none;
+                changed = true;
+            }
+            room -= std::min(room, std::min(quota, chosen.size()));
+        }
+        if (changed) copy(growth, growth_);
+    }
+
+    template <class Observe>
+    void trim(const Gaussians<Device>& g, const Observe& observe) {
+        const std::size_t n = g.means.size();
+        front_views_.resize(n), growth_.resize(n), counts_.resize(n);
+        front_views_.fill_zero();
+        observe([&](const ScreenStatistics<Device>& screen) {
+            parallel_for(Device{}, static_cast<int>(n),
+                         CountFrontViewsBody{screen.front_pixels.span(), front_views_.span()});
+        });
+        parallel_for(Device{}, g.size(),
+                     KeepSeenBody{front_views_.span(), options_.trim_min_views, weights(),
+                                  counts_.span(), growth_.span()});
+    }
+
+    /// Carries out growth_ and counts_ and puts the splats where they belong in memory; false when
+    /// nothing would be left, and then nothing is changed.
+    bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
+        const int total = exclusive_scan(counts_, first_);
+        if (total == 0) return false;
+        const std::size_t n = static_cast<std::size_t>(total);
+        parents_.resize(n), is_new_.resize(n), child_of_split_.resize(n);
+        parallel_for(Device{}, g.size(),
+                     SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),
+                                is_new_.span(), child_of_split_.span()});
+        // 1. The new geometry, which says where in memory a splat belongs.
+        gather_shapes(parents_.span(), {}, g);
+        parallel_for(
+            Device{}, total,
+            ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
+                                seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
+        parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
+        // 2. All to their places in memory, with everything that splats inherit.
+        morton_order(g.means.span(), first_);
+        gather_shapes(first_.span(), {}, g);
+        gather(first_.span(), {}, parents_, counts_);
+        gather(first_.span(), {}, is_new_, child_of_split_);
+        gather_rest({}, g);
+        if (!open_.empty()) gather(parents_.span(), {}, open_, scratch1_);
+        for (Gaussians<Device>* moments : {&adam.first_moments(), &adam.second_moments()})
+            inherit(*moments);
+        statistics_.resize(0);
+        return true;
+    }
+
+    /// Moments go with their splats; new splats start with 0.
+    void inherit(Gaussians<Device>& moments) {
+        gather_shapes(parents_.span(), is_new_.span(), moments);
+        gather_rest(is_new_.span(), moments);
+    }
+
+    void gather_shapes(Span<const int> from,
+                       Span<const std::uint8_t> cleared,
+                       Gaussians<Device>& g) {
+        gather_arrays(true, from, cleared, g);
+    }
+    void gather_rest(Span<const std::uint8_t> cleared, Gaussians<Device>& g) {
+        gather_arrays(false, parents_.span(), cleared, g);
+    }
+    void gather_arrays(bool shapes,
+                       Span<const int> from,
+                       Span<const std::uint8_t> cleared,
+                       Gaussians<Device>& g) {
+        for_each_array(
+            [&](const SplatArray& array, auto& values) {
+                if (array.shape == shapes && !values.empty())
+                    gather(from, cleared, values, scratch_of(array, values), array.planes);
+            },
+            g);
+    }
+
+    /// One for each type, as gather() swaps it with what it moves; the harmonics have their own,
+    /// else small arrays would end up in memory of their size.
+    auto& scratch_of(const SplatArray& array, const Buffer<Vec3f, Device>&) {
+        return array.planes > 1 ? scratch_sh_ : scratch3_;
+    }
+    auto& scratch_of(const SplatArray&, const Buffer<Quatf, Device>&) { return scratch4_; }
+    auto& scratch_of(const SplatArray&, const Buffer<float, Device>&) { return scratch1_; }
+
+    /// parents_ <- before[parents_]: two changes of structure in one step read as one.
+    void chain_parents(Buffer<int, Device>& before, bool trimmed) {
+        if (!trimmed) return parents_.swap(before);
+        gather(parents_.span(), {}, before, counts_);
+        parents_.swap(before);
+    }
+
+    DensifyOptions options_;
+    float extent_;
+    std::uint64_t seed_;
+    Buffer<GrowthStatistics, Device> statistics_;  // [N]; empty after each growth
+    Buffer<float, Device> open_;                   // [N], or empty
+    Buffer<Growth, Device> growth_;
+    Buffer<float, Device> score_;
+    Buffer<int, Device> counts_, first_, parents_, front_views_;
+    Buffer<std::uint8_t, Device> is_new_, child_of_split_;
+    Buffer<Vec3f, Device> scratch3_, scratch_sh_;
+    Buffer<Quatf, Device> scratch4_;
+    Buffer<float, Device> scratch1_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,7 @@
+#include "optim/growth/fixed_splats_impl.h"
+
+namespace tvsgs {
+
+template class FixedSplats<Cpu>;
+
+}  // namespace tvsgs

@@ -1,0 +1,199 @@
+#include "optim/growth/init_cloud.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+#include "core/device/parallel.h"
+#include "core/error.h"
+#include "core/log.h"
+
+namespace tvsgs {
+namespace {
+
+struct Cell {
+    std::uint64_t key;
+    std::uint32_t point;
+};
+
+/// Cells of an edge, sorted; 21 bits per axis.
+std::vector<Cell> sorted_cells(const std::vector<Vec3f>& points, float edge) {
+    Vec3f low = points[0];
+    for (const Vec3f p : points)
+        low = {std::min(low.x, p.x), std::min(low.y, p.y), std::min(low.z, p.z)};
+    std::vector<Cell> cells(points.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const std::size_t at = static_cast<std::size_t>(i);
+        std::uint64_t key = 0;
+        for (int axis = 0; axis < 3; ++axis) {
+            const float cell = (points[at][axis] - low[axis]) / edge;
+            key = key << 21 | static_cast<std::uint64_t>(std::min(cell, 2097151.0f));
+        }
+        cells[at] = {key, static_cast<std::uint32_t>(i)};
+    });
+    std::sort(cells.begin(), cells.end(), [](const Cell& a, const Cell& b) {
+        return a.key != b.key ? a.key < b.key : a.point < b.point;
+    });
+    return cells;
+}
+
+std::size_t occupied(const std::vector<Vec3f>& points, float edge) {
+    const std::vector<Cell> cells = sorted_cells(points, edge);
+    std::size_t count = 0;
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        count += i == 0 || cells[i].key != cells[i - 1].key;
+    return count;
+}
+
+float extent(const std::vector<Vec3f>& points) {
+    Vec3f low = points[0], high = points[0];
+    for (const Vec3f p : points)
+        for (int axis = 0; axis < 3; ++axis)
+            low[axis] = std::min(low[axis], p[axis]), high[axis] = std::max(high[axis], p[axis]);
+    return norm(high - low);
+}
+
+}  // namespace
+
+PointCloud select_points(const PointCloud& cloud, const std::vector<std::size_t>& indices) {
+    PointCloud out;
+    const auto take = [&](const auto& from, auto& to) {
+        if (from.empty()) return;
+        to.reserve(indices.size());
+        for (const std::size_t i : indices) to.push_back(from[i]);
+    };
+    take(cloud.positions, out.positions);
+    take(cloud.colors, out.colors);
+    take(cloud.normals, out.normals);
+    take(cloud.confidences, out.confidences);
+    return out;
+}
+
+PointCloud thin_cloud(const PointCloud& cloud, float edge) {
+    if (cloud.positions.empty()) return cloud;
+    // Two million cells along an axis are the most that a key holds.
+    const std::vector<Cell> cells =
+        sorted_cells(cloud.positions, std::max(edge, extent(cloud.positions) / 2e6f));
+    PointCloud out;
+    for (std::size_t begin = 0, end = 0; begin < cells.size(); begin = end) {
+        while (end < cells.size() && cells[end].key == cells[begin].key) ++end;
+        const double share = 1 / static_cast<double>(end - begin);
+        const auto mean = [&](const std::vector<Vec3f>& from) {
+            Vec3d sum;
+            for (std::size_t i = begin; i < end; ++i) sum += vec_cast<double>(from[cells[i].point]);
+            return vec_cast<float>(share * sum);
+        };
+        out.positions.push_back(mean(cloud.positions));
+        if (!cloud.colors.empty()) out.colors.push_back(mean(cloud.colors));
+        if (!cloud.normals.empty()) {
+            const Vec3f n = mean(cloud.normals);
+            // Opposite sides of a thin sheet cancel: one of them is better than none.
+            out.normals.push_back(norm(n) > 1e-3f ? normalize(n)
+                                                  : cloud.normals[cells[begin].point]);
+        }
+        if (!cloud.confidences.empty()) {
+            float best = 0;
+            for (std::size_t i = begin; i < end; ++i)
+                best = std::max(best, cloud.confidences[cells[i].point]);
+            out.confidences.push_back(best);
+        }
+    }
+    return out;
+}
+
+PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
+    if (cloud.positions.size() <= count) return cloud;
+    // Occupied cubes fall about as the square of the edge, as on a surface, so a bracket in
+    // logarithms narrows fast.
+    const float size = extent(cloud.positions);
+    double low = std::log(1e-6), high = 0;  // of edge / size: too many, few enough
+    double guess = std::log(0.5 / std::sqrt(static_cast<double>(count)));
+    for (int step = 0; step < 20; ++step) {
+        const std::size_t found =
+            occupied(cloud.positions, size * static_cast<float>(std::exp(guess)));
+        if (found > count)
+            low = guess;
+        else
+            high = guess;
+        if (found <= count && found * 10 >= count * 9) break;
+        const double aim = 0.96 * static_cast<double>(count);
+        guess += 0.5 * std::log(static_cast<double>(found) / aim);
+        if (!(guess > low && guess < high)) guess = 0.5 * (low + high);
+    }
+    PointCloud out = thin_cloud(cloud, size * static_cast<float>(std::exp(high)));
+    if (out.positions.size() <= count) return out;
+    // A million points in one place: no edge tells them apart.
+    std::vector<std::size_t> indices;
+    for (std::size_t i = 0; i < count; ++i) indices.push_back(i * out.positions.size() / count);
+    return select_points(out, indices);
+}
+
+PointCloud remove_outliers(const PointCloud& cloud) {
+    // Enough neighbours for a small clump of outliers to be far from most of them.
+    constexpr int kNeighbours = 20;
+    constexpr double kDeviations = 2;
+    if (cloud.positions.size() <= kNeighbours) return cloud;
+    const std::vector<float> squared =
+        mean_squared_neighbour_distance(cloud.positions, kNeighbours);
+    double sum = 0, squares = 0;
+    for (const float s : squared) {
+        sum += std::sqrt(static_cast<double>(s));
+        squares += static_cast<double>(s);
+    }
+    const double n = static_cast<double>(squared.size()), mean = sum / n;
+    const double limit = mean + kDeviations * std::sqrt(std::max(squares / n - mean * mean, 0.0));
+    std::vector<std::size_t> kept;
+    for (std::size_t i = 0; i < squared.size(); ++i)
+        if (std::sqrt(static_cast<double>(squared[i])) <= limit) kept.push_back(i);
+    return select_points(cloud, kept);
+}
+
+CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View>& views) {
+    const std::size_t stride =
+        1 + cloud.positions.size() / 200000;  // a share to a tenth of a percent
+    std::size_t looked_at = 0, none = 0, two = 0;
+    for (std::size_t i = 0; i < cloud.positions.size(); i += stride) {
+        int seen = 0;
+        for (const View& view : views) {
+            seen += is_in_view(view.camera, cloud.positions[i]);
+            if (seen == 2) break;
+        }
+        ++looked_at;
+        none += seen == 0;
+        two += seen == 2;
+    }
+    if (looked_at == 0) return {};
+    const double n = static_cast<double>(looked_at);
+    return {static_cast<double>(none) / n, static_cast<double>(two) / n};
+}
+
+PointCloud prepare_cloud(PointCloud cloud,
+                         const std::vector<View>& views,
+                         const InitOptions& options,
+                         const std::string& name) {
+    const std::size_t given = cloud.positions.size();
+    const CloudVisibility visible = cloud_visibility(cloud, views);
+    const auto percent = [](double share) { return std::round(1000 * share) / 10; };
+    if (visible.two_views < static_cast<double>(options.min_in_frame))
+        throw Error(
+            ExitCode::input,
+            str(name, ": ", percent(visible.two_views), " % of its ", given,
+                " points lie in front of two training cameras and inside their images; expected at "
+                "least ",
+                percent(static_cast<double>(options.min_in_frame)),
+                " %: is the cloud in the frame of the scene, with the same units and axes? "
+                "init.min_in_frame=0 takes it as it is"));
+    if (visible.no_view > 0.01)
+        spdlog::warn(
+            "{}: {:.1f} % of its points are seen by no training view; nothing will correct them",
+            name, 100 * visible.no_view);
+    if (options.thin > 0) cloud = thin_cloud(cloud, options.thin);
+    if (options.max_points > 0)
+        cloud = thin_to_count(cloud, static_cast<std::size_t>(options.max_points));
+    if (cloud.positions.size() != given)
+        spdlog::info("{}: {} of {} points are left after thinning and cap", name,
+                     cloud.positions.size(), given);
+    return cloud;
+}
+
+}  // namespace tvsgs

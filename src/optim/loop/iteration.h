@@ -1,0 +1,255 @@
+// One iteration, from a view to gradients and a step: what training and its benchmark share.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/stage_clock.h"
+#include "optim/growth/fixed_splats.h"
+#include "optim/loop/train.h"
+#include "optim/optimiser/adam.h"
+#include "optim/views/device_views.h"
+
+namespace tvsgs {
+
+/// What the terms that act at a step want of view `view`, which has other views to look at or has
+/// none.
+template <class Device>
+LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                   int step,
+                   int view,
+                   bool has_others) {
+    LossNeeds all;
+    for (const auto& term : losses)
+        if (const LossNeeds needs = term->needs_at(step, view);
+            term->active(step) && (has_others || needs.other_views == 0))
+            all |= needs;
+    all.maps |= Maps::color;
+    return all;
+}
+
+/// Null when no term looks at other views: then no pairs are chosen, allocated or said.
+template <class Device>
+std::unique_ptr<OtherViews<Device>> make_other_views(const Scene& scene,
+                                                     const TrainOptions& options,
+                                                     bool quiet) {
+    const LossNeeds needs = needs_of(options.loss);
+    if (needs.other_views == 0) return nullptr;
+    std::vector<std::unique_ptr<Backbone<Device>>> backbones(
+        static_cast<std::size_t>(needs.other_views));
+    for (int i = 0; i < needs.rendered_views; ++i)
+        backbones[static_cast<std::size_t>(i)] =
+            make_backbone<Device>(options.backbone, options.render);
+    return std::make_unique<OtherViews<Device>>(
+        select_view_pairs(scene, options.loss.multi_view, quiet), std::move(backbones),
+        static_cast<std::uint64_t>(options.seed));
+}
+
+template <class Device>
+class Iteration {
+public:
+    using Losses = std::vector<std::unique_ptr<Loss<Device>>>;
+
+    /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
+    Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
+        : backbone_(make_backbone<Device>(options.backbone, options.render)),
+          others_(make_other_views<Device>(scene, options, quiet)),
+          views_(scene.train, needs_of(options.loss), options.photo_bytes),
+          model_(options.model),
+          extent_(scene.extent),
+          fixed_(scene.fixed_splats, options.model.sh_degree) {
+        check_cameras(options, backbone_->moves_cameras());
+        for (const TermOnList& term : terms_on_list(options.loss))
+            if (term.weight > 0) loss_stages_.push_back(term.key + " loss");
+        for (const View& view : scene.train) cameras_.push_back(view.camera);
+        objective_.values.resize(loss_stages_.size());
+        objective_.partial.resize(kSumBlocks);
+        objective_.count.resize(1);
+    }
+
+    /// The view of iteration `step` with its photograph. `next_view()`: of the iteration after it;
+    /// called only where not all photographs are on the device. Its photographs are copied while
+    /// the device works.
+    template <class NextView>
+    const DeviceView<Device>& fetch(int step,
+                                    int view,
+                                    const Losses& losses,
+                                    const NextView& next_view) {
+        const DeviceView<Device>& here = views_.get(view);
+        if (views_.all_resident()) return here;
+        const bool looks_around = needs_at(losses, step, view, true).other_views > 0;
+        if (looks_around)
+            for (const int other : others_->choose(step, view)) views_.get(other);
+        const int next = next_view();
+        views_.prefetch(next);
+        if (looks_around)
+            for (const int other : others_->choose(step + 1, next)) views_.prefetch(other);
+        return here;
+    }
+
+    /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or to
+    /// the sums over pixels where the backbone fuses the rest with Adam's step. `watch(values)` is
+    /// given the losses. Without `for_step` only the screen statistics are computed. Terms that
+    /// move cameras add their derivatives by this camera to `by_camera`, unless that is empty.
+    template <class Watch>
+    void propagate(int step,
+                   const DeviceView<Device>& view,
+                   const Gaussians<Device>& gaussians,
+                   const Losses& losses,
+                   const TensorField<Device>& field,
+                   bool for_step,
+                   Span<double> by_camera,
+                   const Watch& watch) {
+        sh_degree_ = sh_degree_at(model_, step);
+        const Gaussians<Device>& drawn = fixed_.join(gaussians);
+        OtherViews<Device>* others = nullptr;
+        if (needs_at(losses, step, view.index, true).other_views > 0)
+            clock("other views", [&] {
+                details("other views, forward", [&] {
+                    others_->begin(step, view.index, views_.views(), drawn);
+                    if (others_->count() > 0) others = others_.get();
+                });
+            });
+        const LossNeeds needs = needs_at(losses, step, view.index, others != nullptr);
+        const auto& images = clock("forward", [&]() -> const RenderedImages<Device>& {
+            return backbone_->forward(drawn, view.camera, sh_degree_, needs.maps);
+        });
+        clock("losses", [&] {
+            details("clear gradients", [&] { clear(gaussians, needs, images); });
+            if (others) details("compare views", [&] { others->compare(images); });
+            for (std::size_t i = 0; i < losses.size(); ++i) {
+                if (!losses[i]->active(step)) continue;
+                details(loss_stages_[i].c_str(), [&] {
+                    losses[i]->add_to(objective_, objective_.values.data() + i,
+                                      {gaussians, images, view, field,
+                                       backbone_->statistics().radii_px.span(), step, others});
+                });
+                if (!by_camera.empty() && losses[i]->moves_cameras())
+                    details("camera gradient", [&] { find_camera_gradient(drawn, by_camera); });
+            }
+            details("watch losses", [&] { watch(objective_.values); });
+        });
+        clock("backward", [&] {
+            Gaussians<Device>& dL_ddrawn =
+                fixed_.none() ? objective_.dL_dgaussians : fixed_.clear_gradients();
+            if (others && for_step)
+                details("other views, backward", [&] { others->backward(drawn, dL_ddrawn); });
+            fused_ = nullptr;
+            if (fuses())
+                fused_ = backbone_->blend_backward(drawn, objective_.dL_dimages);
+            else
+                backbone_->backward(drawn, objective_.dL_dimages, dL_ddrawn);
+            if (!fixed_.none()) fixed_.add_trained_part(objective_.dL_dgaussians);
+        });
+    }
+
+    /// Adam's step along the gradients of the last propagate().
+    void descend(int step,
+                 Adam<Device>& adam,
+                 Gaussians<Device>& gaussians,
+                 bool with_opacity,
+                 const int* halted) {
+        Gaussians<Device>& gradients = objective_.dL_dgaussians;
+        clock("adam", [&] {
+            details("project backward and Adam", [&] {
+                if (fused_ != nullptr)
+                    adam.step(step, extent_, sh_degree_, *fused_, gradients, gaussians,
+                              with_opacity, halted);
+                else
+                    adam.step(step, extent_, sh_degree_, gradients, gaussians, with_opacity,
+                              halted);
+            });
+        });
+    }
+
+    /// Instead of descend(): writes the screen statistics.
+    void finish_statistics() {
+        if (fused_ != nullptr) write_statistics(Device{}, *fused_);
+    }
+
+    /// From the next step on the training views are where these are.
+    void set_cameras(const std::vector<Camera>& cameras) {
+        cameras_ = cameras;
+        views_.set_cameras(cameras);
+    }
+
+    /// Before the first step (`step` is 0), and after each; see Backbone::prepare().
+    void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
+        backbone_->prepare(step, changed, cameras_, gaussians);
+    }
+
+    /// visit(statistics) for each training view; the entries of fixed splats are last.
+    template <class Visit>
+    void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
+        const Gaussians<Device>& drawn = fixed_.join(gaussians);
+        for (const auto& view : views_.views()) {
+            backbone_->forward(drawn, view.camera, 0, kGeometryMaps);
+            backbone_->observe(drawn);
+            visit(backbone_->statistics());
+        }
+    }
+
+    Backbone<Device>& backbone() { return *backbone_; }
+    OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
+    const Objective<Device>& objective() const { return objective_; }
+
+    // Times, unless switched on not taken: the parts of a training, and the parts of these.
+    StageClock<Device> clock, details;
+
+private:
+    /// Fixed splats need gradients in memory, to be separated from those of the trained ones.
+    bool fuses() const { return fixed_.none() && backbone_->fuses(); }
+
+    /// Of the first term: what it has written so far, without the maps that others write to.
+    void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {
+        const auto exchange = [&] {
+            of_photo_.color.swap(objective_.dL_dimages.color);
+            of_photo_.transmittance.swap(objective_.dL_dimages.transmittance);
+        };
+        exchange();
+        backbone_->add_camera_gradient(gaussians, of_photo_, by_camera);
+        exchange();
+    }
+
+    /// Sizes and clears what the terms add to.
+    void clear(const Gaussians<Device>& gaussians,
+               const LossNeeds& needs,
+               const RenderedImages<Device>& images) {
+        ImageGradients<Device>& by_image = objective_.dL_dimages;
+        const auto clear_like = [](const auto& image, auto& gradient) {
+            gradient.resize(image.size());
+            gradient.fill_zero();
+        };
+        clear_like(images.color, by_image.color);
+        clear_like(images.normal, by_image.normal);
+        clear_like(images.depth, by_image.depth);
+        clear_like(images.distortion, by_image.distortion);
+        clear_like(images.expected_depth, by_image.expected_depth);
+        if (has(needs.maps, Maps::coverage))
+            clear_like(images.transmittance, by_image.transmittance);
+        Gaussians<Device>& by_splat = objective_.dL_dgaussians;
+        if (fuses())
+            resize_geometry(by_splat, needs.splat_gradients ? gaussians.size() : 0);
+        else if (by_splat.size() != gaussians.size() || by_splat.sh_degree != gaussians.sh_degree)
+            resize(by_splat, gaussians.size(), gaussians.sh_degree);
+        fill_zero(by_splat);
+        objective_.values.fill_zero();
+    }
+
+    std::unique_ptr<Backbone<Device>> backbone_;
+    std::unique_ptr<OtherViews<Device>> others_;
+    DeviceViews<Device> views_;
+    std::vector<Camera> cameras_;  // of the training views
+    ModelOptions model_;
+    float extent_;
+    FixedSplats<Device> fixed_;
+    Objective<Device> objective_;
+    ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
+    std::vector<std::string> loss_stages_;
+    int sh_degree_ = 0;  // of the step in progress
+    /// Of the last propagate(); null: the gradients are in the objective.
+    const FusedGradients* fused_ = nullptr;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,99 @@
+// Every option that counts iterations, in one list: what a shorter training shortens with it.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "core/error.h"
+#include "optim/loop/train.h"
+
+namespace tvsgs {
+
+/// From here on a number means: not within any training.
+inline constexpr int kNever = 100000000;
+
+/// What such a number says.
+enum class Counts {
+    at,       // at which iteration
+    between,  // how many iterations lie between two
+};
+
+/// visit(key, number, Counts) for each of them. Votes are not among them: how often splats vote
+/// goes by how fast they move.
+template <class Options, class Visit>
+void visit_schedule(Options& o, const Visit& visit) {
+    visit("iterations", o.iterations, Counts::at);
+    visit("model.sh_every", o.model.sh_every, Counts::between);
+    visit("lr.position_max_steps", o.lr.position_max_steps, Counts::at);
+    LossOptions::terms(o.loss, [&](const char* term, auto& options, const char*) {
+        options.first_iterations(options, [&](const char* key, auto& number) {
+            visit(str("loss.", term, ".", key), number, Counts::at);
+        });
+    });
+    visit("cameras.start", o.cameras.start, Counts::at);
+    visit("densify.from", o.densify.from, Counts::at);
+    visit("densify.until", o.densify.until, Counts::at);
+    visit("densify.every", o.densify.every, Counts::between);
+    visit("densify.opacity_reset_every", o.densify.opacity_reset_every, Counts::between);
+    visit("densify.trim_every", o.densify.trim_every, Counts::between);
+    visit("densify.prune_large_after", o.densify.prune_large_after, Counts::at);
+    visit("tv.start", o.tv.start, Counts::at);
+}
+
+inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
+    std::vector<int> numbers;
+    visit_schedule(from,
+                   [&](const std::string&, int number, Counts) { numbers.push_back(number); });
+    std::size_t next = 0;
+    visit_schedule(to, [&](const std::string&, int& number, Counts) { number = numbers[next++]; });
+}
+
+/// Least distances of a shortened training, in iterations, where the original has no shorter ones.
+/// Growth needs statistics of some views; splats that are new or reset need time to settle before
+/// the next growth, trim or reset, and before the end.
+inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
+
+/// Growth is left out where there is no time for it. What is hardly shorter than `original` settles
+/// hardly longer.
+inline void keep_distances(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
+    const auto at_least = [](int& number, int was, int least) {
+        number = std::max(number, std::min(was, least));
+    };
+    at_least(fitted.every, original.densify.every, kLeastGrowth);
+    at_least(fitted.trim_every, original.densify.trim_every, kLeastTrim);
+    at_least(fitted.opacity_reset_every, original.densify.opacity_reset_every, kLeastReset);
+    const int settling = std::clamp(original.iterations - iterations, 0, kSettling);
+    fitted.until = std::clamp(fitted.until, 0, std::max(iterations - settling, 0));
+}
+
+/// Gives `options` the schedule of `original` from its iteration `from` on, which now is iteration
+/// `done`, stretched or squeezed to end at `iterations`. What `original` has behind it stays as it
+/// is in `options`, and so does what starts at once.
+inline void fit_schedule(
+    const TrainOptions& original, double from, TrainOptions& options, int done, int iterations) {
+    const double ratio = (iterations - done) / (original.iterations - from);
+    std::vector<int> numbers;
+    visit_schedule(original,
+                   [&](const std::string&, int number, Counts) { numbers.push_back(number); });
+    std::size_t next = 0;
+    visit_schedule(options, [&](const std::string&, int& number, Counts counts) {
+        const int was = numbers[next++];
+        const double begin = counts == Counts::at ? std::max(from, 1.0) : 0;
+        if (was <= begin || was >= kNever) return;
+        const double fitted = counts == Counts::at ? done + (was - from) * ratio : was * ratio;
+        number = static_cast<int>(std::clamp(std::round(fitted), 1.0, 1.0 * kNever));
+    });
+    if (ratio < 1) keep_distances(original, options.densify, iterations);
+    options.iterations = iterations;
+}
+
+/// The whole of it.
+inline void fit_schedule(TrainOptions& options, int iterations) {
+    const TrainOptions original = options;
+    if (original.iterations > 0 && iterations != original.iterations)
+        fit_schedule(original, 0, options, 0, iterations);
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,66 @@
+#include "optim/loop/train_loop.h"
+#include "optim/losses/losses_list.h"
+
+namespace tvsgs {
+
+int iterations_done(const State& state) {
+    int done = 0;
+    StateVisitor<Cpu>(state).value("iterations", done);
+    return done;
+}
+
+void check_start(const State& start, const TrainOptions& o) {
+    int degree = 0;
+    StateVisitor<Cpu>(start).value("sh_degree", degree);
+    if (degree != o.model.sh_degree)
+        throw Error(ExitCode::usage,
+                    str("model.sh_degree = ", o.model.sh_degree, ": the checkpoint has ", degree,
+                        ", and a run keeps it to its end"));
+    if (start.find("cameras.numbers") != nullptr && !o.cameras.refine)
+        throw Error(ExitCode::usage,
+                    "cameras.refine = false: the checkpoint's splats go with poses that were "
+                    "refined, and a run keeps that to its end");
+    const StateArray* const open = start.find("densify.open");
+    if (spares(o.densify) && (open == nullptr || open->count() == 0))
+        throw Error(ExitCode::usage,
+                    str("densify.spare_covered = ", o.densify.spare_covered,
+                        ": the checkpoint does not say where its initial cloud covered, as the "
+                        "run began without; set it to 0"));
+}
+
+void check_cameras(const TrainOptions& options, bool backbone_moves_cameras) {
+    if (!options.cameras.refine) return;
+    if (!backbone_moves_cameras)
+        throw Error(ExitCode::usage,
+                    str("cameras.refine is true, but backbone '", options.backbone,
+                        "' has no derivatives by the camera; set it to false, or choose another "
+                        "backbone"));
+    if (!(options.loss.photometric.weight > 0))
+        throw Error(ExitCode::usage,
+                    "cameras.refine is true, but loss.photometric.weight is 0, and no other term "
+                    "moves cameras; set one to false or the other above 0");
+}
+
+std::vector<TermOnList> terms_on_list(const LossOptions& options) {
+    std::vector<TermOnList> list;
+    visit_losses<Cpu>(options, {},
+                      [&]<class Term>(std::type_identity<Term>, const char* key, const auto& of,
+                                      const auto&... more) {
+                          list.push_back({key, of.weight, Term(of, more...).needs()});
+                      });
+    list.insert(list.end(), added_terms().begin(), added_terms().end());
+    return list;
+}
+
+LossNeeds needs_of(const LossOptions& options) {
+    LossNeeds needs;
+    for (const TermOnList& term : terms_on_list(options))
+        if (term.weight > 0) needs |= term.needs;
+    return needs;
+}
+
+template void add_loss<Cpu>(const TermOnList&, MakeLoss<Cpu>);
+template Gaussians<Cpu> train<Cpu>(
+    const Scene&, const TrainOptions&, const TrainCallbacks&, const AfterStep<Cpu>&, SharedState);
+
+}  // namespace tvsgs

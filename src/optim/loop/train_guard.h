@@ -1,0 +1,176 @@
+// Finite runs: what watches for numbers that are not finite, and says where they are.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "core/error.h"
+#include "core/scene/scene.h"
+#include "optim/losses/loss.h"
+#include "optim/optimiser/adam.h"
+
+namespace tvsgs {
+
+/// The first step whose loss was not finite; step 0: none yet.
+struct LossFault {
+    int step, term, view;
+};
+
+/// Too large to be a loss counts as infinite.
+struct WatchLossBody {
+    Span<const double> values;
+    int step, view;
+    LossFault* fault;
+
+    TVSGS_HD void operator()(int) const {
+        if (fault->step != 0) return;
+        for (int term = 0; term < values.size(); ++term)
+            if (!(std::abs(values[term]) < 1e300)) {
+                *fault = {step, term, view};
+                return;
+            }
+    }
+};
+
+struct NotFiniteTerm {
+    const float* values;
+    TVSGS_HD double operator()(int i) const { return values[i] * 0 == 0 ? 0 : 1; }
+};
+
+/// The floats of one parameter group: element i of it has `width` of them, from `begin`.
+struct GroupFloats {
+    float* begin;
+    int count, width;
+};
+
+template <class Device>
+GroupFloats group_floats(Gaussians<Device>& g, ParameterGroup group) {
+    const auto all = [](auto& values) -> GroupFloats {
+        constexpr int width = sizeof(*values.data()) / sizeof(float);
+        return {reinterpret_cast<float*>(values.data()), static_cast<int>(values.size()) * width,
+                width};
+    };
+    const int dc = 3 * g.size();
+    switch (group) {
+        case ParameterGroup::means:
+            return all(g.means);
+        case ParameterGroup::scales:
+            return all(g.log_scales);
+        case ParameterGroup::rotations:
+            return all(g.quats);
+        case ParameterGroup::opacities:
+            return all(g.opacity_logits);
+        case ParameterGroup::sh_dc:
+            return {all(g.sh).begin, dc, 3};
+        case ParameterGroup::sh_rest:
+            break;
+    }
+    return {all(g.sh).begin + dc, all(g.sh).count - dc, 3};
+}
+
+/// As messages call them; and the key of their rate.
+inline const char* name_of(ParameterGroup group) {
+    constexpr const char* kNames[] = {"centre",  "scale",       "rotation",
+                                      "opacity", "base colour", "spherical harmonics"};
+    return kNames[static_cast<int>(group)];
+}
+inline const char* rate_key(ParameterGroup group) {
+    constexpr const char* kKeys[] = {"lr.position_start", "lr.scale", "lr.rotation",
+                                     "lr.opacity",        "lr.sh_dc", "lr.sh_rest"};
+    return kKeys[static_cast<int>(group)];
+}
+
+/// For tests: makes one number not finite, `times` times.
+struct InjectedFault {
+    int step = 0;   // 0: never
+    int term = -1;  // of the losses in use
+    std::optional<ParameterGroup> group;
+    int splat = 0, times = 1;
+};
+
+struct SpoilBody {
+    float* value;
+    TVSGS_HD void operator()(int) const { *value = NAN; }
+};
+struct SpoilTermBody {
+    double* value;
+    TVSGS_HD void operator()(int) const { *value = static_cast<double>(NAN); }
+};
+
+/// What was found, in words, and where; no group: only the loss is not finite.
+struct Fault {
+    std::string what;
+    std::vector<ParameterGroup> groups;
+};
+
+template <class Device>
+class Guard {
+public:
+    Guard() {
+        counts_.resize(kParameterGroups);
+        partial_.resize(kSumBlocks);
+        reset();
+    }
+
+    void reset() {
+        fault_.resize(1);
+        fault_.fill_zero();
+    }
+
+    /// Looks at the loss of a step, without waiting for the device.
+    void watch(int step, int view, Span<const double> values) {
+        parallel_for(Device{}, 1, WatchLossBody{values, step, view, fault_.data()});
+    }
+
+    /// On the device; not 0 from the first loss on that is not finite. Steps must then leave the
+    /// splats as they are, so that check() still finds the numbers that made it.
+    const int* halted() const { return &fault_.data()->step; }
+
+    /// Waits for the device. `step`: of this check, for the message.
+    std::optional<Fault> check(int step,
+                               Gaussians<Device>& g,
+                               const std::vector<std::unique_ptr<Loss<Device>>>& losses,
+                               const std::vector<View>& views) {
+        const LossFault loss = to_host(fault_)[0];
+        counts_.fill_zero();
+        for (int i = 0; i < kParameterGroups; ++i) {
+            const GroupFloats floats = group_floats(g, static_cast<ParameterGroup>(i));
+            add_sum(Device{}, floats.count, NotFiniteTerm{floats.begin}, 1, partial_.span(),
+                    counts_.data() + i);
+        }
+        const std::vector<double> counts = to_host(counts_);
+        Fault fault;
+        if (loss.step != 0)
+            fault.what = str("iteration ", loss.step, ": the loss term '",
+                             losses[static_cast<std::size_t>(loss.term)]->name(),
+                             "' is not finite in view '",
+                             views[static_cast<std::size_t>(loss.view)].name, "'");
+        for (int i = 0; i < kParameterGroups; ++i) {
+            if (counts[static_cast<std::size_t>(i)] == 0) continue;
+            const auto group = static_cast<ParameterGroup>(i);
+            fault.what +=
+                str(fault.what.empty() ? str("iteration ", step, ": ") : "; ", "the ",
+                    name_of(group), " of splat ", first_splat(g, group), " is not finite (",
+                    counts[static_cast<std::size_t>(i)], " such numbers)");
+            fault.groups.push_back(group);
+        }
+        if (fault.what.empty()) return std::nullopt;
+        return fault;
+    }
+
+private:
+    /// On the host: the run is about to be rolled back.
+    static int first_splat(Gaussians<Device>& g, ParameterGroup group) {
+        const GroupFloats floats = group_floats(g, group);
+        std::vector<float> host(static_cast<std::size_t>(floats.count));
+        detail::copy(Device{}, floats.begin, Cpu{}, host.data(), host.size() * sizeof(float));
+        int i = 0;
+        while (host[static_cast<std::size_t>(i)] * 0 == 0) ++i;
+        return i / floats.width % g.size();
+    }
+
+    Buffer<LossFault, Device> fault_;
+    Buffer<double, Device> counts_, partial_;
+};
+
+}  // namespace tvsgs

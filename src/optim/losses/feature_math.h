@@ -1,0 +1,126 @@
+// Where a pixel's surface is in another view, and how alike the descriptors at both places are.
+// [FatesGS]
+#pragma once
+
+#include <cmath>
+
+#include "optim/losses/multiview_math.h"
+
+namespace tvsgs {
+
+/// A pixel's surface point as another view sees it.
+template <class Real>
+struct SeenPoint {
+    bool inside = false;  // in the other view's image
+    Vec3<Real> there{};   // in the other view's frame
+    Vec2<Real> point{};   // in its image, corner coordinates
+};
+
+/// No depth (0) is nowhere.
+template <class Real>
+TVSGS_HD SeenPoint<Real> seen_point(const ViewPair<Real>& pair, Vec3<Real> ray, Real depth) {
+    SeenPoint<Real> seen;
+    if (!(depth > 0)) return seen;
+    seen.there = pair.other_from_reference * (depth * ray);
+    if (!(seen.there.z > pair.min_depth)) return seen;
+    seen.point = project(pair.other, seen.there);
+    seen.inside = seen.point.x >= 0 && seen.point.x < static_cast<Real>(pair.other.width) &&
+                  seen.point.y >= 0 && seen.point.y < static_cast<Real>(pair.other.height);
+    return seen;
+}
+
+/// By the depth.
+template <class Real>
+TVSGS_HD Real seen_point_vjp(const ViewPair<Real>& pair,
+                             Vec3<Real> ray,
+                             const SeenPoint<Real>& seen,
+                             Vec2<Real> dL_dpoint) {
+    return dot(project_vjp(pair.other, seen.there, dL_dpoint), pair.other_from_reference.R * ray);
+}
+
+/// [height width channels]
+struct FeatureMap {
+    const float* values;
+    int width, height, channels;
+};
+
+/// The four pixels around a point, and its place between them.
+template <class Real>
+struct FeatureCell {
+    bool inside = false;    // centres of pixels all around: nothing from beyond the border
+    std::size_t first = 0;  // value of the upper left one
+    Real u = 0, v = 0;
+};
+
+/// `point` in corner coordinates.
+template <class Real>
+TVSGS_HD FeatureCell<Real> feature_cell(const FeatureMap& map, Vec2<Real> point) {
+    FeatureCell<Real> cell;
+    const Real x = point.x - Real(0.5), y = point.y - Real(0.5);
+    if (map.width < 2 || map.height < 2 || !(x >= 0) || !(y >= 0) ||
+        !(x <= static_cast<Real>(map.width - 1)) || !(y <= static_cast<Real>(map.height - 1)))
+        return cell;
+    const int x0 = static_cast<int>(x), y0 = static_cast<int>(y);
+    const int left = x0 < map.width - 2 ? x0 : map.width - 2,
+              top = y0 < map.height - 2 ? y0 : map.height - 2;
+    cell.inside = true;
+    cell.first = (static_cast<std::size_t>(top) * map.width + left) * map.channels;
+    cell.u = x - static_cast<Real>(left), cell.v = y - static_cast<Real>(top);
+    return cell;
+}
+
+/// One channel between the four pixels.
+template <class Real>
+TVSGS_HD ImageSample<Real> feature_sample(const FeatureMap& map,
+                                          const FeatureCell<Real>& cell,
+                                          int channel) {
+    const std::size_t i = cell.first + channel,
+                      row = static_cast<std::size_t>(map.width) * map.channels;
+    const Real a = map.values[i], b = map.values[i + map.channels], c = map.values[i + row],
+               d = map.values[i + row + map.channels];
+    const Real top = a + cell.u * (b - a), bottom = c + cell.u * (d - c);
+    return {top + cell.v * (bottom - top),
+            {(1 - cell.v) * (b - a) + cell.v * (d - c), bottom - top}};
+}
+
+/// Descriptors that are shorter say nothing, and their directions have no derivatives.
+inline constexpr double kLeastFeatureNorm = 1e-4;
+
+template <class Real>
+struct FeatureMatch {
+    bool valid = false;          // both inside and not 0, and alike to less than max_error
+    Real error = 0;              // |1 - cosine|
+    Vec2<Real> derror_dpoint{};  // by the point in the other map
+};
+
+/// The descriptor at `point` is a constant. `point` and `other_point` in corner coordinates of
+/// their maps, which have the same channels.
+template <class Real>
+TVSGS_HD FeatureMatch<Real> feature_match(const FeatureMap& map,
+                                          Vec2<Real> point,
+                                          const FeatureMap& other,
+                                          Vec2<Real> other_point,
+                                          Real max_error) {
+    FeatureMatch<Real> match;
+    const auto here = feature_cell(map, point), there = feature_cell(other, other_point);
+    if (!here.inside || !there.inside) return match;
+    Real aa = 0, bb = 0, ab = 0;
+    Vec2<Real> a_slope{}, b_slope{};  // sums of a db/dpoint, b db/dpoint
+    for (int channel = 0; channel < map.channels; ++channel) {
+        const Real a = feature_sample(map, here, channel).value;
+        const auto sample = feature_sample(other, there, channel);
+        const Real b = sample.value;
+        aa += a * a, bb += b * b, ab += a * b;
+        a_slope += a * sample.slope, b_slope += b * sample.slope;
+    }
+    constexpr Real kLeast = static_cast<Real>(kLeastFeatureNorm * kLeastFeatureNorm);
+    if (!(aa > kLeast) || !(bb > kLeast)) return match;
+    const Real over = 1 / (std::sqrt(aa) * std::sqrt(bb)), cosine = over * ab;
+    match.error = std::abs(1 - cosine);
+    match.valid = match.error < max_error;
+    const Real sign = cosine < 1 ? Real(-1) : cosine > 1 ? Real(1) : Real(0);
+    match.derror_dpoint = sign * (over * a_slope - (cosine / bb) * b_slope);
+    return match;
+}
+
+}  // namespace tvsgs

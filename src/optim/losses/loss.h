@@ -1,0 +1,286 @@
+// The objective and its terms.
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/device/parallel.h"
+#include "core/options.h"
+#include "core/scene/state.h"
+#include "optim/losses/depth_prior_options.h"
+#include "optim/photo/photo_background.h"
+#include "optim/views/device_view.h"
+#include "optim/views/other_views.h"
+#include "render/backbone.h"
+#include "tv/voting.h"
+
+namespace tvsgs {
+
+/// Sum of the terms and its derivatives.
+template <class Device>
+struct Objective {
+    ImageGradients<Device> dL_dimages;
+    Gaussians<Device> dL_dgaussians;
+    Buffer<double, Device> values;   // [terms] weighted
+    Buffer<double, Device> partial;  // scratch of add_sum
+    Buffer<double, Device> count;    // [1] scratch: the size of what a mean is taken over
+};
+
+template <class Device>
+struct LossInputs {
+    const Gaussians<Device>& gaussians;
+    const RenderedImages<Device>& images;
+    const DeviceView<Device>& view;
+    const TensorField<Device>& field;
+    Span<const float> radii_px;  // [N] > 0: visible in this view
+    int step;
+    OtherViews<Device>* others = nullptr;  // at least one; null: the view has none
+};
+
+/// What a term wants beside the colours of the render.
+struct LossNeeds {
+    Maps maps = Maps::none;  // of the view's render
+    /// The term gets at most `other_views`, and does not act for a view that has none. The first
+    /// `rendered_views` of them are rendered and compared.
+    int other_views = 0, rendered_views = 0;
+    bool edges = false;            // of the photographs: DeviceView::edge_min, edge_max
+    bool grey = false;             // of the photographs: DeviceView::grey
+    MapNames view_maps{};          // DeviceView::map(); a view may lack them
+    bool targets = false;          // of the tensor field
+    bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
+    bool thickness = false;        // of splats that have one; see Backbone::flat()
+    int kept_per_pixel = 0;        // floats that the term keeps for each pixel of each view
+};
+inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
+    a.maps |= b.maps;
+    a.other_views = std::max(a.other_views, b.other_views);
+    a.rendered_views = std::max(a.rendered_views, b.rendered_views);
+    a.edges |= b.edges, a.grey |= b.grey;
+    for (const std::string_view name : b.view_maps) a.view_maps.add(name);
+    a.targets |= b.targets, a.splat_gradients |= b.splat_gradients, a.thickness |= b.thickness;
+    a.kept_per_pixel += b.kept_per_pixel;
+    return a;
+}
+
+/// A and B of each view, see optim/photo/exposure.h.
+inline constexpr int kExposureValues = 2;
+using HeldExposures = std::vector<std::array<float, kExposureValues>>;
+
+/// One term of the objective. It holds its own weight and schedule, and says what it reads.
+template <class Device>
+class Loss {
+public:
+    virtual ~Loss() = default;
+
+    virtual const char* name() const = 0;
+
+    /// Whether the term acts at `step` at all; add_to() is only called then.
+    virtual bool active(int step) const = 0;
+
+    virtual LossNeeds needs() const = 0;
+
+    /// Whether refined cameras follow its derivatives by the render. It has to be the first term:
+    /// those after it have added nothing yet.
+    virtual bool moves_cameras() const { return false; }
+
+    /// Of one step with one view; not more than needs(). For terms that look around now and then.
+    virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
+
+    /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
+    virtual void add_to(Objective<Device>& objective,
+                        double* value,
+                        const LossInputs<Device>& in) = 0;
+
+    /// A term that keeps something from step to step has to show it here: what is not shown is not
+    /// in checkpoints, and resumed runs differ.
+    virtual void state(StateVisitor<Device>& /*visit*/) {}
+
+    /// What it has fitted, or holds, of each photograph's exposure; empty: nothing.
+    virtual HeldExposures exposures() const { return {}; }
+};
+
+/// Term of a sum over an array.
+struct ReadValue {
+    Span<const float> values;
+    TVSGS_HD float operator()(int i) const { return values[i]; }
+};
+
+enum class Reduction { mean, sum, visible_mean };
+
+/// What a length of 1 means in the terms that measure lengths (flatten, tv_position). Their
+/// published weights were found on scenes normalised to about a unit sphere, so in world units they
+/// mean something else in millimetres than in metres.
+enum class LengthUnit { world, depth };
+
+struct PhotometricOptions {
+    float weight = 1, ssim = 0.2f;
+    bool exposure = false;
+    int exposure_start = 1001;
+    MaskUse masks = MaskUse::automatic;
+    float coverage = 0.1f;
+    std::string background = "none", exposure_from, sky_from;
+    std::shared_ptr<const HeldExposures> held{};  // of exposure_from, once it is read
+    std::shared_ptr<const ImageU8> sky{};         // of a background that is one, once it is known
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "of (1 - ssim) L1 + ssim (1 - SSIM)");
+        field("ssim", ssim, {0, 1}, "share of the SSIM term");
+        field("exposure", exposure,
+              "fit a brightness and an offset per photograph in the L1 term, PGSR");
+        field("exposure_start", exposure_start, {1, 1e9}, "first iteration of that");
+        field("exposure_from", exposure_from,
+              "finished run whose fitted exposures are held, from the first iteration on, instead "
+              "of fitting others: so that parts of a scene agree in their colours");
+        field.choice("masks", masks, {"auto", "object", "ignore", "none"},
+                     "object: nothing is outside of the masks; ignore: what is outside is not "
+                     "looked at; auto: the plan decides, without one as none");
+        field("coverage", coverage, {0, 1e6},
+              "of what splats cover outside of object masks, as the weight of L1 and SSIM");
+        field(
+            "background", background,
+            "what lies behind the splats, and outside of object masks: black, white, R,G,B from 0 "
+            "to 255, random (with object masks only), sky: colours by direction, made of the "
+            "photographs; none: black, and outside of object masks nothing is compared");
+        field("sky_from", sky_from,
+              "finished run whose sky is taken, instead of making one: so that parts of a scene "
+              "have the same");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("exposure_start", o.exposure_start);
+    }
+};
+
+/// For terms that need no more than a weight and a first iteration.
+struct ScheduledOptions {
+    float weight = 0;
+    int start = 1;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "0 switches the term off");
+        field("start", start, {1, 1e9}, "first iteration");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("start", o.start);
+    }
+};
+
+struct NormalConsistencyOptions {
+    float weight = 0, expected = 0;
+    bool by_coverage = true;
+    int start = 7001;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("weight", weight, {0, 1e6}, "0 switches the term off");
+        field("start", start, {1, 1e9}, "first iteration");
+        field("expected", expected, {0, 1},
+              "share of the normals of the mean depth; the rest: those of render.depth");
+        field("by_coverage", by_coverage,
+              "the depth map's normals count by the coverage of their pixels (2DGS), or fully");
+    }
+    template <class Options, class Visit>
+    static void first_iterations(Options& o, const Visit& visit) {
+        visit("start", o.start);
+    }
+};
+
+struct LossOptions {
+    PhotometricOptions photometric;
+    ScheduledOptions flatten;
+    ScheduledOptions normal{0, 7001}, distortion{0, 3001};
+    NormalConsistencyOptions normal_consistency;
+    ScheduledOptions multi_view_geometry{0, 7001}, multi_view_ncc{0, 7001};
+    ViewPairOptions multi_view;
+    ScheduledOptions depth_rank, depth_smooth, features;
+    RelativeDepthOptions relative_depth;
+    PriorNormalOptions prior_normal;
+    PriorDepthOptions prior_depth;
+    AnchoredDepthOptions anchored_depth;
+    ScheduledOptions tv_normal, tv_position;
+    Reduction tv_reduction = Reduction::mean;
+    LengthUnit length_unit = LengthUnit::world;
+
+    /// The terms: visit(key, options, what it compares). What each is made of and needs:
+    /// losses_list.h.
+    template <class Options, class Visit>
+    static void terms(Options& o, const Visit& visit) {
+        visit("photometric", o.photometric, "render against photograph");
+        visit("flatten", o.flatten, "smallest scale of each visible splat, PGSR");
+        visit("normal", o.normal,
+              "blended normals against normals of the depth map, PGSR single view");
+        visit("normal_consistency", o.normal_consistency,
+              "directions of blended normals against those of the depth map, 2DGS");
+        visit("distortion", o.distortion, "depths that a pixel blends against each other, 2DGS");
+        visit("multi_view_geometry", o.multi_view_geometry,
+              "depth maps of two views against each other, PGSR");
+        visit("multi_view_ncc", o.multi_view_ncc,
+              "patches of photographs against those of another view, PGSR");
+        visit("depth_rank", o.depth_rank,
+              "which of two pixels is farther, by the render and by a prior, FatesGS");
+        visit("depth_smooth", o.depth_smooth, "smooth depth where a prior is smooth, FatesGS");
+        visit("features", o.features,
+              "descriptors of photographs where two views see one surface, FatesGS");
+        visit("relative_depth", o.relative_depth,
+              "which of two pixels is farther, by the render and by a prior, VGGS");
+        visit("prior_normal", o.prior_normal, "normals of the depth map against a prior's, VGGS");
+        visit("prior_depth", o.prior_depth, "depth against a prior in world units");
+        visit("anchored_depth", o.anchored_depth,
+              "depth against a prior that is fitted to pixels that views agree on, VGGS");
+        visit("tv_normal", o.tv_normal, "splat normals against voted normals");
+        visit("tv_position", o.tv_position, "splat centres against voted positions");
+    }
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        terms(*this,
+              [&](const char* key, auto& term, const char* what) { field.group(key, term, what); });
+        field.group("multi_view", multi_view,
+                    "which views are paired, for the terms that compare views");
+        field.choice("tv_reduction", tv_reduction, {"mean", "sum", "visible_mean"},
+                     "how the two voting terms add up splats");
+        field.choice("length_unit", length_unit, {"world", "depth"},
+                     "unit of lengths in flatten and tv_position; depth: a third of the median "
+                     "depth of the initial cloud");
+    }
+};
+
+/// What the terms need to know of the training.
+struct LossContext {
+    float length_unit = 1;  // world units that count as 1
+    int views = 1;          // for training
+    std::uint64_t seed = 0;
+    PixelCenter pixel_center = PixelCenter::exact;
+};
+
+/// A term in the list, used or not.
+struct TermOnList {
+    std::string key;
+    float weight;
+    LossNeeds needs;
+};
+std::vector<TermOnList> terms_on_list(const LossOptions& options);
+
+/// Adds a term of a program that links this library to every training that starts from now on. The
+/// library's own are in losses_list.h.
+template <class Device>
+using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
+template <class Device>
+void add_loss(const TermOnList& term, MakeLoss<Device> make);
+
+/// What the terms with a weight above 0 want at one iteration or another.
+LossNeeds needs_of(const LossOptions& options);
+
+/// The terms with a weight above 0.
+template <class Device>
+std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
+                                                       const LossContext& context);
+
+}  // namespace tvsgs

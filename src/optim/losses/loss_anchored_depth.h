@@ -1,0 +1,219 @@
+// Depth against a prior that is fitted, now and then, to pixels whose depth views agree on.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "optim/losses/depth_anchors.h"
+#include "optim/losses/loss.h"
+#include "optim/losses/patch_pair.h"
+#include "optim/losses/prior_values.h"
+
+namespace tvsgs {
+
+/// exp(-e) (1 + NCC^2) / 2, e the distance in px to where a pixel comes back to from the other
+/// view: how much both views agree on its depth. 0 where they cannot be compared, where their
+/// patches do not resemble each other or leave a photograph, and where the prior is not to be
+/// fitted.
+struct AnchorConfidenceBody {
+    PatchPair patches;
+    Span<const Vec3f> normal;
+    Span<const float> depth, agreement;  // exp(-e)
+    Span<const float> prior, prior_confidence;
+    float least_prior_confidence;
+    Span<float> confidence;  // overwritten
+
+    TVSGS_HD void operator()(int at) const {
+        confidence[at] = 0;
+        if (!(agreement[at] > 0) || !is_number(prior[at]) ||
+            !(confidence_at(prior_confidence, at) > least_prior_confidence))
+            return;
+        const Camera& camera = patches.camera;
+        const Vec3f point =
+            depth[at] * pixel_ray(camera, at % camera.width_px, at / camera.width_px);
+        if (!patches.inside(at, point)) return;
+        const auto score = patches.score(at, normal[at], point);
+        if (score.valid) confidence[at] = agreement[at] * (1 - score.error / 2);
+    }
+};
+
+struct CalibrateBody {
+    DepthAlignment<float> alignment;
+    Span<const float> prior, depth;
+    Span<float> target;  // overwritten
+
+    TVSGS_HD void operator()(int at) const {
+        target[at] = calibrated_depth(alignment, prior[at], depth[at]);
+    }
+};
+
+/// Pixels that are compared.
+struct HasTarget {
+    Span<const float> target, depth, confidence;
+    float min_confidence;
+    TVSGS_HD int operator()(int at) const {
+        return target[at] > 0 && depth[at] > 0 && confidence_at(confidence, at) > min_confidence;
+    }
+};
+
+struct AnchoredDepthBody {
+    HasTarget compared;
+    const double* count;     // of these pixels
+    float weight;            // per length
+    Span<float> pixel_loss;  // overwritten
+    Span<float> dL_ddepth;   // added to
+
+    TVSGS_HD void operator()(int at) const {
+        pixel_loss[at] = 0;
+        if (!compared(at)) return;
+        const float difference = compared.depth[at] - compared.target[at];
+        const float share = weight / static_cast<float>(*count);
+        pixel_loss[at] = share * std::abs(difference);
+        dL_ddepth[at] += difference > 0 ? share : difference < 0 ? -share : 0;
+    }
+};
+
+/// mean of |D - target| over the pixels whose prior is sure enough. The target of a view is kept
+/// until it is made anew, the first time that the view comes up in each `refresh_every` iterations:
+/// the render where it agrees with the fitted prior, else that prior.
+/// [docs/method/vggs.md#anchored-depth]
+template <class Device>
+class AnchoredDepthLoss final : public Loss<Device> {
+public:
+    /// For the iterations that make a target.
+    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
+                                      .other_views = 1,
+                                      .rendered_views = 1,
+                                      .grey = true,
+                                      .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence},
+                                      .kept_per_pixel = 1};
+
+    AnchoredDepthLoss(const AnchoredDepthOptions& options,
+                      float length_unit,
+                      int views,
+                      PixelCenter pixel_center)
+        : options_(options),
+          length_unit_(length_unit),
+          pixel_center_(pixel_center),
+          made_(static_cast<std::size_t>(views)),
+          targets_(static_cast<std::size_t>(views)) {}
+
+    const char* name() const override { return "anchored_depth"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+    LossNeeds needs_at(int step, int view) const override {
+        if (due(step, view)) return kNeeds;
+        return {.maps = Maps::depth, .view_maps = kNeeds.view_maps};
+    }
+
+    /// Whether the view's target would be made at this step.
+    bool due(int step, int view) const {
+        const int last = made_[static_cast<std::size_t>(view)].step;
+        return step >= options_.start && (last < options_.start || round_of(step) > round_of(last));
+    }
+
+    /// How many anchors say what the prior is off by: fewer as time goes on.
+    int nearest_at(int step) const { return std::max(4 - round_of(step), 1); }
+
+    /// [H W] of a view, what its depth is to be; 0: not known. Empty: none yet.
+    const Buffer<float, Device>& target(int view) const {
+        return targets_[static_cast<std::size_t>(view)];
+    }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const Span<const float> prior = prior_values(in.view, prior_map::kDepthOrder);
+        const bool now = due(in.step, in.view.index);
+        if (now) made_[static_cast<std::size_t>(in.view.index)].step = in.step;
+        if (prior.empty() || (now && in.others == nullptr)) return;
+        const Span<const float> confidence = prior_values(in.view, prior_map::kConfidence);
+        if (now) make_target(in, prior, confidence);
+
+        const auto& images = in.images;
+        const Buffer<float, Device>& target = this->target(in.view.index);
+        if (target.size() != images.depth.size()) return;  // none could be made
+        const int pixels = static_cast<int>(images.depth.size());
+        const HasTarget compared{target.span(), images.depth.span(), confidence,
+                                 options_.min_confidence};
+        objective.count.fill_zero();
+        add_sum(Device{}, pixels, compared, 1, objective.partial.span(), objective.count.data());
+        pixel_loss_.resize(images.depth.size());
+        parallel_for(
+            Device{}, pixels,
+            AnchoredDepthBody{compared, objective.count.data(), options_.weight / length_unit_,
+                              pixel_loss_.span(), objective.dL_dimages.depth.span()});
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
+    }
+
+    void state(StateVisitor<Device>& visit) override {
+        Buffer<Made, Device> made;
+        if (!visit.loading()) copy(made_, made);
+        visit.optional("anchored_depth.made", made);
+        if (made.size() == made_.size()) made_ = to_host(made);
+        for (std::size_t i = 0; i < targets_.size(); ++i)
+            visit.optional("anchored_depth.target." + std::to_string(i), targets_[i]);
+    }
+
+private:
+    /// When a view's target was last asked for, and the slope of its last fit.
+    struct Made {
+        int step = 0;
+        float slope = 0;  // 0: none, or one that is not believed
+    };
+
+    int round_of(int step) const { return (step - options_.start) / options_.refresh_every; }
+
+    /// Leaves the target as it is where no fit is to be had.
+    void make_target(const LossInputs<Device>& in,
+                     Span<const float> prior,
+                     Span<const float> prior_confidence) {
+        Made& made = made_[static_cast<std::size_t>(in.view.index)];
+        const OtherView<Device>& other = (*in.others)[0];
+        const auto& images = in.images;
+        const int pixels = static_cast<int>(images.depth.size());
+        confidence_.resize(images.depth.size());
+        parallel_for(
+            Device{}, pixels,
+            AnchorConfidenceBody{patch_pair(images, in.view, other, pixel_center_),
+                                 images.normal.span(), images.depth.span(), other.weight(), prior,
+                                 prior_confidence, options_.anchor_confidence, confidence_.span()});
+
+        // Rare, so the rest of the choice is on the host.
+        const std::vector<int> anchors = choose_anchors(images.width, to_host(confidence_));
+        const std::vector<float> depths = to_host(images.depth),
+                                 priors = to_host(in.view.map(prior_map::kDepthOrder)->values);
+        std::vector<double> depth, wanted;
+        for (const int at : anchors) {
+            depth.push_back(static_cast<double>(depths[static_cast<std::size_t>(at)]));
+            wanted.push_back(static_cast<double>(priors[static_cast<std::size_t>(at)]));
+        }
+        const auto fit = fit_affine(wanted, depth);
+        if (!fit) return;
+        // A slope far from the last one is not believed, unless the next one is like it.
+        const double ratio = fit->slope / static_cast<double>(made.slope);
+        const bool jumps = made.slope > 0 && !(ratio >= 0.1 && ratio <= 10);
+        made.slope = jumps ? 0 : static_cast<float>(fit->slope);
+        if (jumps) return;
+
+        const DepthAlignment<double> a = align(*fit, wanted, depth, nearest_at(in.step));
+        const DepthAlignment<float> alignment{
+            static_cast<float>(a.slope), static_cast<float>(a.offset),
+            static_cast<float>(a.max_gap), static_cast<float>(a.correction)};
+        Buffer<float, Device>& target = targets_[static_cast<std::size_t>(in.view.index)];
+        target.resize(images.depth.size());
+        parallel_for(Device{}, pixels,
+                     CalibrateBody{alignment, prior, images.depth.span(), target.span()});
+    }
+
+    AnchoredDepthOptions options_;
+    float length_unit_;
+    PixelCenter pixel_center_;
+    std::vector<Made> made_;                      // of the views
+    std::vector<Buffer<float, Device>> targets_;  // of the views
+    Buffer<float, Device> confidence_, pixel_loss_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,91 @@
+// Which of two pixels is farther, by the render and by a prior, in pairs drawn within patches.
+#pragma once
+
+#include "optim/losses/depth_order_math.h"
+#include "optim/losses/loss.h"
+#include "optim/losses/prior_values.h"
+
+namespace tvsgs {
+
+/// One pair; no other pair has its pixels.
+struct DepthRankBody {
+    PatchGrid grid;
+    int width;
+    Random4 key;
+    Span<const float> depth, transmittance, order, confidence;
+    float per_length;  // lengths in the unit of the loss
+    float weight_per_pair;
+    Span<float> pair_loss;  // overwritten
+    Span<float> dL_ddepth;  // added to
+
+    TVSGS_HD bool known(int at) const {
+        return depth[at] > 0 && transmittance[at] <= 0.5f && order[at] - order[at] == 0 &&
+               confidence_at(confidence, at) > 0;
+    }
+
+    TVSGS_HD void operator()(int i) const {
+        pair_loss[i] = 0;
+        const auto [a, b] = pixel_pair(grid, width, i, key);
+        if (!known(a) || !known(b)) return;
+        const auto pair = order_hinge(order_sign(order[a], order[b], 0.0f),
+                                      per_length * (depth[b] - depth[a]), kOrderMargin);
+        pair_loss[i] = weight_per_pair * pair.value;
+        const float slope = weight_per_pair * per_length * pair.slope;
+        dL_ddepth[a] -= slope;
+        dL_ddepth[b] += slope;
+    }
+};
+
+/// Half the mean over the pairs of one grid of patches and half that of another, half a patch off:
+/// [sgn(M_a - M_b) (D_b - D_a) + margin]+, M a prior of which the order alone counts. Each
+/// iteration draws a permutation for each grid, which all its patches share. Pairs of a pixel
+/// without depth, without a prior, or covered to less than a half cost nothing.
+/// [docs/method/fates.md#ranking]
+template <class Device>
+class DepthRankLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{
+        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+
+    /// `length_unit`: world units that count as 1.
+    DepthRankLoss(const ScheduledOptions& options, float length_unit, std::uint64_t seed)
+        : options_(options), length_unit_(length_unit), seed_(seed) {}
+
+    const char* name() const override { return "depth_rank"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const auto order = prior_values(in.view, prior_map::kDepthOrder);
+        if (order.empty()) return;
+        const auto& images = in.images;
+        for (const int fewer : {0, 1}) {
+            const PatchGrid grid = patch_grid(images.width, images.height, fewer);
+            const int pairs = grid.pairs();
+            if (pairs == 0) continue;
+            pair_loss_.resize(static_cast<std::size_t>(pairs));
+            parallel_for(
+                Device{}, pairs,
+                DepthRankBody{
+                    grid, images.width,
+                    random4(seed_, RandomStream::depth_ranks, static_cast<std::uint64_t>(in.step),
+                            static_cast<std::uint32_t>(fewer)),
+                    images.depth.span(), images.transmittance.span(), order,
+                    prior_values(in.view, prior_map::kConfidence), 1 / length_unit_,
+                    options_.weight / (2 * static_cast<float>(pairs)), pair_loss_.span(),
+                    objective.dL_dimages.depth.span()});
+            add_sum(Device{}, pairs, ReadValue{std::as_const(pair_loss_).span()}, 1,
+                    objective.partial.span(), value);
+        }
+    }
+
+private:
+    ScheduledOptions options_;
+    float length_unit_;
+    std::uint64_t seed_;
+    Buffer<float, Device> pair_loss_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,94 @@
+// Depth is smooth where a prior is.
+#pragma once
+
+#include "optim/losses/depth_order_math.h"
+#include "optim/losses/loss.h"
+#include "optim/losses/prior_values.h"
+
+namespace tvsgs {
+
+/// Pixel p costs what it differs from its neighbours to the right and below; it takes the
+/// derivatives of all four of its steps.
+struct DepthSmoothBody {
+    static constexpr float kTolerance = 1e-4f;  // steps in the unit of lengths that cost nothing
+    static constexpr float kPriorStep = 0.01f;  // of the prior's order: from there on an edge
+
+    int width, height;
+    Span<const float> depth, transmittance, order, confidence;
+    float per_length;                  // lengths in the unit of the loss
+    float weight_across, weight_down;  // per step along either axis
+    Span<float> pixel_loss;            // overwritten
+    Span<float> dL_ddepth;             // added to
+
+    TVSGS_HD bool known(int at) const {
+        return depth[at] > 0 && transmittance[at] <= 0.5f && confidence_at(confidence, at) > 0;
+    }
+    TVSGS_HD Penalty<float> step(int p, int q) const {
+        // What is not a number is no place without an edge.
+        if (!(std::abs(order[q] - order[p]) < kPriorStep) || !known(p) || !known(q)) return {};
+        return smooth_pair(per_length * depth[p], per_length * depth[q], kTolerance);
+    }
+
+    TVSGS_HD void operator()(int at) const {
+        const int x = at % width, y = at / width;
+        float loss = 0, slope = 0;
+        if (x + 1 < width) {
+            const auto right = step(at, at + 1);
+            loss += weight_across * right.value, slope -= weight_across * right.slope;
+        }
+        if (y + 1 < height) {
+            const auto below = step(at, at + width);
+            loss += weight_down * below.value, slope -= weight_down * below.slope;
+        }
+        if (x > 0) slope += weight_across * step(at - 1, at).slope;
+        if (y > 0) slope += weight_down * step(at - width, at).slope;
+        pixel_loss[at] = loss;
+        dL_ddepth[at] += per_length * slope;
+    }
+};
+
+/// mean over steps between neighbours along x, and the same along y, of [|D_q - D_p| - tolerance]+;
+/// steps across an edge of the prior, of a pixel without depth or prior, or covered to less than a
+/// half cost nothing, and count in the mean.
+/// [docs/method/fates.md#smoothness]
+template <class Device>
+class DepthSmoothLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{
+        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+
+    /// `length_unit`: world units that count as 1.
+    DepthSmoothLoss(const ScheduledOptions& options, float length_unit)
+        : options_(options), length_unit_(length_unit) {}
+
+    const char* name() const override { return "depth_smooth"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const auto order = prior_values(in.view, prior_map::kDepthOrder);
+        if (order.empty()) return;
+        const auto& images = in.images;
+        const int w = images.width, h = images.height;
+        const auto mean_of = [&](int steps) {
+            return steps > 0 ? options_.weight / static_cast<float>(steps) : 0.0f;
+        };
+        pixel_loss_.resize(images.depth.size());
+        parallel_for(Device{}, w * h,
+                     DepthSmoothBody{w, h, images.depth.span(), images.transmittance.span(), order,
+                                     prior_values(in.view, prior_map::kConfidence),
+                                     1 / length_unit_, mean_of((w - 1) * h), mean_of(w * (h - 1)),
+                                     pixel_loss_.span(), objective.dL_dimages.depth.span()});
+        add_sum(Device{}, w * h, ReadValue{std::as_const(pixel_loss_).span()}, 1,
+                objective.partial.span(), value);
+    }
+
+private:
+    ScheduledOptions options_;
+    float length_unit_;
+    Buffer<float, Device> pixel_loss_;
+};
+
+}  // namespace tvsgs

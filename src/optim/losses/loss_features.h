@@ -1,0 +1,178 @@
+// Descriptors of photographs where the render's depth says that two views see one surface.
+#pragma once
+
+#include <limits>
+
+#include "core/error.h"
+#include "core/scene/prior_maps.h"
+#include "optim/losses/feature_math.h"
+#include "optim/losses/loss.h"
+
+namespace tvsgs {
+
+struct FillNoPointBody {
+    Span<std::int64_t> nearest;
+    TVSGS_HD void operator()(int i) const { nearest[i] = std::numeric_limits<std::int64_t>::max(); }
+};
+
+/// Of points that meet in a pixel of the other view, the nearest one is the smallest; of equally
+/// near ones that of the first pixel.
+TVSGS_HD inline std::int64_t nearness(Vec3f there, int at) {
+    const float distance = std::sqrt(dot(there, there));
+    return static_cast<std::int64_t>(__builtin_bit_cast(std::uint32_t, distance)) << 32 | at;
+}
+
+/// Whether that is of pixel `at`. Distances are not compared: computed anew, one may be rounded
+/// another way.
+TVSGS_HD inline bool is_nearest(std::int64_t nearness, int at) {
+    return static_cast<std::uint32_t>(nearness) == static_cast<std::uint32_t>(at);
+}
+
+TVSGS_HD inline int pixel_of(const ViewPair<float>& pair, const SeenPoint<float>& seen) {
+    return static_cast<int>(seen.point.y) * pair.other.width + static_cast<int>(seen.point.x);
+}
+
+/// A z-buffer of the other view's pixels.
+struct NearestPointBody {
+    ViewPair<float> pair;
+    Camera camera;  // of the reference
+    Span<const float> depth;
+    Span<std::int64_t> nearest;  // [H W] of the other view
+
+    TVSGS_HD void operator()(int at) const {
+        const auto seen = seen_point(
+            pair, pixel_ray(camera, at % camera.width_px, at / camera.width_px), depth[at]);
+        if (seen.inside) min_atomically(&nearest[pixel_of(pair, seen)], nearness(seen.there, at));
+    }
+};
+
+struct HasDepth {
+    Span<const float> depth;
+    TVSGS_HD int operator()(int at) const { return depth[at] > 0; }
+};
+
+struct FeatureBody {
+    // 1 - cosine of two descriptors from which on they do not show the same.  [FatesGS]
+    static constexpr float kMaxError = 0.5f;
+
+    ViewPair<float> pair;
+    Camera camera;  // of the reference
+    FeatureMap here, there;
+    Span<const float> depth, transmittance;
+    Span<const std::int64_t> nearest;  // [H W] of the other view
+    const double* count;               // of the pixels with depth
+    float weight;                      // of their mean
+    Span<float> pixel_loss;            // added to
+    Span<float> dL_ddepth;             // added to
+
+    TVSGS_HD void operator()(int at) const {
+        const int x = at % camera.width_px, y = at / camera.width_px;
+        const Vec3f ray = pixel_ray(camera, x, y);
+        const auto seen = seen_point(pair, ray, depth[at]);
+        if (!seen.inside || !(transmittance[at] <= 0.5f) ||
+            !is_nearest(nearest[pixel_of(pair, seen)], at))
+            return;
+        const Vec2f scale_here{
+            static_cast<float>(here.width) / static_cast<float>(camera.width_px),
+            static_cast<float>(here.height) / static_cast<float>(camera.height_px)},
+            scale_there{static_cast<float>(there.width) / static_cast<float>(pair.other.width),
+                        static_cast<float>(there.height) / static_cast<float>(pair.other.height)};
+        const auto match = feature_match(
+            here,
+            Vec2f{scale_here.x * (static_cast<float>(x) + 0.5f),
+                  scale_here.y * (static_cast<float>(y) + 0.5f)},
+            there, Vec2f{scale_there.x * seen.point.x, scale_there.y * seen.point.y}, kMaxError);
+        if (!match.valid) return;
+        const float scale = weight / static_cast<float>(*count);
+        pixel_loss[at] += scale * match.error;
+        dL_ddepth[at] += seen_point_vjp(pair, ray, seen,
+                                        Vec2f{scale * scale_there.x * match.derror_dpoint.x,
+                                              scale * scale_there.y * match.derror_dpoint.y});
+    }
+};
+
+/// mean over pixels with depth and over other views of |1 - cosine| between the descriptor of the
+/// pixel and that of where the other view sees its surface; what the other view does not see, or
+/// sees otherwise, and what is covered to less than a half costs nothing and counts in the mean. Of
+/// two resolutions where both views have them, the coarse one at half weight. The derivative goes
+/// to this view's depth. [docs/method/fates.md#descriptors]
+template <class Device>
+class FeatureLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{
+        .maps = Maps::depth,
+        .other_views = 2,
+        .view_maps = {prior_map::kFeatures, prior_map::kCoarseFeatures}};
+
+    explicit FeatureLoss(const ScheduledOptions& options) : options_(options) {}
+
+    const char* name() const override { return "features"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        if (in.others == nullptr || in.view.map(prior_map::kFeatures) == nullptr) return;
+        std::vector<const OtherView<Device>*> others;
+        for (int i = 0; i < in.others->count() && i < kNeeds.other_views; ++i)
+            if ((*in.others)[i].view().map(prior_map::kFeatures) != nullptr)
+                others.push_back(&(*in.others)[i]);
+        if (others.empty()) return;
+
+        const auto& images = in.images;
+        const int pixels = images.width * images.height;
+        pixel_loss_.resize(images.depth.size());
+        pixel_loss_.fill_zero();
+        objective.count.fill_zero();
+        add_sum(Device{}, pixels, HasDepth{images.depth.span()}, 1, objective.partial.span(),
+                objective.count.data());
+        for (const OtherView<Device>* other : others)
+            compare(objective, in, *other, options_.weight / static_cast<float>(others.size()));
+        add_sum(Device{}, pixels, ReadValue{std::as_const(pixel_loss_).span()}, 1,
+                objective.partial.span(), value);
+    }
+
+private:
+    void compare(Objective<Device>& objective,
+                 const LossInputs<Device>& in,
+                 const OtherView<Device>& other,
+                 float weight) {
+        const auto& images = in.images;
+        const int pixels = images.width * images.height;
+        const ViewPair<float>& pair = other.pair();
+        nearest_.resize(static_cast<std::size_t>(pair.other.width) *
+                        static_cast<std::size_t>(pair.other.height));
+        parallel_for(Device{}, static_cast<int>(nearest_.size()), FillNoPointBody{nearest_.span()});
+        parallel_for(Device{}, pixels,
+                     NearestPointBody{pair, images.camera, images.depth.span(), nearest_.span()});
+        const bool both = in.view.map(prior_map::kCoarseFeatures) != nullptr &&
+                          other.view().map(prior_map::kCoarseFeatures) != nullptr;
+        const auto at_scale = [&](std::string_view name, float share) {
+            const DeviceMap<Device>&a = *in.view.map(name), &b = *other.view().map(name);
+            if (a.channels != b.channels)
+                throw Error(ExitCode::input,
+                            str("map '", name, "': view ", in.view.index, " has descriptors of ",
+                                a.channels, " numbers, view ", other.view().index, " of ",
+                                b.channels, "; views are compared, so all need the same"));
+            parallel_for(
+                Device{}, pixels,
+                FeatureBody{pair, images.camera, features(a), features(b), images.depth.span(),
+                            images.transmittance.span(), std::as_const(nearest_).span(),
+                            objective.count.data(), share * weight, pixel_loss_.span(),
+                            objective.dL_dimages.depth.span()});
+        };
+        at_scale(prior_map::kFeatures, both ? 2.0f / 3 : 1.0f);
+        if (both) at_scale(prior_map::kCoarseFeatures, 1.0f / 3);
+    }
+
+    static FeatureMap features(const DeviceMap<Device>& map) {
+        return {map.values.data(), map.width_px, map.height_px, map.channels};
+    }
+
+    ScheduledOptions options_;
+    Buffer<float, Device> pixel_loss_;
+    Buffer<std::int64_t, Device> nearest_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,72 @@
+// Splats become flat: the smallest scale of those that are seen.
+#pragma once
+
+#include "optim/losses/loss.h"
+#include "render/ewa/projection_math.h"
+
+namespace tvsgs {
+
+/// 1 for a splat that the view sees.
+struct VisibleTerm {
+    Span<const float> radii_px;
+    TVSGS_HD float operator()(int i) const { return radii_px[i] > 0 ? 1.0f : 0.0f; }
+};
+
+struct SmallestScaleTerm {
+    Span<const Vec3f> log_scales;
+    Span<const float> radii_px;
+    const double* count;  // visible splats
+    TVSGS_HD double operator()(int i) const {
+        if (!(radii_px[i] > 0)) return 0;
+        const Vec3f s = log_scales[i];
+        return std::exp(s[smallest_axis(s)]) / *count;
+    }
+};
+
+struct FlattenGradientBody {
+    SmallestScaleTerm term;
+    float weight;
+    Span<Vec3f> dL_dlog_scales;
+    TVSGS_HD void operator()(int i) const {
+        const float share =
+            static_cast<float>(term(i));  // s / count, which is also its derivative by log s
+        if (share > 0) dL_dlog_scales[i][smallest_axis(term.log_scales[i])] += weight * share;
+    }
+};
+
+/// Mean smallest scale of the visible splats, world units.  [PGSR, Eq. 7]
+template <class Device>
+class FlattenLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{.splat_gradients = true, .thickness = true};
+
+    /// `length_unit`: world units that count as 1.
+    explicit FlattenLoss(const ScheduledOptions& options, float length_unit = 1)
+        : options_(options) {
+        options_.weight /= length_unit;
+    }
+
+    const char* name() const override { return "flatten"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const int n = in.gaussians.size();
+        objective.count.fill_zero();
+        add_sum(Device{}, n, VisibleTerm{in.radii_px}, 1, objective.partial.span(),
+                objective.count.data());
+        const SmallestScaleTerm term{in.gaussians.log_scales.span(), in.radii_px,
+                                     objective.count.data()};
+        add_sum(Device{}, n, term, options_.weight, objective.partial.span(), value);
+        parallel_for(
+            Device{}, n,
+            FlattenGradientBody{term, options_.weight, objective.dL_dgaussians.log_scales.span()});
+    }
+
+private:
+    ScheduledOptions options_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,149 @@
+// Patches of a photograph against those of another view, warped by the surface between them.
+#pragma once
+
+#include "optim/losses/loss.h"
+#include "optim/losses/patch_pair.h"
+
+namespace tvsgs {
+
+/// Lists the comparable pixels.
+struct ListValidBody {
+    Span<const int> valid, place;
+    Span<int> pixels;
+    TVSGS_HD void operator()(int at) const {
+        if (valid[at]) pixels[place[at]] = at;
+    }
+};
+
+/// What a patch contributes.
+struct PatchTerm {
+    int pixel;  // -1: none
+    float loss;
+    Vec3f dL_dnormal;
+    float dL_ddepth;
+};
+
+/// Draws and scores patch `i` of as many as there are comparable pixels, at most one per pixel.
+struct PatchBody {
+    PatchPair patches;
+    Span<const Vec3f> normal;
+    Span<const float> depth, pixel_weight;
+    Span<const int> pixels;
+    const double* count;  // of the comparable pixels
+    Random4 key;
+    Span<PatchTerm> terms;  // overwritten
+
+    TVSGS_HD void operator()(int i) const {
+        PatchTerm term{-1, 0, {}, 0};
+        const auto valid = static_cast<std::uint32_t>(*count);
+        if (static_cast<std::uint32_t>(i) < valid) {
+            const int at = pixels[permuted(static_cast<std::uint32_t>(i), valid, key)];
+            const Camera& camera = patches.camera;
+            // The plane with this normal through the surface point.
+            const Vec3f n = normal[at], point = depth[at] * pixel_ray(camera, at % camera.width_px,
+                                                                      at / camera.width_px);
+            const auto score = patches.score(at, n, point);
+            const float w = pixel_weight[at];
+            if (score.valid)
+                term = {at, w * score.error,
+                        w * (score.derror_dnormal - score.derror_ddistance * point),
+                        -w * score.derror_ddistance * dot(n, point) / depth[at]};
+        }
+        terms[i] = term;
+    }
+};
+
+struct PatchPasses {
+    Span<const PatchTerm> terms;
+    TVSGS_HD int operator()(int i) const { return terms[i].pixel >= 0; }
+};
+
+struct PatchLoss {
+    Span<const PatchTerm> terms;
+    const double* count;
+    TVSGS_HD double operator()(int i) const {
+        return terms[i].pixel >= 0 ? static_cast<double>(terms[i].loss) / *count : 0.0;
+    }
+};
+
+/// Pixels differ from patch to patch, so each is written once.
+struct PatchGradientBody {
+    Span<const PatchTerm> terms;
+    const double* count;  // of the patches that pass
+    float weight;
+    Span<Vec3f> dL_dnormal;  // added to
+    Span<float> dL_ddepth;   // added to
+
+    TVSGS_HD void operator()(int i) const {
+        const PatchTerm& t = terms[i];
+        if (t.pixel < 0) return;
+        const float scale = weight / static_cast<float>(*count);
+        dL_dnormal[t.pixel] += scale * t.dL_dnormal;
+        dL_ddepth[t.pixel] += scale * t.dL_ddepth;
+    }
+};
+
+/// mean over patches of w (1 - NCC^2) between the grey photographs, patches warped by the plane
+/// rendered at their centre, w as in the geometric term.  [PGSR, Eq. 14]
+template <class Device>
+class MultiViewNccLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
+                                      .other_views = 1,
+                                      .rendered_views = 1,
+                                      .grey = true,
+                                      .splat_gradients = true};
+
+    MultiViewNccLoss(const ScheduledOptions& options,
+                     int samples,
+                     std::uint64_t seed,
+                     PixelCenter pixel_center)
+        : options_(options), samples_(samples), seed_(seed), pixel_center_(pixel_center) {}
+
+    const char* name() const override { return "multi_view_ncc"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        if (in.others == nullptr) return;
+        const OtherView<Device>& other = (*in.others)[0];
+        const auto& images = in.images;
+        const int all = static_cast<int>(images.depth.size());
+        pixels_.resize(images.depth.size());
+        exclusive_scan(other.valid(), place_, scratch_);
+        parallel_for(Device{}, all,
+                     ListValidBody{other.valid().span(), place_.span(), pixels_.span()});
+
+        const int samples = samples_ < all ? samples_ : all;
+        terms_.resize(static_cast<std::size_t>(samples));
+        const Buffer<PatchTerm, Device>& terms = terms_;
+        parallel_for(
+            Device{}, samples,
+            PatchBody{patch_pair(images, in.view, other, pixel_center_), images.normal.span(),
+                      images.depth.span(), other.weight(), pixels_.span(), other.valid_count(),
+                      random4(seed_, RandomStream::patches, static_cast<std::uint64_t>(in.step)),
+                      terms_.span()});
+        objective.count.fill_zero();
+        add_sum(Device{}, samples, PatchPasses{terms.span()}, 1, objective.partial.span(),
+                objective.count.data());
+        add_sum(Device{}, samples, PatchLoss{terms.span(), objective.count.data()}, options_.weight,
+                objective.partial.span(), value);
+        parallel_for(Device{}, samples,
+                     PatchGradientBody{terms.span(), objective.count.data(), options_.weight,
+                                       objective.dL_dimages.normal.span(),
+                                       objective.dL_dimages.depth.span()});
+    }
+
+private:
+    ScheduledOptions options_;
+    int samples_;
+    std::uint64_t seed_;
+    PixelCenter pixel_center_;
+    Buffer<int, Device> place_, pixels_;
+    Buffer<std::uint8_t, Device> scratch_;
+    Buffer<PatchTerm, Device> terms_;
+};
+
+}  // namespace tvsgs

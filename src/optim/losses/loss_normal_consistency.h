@@ -1,0 +1,87 @@
+// Splats' normals against those of the surface that they make.
+#pragma once
+
+#include "optim/losses/depth_normals.h"
+#include "optim/losses/loss.h"
+
+namespace tvsgs {
+
+/// weight * (1 - M_n . N) of a pixel; where the depth has no normal N is 0.
+struct NormalConsistencyBody {
+    Camera camera;
+    Span<const Vec3f> normal;
+    Span<const float> depth, transmittance;
+    bool by_coverage;
+    float weight_per_pixel;
+    Span<float> pixel_loss;                        // added to
+    Span<DepthNormalGradients<float>> neighbours;  // overwritten
+    Span<Vec3f> dL_dnormal;                        // added to
+
+    TVSGS_HD void operator()(int at) const {
+        pixel_loss[at] += weight_per_pixel;
+        neighbours[at] = {};
+        DepthNormal<float> n;
+        if (!depth_normal_at(camera, depth, at, n)) return;
+        // A constant of the loss.
+        const float length = weight_per_pixel * (by_coverage ? 1 - transmittance[at] : 1);
+        pixel_loss[at] -= length * dot(normal[at], n.normal);
+        dL_dnormal[at] -= length * n.normal;
+        neighbours[at] = depth_normal_vjp(n, -length * normal[at]);
+    }
+};
+
+/// mean over pixels of 1 - M_n . N, N the normals of the depth map; of two depth maps, where
+/// `expected` is above 0.  [2DGS, Eq. 14; RaDe-GS, Eq. 20]
+template <class Device>
+class NormalConsistencyLoss final : public Loss<Device> {
+public:
+    explicit NormalConsistencyLoss(const NormalConsistencyOptions& options) : options_(options) {}
+
+    const char* name() const override { return "normal_consistency"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override {
+        LossNeeds needs{.maps = Maps::normal};
+        if (options_.expected < 1) needs.maps |= Maps::depth;
+        if (options_.expected > 0) needs.maps |= Maps::expected_depth;
+        return needs;
+    }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const auto& images = in.images;
+        auto& dL = objective.dL_dimages;
+        pixel_loss_.resize(images.normal.size());
+        pixel_loss_.fill_zero();
+        neighbours_.resize(images.normal.size());
+        compare(images, images.depth, 1 - options_.expected, dL.normal, dL.depth);
+        compare(images, images.expected_depth, options_.expected, dL.normal, dL.expected_depth);
+        add_sum(Device{}, images.width * images.height, ReadValue{pixel_loss_.span()}, 1,
+                objective.partial.span(), value);
+    }
+
+private:
+    void compare(const RenderedImages<Device>& images,
+                 const Buffer<float, Device>& depth,
+                 float share,
+                 Buffer<Vec3f, Device>& dL_dnormal,
+                 Buffer<float, Device>& dL_ddepth) {
+        if (!(share > 0)) return;
+        const int pixels = images.width * images.height;
+        parallel_for(
+            Device{}, pixels,
+            NormalConsistencyBody{images.camera, images.normal.span(), depth.span(),
+                                  images.transmittance.span(), options_.by_coverage,
+                                  share * options_.weight / static_cast<float>(pixels),
+                                  pixel_loss_.span(), neighbours_.span(), dL_dnormal.span()});
+        parallel_for(
+            Device{}, pixels,
+            NormalDepthBody{images.camera, neighbours_.span(), depth.span(), dL_ddepth.span()});
+    }
+
+    NormalConsistencyOptions options_;
+    Buffer<float, Device> pixel_loss_;
+    Buffer<DepthNormalGradients<float>, Device> neighbours_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,150 @@
+// The render against its photograph.
+#pragma once
+
+#include <cmath>
+
+#include "core/error.h"
+#include "optim/losses/loss.h"
+#include "optim/photo/exposure.h"
+#include "render/photometric/photometric.h"
+
+namespace tvsgs {
+
+template <class Device>
+class PhotometricLoss final : public Loss<Device> {
+public:
+    PhotometricLoss(const PhotometricOptions& o, int views, std::uint64_t seed)
+        : weights_{o.weight * (1 - o.ssim), o.weight * o.ssim},
+          exposure_start_(o.held       ? 1
+                          : o.exposure ? o.exposure_start
+                                       : 0),
+          views_(views),
+          masks_(uses_masks(o.masks)),
+          coverage_(o.masks == MaskUse::object ? o.weight * o.coverage : 0),
+          background_(parse_background(o.background)),
+          fills_(o.masks == MaskUse::object && background_.kind != PhotoBackground::Kind::none &&
+                 background_.kind != PhotoBackground::Kind::sky),
+          sky_(o.sky),
+          seed_(seed),
+          exposure_(o.exposure, o.held.get()) {
+        // What the plan will make of `automatic` is not known yet.
+        if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
+            o.masks != MaskUse::automatic)
+            throw Error(ExitCode::usage, kRandomNeedsObject);
+    }
+
+    const char* name() const override { return "photometric"; }
+    bool active(int) const override { return true; }
+    bool moves_cameras() const override { return true; }
+    LossNeeds needs() const override {
+        LossNeeds needs;
+        if (masks_) needs.view_maps.add("mask");
+        if (coverage_ > 0 || shines_through()) needs.maps = Maps::coverage;
+        return needs;
+    }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        pixel_loss_.resize(in.images.color.size());
+        const int pixels = static_cast<int>(pixel_loss_.size());
+        const bool masks = masks_ || shines_through();
+        ComparedPhoto compared{
+            in.images.color.span(), in.view.photo.span(), objective.dL_dimages.color.span(), {}};
+        if (masks) compared = mask(in);
+        const bool expose = exposes_at(in.step);
+        PhotometricWeights weights = weights_;
+        if (expose) weights.l1 = 0;  // SSIM always looks at the render itself
+        photometric_loss(compared.color, compared.photo, in.images.width, in.images.height, weights,
+                         scratch_, compared.dL_dcolor, pixel_loss_.span(), Device{});
+        if (expose) {
+            ssim_loss_.resize(1);
+            ssim_loss_.fill_zero();
+            add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                    ssim_loss_.data());
+            // Officially from 1 - SSIM < 0.5 on; without an SSIM term, and where it is known,
+            // always.
+            const double limit = exposure_.held()   ? INFINITY
+                                 : weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim)
+                                                    : 1;
+            exposure_.add_l1(in, compared, views_, weights_.l1, ssim_loss_.data(), limit, objective,
+                             pixel_loss_.span());
+        }
+        if (masks)
+            parallel_for(Device{}, pixels,
+                         MaskPhotoVjpBody{
+                             by_, in.images.transmittance.span(), std::as_const(dL_dcolor_).span(),
+                             objective.dL_dimages.color.span(),
+                             objective.dL_dimages.transmittance.span(), pixel_loss_.span()});
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
+        if (expose && !exposure_.held()) exposure_.step(in.view.index, views_);
+    }
+
+    void state(StateVisitor<Device>& visit) override { exposure_.state(visit); }
+
+    HeldExposures exposures() const override { return exposure_.values(); }
+
+    const Exposure<Device>& exposure() const { return exposure_; }
+
+private:
+    bool exposes_at(int step) const { return exposure_start_ > 0 && step >= exposure_start_; }
+
+    /// Whether the render itself has another background than black.
+    bool shines_through() const {
+        return background_.kind == PhotoBackground::Kind::random ||
+               background_.kind == PhotoBackground::Kind::sky || !background_.black();
+    }
+
+    /// What is compared in the place of the render and its photograph.
+    ComparedPhoto mask(const LossInputs<Device>& in) {
+        const std::size_t pixels = in.images.color.size();
+        const PhotoBackground behind = background_.at(seed_, in.step);
+        const bool is_sky = behind.kind == PhotoBackground::Kind::sky;
+        if (is_sky && sky_texels_.empty()) keep_sky();
+        const DeviceMap<Device>* const map = masks_ ? in.view.map("mask") : nullptr;
+        by_ = {map != nullptr ? map->values.span() : Span<const float>{},
+               {behind.linear(), is_sky ? SkyMap{sky_texels_.data(), sky_->width} : SkyMap{},
+                in.view.camera},
+               fills_,
+               coverage_ / static_cast<float>(pixels)};
+        color_.resize(pixels), photo_.resize(3 * pixels), dL_dcolor_.resize(pixels);
+        dL_dcolor_.fill_zero();
+        parallel_for(Device{}, static_cast<int>(pixels),
+                     MaskPhotoBody{by_,
+                                   in.images.color.span(),
+                                   in.images.transmittance.span(),
+                                   in.view.photo.data(),
+                                   color_.span(),
+                                   photo_.data(),
+                                   {behind.color[0], behind.color[1], behind.color[2]}});
+        return {std::as_const(color_).span(), std::as_const(photo_).span(), dL_dcolor_.span(),
+                by_.mask};
+    }
+
+    /// At the first step: terms are also made only to be asked what they need.
+    void keep_sky() {
+        if (!sky_) throw Error(ExitCode::usage, kSkyNeedsMap);
+        copy(std::vector<std::uint8_t>(sky_->pixels.begin(), sky_->pixels.end()), sky_texels_);
+    }
+
+    PhotometricWeights weights_;
+    int exposure_start_;  // 0: never
+    int views_;
+    bool masks_;
+    float coverage_;  // 0: none
+    PhotoBackground background_;
+    bool fills_;
+    std::shared_ptr<const ImageU8> sky_;
+    std::uint64_t seed_;
+    PhotometricScratch<Device> scratch_;
+    Exposure<Device> exposure_;
+    Buffer<float, Device> pixel_loss_;
+    Buffer<double, Device> ssim_loss_;
+    // Of the last step, where masks or a background have a say:
+    MaskedPhoto by_{};
+    Buffer<Vec3f, Device> color_, dL_dcolor_;
+    Buffer<std::uint8_t, Device> photo_, sky_texels_;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,76 @@
+// Depth against a prior in world units.
+#pragma once
+
+#include "optim/losses/depth_prior_math.h"
+#include "optim/losses/loss.h"
+#include "optim/losses/prior_values.h"
+
+namespace tvsgs {
+
+struct PriorDepthBody {
+    // Relative error up to which the pull grows: about that of depth by stereo.
+    static constexpr float kSoftness = 0.01f;
+
+    Span<const float> depth, prior, confidence;
+    float weight_per_pixel;
+    Span<float> pixel_loss;  // overwritten
+    Span<float> dL_ddepth;   // added to
+
+    TVSGS_HD void operator()(int at) const {
+        pixel_loss[at] = 0;
+        const float share = weight_per_pixel * confidence_at(confidence, at);
+        if (!(share > 0) || !(depth[at] > 0) || !(prior[at] > 0) || !is_number(prior[at])) return;
+        const Penalty<float> p = relative_huber(depth[at], prior[at], kSoftness);
+        pixel_loss[at] = share * p.value;
+        dL_ddepth[at] += share * p.slope;
+    }
+};
+
+/// mean over pixels of c rho((D - M) / M), c the confidence of the prior M, rho Huber's. Errors are
+/// relative, so there is no unit. The weight falls from `start` to `end`: what several views agree
+/// on is to win over a prior that contradicts it.  [docs/method/vggs.md#metric-depth]
+template <class Device>
+class PriorDepthLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{.maps = Maps::depth,
+                                      .view_maps = {prior_map::kDepth, prior_map::kConfidence}};
+
+    explicit PriorDepthLoss(const PriorDepthOptions& options) : options_(options) {}
+
+    const char* name() const override { return "prior_depth"; }
+    bool active(int step) const override {
+        return step >= options_.start && (options_.end == 0 || step <= options_.end);
+    }
+    LossNeeds needs() const override { return kNeeds; }
+
+    /// weight * last_share^((step - start) / (end - start)).
+    float weight_at(int step) const {
+        if (options_.end <= options_.start) return options_.weight;
+        const float done = static_cast<float>(step - options_.start) /
+                           static_cast<float>(options_.end - options_.start);
+        return options_.weight * std::pow(options_.last_share, done);
+    }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const Span<const float> prior = prior_values(in.view, prior_map::kDepth);
+        if (prior.empty()) return;
+        const Buffer<float, Device>& depth = in.images.depth;
+        const int pixels = static_cast<int>(depth.size());
+        pixel_loss_.resize(depth.size());
+        parallel_for(
+            Device{}, pixels,
+            PriorDepthBody{depth.span(), prior, prior_values(in.view, prior_map::kConfidence),
+                           weight_at(in.step) / static_cast<float>(pixels), pixel_loss_.span(),
+                           objective.dL_dimages.depth.span()});
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
+    }
+
+private:
+    PriorDepthOptions options_;
+    Buffer<float, Device> pixel_loss_;
+};
+
+}  // namespace tvsgs

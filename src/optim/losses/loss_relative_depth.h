@@ -1,0 +1,94 @@
+// Which of two pixels is farther, by the render and by a prior.
+#pragma once
+
+#include "optim/losses/depth_prior_math.h"
+#include "optim/losses/loss.h"
+#include "optim/losses/prior_values.h"
+
+namespace tvsgs {
+
+/// Pixel p is in two pairs: (p, p + shift) and (p - shift, p). It adds up what the first one costs
+/// and what both pull at its depth.
+struct RelativeDepthBody {
+    int width, height;
+    PixelShift shift;
+    Span<const float> depth, order, confidence;
+    float dead_zone, min_confidence;
+    float per_length;  // lengths in the unit of the loss
+    float weight_per_pixel;
+    Span<float> pixel_loss;  // overwritten
+    Span<float> dL_ddepth;   // added to
+
+    TVSGS_HD bool known(int at) const {
+        return depth[at] > 0 && is_number(order[at]) &&
+               confidence_at(confidence, at) > min_confidence;
+    }
+    TVSGS_HD Penalty<float> pair(int p, int q) const {
+        if (!known(p) || !known(q)) return {};
+        return order_hinge(order_sign(order[p], order[q], dead_zone),
+                           per_length * (depth[q] - depth[p]), kOrderMargin);
+    }
+    TVSGS_HD bool inside(int x, int y) const { return x >= 0 && x < width && y >= 0 && y < height; }
+
+    TVSGS_HD void operator()(int at) const {
+        const int x = at % width, y = at / width, step = shift.y * width + shift.x;
+        float slope = 0;
+        pixel_loss[at] = 0;
+        if (inside(x + shift.x, y + shift.y)) {
+            const Penalty<float> first = pair(at, at + step);
+            pixel_loss[at] = weight_per_pixel * first.value;
+            slope -= first.slope;
+        }
+        if (inside(x - shift.x, y - shift.y)) slope += pair(at - step, at).slope;
+        dL_ddepth[at] += weight_per_pixel * per_length * slope;
+    }
+};
+
+/// mean over pixels p of [sgn(M(p) - M(q)) (D(q) - D(p)) + margin]+, q = p + a shift that each step
+/// draws anew, M a prior of which the order alone counts. Pairs beyond the border, and those of a
+/// pixel without depth or prior, cost nothing.  [docs/method/vggs.md#relative-depth]
+template <class Device>
+class RelativeDepthLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{
+        .maps = Maps::depth, .view_maps = {prior_map::kDepthOrder, prior_map::kConfidence}};
+
+    RelativeDepthLoss(const RelativeDepthOptions& options, float length_unit, std::uint64_t seed)
+        : options_(options), length_unit_(length_unit), seed_(seed) {}
+
+    const char* name() const override { return "relative_depth"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const Span<const float> order = prior_values(in.view, prior_map::kDepthOrder);
+        if (order.empty()) return;
+        const auto& images = in.images;
+        const int pixels = static_cast<int>(images.depth.size());
+        pixel_loss_.resize(images.depth.size());
+        parallel_for(Device{}, pixels,
+                     RelativeDepthBody{
+                         images.width, images.height,
+                         pixel_shift(random4(seed_, RandomStream::depth_pairs,
+                                             static_cast<std::uint64_t>(in.step)),
+                                     kReach),
+                         images.depth.span(), order, prior_values(in.view, prior_map::kConfidence),
+                         options_.dead_zone, options_.min_confidence, 1 / length_unit_,
+                         options_.weight / static_cast<float>(pixels), pixel_loss_.span(),
+                         objective.dL_dimages.depth.span()});
+        add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
+                value);
+    }
+
+    static constexpr int kReach = 16;  // px between the two of a pair, along each axis  [VGGS]
+
+private:
+    RelativeDepthOptions options_;
+    float length_unit_;
+    std::uint64_t seed_;
+    Buffer<float, Device> pixel_loss_;
+};
+
+}  // namespace tvsgs

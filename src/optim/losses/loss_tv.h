@@ -1,0 +1,135 @@
+// The two losses that need no rendering: splats against the votes they received.  [TV-SGS],
+// docs/method/voting.md
+#pragma once
+
+#include "optim/losses/loss.h"
+#include "render/ewa/projection_math.h"
+
+namespace tvsgs {
+
+/// 1 for a splat that takes part in the term.
+struct TakesPart {
+    Span<const std::uint8_t> flags;
+    std::uint8_t flag;
+    Span<const float> radii_px;
+    bool visible_only;
+
+    TVSGS_HD bool test(int i) const {
+        return (flags[i] & flag) && (!visible_only || radii_px[i] > 0);
+    }
+    TVSGS_HD float operator()(int i) const { return test(i) ? 1.0f : 0.0f; }
+};
+
+/// What the reduction `sum` divides by.
+struct ConstantOne {
+    TVSGS_HD float operator()(int) const { return 1; }
+};
+
+/// The splat's normal and the voted one; the axis index carries no gradient.
+struct NormalAgreement {
+    Span<const Vec3f> log_scales, voted;
+    Span<const Quatf> quats;
+
+    TVSGS_HD float operator()(int i) const {
+        return dot(column(rotation(normalize(quats[i])), smallest_axis(log_scales[i])), voted[i]);
+    }
+};
+
+struct TvNormalBody {
+    TakesPart part;
+    NormalAgreement agreement;
+    const double* count;  // what the reduction divides by
+    float weight;
+    Span<float> splat_loss;
+    Span<Quatf> dL_dquats;
+
+    TVSGS_HD void operator()(int i) const {
+        splat_loss[i] = 0;
+        if (!part.test(i)) return;
+        const float w = weight / static_cast<float>(*count), cosine = agreement(i);
+        splat_loss[i] = w * (1 - std::abs(cosine));
+        const int axis = smallest_axis(agreement.log_scales[i]);
+        const Vec3f g = (cosine > 0 ? -w : cosine < 0 ? w : 0.0f) * agreement.voted[i];
+        Mat3f dL_dR{};
+        for (int row = 0; row < 3; ++row) dL_dR[row][axis] = g[row];
+        const Quatf dq = rotation_vjp(agreement.quats[i], dL_dR);
+        dL_dquats[i].w += dq.w, dL_dquats[i].x += dq.x, dL_dquats[i].y += dq.y,
+            dL_dquats[i].z += dq.z;
+    }
+};
+
+struct TvPositionBody {
+    TakesPart part;
+    Span<const Vec3f> means, targets;
+    const double* count;
+    float weight;
+    Span<float> splat_loss;
+    Span<Vec3f> dL_dmeans;
+
+    TVSGS_HD void operator()(int i) const {
+        splat_loss[i] = 0;
+        if (!part.test(i)) return;
+        const float w = weight / static_cast<float>(*count);
+        for (int c = 0; c < 3; ++c) {
+            const float d = means[i][c] - targets[i][c];
+            splat_loss[i] += w * std::abs(d);
+            dL_dmeans[i][c] += d > 0 ? w : d < 0 ? -w : 0;
+        }
+    }
+};
+
+/// Normal: reduce (1 - |n . n_tv|), into the quaternions only. Position: reduce |mean - p_tv|_1,
+/// into the means only.
+template <class Device, bool kPosition>
+class TvLoss final : public Loss<Device> {
+public:
+    static constexpr LossNeeds kNeeds{.targets = kPosition, .splat_gradients = true};
+
+    /// `length_unit`: world units that count as 1, for positions.
+    TvLoss(const ScheduledOptions& options, Reduction reduction, float length_unit = 1)
+        : options_(options), reduction_(reduction) {
+        options_.weight /= length_unit;
+    }
+
+    const char* name() const override { return kPosition ? "tv_position" : "tv_normal"; }
+    bool active(int step) const override { return step >= options_.start; }
+    LossNeeds needs() const override { return kNeeds; }
+
+    void add_to(Objective<Device>& objective,
+                double* value,
+                const LossInputs<Device>& in) override {
+        const int n = in.gaussians.size();
+        if (static_cast<int>(in.field.flags.size()) != n) return;  // no event has been held yet
+        const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
+                             in.radii_px, reduction_ == Reduction::visible_mean};
+        objective.count.fill_zero();
+        if (reduction_ == Reduction::sum)
+            add_sum(Device{}, 1, ConstantOne{}, 1, objective.partial.span(),
+                    objective.count.data());
+        else
+            add_sum(Device{}, n, part, 1, objective.partial.span(), objective.count.data());
+        splat_loss_.resize(in.gaussians.means.size());
+        if constexpr (kPosition)
+            parallel_for(Device{}, n,
+                         TvPositionBody{part, in.gaussians.means.span(), in.field.targets.span(),
+                                        objective.count.data(), options_.weight, splat_loss_.span(),
+                                        objective.dL_dgaussians.means.span()});
+        else
+            parallel_for(Device{}, n,
+                         TvNormalBody{part,
+                                      {in.gaussians.log_scales.span(), in.field.normals.span(),
+                                       in.gaussians.quats.span()},
+                                      objective.count.data(),
+                                      options_.weight,
+                                      splat_loss_.span(),
+                                      objective.dL_dgaussians.quats.span()});
+        add_sum(Device{}, n, ReadValue{splat_loss_.span()}, 1, objective.partial.span(), value);
+    }
+
+private:
+    ScheduledOptions options_;
+    Reduction reduction_;
+    Buffer<float, Device> splat_loss_;
+};
+
+}  // namespace tvsgs

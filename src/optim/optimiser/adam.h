@@ -1,0 +1,190 @@
+// Adam over the Gaussians' parameter groups.  [Kingma15], rates of 3DGS
+#pragma once
+
+#include <array>
+#include <cmath>
+
+#include "core/device/parallel.h"
+#include "core/options.h"
+#include "core/scene/state.h"
+#include "optim/optimiser/adam_step.h"
+
+namespace tvsgs {
+
+struct AdamOptions {
+    float position_start = 1.6e-4f, position_end = 1.6e-6f;
+    int position_max_steps = 30000;
+    float sh_dc = 2.5e-3f, sh_rest = 1.25e-4f, opacity = 0.05f, scale = 0.005f, rotation = 0.001f;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("position_start", position_start, {0, 1},
+              "rate of the means at the start, in scene extents");
+        field("position_end", position_end, {0, 1},
+              "the same at position_max_steps; geometric in between");
+        field("position_max_steps", position_max_steps, {1, 1e9},
+              "iterations over which the means' rate falls");
+        field("sh_dc", sh_dc, {0, 1}, "rate of the base colour");
+        field("sh_rest", sh_rest, {0, 1}, "rate of the higher spherical harmonics");
+        field("opacity", opacity, {0, 10}, "rate of the opacity logits");
+        field("scale", scale, {0, 1}, "rate of the log scales");
+        field("rotation", rotation, {0, 1}, "rate of the quaternions");
+    }
+};
+
+/// Parameters that share a learning rate, in the order of the kinds in Gaussians.
+enum class ParameterGroup { means, scales, rotations, opacities, sh_dc, sh_rest };
+inline constexpr int kParameterGroups = 6;
+
+/// Rate of the means at an iteration, world units.
+inline float position_rate(const AdamOptions& o, int step, float extent) {
+    const double u = std::min(1.0, static_cast<double>(step) / o.position_max_steps);
+    return static_cast<float>(extent * std::pow(static_cast<double>(o.position_start), 1 - u) *
+                              std::pow(static_cast<double>(o.position_end), u));
+}
+
+struct AdamBody {
+    float *values, *m, *v;
+    const float* gradients;
+    AdamScale scale;
+    float least;  // values stay at or above it
+
+    TVSGS_HD void operator()(int i) const {
+        const float next = adam_update(values[i], gradients[i], m[i], v[i], scale.step, scale.root);
+        values[i] = next < least ? least : next;
+    }
+};
+/// body(i) for i in [0, count), unless *halted, where that is given, is not 0.
+void update_parameters(Cpu, int count, const AdamBody& body, const int* halted);
+void update_parameters(Cuda, int count, const AdamBody& body, const int* halted);
+
+/// The moments of all splats, and the step that they take. A step of iteration `step` sets the rate
+/// of the means; `sh_degree` is the SH degree in use: coefficients above it have zero gradients and
+/// moments. Where *halted (on the device; may be null) is not 0, a step changes nothing.
+template <class Device>
+class Adam {
+public:
+    Adam(const AdamOptions& options, const Gaussians<Device>& gaussians) : options_(options) {
+        resize(m_, gaussians.size(), gaussians.sh_degree);
+        resize(v_, gaussians.size(), gaussians.sh_degree);
+        fill_zero(m_);
+        fill_zero(v_);
+    }
+
+    /// A step along gradients in memory.
+    void step(int step,
+              float extent,
+              int sh_degree,
+              const Gaussians<Device>& gradients,
+              Gaussians<Device>& g,
+              bool with_opacity,
+              const int* halted = nullptr) {
+        using enum ParameterGroup;
+        begin_step(step, extent);
+        const auto update = [&](ParameterGroup group, auto& values, const auto& dL, auto& m,
+                                auto& v) {
+            update_group(group, {0, values.size()}, values, dL, m, v, halted);
+        };
+        update(means, g.means, gradients.means, m_.means, v_.means);
+        update(scales, g.log_scales, gradients.log_scales, m_.log_scales, v_.log_scales);
+        update(rotations, g.quats, gradients.quats, m_.quats, v_.quats);
+        if (with_opacity)
+            update(opacities, g.opacity_logits, gradients.opacity_logits, m_.opacity_logits,
+                   v_.opacity_logits);
+        const std::size_t n = g.means.size(),
+                          used = n * static_cast<std::size_t>(sh_count(sh_degree));
+        update_group(sh_dc, {0, n}, g.sh, gradients.sh, m_.sh, v_.sh, halted);
+        update_group(sh_rest, {n, used}, g.sh, gradients.sh, m_.sh, v_.sh, halted);
+    }
+
+    /// A step along the sums over pixels that a rasteriser leaves, and the gradients that losses
+    /// give to the geometry (`extra`; empty: none): no gradient of a parameter lies in memory.
+    void step(int step,
+              float extent,
+              int sh_degree,
+              const FusedGradients& gradients,
+              Gaussians<Device>& extra,
+              Gaussians<Device>& g,
+              bool with_opacity,
+              const int* halted = nullptr) {
+        using enum ParameterGroup;
+        begin_step(step, extent);
+        take_step(Device{}, g.size(), gradients,
+                  {geometry_spans(g),
+                   geometry_spans(m_),
+                   geometry_spans(v_),
+                   geometry_spans(extra),
+                   {g.sh.data(), m_.sh.data(), v_.sh.data(), g.means.size(), sh_count(sh_degree)},
+                   {rate(means), rate(scales), rate(rotations), rate(opacities), root_},
+                   {rate(sh_dc), rate(sh_rest), root_},
+                   with_opacity,
+                   halted});
+    }
+
+    /// From now on the group's rate is `factor` x what it would have been.
+    void lower_rate(ParameterGroup group, float factor) {
+        rate_factors_[static_cast<std::size_t>(group)] *= factor;
+    }
+
+    void state(StateVisitor<Device>& visit) {
+        visit.value("adam.count", count_);
+        visit.value("adam.rate_factors", rate_factors_);
+        visit_state(visit, "adam.m.", m_);
+        visit_state(visit, "adam.v.", v_);
+    }
+
+    Gaussians<Device>& first_moments() { return m_; }
+    Gaussians<Device>& second_moments() { return v_; }
+
+private:
+    /// Elements [range.begin, range.end) of one parameter.
+    struct Range {
+        std::size_t begin, end;
+    };
+    template <class T>
+    void update_group(ParameterGroup group,
+                      Range range,
+                      Buffer<T, Device>& values,
+                      const Buffer<T, Device>& dL,
+                      Buffer<T, Device>& m,
+                      Buffer<T, Device>& v,
+                      const int* halted) {
+        const auto floats = [&](auto* data) {
+            using Float = std::conditional_t<std::is_const_v<std::remove_pointer_t<decltype(data)>>,
+                                             const float, float>;
+            return reinterpret_cast<Float*>(data + range.begin);
+        };
+        // Elsewhere a bound would hide values that are not finite.
+        const float least = group == ParameterGroup::scales ? kLeastLogScale : -INFINITY;
+        const std::size_t count = (range.end - range.begin) * sizeof(T) / sizeof(float);
+        update_parameters(Device{}, static_cast<int>(count),
+                          {floats(values.data()),
+                           floats(m.data()),
+                           floats(v.data()),
+                           floats(dL.data()),
+                           {rate(group), root_},
+                           least},
+                          halted);
+    }
+
+    void begin_step(int step, float extent) {
+        position_rate_ = position_rate(options_, step, extent);
+        root_ = adam_scale(1, ++count_).root;
+    }
+
+    /// With the bias correction of the step in progress.
+    float rate(ParameterGroup group) const {
+        const float rates[] = {position_rate_,   options_.scale, options_.rotation,
+                               options_.opacity, options_.sh_dc, options_.sh_rest};
+        const auto i = static_cast<std::size_t>(group);
+        return adam_scale(rates[i] * rate_factors_[i], count_).step;
+    }
+
+    AdamOptions options_;
+    Gaussians<Device> m_, v_;
+    std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
+    int count_ = 0;
+    float position_rate_ = 0, root_ = 1;  // of the step in progress
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,294 @@
+// The training views on the device; photographs that do not fit come from the host in time.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/device/copy_lane.h"
+#include "core/device/parallel.h"
+#include "core/scene/scene.h"
+#include "optim/losses/loss.h"
+#include "optim/photo/edge_strength.h"
+
+namespace tvsgs {
+
+/// How many views one iteration and the next look at.
+inline int views_at_hand(const LossNeeds& needs) {
+    return 2 * (1 + needs.other_views);
+}
+
+namespace detail {
+
+struct UnitFloatsBody {
+    Span<const std::uint8_t> bytes;
+    Span<float> out;
+    TVSGS_HD void operator()(int i) const { out[i] = static_cast<float>(bytes[i]) / 255; }
+};
+struct GreyBody {
+    Span<const std::uint8_t> rgb;
+    Span<std::uint8_t> out;
+    TVSGS_HD void operator()(int i) const {
+        out[i] = grey_of(rgb.data + 3 * static_cast<std::size_t>(i));
+    }
+};
+
+}  // namespace detail
+
+/// All photographs and maps are on the device if they fit into `budget` bytes, or if that is 0.
+/// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them. Which
+/// of the two it is does not depend on the device.
+template <class Device>
+class DeviceViews {
+public:
+    /// `views` have to outlive this.
+    DeviceViews(const std::vector<View>& views, const LossNeeds& needs, std::int64_t budget)
+        : hosts_(views.size()), views_(views.size()) {
+        std::size_t bytes = 0;
+        std::vector<std::size_t> most;  // of each array
+        for (std::size_t i = 0; i < views.size(); ++i) {
+            views_[i].index = static_cast<int>(i);
+            describe(views[i], needs, views_[i], hosts_[i]);
+            const auto& arrays = hosts_[i].arrays;
+            most.resize(arrays.size());
+            for (std::size_t a = 0; a < arrays.size(); ++a) {
+                const std::size_t there = arrays[a].bytes_there();
+                bytes += there, most[a] = std::max(most[a], there);
+            }
+        }
+        if (budget <= 0 || bytes <= static_cast<std::size_t>(budget) ||
+            views.size() <= static_cast<std::size_t>(views_at_hand(needs))) {
+            Buffer<std::uint8_t, Device> raw;
+            for (std::size_t i = 0; i < views.size(); ++i)
+                for_each_buffer(views_[i], [&](std::size_t a, auto& buffer) {
+                    const Array& from = hosts_[i].arrays[a];
+                    set_bytes(buffer, from.bytes_there());
+                    if (from.how == How::as_is) {
+                        detail::copy(Cpu{}, from.data, Device{}, buffer.data(), from.bytes);
+                        return;
+                    }
+                    if (from.how == How::unit_floats) {
+                        raw.resize(from.bytes);
+                        detail::copy(Cpu{}, from.data, Device{}, raw.data(), from.bytes);
+                    }
+                    make(std::as_const(raw).span(), views_[i], buffer);
+                });
+            hosts_.clear();
+            return;
+        }
+        uploads_.resize(static_cast<std::size_t>(views_at_hand(needs)));
+        for (Upload& upload : uploads_) {
+            upload.memory.maps.resize(needs_maps(needs));
+            std::size_t raw = 0;  // of a mask
+            for (const Host& host : hosts_)
+                for (const Array& array : host.arrays)
+                    if (array.how == How::unit_floats) raw = std::max(raw, array.bytes);
+            upload.raw.resize(raw);
+            for_each_buffer(upload.memory, [&](std::size_t a, auto& buffer) {
+                upload.lanes.emplace_back(most[a]);
+                set_bytes(buffer, most[a]);
+            });
+        }
+    }
+    DeviceViews(const DeviceViews&) = delete;
+    DeviceViews& operator=(const DeviceViews&) = delete;
+
+    bool all_resident() const { return uploads_.empty(); }
+
+    /// For their cameras: only what get() returns is certain to have its photographs and maps.
+    const std::vector<DeviceView<Device>>& views() const { return views_; }
+
+    void set_cameras(const std::vector<Camera>& cameras) {
+        for (std::size_t i = 0; i < views_.size(); ++i) views_[i].camera = cameras[i];
+    }
+
+    /// The view with its photographs and maps. They are valid until as many other views have been
+    /// asked for as there are uploads (views_at_hand()).
+    const DeviceView<Device>& get(int view) {
+        if (!all_resident()) {
+            Upload& upload = bring(view);
+            for (CopyLane<Device>& lane : upload.lanes) lane.wait();
+            finish(upload);
+        }
+        return views_[static_cast<std::size_t>(view)];
+    }
+
+    /// Announces get(view): its photographs are copied while the device works.
+    void prefetch(int view) {
+        if (!all_resident()) bring(view);
+    }
+
+private:
+    /// What is made of an array on the device: of bytes b b / 255; of the photograph its grey
+    /// levels. Made on the host they would be held for all views.
+    enum class How { as_is, unit_floats, grey };
+    struct Array {
+        const void* data;
+        std::size_t bytes;
+        How how = How::as_is;
+
+        std::size_t bytes_there() const {
+            return how == How::unit_floats ? bytes * sizeof(float)
+                   : how == How::grey      ? bytes / 3
+                                           : bytes;
+        }
+    };
+    struct Host {
+        std::vector<Array> arrays;  // in the order of for_each_buffer()
+    };
+    struct Upload {
+        DeviceView<Device> memory;  // its buffers are with the view while it has one
+        std::vector<CopyLane<Device>> lanes;
+        Buffer<std::uint8_t, Device> raw;  // the mask's bytes
+        int view = -1;
+        std::int64_t asked = 0;
+        bool finished = true;  // what is made on the device is there
+    };
+
+    /// `raw`: the mask's bytes.
+    static void make(Span<const std::uint8_t> raw,
+                     const DeviceView<Device>& /*view*/,
+                     Buffer<float, Device>& out) {
+        parallel_for(Device{}, static_cast<int>(out.size()),
+                     detail::UnitFloatsBody{raw, out.span()});
+    }
+    static void make(Span<const std::uint8_t> /*raw*/,
+                     const DeviceView<Device>& view,
+                     Buffer<std::uint8_t, Device>& out) {
+        parallel_for(Device{}, static_cast<int>(out.size()),
+                     detail::GreyBody{view.photo.span(), out.span()});
+    }
+
+    /// visit(number, buffer) for each buffer that comes from the host.
+    template <class Visit>
+    static void for_each_buffer(DeviceView<Device>& view, const Visit& visit) {
+        std::size_t a = 0;
+        visit(a++, view.photo), visit(a++, view.grey);
+        for (DeviceMap<Device>& map : view.maps) visit(a++, map.values);
+    }
+    template <class T>
+    static void set_bytes(Buffer<T, Device>& buffer, std::size_t bytes) {
+        buffer.resize(bytes / sizeof(T));
+    }
+    static std::size_t needs_maps(const LossNeeds& needs) {
+        return static_cast<std::size_t>(needs.view_maps.end() - needs.view_maps.begin());
+    }
+
+    template <class Values>
+    static Array array_of(const Values& values) {
+        return {values.data(), values.size() * sizeof(*values.data())};
+    }
+
+    static void describe(const View& from,
+                         const LossNeeds& needs,
+                         DeviceView<Device>& to,
+                         Host& host) {
+        const ImageU8& photo = from.photo;
+        to.camera = from.camera;
+        host.arrays.push_back(array_of(photo.pixels));
+        if (needs.edges) {
+            float low = 1, high = 0;
+            for (int y = 1; y + 1 < photo.height; ++y)
+                for (int x = 1; x + 1 < photo.width; ++x) {
+                    const float e = edge_strength(photo.pixels.data(), photo.width, x, y);
+                    low = std::min(low, e), high = std::max(high, e);
+                }
+            to.edge_min = low, to.edge_max = std::max(low, high);
+        }
+        describe_grey(from, needs.grey, to, host);
+        for (const std::string_view name : needs.view_maps) describe_map(from, name, to, host);
+    }
+
+    static void describe_grey(const View& from, bool needed, DeviceView<Device>& to, Host& host) {
+        const bool given = !from.grey.empty();
+        const ImageU8& image = given ? from.grey : from.photo;
+        if (!needed) {
+            host.arrays.push_back({nullptr, 0});
+            return;
+        }
+        to.grey_width = image.width, to.grey_height = image.height;
+        host.arrays.push_back(array_of(image.pixels));
+        if (!given) host.arrays.back().how = How::grey;
+    }
+
+    /// Nothing where the view has no such map.
+    static void describe_map(const View& from,
+                             std::string_view name,
+                             DeviceView<Device>& to,
+                             Host& host) {
+        DeviceMap<Device>& map = to.maps.emplace_back();
+        map.name = name;
+        if (name == "mask") {
+            map.width_px = from.mask.width, map.height_px = from.mask.height;
+            host.arrays.push_back(array_of(from.mask.pixels));
+            host.arrays.back().how = How::unit_floats;
+            return;
+        }
+        const auto found = std::find_if(from.maps.begin(), from.maps.end(),
+                                        [&](const ViewMap& m) { return m.name == name; });
+        if (found == from.maps.end()) {
+            host.arrays.push_back({nullptr, 0});
+            return;
+        }
+        map.width_px = found->width_px, map.height_px = found->height_px;
+        map.channels = found->channels;
+        host.arrays.push_back(array_of(found->values));
+    }
+
+    /// The upload that holds the view or is copying it. If there is none, the one that was asked
+    /// for longest ago starts to copy it.
+    Upload& bring(int view) {
+        auto upload = std::find_if(uploads_.begin(), uploads_.end(),
+                                   [view](const Upload& u) { return u.view == view; });
+        if (upload == uploads_.end()) {
+            upload = std::min_element(
+                uploads_.begin(), uploads_.end(),
+                [](const Upload& a, const Upload& b) { return a.asked < b.asked; });
+            if (upload->view >= 0) exchange(*upload);
+            upload->view = view;
+            exchange(*upload);
+            const Host& host = hosts_[static_cast<std::size_t>(view)];
+            for_each_buffer(
+                views_[static_cast<std::size_t>(view)], [&](std::size_t a, auto& buffer) {
+                    // Shrinking keeps the memory, and no view's array is larger than
+                    // it.
+                    const Array& from = host.arrays[a];
+                    set_bytes(buffer, from.bytes_there());
+                    if (from.how == How::grey) return;
+                    void* const to = from.how == How::as_is ? static_cast<void*>(buffer.data())
+                                                            : upload->raw.data();
+                    upload->lanes[a].start(from.data, to, from.bytes);
+                });
+            upload->finished = false;
+        }
+        upload->asked = ++asked_;
+        return *upload;
+    }
+
+    /// What is made on the device, once its copies are there.
+    void finish(Upload& upload) {
+        if (std::exchange(upload.finished, true)) return;
+        DeviceView<Device>& view = views_[static_cast<std::size_t>(upload.view)];
+        const Host& host = hosts_[static_cast<std::size_t>(upload.view)];
+        for_each_buffer(view, [&](std::size_t a, auto& buffer) {
+            if (host.arrays[a].how != How::as_is)
+                make(std::as_const(upload.raw).span(), view, buffer);
+        });
+    }
+
+    void exchange(Upload& upload) {
+        DeviceView<Device>&view = views_[static_cast<std::size_t>(upload.view)],
+        &memory = upload.memory;
+        memory.photo.swap(view.photo), memory.grey.swap(view.grey);
+        for (std::size_t m = 0; m < view.maps.size(); ++m)
+            memory.maps[m].values.swap(view.maps[m].values);
+    }
+
+    std::vector<Host> hosts_;
+    std::vector<DeviceView<Device>> views_;
+    std::vector<Upload> uploads_;  // empty: all photographs and maps are on the device
+    std::int64_t asked_ = 0;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,209 @@
+// Other views of the same Gaussians, for the terms that compare views.
+#pragma once
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "core/device/parallel.h"
+#include "core/device/scan.h"
+#include "optim/losses/multiview_math.h"
+#include "optim/views/device_view.h"
+#include "optim/views/view_pairs.h"
+#include "render/backbone.h"
+
+namespace tvsgs {
+
+/// How far a pixel's surface is seen alike by both views.
+struct CompareBody {
+    ViewPair<float> pair;
+    Camera camera;  // of the reference
+    Span<const float> depth, other_depth;
+    Span<float> weight;
+    Span<int> valid;
+
+    TVSGS_HD void operator()(int at) const {
+        const auto r =
+            reproject(pair, pixel_ray(camera, at % camera.width_px, at / camera.width_px),
+                      depth[at], [&](int i) { return other_depth[i]; });
+        valid[at] = r.valid;
+        weight[at] = r.valid ? std::exp(-r.distance) : 0;
+    }
+};
+
+struct CountValid {
+    Span<const int> valid;
+    TVSGS_HD int operator()(int i) const { return valid[i]; }
+};
+
+/// Turns the collected derivatives by log depth into those by depth.
+struct ResolveDepthBody {
+    Span<const std::int64_t> fixed;
+    double unit;
+    const double* scale;  // divides
+    Span<const float> depth;
+    Span<float> dL_ddepth;  // added to
+
+    TVSGS_HD void operator()(int at) const {
+        if (fixed[at] == 0) return;
+        dL_ddepth[at] += static_cast<float>(static_cast<double>(fixed[at]) * unit / *scale /
+                                            static_cast<double>(depth[at]));
+    }
+};
+
+/// One of them. A rendered one takes the derivatives that losses hand back to its depth through a
+/// backward pass of its own.
+template <class Device>
+class OtherView {
+public:
+    /// Without a backbone it is not rendered.
+    explicit OtherView(std::unique_ptr<Backbone<Device>> backbone)
+        : backbone_(std::move(backbone)) {
+        valid_count_.resize(1);
+        partial_.resize(kSumBlocks);
+    }
+
+    void begin(const DeviceView<Device>& view, const Gaussians<Device>& gaussians) {
+        view_ = &view;
+        if (!rendered()) return;
+        images_ = &backbone_->forward(gaussians, view.camera, 0, Maps::depth);
+        dL_dimages_.depth.resize(0);
+    }
+
+    /// Fills weight() and valid() for the pixels of the reference, where this one is rendered.
+    void compare(const RenderedImages<Device>& reference, float min_depth) {
+        if (!rendered()) {
+            pair_ = view_pair(reference.camera, view_->camera, min_depth);
+            return;
+        }
+        pair_ = view_pair(reference.camera, images_->camera, min_depth);
+        weight_.resize(reference.depth.size()), valid_.resize(reference.depth.size());
+        const int pixels = static_cast<int>(reference.depth.size());
+        parallel_for(Device{}, pixels,
+                     CompareBody{pair_, reference.camera, reference.depth.span(),
+                                 images_->depth.span(), weight_.span(), valid_.span()});
+        valid_count_.fill_zero();
+        add_sum(Device{}, pixels, CountValid{valid_.span()}, 1, partial_.span(),
+                valid_count_.data());
+    }
+
+    const DeviceView<Device>& view() const { return *view_; }
+    bool rendered() const { return backbone_ != nullptr; }
+    const ViewPair<float>& pair() const { return pair_; }  // on the rays of both depth maps
+
+    // Of a rendered one only:
+    const RenderedImages<Device>& images() const { return *images_; }
+    /// [H W] of the reference: exp(-reprojection distance in px), a constant of the losses that
+    /// fades out what this view sees otherwise; 0 where the views cannot be compared.
+    Span<const float> weight() const { return weight_.span(); }
+    const Buffer<int, Device>& valid() const { return valid_; }        // [H W] 1 or 0
+    const double* valid_count() const { return valid_count_.data(); }  // on the device
+
+    /// [H W] of this view, cleared by this call: a term adds kFixedUnit x its derivatives by the
+    /// logarithm of this view's depth, and has to call resolve_depth_gradients() before another
+    /// term calls this. Several pixels of the reference fall between the same pixels of this view,
+    /// so they are added by atomics: of integers, whose sum has the same bits in any order. The
+    /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
+    /// 2^-32 px and has room for 2,000 pixels of 10^6 px each.
+    Span<std::int64_t> depth_gradients() {
+        const std::size_t pixels = images_->depth.size();
+        fixed_.resize(pixels);
+        fixed_.fill_zero();
+        return fixed_.span();
+    }
+
+    /// Adds depth_gradients() x weight / *count to those of the render.
+    void resolve_depth_gradients(float weight, const double* count) {
+        const std::size_t pixels = images_->depth.size();
+        if (dL_dimages_.depth.empty()) {
+            dL_dimages_.depth.resize(pixels);
+            dL_dimages_.depth.fill_zero();
+        }
+        parallel_for(Device{}, static_cast<int>(pixels),
+                     ResolveDepthBody{fixed_.span(), weight / kFixedUnit, count,
+                                      images_->depth.span(), dL_dimages_.depth.span()});
+    }
+
+    const ImageGradients<Device>& dL_dimages() const { return dL_dimages_; }
+
+    /// Adds the gradients of the derivatives that losses have resolved; does nothing if none has.
+    void backward(const Gaussians<Device>& gaussians, Gaussians<Device>& dL_dgaussians) {
+        if (!dL_dimages_.depth.empty()) backbone_->backward(gaussians, dL_dimages_, dL_dgaussians);
+    }
+
+    static constexpr double kFixedUnit = 4294967296.0;  // 2^32
+
+private:
+    std::unique_ptr<Backbone<Device>> backbone_;
+    const DeviceView<Device>* view_ = nullptr;
+    const RenderedImages<Device>* images_ = nullptr;
+    ViewPair<float> pair_{};
+    Buffer<float, Device> weight_;
+    Buffer<int, Device> valid_;
+    Buffer<double, Device> valid_count_, partial_;
+    Buffer<std::int64_t, Device> fixed_;
+    ImageGradients<Device> dL_dimages_;
+};
+
+/// The other views of one step, drawn from those that its view is paired with; the first ones are
+/// rendered.
+template <class Device>
+class OtherViews {
+public:
+    static constexpr int kMost = 4;  // of one step: a draw of the generator has four numbers
+
+    /// A view for each of `backbones`, at most kMost; null: that one is not rendered.
+    OtherViews(ViewPairs pairs,
+               std::vector<std::unique_ptr<Backbone<Device>>> backbones,
+               std::uint64_t seed)
+        : pairs_(std::move(pairs)), seed_(seed) {
+        for (auto& backbone : backbones) others_.emplace_back(std::move(backbone));
+    }
+
+    /// Which views step `step` looks at beside `reference`, all different; fewer where it is paired
+    /// with fewer.
+    std::vector<int> choose(int step, int reference) const {
+        std::vector<int> left = pairs_.of_view[static_cast<std::size_t>(reference)], chosen;
+        const Random4 draws =
+            random4(seed_, RandomStream::other_views, static_cast<std::uint64_t>(step));
+        for (std::size_t i = 0; i < others_.size() && !left.empty(); ++i) {
+            const float draw = uniform(draws.v[i]);
+            const auto at = std::min(
+                static_cast<std::size_t>(draw * static_cast<float>(left.size())), left.size() - 1);
+            chosen.push_back(left[at]);
+            left.erase(left.begin() + static_cast<std::ptrdiff_t>(at));
+        }
+        return chosen;
+    }
+
+    /// Takes those that choose() names, and renders them.
+    void begin(int step,
+               int reference,
+               const std::vector<DeviceView<Device>>& views,
+               const Gaussians<Device>& gaussians) {
+        count_ = 0;
+        for (const int chosen : choose(step, reference))
+            others_[static_cast<std::size_t>(count_++)].begin(
+                views[static_cast<std::size_t>(chosen)], gaussians);
+    }
+
+    void compare(const RenderedImages<Device>& reference) {
+        for (int i = 0; i < count_; ++i) (*this)[i].compare(reference, pairs_.min_depth);
+    }
+
+    void backward(const Gaussians<Device>& gaussians, Gaussians<Device>& dL_dgaussians) {
+        for (int i = 0; i < count_; ++i) (*this)[i].backward(gaussians, dL_dgaussians);
+    }
+
+    int count() const { return count_; }  // of this step
+    OtherView<Device>& operator[](int i) { return others_[static_cast<std::size_t>(i)]; }
+
+private:
+    ViewPairs pairs_;
+    std::uint64_t seed_;
+    std::vector<OtherView<Device>> others_;
+    int count_ = 0;
+};
+
+}  // namespace tvsgs

@@ -1,0 +1,173 @@
+#include "optim/views/view_pairs.h"
+
+#include <algorithm>
+#include <cmath>
+#include <tuple>
+
+#include "core/log.h"
+
+namespace tvsgs {
+namespace {
+
+struct Candidate {
+    double distance, angle_deg;  // distance in the unit of the limits
+    int view;
+};
+
+/// Median depth of the initial points inside the image; of those in front when none is inside; 0
+/// without any.
+double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
+    const std::size_t stride = 1 + points.size() / 5000;  // enough for a median
+    std::vector<double> inside, in_front;
+    for (std::size_t i = 0; i < points.size(); i += stride) {
+        const Camera& c = view.camera;
+        const Vec3f p = c.camera_from_world * points[i];
+        if (!(p.z > 0)) continue;
+        in_front.push_back(p.z);
+        const float x = c.fx_px * p.x / p.z + c.cx_px, y = c.fy_px * p.y / p.z + c.cy_px;
+        if (x >= 0 && x < static_cast<float>(c.width_px) && y >= 0 &&
+            y < static_cast<float>(c.height_px))
+            inside.push_back(p.z);
+    }
+    std::vector<double>& depths = inside.empty() ? in_front : inside;
+    if (depths.empty()) return 0;
+    const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+    std::nth_element(depths.begin(), middle, depths.end());
+    return *middle;
+}
+
+bool is_nearer(const Candidate& a, const Candidate& b) {
+    return std::tie(a.distance, a.angle_deg, a.view) < std::tie(b.distance, b.angle_deg, b.view);
+}
+
+struct Stand {
+    Vec3d axis, centre;
+};
+
+/// The other views of a distance between `low` and `high`, the nearest first, and of all others the
+/// nearest, whose view is -1 where there is none. Of thousands of views few are that near.
+struct Others {
+    std::vector<Candidate> within;
+    Candidate nearest{INFINITY, INFINITY, -1};
+
+    Others(const std::vector<Stand>& stands, int i, double unit, double low, double high) {
+        const Stand& own = stands[static_cast<std::size_t>(i)];
+        for (int j = 0; j < static_cast<int>(stands.size()); ++j) {
+            if (j == i) continue;
+            const Stand& other = stands[static_cast<std::size_t>(j)];
+            const double distance = norm(other.centre - own.centre) / unit;
+            const bool candidate = distance > low && distance < high;
+            if (!candidate && distance > nearest.distance) continue;
+            // The official code does not clamp, and loses parallel cameras to the arc cosine of 1 +
+            // eps.
+            const double cosine = std::clamp(dot(own.axis, other.axis), -1.0, 1.0);
+            const Candidate c{distance, std::acos(cosine) * 180 / 3.14159265358979323846, j};
+            if (candidate) within.push_back(c);
+            if (nearest.view < 0 || is_nearer(c, nearest)) nearest = c;
+        }
+        std::sort(within.begin(), within.end(), is_nearer);
+    }
+};
+
+/// The pairs, and what to say of the views that have none.
+struct Found {
+    ViewPairs result;
+    int lonely = 0, without_depth = 0;
+    double least_distance = 1e300, most_distance = 0, least_angle = 180, most_angle = 0;
+};
+
+Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
+    const bool relative = options.limits == PairLimits::relative;
+    const double low = static_cast<double>(relative ? options.min_baseline : options.min_distance),
+                 high = static_cast<double>(relative ? options.max_baseline : options.max_distance);
+    Found found;
+    ViewPairs& result = found.result;
+    result.of_view.resize(scene.train.size());
+    std::vector<double> depths;
+    for (const View& view : scene.train)
+        depths.push_back(relative ? median_depth_of(view, scene.points.positions) : 1);
+
+    std::vector<Stand> stands;
+    for (const View& view : scene.train)
+        stands.push_back({optical_axis(view.camera), vec_cast<double>(camera_centre(view.camera))});
+    for (int i = 0; i < static_cast<int>(scene.train.size()); ++i) {
+        const double unit = depths[static_cast<std::size_t>(i)];
+        std::vector<int>& chosen = result.of_view[static_cast<std::size_t>(i)];
+        if (!(unit > 0)) {
+            ++found.lonely, ++found.without_depth;
+            continue;
+        }
+        const Others others(stands, i, unit, low, high);
+        const auto choose_within = [&](float angle_deg) {
+            for (const Candidate& c : others.within)
+                if (static_cast<int>(chosen.size()) < options.count &&
+                    c.angle_deg < static_cast<double>(angle_deg))
+                    chosen.push_back(c.view);
+        };
+        choose_within(options.max_angle_deg);
+        if (chosen.empty()) choose_within(options.lone_angle_deg);
+        if (!chosen.empty()) continue;
+        ++found.lonely;
+        const Candidate& nearest = others.nearest;
+        if (nearest.view < 0) continue;
+        found.least_distance = std::min(found.least_distance, nearest.distance);
+        found.most_distance = std::max(found.most_distance, nearest.distance);
+        found.least_angle = std::min(found.least_angle, nearest.angle_deg);
+        found.most_angle = std::max(found.most_angle, nearest.angle_deg);
+    }
+    if (relative) {
+        // Officially 0.1, of depths of about 3.
+        std::vector<double> known = depths;
+        std::erase_if(known, [](double d) { return !(d > 0); });
+        std::sort(known.begin(), known.end());
+        result.min_depth = known.empty() ? 0 : static_cast<float>(known[known.size() / 2] / 30);
+    }
+    return found;
+}
+
+}  // namespace
+
+Vec3d optical_axis(const Camera& camera) {
+    const Mat3f& R = camera.camera_from_world.R;
+    return vec_cast<double>(Vec3f{R[2][0], R[2][1], R[2][2]});
+}
+
+double share_with_pair(const Scene& scene, const ViewPairOptions& options) {
+    return 1 - find_view_pairs(scene, options).lonely / static_cast<double>(scene.train.size());
+}
+
+ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, bool quiet) {
+    const bool relative = options.limits == PairLimits::relative;
+    const int views = static_cast<int>(scene.train.size());
+    const Found found = find_view_pairs(scene, options);
+    if (quiet) return found.result;
+    const char* unit = relative ? "depths" : "world units";
+    if (found.lonely == 0) {
+        std::size_t pairs = 0;
+        for (const auto& chosen : found.result.of_view) pairs += chosen.size();
+        spdlog::info("multi-view losses: {:.1f} other views per training view",
+                     static_cast<double>(pairs) / views);
+    } else {
+        spdlog::warn(
+            "multi-view losses: off for {} of {} training views: none of the other views is within "
+            "{:.4g} degrees and {:.4g} to {:.4g} {} (loss.multi_view.limits = {}){}{}",
+            found.lonely, views,
+            static_cast<double>(std::max(options.max_angle_deg, options.lone_angle_deg)),
+            static_cast<double>(relative ? options.min_baseline : options.min_distance),
+            static_cast<double>(relative ? options.max_baseline : options.max_distance), unit,
+            relative ? "relative" : "official",
+            found.without_depth > 0
+                ? "; some see no initial point, which leaves their depth unknown"
+                : "",
+            relative ? "" : "; limits in depths: loss.multi_view.limits = relative");
+        if (found.most_distance > 0)
+            spdlog::warn(
+                "multi-view losses: the nearest other views of these are {:.4g} to {:.4g} "
+                "{} and {:.1f} to {:.1f} degrees away",
+                found.least_distance, found.most_distance, unit, found.least_angle,
+                found.most_angle);
+    }
+    return found.result;
+}
+
+}  // namespace tvsgs
