@@ -4,7 +4,7 @@
 
 #include "apps/bench/stability_render.h"
 #include "apps/bench/stability_row.h"
-#include "mesh/tsdf_math.h"
+#include "mesh/fuse/tsdf_math.h"
 #include "optim/losses/multiview_math.h"
 #include "render/depth/normal_math.h"
 

@@ -22,7 +22,7 @@
 #include "core/nearest_name.h"
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
-#include "mesh/device_algorithms.h"
+#include "mesh/fuse/device_algorithms.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs {

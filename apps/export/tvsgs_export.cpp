@@ -7,7 +7,7 @@
 #include "core/device/device_choice.h"
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
-#include "mesh/upright.h"
+#include "mesh/draw/upright.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "pipeline/sky.h"

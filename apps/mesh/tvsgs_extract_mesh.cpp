@@ -9,7 +9,7 @@
 #include "io/files/manifest.h"
 #include "io/images/image_file.h"
 #include "io/mesh/mesh_files.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "report/run_report.h"

@@ -3,7 +3,7 @@
 #pragma once
 
 #include "apps/synth/object.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 
 namespace tvsgs::synth {
 

@@ -11,7 +11,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/npz.h"
 #include "io/images/image_file.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 
 namespace tvsgs::synth {
 namespace {

@@ -15,7 +15,7 @@
 #include "io/files/atomic_file.h"
 #include "io/images/image_file.h"
 #include "io/splats/ply.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 #include "pipeline/signals.h"
 
 namespace tvsgs::synth {

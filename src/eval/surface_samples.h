@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "core/scene/crop.h"
-#include "mesh/triangle_tree.h"
+#include "mesh/mend/triangle_tree.h"
 
 namespace tvsgs {
 

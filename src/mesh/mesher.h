@@ -7,7 +7,7 @@
 
 #include "core/log.h"
 #include "core/scene/mesh.h"
-#include "mesh/depth_views.h"
+#include "mesh/fuse/depth_views.h"
 
 namespace tvsgs {
 

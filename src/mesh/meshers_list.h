@@ -11,9 +11,9 @@
 
 #include "core/error.h"
 #include "core/nearest_name.h"
-#include "mesh/mesher_tetrahedra.h"
-#include "mesh/mesher_tsdf.h"
-#include "mesh/mesher_watertight.h"
+#include "mesh/closed/mesher_watertight.h"
+#include "mesh/fuse/mesher_tsdf.h"
+#include "mesh/tetrahedra/mesher_tetrahedra.h"
 
 namespace tvsgs {
 

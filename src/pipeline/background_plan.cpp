@@ -3,7 +3,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "mesh/focus.h"
+#include "mesh/fuse/focus.h"
 
 namespace tvsgs {
 

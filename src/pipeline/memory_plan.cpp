@@ -8,7 +8,7 @@
 #include "core/log.h"
 #include "core/parse_numbers.h"
 #include "io/files/json_value.h"
-#include "mesh/device_algorithms.h"
+#include "mesh/fuse/device_algorithms.h"
 #include "optim/views/device_views.h"
 
 namespace tvsgs {

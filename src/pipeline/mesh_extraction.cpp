@@ -7,9 +7,9 @@
 #include "core/error.h"
 #include "core/log.h"
 #include "core/parse_numbers.h"
-#include "mesh/mesh_holes.h"
-#include "mesh/mesh_smooth.h"
-#include "mesh/mesh_sound.h"
+#include "mesh/mend/mesh_holes.h"
+#include "mesh/mend/mesh_smooth.h"
+#include "mesh/mend/mesh_sound.h"
 
 namespace tvsgs {
 namespace {

@@ -8,11 +8,11 @@
 
 #include "core/log.h"
 #include "core/scene/scene.h"
-#include "mesh/focus.h"
-#include "mesh/large_splats.h"
-#include "mesh/mesh_clean.h"
+#include "mesh/fuse/focus.h"
+#include "mesh/fuse/large_splats.h"
+#include "mesh/mend/mesh_clean.h"
 #include "mesh/meshers_list.h"
-#include "mesh/simplify.h"
+#include "mesh/simplify/simplify.h"
 #include "optim/loop/train.h"
 
 namespace tvsgs {

@@ -4,8 +4,8 @@
 #include "core/log.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "mesh/texture.h"
-#include "mesh/upright.h"
+#include "mesh/draw/upright.h"
+#include "mesh/texture/texture.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/run_folder.h"
 

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "core/version.h"
 #include "io/images/image_file.h"
-#include "mesh/focus.h"
+#include "mesh/fuse/focus.h"
 #include "render/backbone.h"
 #include "render/depth/map_images.h"
 #include "render/tiles/blend_math.h"

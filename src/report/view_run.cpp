@@ -7,7 +7,7 @@
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
-#include "mesh/simplify.h"
+#include "mesh/simplify/simplify.h"
 #include "pipeline/run_folder.h"
 #include "pipeline/run_options.h"
 #include "report/data.h"

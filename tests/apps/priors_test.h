@@ -17,7 +17,7 @@
 #include "io/files/npz.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 #include "pipeline/priors.h"
 #include "support/command.h"
 

@@ -15,7 +15,7 @@
 #include "io/scene/crop_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 
 namespace tvsgs {
 namespace {

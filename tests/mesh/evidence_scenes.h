@@ -4,9 +4,9 @@
 #include <initializer_list>
 #include <vector>
 
-#include "mesh/mesh_evidence.h"
-#include "mesh/mesh_render.h"
-#include "mesh/pixel_trust.h"
+#include "mesh/draw/mesh_render.h"
+#include "mesh/fuse/pixel_trust.h"
+#include "mesh/mend/mesh_evidence.h"
 #include "mesh/shapes.h"
 #include "mesh/sphere_views.h"
 

@@ -8,8 +8,8 @@
 #include <set>
 #include <tuple>
 
-#include "mesh/mesh_clean.h"
-#include "mesh/mesh_sound.h"
+#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mesh_sound.h"
 #include "mesh/shapes.h"
 
 namespace tvsgs::test {

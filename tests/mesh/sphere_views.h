@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/scene/camera.h"
-#include "mesh/tsdf.h"
+#include "mesh/fuse/tsdf.h"
 
 namespace tvsgs::test {
 

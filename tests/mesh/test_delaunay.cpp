@@ -7,7 +7,7 @@
 #include <set>
 
 #include "core/math/rng.h"
-#include "mesh/delaunay.h"
+#include "mesh/tetrahedra/delaunay.h"
 
 namespace tvsgs {
 namespace {

@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "core/device/cuda_device.h"
-#include "mesh/depth_clean.h"
-#include "mesh/focus.h"
+#include "mesh/fuse/depth_clean.h"
+#include "mesh/fuse/focus.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {

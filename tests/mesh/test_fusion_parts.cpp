@@ -8,8 +8,8 @@
 
 #include "core/device/cuda_device.h"
 #include "core/error.h"
-#include "mesh/fusion.h"
-#include "mesh/pixel_trust.h"
+#include "mesh/fuse/fusion.h"
+#include "mesh/fuse/pixel_trust.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {

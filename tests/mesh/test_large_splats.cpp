@@ -6,7 +6,7 @@
 #include <limits>
 
 #include "core/device/cuda_device.h"
-#include "mesh/large_splats.h"
+#include "mesh/fuse/large_splats.h"
 
 namespace tvsgs {
 namespace {

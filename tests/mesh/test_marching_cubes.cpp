@@ -5,9 +5,9 @@
 #include <functional>
 #include <set>
 
-#include "mesh/device_algorithms.h"
-#include "mesh/marching_cubes.h"
-#include "mesh/marching_cubes_table.h"
+#include "mesh/fuse/device_algorithms.h"
+#include "mesh/fuse/marching_cubes.h"
+#include "mesh/fuse/marching_cubes_table.h"
 
 namespace tvsgs {
 namespace {

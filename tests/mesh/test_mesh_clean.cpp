@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "mesh/mesh_clean.h"
+#include "mesh/mend/mesh_clean.h"
 
 namespace tvsgs {
 namespace {

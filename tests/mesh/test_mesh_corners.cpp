@@ -10,10 +10,10 @@
 #include "core/device/morton.h"
 #include "core/device/parallel.h"
 #include "core/error.h"
-#include "mesh/disjoint_sets.h"
-#include "mesh/face_order.h"
-#include "mesh/mesh_clean.h"
-#include "mesh/mesh_corners.h"
+#include "mesh/mend/disjoint_sets.h"
+#include "mesh/mend/face_order.h"
+#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mesh_corners.h"
 
 namespace tvsgs {
 namespace {

@@ -8,7 +8,7 @@
 
 #include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
-#include "mesh/mesh_clean.h"
+#include "mesh/mend/mesh_clean.h"
 #include "pipeline/mesh_extraction.h"
 
 namespace tvsgs {

@@ -8,10 +8,10 @@
 #include <random>
 
 #include "mesh/evidence_scenes.h"
+#include "mesh/mend/mesh_holes.h"
+#include "mesh/mend/mesh_loops.h"
+#include "mesh/mend/mesh_patch.h"
 #include "mesh/mend_shapes.h"
-#include "mesh/mesh_holes.h"
-#include "mesh/mesh_loops.h"
-#include "mesh/mesh_patch.h"
 
 namespace tvsgs {
 namespace {

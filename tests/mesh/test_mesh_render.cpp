@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 
 namespace tvsgs {
 namespace {

@@ -7,7 +7,7 @@
 #include <limits>
 #include <utility>
 
-#include "mesh/mesh_smooth.h"
+#include "mesh/mend/mesh_smooth.h"
 #include "mesh/shapes.h"
 #include "mesh/simplify_shapes.h"
 

@@ -2,8 +2,8 @@
 // in double, and the product over all splats.
 #include <gtest/gtest.h>
 
-#include "mesh/opacity_field.h"
 #include "mesh/splat_surfaces.h"
+#include "mesh/tetrahedra/opacity_field.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 

@@ -4,8 +4,8 @@
 #include <algorithm>
 
 #include "core/error.h"
-#include "mesh/mesher_tetrahedra.h"
 #include "mesh/splat_surfaces.h"
+#include "mesh/tetrahedra/mesher_tetrahedra.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

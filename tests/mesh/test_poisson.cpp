@@ -12,13 +12,13 @@
 #include <set>
 
 #include "core/error.h"
-#include "mesh/mesh_clean.h"
-#include "mesh/pixel_trust.h"
-#include "mesh/poisson.h"
-#include "mesh/poisson_solve.h"
-#include "mesh/simplify.h"
+#include "mesh/closed/poisson.h"
+#include "mesh/closed/poisson_solve.h"
+#include "mesh/closed/view_points.h"
+#include "mesh/fuse/pixel_trust.h"
+#include "mesh/mend/mesh_clean.h"
+#include "mesh/simplify/simplify.h"
 #include "mesh/sphere_views.h"
-#include "mesh/view_points.h"
 
 namespace tvsgs {
 namespace {

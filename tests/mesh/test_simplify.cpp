@@ -5,12 +5,12 @@
 #include <limits>
 
 #include "core/error.h"
-#include "mesh/simplify.h"
-#include "mesh/simplify_collapse.h"
-#include "mesh/simplify_proof.h"
+#include "mesh/mend/triangle_tree.h"
+#include "mesh/simplify/simplify.h"
+#include "mesh/simplify/simplify_collapse.h"
+#include "mesh/simplify/simplify_proof.h"
+#include "mesh/simplify/simplify_tolerance.h"
 #include "mesh/simplify_shapes.h"
-#include "mesh/simplify_tolerance.h"
-#include "mesh/triangle_tree.h"
 
 namespace tvsgs::test {
 namespace {

@@ -7,10 +7,10 @@
 #include <cmath>
 #include <set>
 
-#include "mesh/mesh_render.h"
+#include "mesh/draw/mesh_render.h"
 #include "mesh/shapes.h"
 #include "mesh/sphere_views.h"
-#include "mesh/texture.h"
+#include "mesh/texture/texture.h"
 
 namespace tvsgs {
 namespace {

@@ -5,8 +5,8 @@
 #include <random>
 
 #include "core/error.h"
+#include "mesh/mend/triangle_tree.h"
 #include "mesh/shapes.h"
-#include "mesh/triangle_tree.h"
 
 namespace tvsgs::test {
 namespace {

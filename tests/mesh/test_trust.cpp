@@ -6,9 +6,9 @@
 #include <functional>
 
 #include "core/device/cuda_device.h"
-#include "mesh/depth_clean.h"
-#include "mesh/fusion.h"
-#include "mesh/pixel_trust.h"
+#include "mesh/fuse/depth_clean.h"
+#include "mesh/fuse/fusion.h"
+#include "mesh/fuse/pixel_trust.h"
 
 namespace tvsgs {
 namespace {

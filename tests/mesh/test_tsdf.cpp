@@ -8,8 +8,8 @@
 
 #include "core/device/cuda_device.h"
 #include "core/error.h"
-#include "mesh/marching_cubes.h"
-#include "mesh/mesh_clean.h"
+#include "mesh/fuse/marching_cubes.h"
+#include "mesh/mend/mesh_clean.h"
 #include "mesh/sphere_views.h"
 
 namespace tvsgs {

@@ -6,7 +6,7 @@
 #include <tuple>
 
 #include "core/error.h"
-#include "mesh/fusion.h"
+#include "mesh/fuse/fusion.h"
 #include "mesh/sphere_views.h"
 #include "support/numeric.h"
 

@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "core/math/affine.h"
+#include "mesh/draw/upright.h"
 #include "mesh/sphere_views.h"
-#include "mesh/upright.h"
 
 namespace tvsgs {
 namespace {

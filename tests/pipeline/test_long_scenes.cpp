@@ -10,7 +10,7 @@
 #include "core/error.h"
 #include "core/scene/pixel_file.h"
 #include "core/scene/sight_limits.h"
-#include "mesh/mesh_evidence.h"
+#include "mesh/mend/mesh_evidence.h"
 #include "optim/growth/init.h"
 #include "optim/matchable.h"
 #include "optim/training_scene.h"

@@ -1,0 +1,55 @@
+#include "mesh/closed/mesher_watertight.h"
+
+#include <algorithm>
+
+#include "core/device/parallel.h"
+#include "core/math/point_tree.h"
+#include "mesh/fuse/device_algorithms.h"
+
+namespace tvsgs::detail {
+
+std::int64_t bytes_for_closing(std::int64_t max_bytes) {
+    constexpr double kShareOfFreeMemory = 0.8;
+    return std::min(max_bytes, static_cast<std::int64_t>(kShareOfFreeMemory *
+                                                         static_cast<double>(free_bytes(Cpu{}))));
+}
+
+ExtractedMesh close_surface(const ViewPoints& points,
+                            const EvidenceSource& evidence,
+                            std::int64_t max_bytes,
+                            spdlog::level::level_enum level) {
+    ExtractedMesh found;
+    const OrientedPoints oriented = points.oriented();
+    if (oriented.size() == 0) {
+        found.why_empty =
+            "no view is sure of a surface that no other looks through; are the splats opaque?";
+        return found;
+    }
+    const PoissonField field = solve_poisson(oriented, evidence, {points.cell(), max_bytes});
+    spdlog::log(level,
+                "{} points, {} alone, {} left out as views look through them; nodes {:.4g} apart "
+                "at the finest of {} levels, {:.1f} MiB",
+                oriented.size(), field.lonely, points.dropped(), field.finest().spacing,
+                field.levels.size(), static_cast<double>(field.bytes) / (1 << 20));
+    found.mesh = poisson_surface(field, max_bytes);
+    if (found.mesh.faces.empty()) {
+        found.why_empty =
+            str("the ", oriented.size(),
+                " points that views are sure of close no surface; give more views, or "
+                "leave it open (without --watertight)");
+        return found;
+    }
+    const std::vector<Vec3f> colors = points.colors();
+    const PointTree<float> tree(oriented.positions);
+    found.mesh.colors.resize(found.mesh.vertices.size());
+    parallel_for(Cpu{}, static_cast<int>(found.mesh.vertices.size()), [&](int i) {
+        const auto v = static_cast<std::size_t>(i);
+        std::size_t nearest = 0;
+        float squared;
+        tree.nearest(found.mesh.vertices[v], 1, &nearest, &squared);
+        found.mesh.colors[v] = colors[nearest];
+    });
+    return found;
+}
+
+}  // namespace tvsgs::detail

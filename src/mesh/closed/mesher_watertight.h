@@ -1,0 +1,69 @@
+// The closed surface around what lies behind the depth maps' points.  [Kazhdan13],
+// docs/method/watertight.md
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/progress.h"
+#include "mesh/closed/view_points.h"
+#include "mesh/fuse/voxel_size.h"
+#include "mesh/mesher.h"
+
+namespace tvsgs {
+
+namespace detail {
+
+/// Bytes that the host has for a closed surface.
+std::int64_t bytes_for_closing(std::int64_t max_bytes);
+
+/// The surface of those points, with their colours.
+ExtractedMesh close_surface(const ViewPoints& points,
+                            const EvidenceSource& evidence,
+                            std::int64_t max_bytes,
+                            spdlog::level::level_enum level);
+
+}  // namespace detail
+
+/// Closed where no view sees anything, too: every edge between two faces, every vertex amid one fan
+/// of them. The surface is made on the host, whatever the device.
+template <class Device>
+class WatertightMesher final : public Mesher<Device> {
+public:
+    /// Nodes are as far apart as voxels of voxel_size().
+    WatertightMesher(float given_size, int resolution)
+        : given_size_(given_size), resolution_(resolution) {}
+
+    ExtractedMesh extract(const MesherInputs<Device>& in) override {
+        const EvidenceSource evidence = evidence_of(in.depth);
+        const std::int64_t max_bytes = detail::bytes_for_closing(in.max_bytes);
+        ViewPoints points(
+            voxel_size(given_size_, resolution_, in.depth.rules().depth_max, in.views));
+        Progress progress("depth of the views", in.depth.size());
+        for (int i = 0; i < in.depth.size(); ++i, progress.advance()) {
+            const DepthView<Device> view = in.depth.view(i);
+            points.add({view.camera, to_host(view.depth), to_host(view.color), to_host(view.weight),
+                        to_host(view.normal)});
+            points.fit(max_bytes);
+        }
+        in.depth.say_fates(in.level);
+        ExtractedMesh found;
+        found.why_empty = in.depth.why_none_passed();
+        if (!found.why_empty.empty()) return found;
+        points.drop_looked_through(evidence);
+        return detail::close_surface(points, evidence, max_bytes, in.level);
+    }
+
+private:
+    static auto to_host(auto from) {
+        std::vector<std::remove_const_t<std::remove_pointer_t<decltype(from.data)>>> host(
+            from.count);
+        tvsgs::detail::copy(Device{}, from.data, Cpu{}, host.data(), host.size() * sizeof(host[0]));
+        return host;
+    }
+
+    float given_size_;
+    int resolution_;
+};
+
+}  // namespace tvsgs

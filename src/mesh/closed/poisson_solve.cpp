@@ -1,0 +1,223 @@
+#include "mesh/closed/poisson_solve.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "core/device/parallel.h"
+#include "mesh/fuse/pixel_trust.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kScreening = 16;      // of points, against smoothness
+constexpr float kFreeWeight = 4;      // of a node that views look through, likewise
+constexpr float kFixedWeight = 1e4f;  // of one beyond the box
+constexpr float kFreeLimitPx = 3;     // before a depth, as evidence has it
+constexpr float kTolerance = 2e-4f;   // largest change in a sweep that counts as none
+constexpr int kMostSweeps = 200;
+
+std::size_t first_node(int block) {
+    return static_cast<std::size_t>(block) * kBlockVoxels;
+}
+Vec3i origin_of(const PoissonLevel& level, int block) {
+    return kBlockEdge * block_of_key(level.keys[block]);
+}
+Vec3i along(int axis, int step) {
+    Vec3i p{};
+    p[axis] = step;
+    return p;
+}
+
+/// Numbers of views, up to 255. There while no level has values yet, which take more.
+struct Looks {
+    std::uint8_t see, through;
+};
+
+/// What a view says of a node: as of a sample for evidence, a spacing farther away from surfaces.
+void add_look(const EvidenceView& view, Vec3f node, float spacing, Looks& looks) {
+    const Camera& camera = view.camera;
+    if (!is_in_view(camera, node)) return;
+    const Vec3f p = camera.camera_from_world * node;
+    const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
+              y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
+    const int pixel = y * camera.width_px + x;
+    const float depth = view.depth[pixel];
+    const float limit = kFreeLimitPx * p.z / camera.fx_px + spacing;
+    if (!(depth > 0) || !(p.z <= depth + limit)) return;
+    if (!(p.z < depth - limit))
+        looks.see = static_cast<std::uint8_t>(std::min(looks.see + 1, 255));
+    else if (view.weight[pixel] >= kTrustedWeight)
+        looks.through = static_cast<std::uint8_t>(std::min(looks.through + 1, 255));
+}
+
+/// action(node beside the block, node of the block's neighbour there) for one side of a block.
+template <class Action>
+void for_side(int axis, int side, const Action& action) {
+    for (int i = 0; i < kBlockEdge * kBlockEdge; ++i) {
+        Vec3i node;
+        node[(axis + 1) % 3] = i % kBlockEdge, node[(axis + 2) % 3] = i / kBlockEdge;
+        node[axis] = side < 0 ? -1 : kBlockEdge;
+        Vec3i theirs = node;
+        theirs[axis] = side < 0 ? kBlockEdge - 1 : 0;
+        action(node, theirs);
+    }
+}
+
+/// Values beside a block for which its level has no block.
+struct Rim {
+    std::uint16_t place;  // in the halo
+    float value;
+};
+
+/// Sets the values from coarser levels, and returns the rims of the blocks.
+std::vector<std::vector<Rim>> take_over(std::vector<PoissonLevel>& levels, int l) {
+    PoissonLevel& level = levels[l];
+    level.values.resize(level.keys.size() * kBlockVoxels);
+    std::vector<std::vector<Rim>> rims(level.keys.size());
+    parallel_for_heavy(Cpu{}, level.size(), [&](int b) {
+        LevelReader reader(levels, l - 1);
+        const auto above = [&](Vec3i node) {
+            return reader.between(origin_of(level, b) + node, kOutsideValue);
+        };
+        for (int i = 0; i < kBlockVoxels; ++i)
+            level.values[first_node(b) + i] = above(local_of_index(i));
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int side : {-1, 1})
+                if (level.neighbour(b, along(axis, side)) < 0)
+                    for_side(axis, side, [&](Vec3i node, Vec3i) {
+                        rims[b].push_back(
+                            {static_cast<std::uint16_t>(halo_index(node)), above(node)});
+                    });
+    });
+    return rims;
+}
+
+/// Two sweeps of Gauss-Seidel over a block, there and back; returns the largest change.
+float relax_block(PoissonLevel& level,
+                  int b,
+                  const std::vector<Rim>& rim,
+                  const PoissonEquations& equations) {
+    std::array<float, kHaloNodes> x;
+    float* const values = &level.values[first_node(b)];
+    const float *const rhs = &equations.rhs[first_node(b)], *const diag =
+                                                                &equations.diag[first_node(b)];
+    for (int i = 0; i < kBlockVoxels; ++i) x[halo_index(local_of_index(i))] = values[i];
+    for (const Rim& beside : rim) x[beside.place] = beside.value;
+    for (int axis = 0; axis < 3; ++axis)
+        for (const int side : {-1, 1})
+            if (const int beside = level.neighbour(b, along(axis, side)); beside >= 0)
+                for_side(axis, side, [&](Vec3i node, Vec3i theirs) {
+                    x[halo_index(node)] = level.values[first_node(beside) + local_index(theirs)];
+                });
+    float change = 0;
+    const auto relax = [&](int i) {
+        constexpr std::size_t kY = kHaloEdge, kZ = kHaloEdge * kHaloEdge;
+        const std::size_t at = halo_index(local_of_index(i));
+        const float sum = x[at - 1] + x[at + 1] + x[at - kY] + x[at + kY] + x[at - kZ] + x[at + kZ];
+        const float next = (rhs[i] + sum) / diag[i];
+        change = std::max(change, std::fabs(next - x[at]));
+        x[at] = next;
+    };
+    for (int i = 0; i < kBlockVoxels; ++i) relax(i);
+    for (int i = kBlockVoxels - 1; i >= 0; --i) relax(i);
+    for (int i = 0; i < kBlockVoxels; ++i) values[i] = x[halo_index(local_of_index(i))];
+    return change;
+}
+
+}  // namespace
+
+FreeNodes find_free_nodes(const std::vector<PoissonLevel>& levels, const EvidenceSource& evidence) {
+    std::vector<std::vector<Looks>> looks;
+    for (const PoissonLevel& level : levels) looks.emplace_back(level.keys.size() * kBlockVoxels);
+    for (int v = 0; v < evidence.count; ++v) {
+        const EvidenceView view = evidence.view(v);
+        for (std::size_t l = 0; l < levels.size(); ++l)
+            parallel_for_heavy(Cpu{}, levels[l].size(), [&](int b) {
+                const Vec3i origin = origin_of(levels[l], b);
+                for (int i = 0; i < kBlockVoxels; ++i)
+                    add_look(view, vec_cast<float>(levels[l].position(origin + local_of_index(i))),
+                             levels[l].spacing, looks[l][first_node(b) + i]);
+            });
+    }
+    FreeNodes free(levels.size());
+    for (std::size_t l = 0; l < levels.size(); ++l) {
+        free[l].reserve(looks[l].size());
+        for (const Looks look : looks[l])
+            free[l].push_back(look.through > 0 && 2 * look.through >= look.see);
+        looks[l] = {};
+    }
+    return free;
+}
+
+PoissonEquations make_equations(const OrientedPoints& points,
+                                const Densities& densities,
+                                const PoissonLevel& level,
+                                const std::vector<std::uint8_t>& free,
+                                const PoissonBox& box) {
+    const std::size_t nodes = level.keys.size() * kBlockVoxels;
+    PoissonEquations made{std::vector<float>(nodes), std::vector<float>(nodes)};
+    const PointBins bins(points, level);
+    const float h = level.spacing;
+    parallel_for_heavy(Cpu{}, level.size(), [&](int b) {
+        std::array<Vec3f, kHaloNodes> flux{};  // of the normals, times the spacing
+        float *const diag = &made.diag[first_node(b)], *const rhs = &made.rhs[first_node(b)];
+        const Vec3i origin = origin_of(level, b);
+        for_points_around(level, bins, b, [&](int i, Vec3i node, float share) {
+            if (densities.levels[i] < 0) return;
+            const Vec3f normal = points.normals[i];
+            const float weight = share * densities.areas[i] / (h * h);
+            flux[halo_index(node)] += weight * normal;
+            if (!in_block(node)) return;
+            const float in_front =
+                dot(normal, vec_cast<float>(level.position(origin + node)) - points.positions[i]);
+            diag[local_index(node)] += kScreening * weight;
+            rhs[local_index(node)] +=
+                kScreening * weight *
+                std::clamp(-in_front / (2 * h), kOutsideValue, -kOutsideValue);
+        });
+        for (int i = 0; i < kBlockVoxels; ++i) {
+            const Vec3i node = local_of_index(i);
+            float known = 0;
+            if (!box.has(level.position(origin + node)))
+                known = kFixedWeight;
+            else if (diag[i] == 0 && free[first_node(b) + i])  // no point is near
+                known = kFreeWeight;
+            for (int axis = 0; axis < 3; ++axis)
+                rhs[i] += 0.5f * (flux[halo_index(node + along(axis, 1))][axis] -
+                                  flux[halo_index(node - along(axis, 1))][axis]);
+            diag[i] += 6 + known, rhs[i] += known * kOutsideValue;
+        }
+    });
+    return made;
+}
+
+void solve_level(std::vector<PoissonLevel>& levels, int l, const PoissonEquations& equations) {
+    const std::vector<std::vector<Rim>> rims = take_over(levels, l);
+    PoissonLevel& level = levels[l];
+    std::vector<int> colors[2];  // blocks of one colour do not touch
+    for (int b = 0; b < level.size(); ++b) {
+        const Vec3i block = block_of_key(level.keys[b]);
+        colors[(block.x + block.y + block.z) & 1].push_back(b);
+    }
+    // A block rests while nothing changes in it or beside it.
+    std::vector<float> changes(level.keys.size(), 1);
+    const auto moves = [&](int b) {
+        bool any = changes[b] >= kTolerance;
+        for (int axis = 0; axis < 3; ++axis)
+            for (const int side : {-1, 1})
+                if (const int beside = level.neighbour(b, along(axis, side)); beside >= 0)
+                    any |= changes[beside] >= kTolerance;
+        return any;
+    };
+    for (int sweep = 0; sweep < kMostSweeps; ++sweep) {
+        for (const std::vector<int>& color : colors)
+            parallel_for_heavy(Cpu{}, static_cast<int>(color.size()), [&](int k) {
+                const int b = color[k];
+                changes[b] = moves(b) ? relax_block(level, b, rims[b], equations) : 0;
+            });
+        if (*std::max_element(changes.begin(), changes.end()) < kTolerance) break;
+    }
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,125 @@
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "core/device/parallel.h"
+#include "mesh/closed/poisson_solve.h"
+#include "mesh/fuse/mesh_parts.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kLeastValue = 1e-4f;  // of a node, so that no vertex falls into it
+
+/// A block and the layer around it: what the cells need that have a node of the block.
+struct Around {
+    static constexpr int kEdge = kBlockEdge + 2;
+    std::array<bool, kEdge * kEdge * kEdge> inside;
+
+    bool at(Vec3i p) const {
+        return inside[static_cast<std::size_t>(((p.z + 1) * kEdge + p.y + 1) * kEdge + p.x + 1)];
+    }
+};
+
+/// Bit d, of 27, is set where a cell that the surface crosses has nodes both of the block and of
+/// the one in direction d.
+int crossed_neighbours(const Around& around) {
+    int found = 0;
+    Vec3i cell;
+    for (cell.z = -1; cell.z < kBlockEdge; ++cell.z)
+        for (cell.y = -1; cell.y < kBlockEdge; ++cell.y)
+            for (cell.x = -1; cell.x < kBlockEdge; ++cell.x) {
+                int inside = 0;
+                for (int c = 0; c < 8; ++c)
+                    inside += around.at(cell + Vec3i{c & 1, c >> 1 & 1, c >> 2});
+                if (inside == 0 || inside == 8) continue;
+                for (int c = 0; c < 8; ++c) {
+                    const Vec3i p = cell + Vec3i{c & 1, c >> 1 & 1, c >> 2};
+                    const auto side = [](int i) { return i < 0 ? 0 : i < kBlockEdge ? 1 : 2; };
+                    found |= 1 << ((side(p.z) * 3 + side(p.y)) * 3 + side(p.x));
+                }
+            }
+    return found;
+}
+
+/// The blocks of all nodes around the cells that the surface crosses, begun at those of the finest
+/// level.
+std::vector<std::uint64_t> crossed_blocks(const PoissonField& field) {
+    std::vector<std::uint64_t> all, frontier = field.finest().keys;
+    std::vector<std::uint64_t> looked_at = frontier;
+    const int last = static_cast<int>(field.levels.size()) - 1;
+    while (!frontier.empty()) {
+        std::vector<int> crossed(frontier.size());
+        parallel_for_heavy(Cpu{}, static_cast<int>(frontier.size()), [&](int i) {
+            LevelReader reader(field.levels, last);
+            const Vec3i origin = kBlockEdge * block_of_key(frontier[static_cast<std::size_t>(i)]);
+            Around around;
+            std::size_t place = 0;
+            Vec3i p;
+            for (p.z = -1; p.z <= kBlockEdge; ++p.z)
+                for (p.y = -1; p.y <= kBlockEdge; ++p.y)
+                    for (p.x = -1; p.x <= kBlockEdge; ++p.x)
+                        around.inside[place++] = reader.at(origin + p, kOutsideValue) > 0;
+            crossed[static_cast<std::size_t>(i)] = crossed_neighbours(around);
+        });
+        std::vector<std::uint64_t> touched, next;
+        for (std::size_t i = 0; i < frontier.size(); ++i)
+            for (int d = 0; d < 27; ++d)
+                if (crossed[i] >> d & 1)
+                    touched.push_back(block_key(block_of_key(frontier[i]) +
+                                                Vec3i{d % 3 - 1, d / 3 % 3 - 1, d / 9 - 1}));
+        sort_unique(touched);
+        std::set_difference(touched.begin(), touched.end(), looked_at.begin(), looked_at.end(),
+                            std::back_inserter(next));
+        const auto add = [](std::vector<std::uint64_t>& to,
+                            const std::vector<std::uint64_t>& more) {
+            std::vector<std::uint64_t> merged;
+            std::set_union(to.begin(), to.end(), more.begin(), more.end(),
+                           std::back_inserter(merged));
+            to.swap(merged);
+        };
+        add(all, touched), add(looked_at, next);
+        frontier = std::move(next);
+    }
+    return all;
+}
+
+/// Voxels of the field at those blocks: its value, of weight 1.
+VoxelBlocks<Cpu> voxels_of(const PoissonField& field, const std::vector<std::uint64_t>& keys) {
+    VoxelBlocks<Cpu> blocks;
+    blocks.voxel_size = field.finest().spacing;
+    copy(keys, blocks.keys);
+    blocks.places.resize(keys.size());
+    reserve_places(blocks, static_cast<int>(keys.size()));
+    const auto chunks = std::as_const(blocks.chunk_table).span();
+    parallel_for_heavy(Cpu{}, blocks.size(), [&](int b) {
+        blocks.places[static_cast<std::size_t>(b)] = b;
+        LevelReader reader(field.levels, static_cast<int>(field.levels.size()) - 1);
+        const Vec3i origin = kBlockEdge * block_of_key(keys[static_cast<std::size_t>(b)]);
+        for (int i = 0; i < kBlockVoxels; ++i) {
+            const float value = reader.at(origin + local_of_index(i), kOutsideValue);
+            voxel_at(chunks, b, i) = {
+                value > 0 ? std::min(-value, -kLeastValue) : std::max(-value, kLeastValue), 1, {}};
+        }
+    });
+    return blocks;
+}
+
+}  // namespace
+
+TriangleMesh poisson_surface(const PoissonField& field, std::int64_t max_bytes) {
+    constexpr std::int64_t kMostBlocks = 1'000'000;  // whose edges can be numbered
+    const std::int64_t room = max_bytes / VoxelBlocks<Cpu>::kWorkingBytesPerBlock;
+    const std::vector<std::uint64_t> keys = crossed_blocks(field);
+    PartPlanner planner(
+        keys, static_cast<std::size_t>(max_bytes > 0 ? std::min(room, kMostBlocks) : kMostBlocks));
+    MeshJoiner joiner(keys);
+    for (BlockPart part; planner.next(part);)
+        joiner.add(part,
+                   marching_cubes_part(voxels_of(field, part.keys), 1, part.first, part.count));
+    TriangleMesh mesh = joiner.finish();
+    mesh.colors.clear();
+    return mesh;
+}
+
+}  // namespace tvsgs

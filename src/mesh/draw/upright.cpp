@@ -1,0 +1,43 @@
+#include "mesh/draw/upright.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/math/eigen.h"
+
+namespace tvsgs {
+
+Mat3<double> upright_from_scene(const std::vector<Camera>& cameras) {
+    constexpr double kTrustInMean = 0.003;  // above what a roll of 3 degrees puts into the rows
+    if (cameras.empty()) return {{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
+    const auto axis_of = [](const Camera& camera, int row) {
+        const float* const r = camera.camera_from_world.R[row];
+        return Vec3d{r[0], r[1], r[2]};
+    };
+    // 1. The direction with the least of the rows in it, and the most of the mean upward axis.
+    const double share = 1 / static_cast<double>(cameras.size());
+    Vec3d mean_up;
+    for (const Camera& camera : cameras) mean_up -= share * axis_of(camera, 1);
+    Sym3<double> spread;
+    const auto add = [&](double weight, Vec3d v) {
+        spread.xx += weight * v.x * v.x, spread.xy += weight * v.x * v.y;
+        spread.xz += weight * v.x * v.z, spread.yy += weight * v.y * v.y;
+        spread.yz += weight * v.y * v.z, spread.zz += weight * v.z * v.z;
+    };
+    for (const Camera& camera : cameras) add(share, axis_of(camera, 0));
+    add(-kTrustInMean, mean_up);
+    const auto eigen = sym_eigen(spread);
+    const Vec3d least = column(eigen.vectors, 2);
+    const Vec3d up = dot(least, mean_up) < 0 ? -least : least;
+
+    // 2. Towards the middle camera, or the lower edge of its image where it looks along `up`.
+    const Camera& middle = cameras[cameras.size() / 2];
+    const auto level = [&](Vec3d v) { return v - dot(v, up) * up; };
+    Vec3d front = level(-axis_of(middle, 2));
+    if (!(norm(front) > 1e-3)) front = level(axis_of(middle, 1));
+    front = normalize(front);
+    const Vec3d right = cross(up, front);
+    return {{{right.x, right.y, right.z}, {up.x, up.y, up.z}, {front.x, front.y, front.z}}};
+}
+
+}  // namespace tvsgs

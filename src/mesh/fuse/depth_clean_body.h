@@ -1,0 +1,86 @@
+// What both twins of clean_depth do for one pixel.
+#pragma once
+
+#include "core/device/parallel.h"
+#include "core/scene/scene.h"
+#include "mesh/fuse/depth_clean.h"
+
+namespace tvsgs {
+
+enum class DepthFate : std::uint8_t {
+    kept,
+    not_finite,
+    no_surface,
+    too_far,
+    transparent,
+    masked,
+    grazing,
+    outside,
+    out_of_reach
+};
+
+struct CleanDepthBody {
+    Camera camera;
+    DepthRules rules;
+    Span<const float> rendered_depth, transmittance;
+    Span<const Vec3f> normals;
+    Span<const std::uint8_t> mask;
+    Span<float> depth, weight;  // weight may be empty
+    Span<std::uint8_t> fates;
+
+    TVSGS_HD DepthFate fate(int i) const {
+        const float d = rendered_depth[i];
+        if (!(d - d == 0)) return DepthFate::not_finite;
+        if (!(d > 0)) return DepthFate::no_surface;
+        if (!(d < rules.depth_max)) return DepthFate::too_far;
+        if (rules.alpha_min > 0 && !(1 - transmittance[i] >= rules.alpha_min))
+            return DepthFate::transparent;
+        if (!mask.empty() && mask[i] < kObjectMask) return DepthFate::masked;
+        if (rules.min_cosine > 0) {
+            const Vec3f ray = pixel_ray(camera, i % camera.width_px, i / camera.width_px);
+            const Vec3f n = normals[i];
+            if (!(-dot(ray, n) >= rules.min_cosine * norm(ray) * norm(n)) || !(norm(n) > 0))
+                return DepthFate::grazing;
+        }
+        const Vec3f p = unproject(camera, i % camera.width_px, i / camera.width_px, d);
+        if (!rules.in_box(p)) return DepthFate::outside;
+        if (rules.reach > 0 && !(norm(p - rules.centre) < rules.reach))
+            return DepthFate::out_of_reach;
+        return DepthFate::kept;
+    }
+    TVSGS_HD void operator()(int i) const {
+        const DepthFate result = fate(i);
+        fates[i] = static_cast<std::uint8_t>(result);
+        float kept = result == DepthFate::kept ? rendered_depth[i] : 0;
+        if (rules.depth_step > 0) kept = std::floor(kept / rules.depth_step) * rules.depth_step;
+        depth[i] = kept;
+        if (!weight.empty())
+            weight[i] = depth_weight(rules.weighting, kept,
+                                     pixel_ray(camera, i % camera.width_px, i / camera.width_px),
+                                     normals[i]);
+    }
+};
+
+template <class Device>
+DepthCounts clean_depth_on(const RenderedImages<Device>& rendered,
+                           const Camera& camera,
+                           Span<const std::uint8_t> mask,
+                           const DepthRules& rules,
+                           CleanDepth<Device>& clean) {
+    const std::size_t pixels = rendered.depth.size();
+    clean.depth.resize(pixels), clean.fates.resize(pixels);
+    const bool weighted = rules.weighting != DepthWeighting::unit || rules.trust;
+    clean.weight.resize(weighted ? pixels : 0);
+    parallel_for(Device{}, static_cast<int>(pixels),
+                 CleanDepthBody{camera, rules, rendered.depth.span(), rendered.transmittance.span(),
+                                rendered.normal.span(), mask, clean.depth.span(),
+                                clean.weight.span(), clean.fates.span()});
+    if (rules.trust)
+        parallel_for(
+            Device{}, static_cast<int>(pixels),
+            PixelTrustBody{camera, std::as_const(clean.depth).span(), rendered.depth.span(),
+                           rendered.normal.span(), clean.weight.span(), rules.jump_px});
+    return count_fates(to_host(clean.fates));
+}
+
+}  // namespace tvsgs

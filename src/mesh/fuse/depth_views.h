@@ -1,0 +1,124 @@
+// The depth of views as meshers take it: rendered, without what the rules drop.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/log.h"
+#include "core/scene/scene.h"
+#include "mesh/fuse/depth_clean.h"
+#include "mesh/fuse/depth_view.h"
+#include "mesh/mend/mesh_evidence.h"
+
+namespace tvsgs {
+
+/// Of those that are there; 0 without any.
+double median_depth(std::vector<float> depths);
+
+/// "any" where there is no limit.
+std::string limit_text(const DepthRules& rules);
+
+namespace detail {
+
+void say_fates(const DepthCounts& counts, const DepthRules& rules, spdlog::level::level_enum level);
+std::string why_none_passed(const DepthCounts& counts,
+                            const DepthRules& rules,
+                            double median_depth);
+
+}  // namespace detail
+
+template <class Device>
+class DepthViews {
+public:
+    /// `masks`: what lies outside of them is dropped, too. References must outlive it.
+    DepthViews(const std::vector<View>& views,
+               const Gaussians<Device>& gaussians,
+               Backbone<Device>& backbone,
+               const DepthRules& rules,
+               bool masks)
+        : views_(views),
+          gaussians_(gaussians),
+          backbone_(backbone),
+          rules_(rules),
+          masks_(masks),
+          counts_(views.size()) {}
+
+    int size() const { return static_cast<int>(views_.size()); }
+
+    /// A mesher may tighten them before the first view.
+    DepthRules& rules() { return rules_; }
+
+    /// Whether what lies outside of the views' masks is dropped.
+    bool masks() const { return masks_; }
+
+    /// [H W] 255: object; empty: everything.
+    std::vector<std::uint8_t> mask(int i) const {
+        return masks_ ? views_[static_cast<std::size_t>(i)].mask.pixels.to_vector()
+                      : std::vector<std::uint8_t>();
+    }
+
+    /// Renders view i; valid until the next call, or another render by the backbone.
+    DepthView<Device> view(int i) {
+        const View& view = views_[static_cast<std::size_t>(i)];
+        DepthCounts& count = counts_[static_cast<std::size_t>(i)];
+        const auto& rendered = backbone_.forward(gaussians_, view.camera, gaussians_.sh_degree,
+                                                 Maps::color | kGeometryMaps);
+        const Camera& camera = rendered.camera;  // that of the depths
+        copy(mask(i), mask_);
+        count = clean_depth(rendered, camera, std::as_const(mask_).span(), rules_, clean_);
+        if (count.kept == 0) median_ = median_depth(to_host(rendered.depth));
+        return {camera, std::as_const(clean_.depth).span(), rendered.color.span(),
+                std::as_const(clean_.weight).span(), rendered.normal.span()};
+    }
+
+    /// The depth that view() gave last.
+    std::vector<float> depth_on_host() const { return to_host(clean_.depth); }
+
+    /// Its weights; empty: 1 each.
+    std::vector<float> weight_on_host() const { return to_host(clean_.weight); }
+
+    /// What became of the pixels of a view that was rendered.
+    const DepthCounts& counts(int i) const { return counts_[static_cast<std::size_t>(i)]; }
+
+    /// Says at `level` what became of all pixels.
+    void say_fates(spdlog::level::level_enum level) const {
+        detail::say_fates(total(), rules_, level);
+    }
+
+    /// Why no pixel passed the rules; empty if one did.
+    std::string why_none_passed() const {
+        return detail::why_none_passed(total(), rules_, median_);
+    }
+
+private:
+    DepthCounts total() const {
+        DepthCounts total;
+        for (const DepthCounts& count : counts_) total += count;
+        return total;
+    }
+
+    const std::vector<View>& views_;
+    const Gaussians<Device>& gaussians_;
+    Backbone<Device>& backbone_;
+    DepthRules rules_;
+    bool masks_;
+    std::vector<DepthCounts> counts_;  // by view, as one may be asked for twice
+    double median_ = 0;                // of the last view of which nothing passed
+    // Of the last view:
+    CleanDepth<Device> clean_;
+    Buffer<std::uint8_t, Device> mask_;
+};
+
+/// The depth of the views, with the pixels that are trusted; `depth` must outlive it, and its
+/// weights are those of trust from now on.
+template <class Device>
+EvidenceSource evidence_of(DepthViews<Device>& depth) {
+    depth.rules().weighting = DepthWeighting::unit, depth.rules().trust = true;
+    return {depth.size(), [&depth](int i) -> EvidenceView {
+                const Camera camera = depth.view(i).camera;
+                return {camera, depth.depth_on_host(), depth.weight_on_host(), depth.mask(i)};
+            }};
+}
+
+}  // namespace tvsgs

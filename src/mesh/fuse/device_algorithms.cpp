@@ -1,0 +1,28 @@
+#include "mesh/fuse/device_algorithms.h"
+
+#include <algorithm>
+
+namespace tvsgs {
+
+void sort_unique(Buffer<std::uint64_t, Cpu>& keys) {
+    std::uint64_t* const begin = keys.data();
+    std::uint64_t* const end = begin + keys.size();
+    std::sort(begin, end);
+    keys.resize(static_cast<std::size_t>(std::unique(begin, end) - begin));
+}
+
+std::uint64_t exclusive_scan(Buffer<std::uint32_t, Cpu>& counts) {
+    std::uint64_t total = 0;
+    for (std::uint32_t& count : counts.span()) {
+        const std::uint32_t before = static_cast<std::uint32_t>(total);
+        total += count;
+        count = before;
+    }
+    return total;
+}
+
+std::int64_t free_bytes(Cpu) {
+    return free_host_bytes();
+}
+
+}  // namespace tvsgs

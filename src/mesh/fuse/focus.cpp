@@ -1,0 +1,52 @@
+#include "mesh/fuse/focus.h"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <limits>
+
+namespace tvsgs {
+namespace {
+
+constexpr double kMaxCondition =
+    1e8;  // beyond, the axes are parallel up to the rounding of the poses
+
+Eigen::Vector3d centre(const Camera& camera) {
+    const Vec3f c = camera_centre(camera);
+    return {c.x, c.y, c.z};
+}
+Eigen::Vector3d axis(const Camera& camera) {
+    const float* row = camera.camera_from_world.R[2];
+    return Eigen::Vector3d(row[0], row[1], row[2]).normalized();
+}
+
+Focus focus_of(const std::vector<Camera>& cameras, const Eigen::Vector3d& point) {
+    double radius = std::numeric_limits<double>::infinity();
+    for (const Camera& camera : cameras) radius = std::min(radius, (centre(camera) - point).norm());
+    return {{point.x(), point.y(), point.z()}, radius};
+}
+
+}  // namespace
+
+std::optional<Focus> find_focus(const std::vector<Camera>& cameras) {
+    Eigen::Matrix3d A = Eigen::Matrix3d::Zero();
+    Eigen::Vector3d b = Eigen::Vector3d::Zero();
+    for (const Camera& camera : cameras) {
+        const Eigen::Vector3d d = axis(camera);
+        const Eigen::Matrix3d M = Eigen::Matrix3d::Identity() - d * d.transpose();
+        A += M, b += M * centre(camera);
+    }
+    const Eigen::Vector3d eigenvalues =
+        Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(A).eigenvalues();
+    if (!(eigenvalues[0] * kMaxCondition > eigenvalues[2])) return std::nullopt;
+    return focus_of(cameras, A.ldlt().solve(b));
+}
+
+Focus focus_at_depth(const std::vector<Camera>& cameras, double depth) {
+    Eigen::Vector3d mean_centre = Eigen::Vector3d::Zero(), mean_axis = Eigen::Vector3d::Zero();
+    for (const Camera& camera : cameras)
+        mean_centre += centre(camera) / static_cast<double>(cameras.size()),
+            mean_axis += axis(camera);
+    return focus_of(cameras, mean_centre + depth * mean_axis.normalized());
+}
+
+}  // namespace tvsgs

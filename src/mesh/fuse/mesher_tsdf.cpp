@@ -1,0 +1,88 @@
+#include "mesh/fuse/mesher_tsdf.h"
+
+#include <algorithm>
+
+#include "core/error.h"
+#include "mesh/fuse/voxel_size.h"
+
+namespace tvsgs::detail {
+
+void check_tsdf_options(const TsdfMesherOptions& options) {
+    if (options.min_weight > 1 && options.weight != DepthWeighting::unit)
+        throw Error(ExitCode::usage,
+                    str("mesh.min_weight=", options.min_weight,
+                        " counts views, which --weight does not: give --weight unit, or "
+                        "--min-weight 1"));
+}
+
+TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
+                        const std::vector<View>& views,
+                        const MeshRegion& region,
+                        std::int64_t max_bytes,
+                        spdlog::level::level_enum level,
+                        DepthRules& rules) {
+    rules.weighting = options.weight;
+    TsdfOptions volume;
+    volume.carve = options.carve;
+    volume.trust = options.lone_views == LoneViews::trusted && options.min_weight == 1 &&
+                   options.weight == DepthWeighting::unit;
+    rules.trust = volume.trust;
+    rules.jump_px = options.lone_jump_px;
+    if (!volume.trust && options.lone_views == LoneViews::trusted && options.min_weight == 1)
+        spdlog::log(level, "mesh.weight counts no views: what one alone has seen stays");
+    const auto size = [&](float pixels) {
+        return voxel_size(options.voxel_size, options.resolution,
+                          region.unbounded ? 2 * region.radius : rules.depth_max, views, pixels);
+    };
+    const float fine = size(1);
+    volume.voxel_size = size(options.voxel_scale);
+    volume.truncation = options.truncation > 0
+                            ? options.truncation
+                            : std::max(options.truncation_voxels * fine, volume.voxel_size);
+    if (options.voxel_scale > 1 && (options.voxel_size > 0 || options.resolution > 0))
+        spdlog::log(level, "mesh.voxel_scale={} does nothing, as the size of voxels is given",
+                    options.voxel_scale);
+    volume.max_bytes = max_bytes;
+    spdlog::log(level, "voxels of {:.4g}, truncation {:.4g}, depths below {}", volume.voxel_size,
+                volume.truncation, limit_text(rules));
+    if (region.unbounded) {
+        volume.contraction = {region.centre, region.radius};
+        rules.centre = volume.contraction.centre;
+        rules.reach = volume.contraction.reach(volume.truncation);
+        spdlog::log(level,
+                    "unbounded: voxels grow from {:.4g} around what the cameras look at, and end "
+                    "{:.4g} away",
+                    region.radius, rules.reach);
+    }
+    return volume;
+}
+
+/// A pixel marks what lies within the truncation of its depth. Where the marks of neighbouring
+/// pixels do not touch, the surface falls apart into specks.
+void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume) {
+    if (volume.contraction.is_on())  // which brings far pixels closer together
+        for (int i = 0; i < static_cast<int>(depths.size()); ++i) {
+            float& d = depths[static_cast<std::size_t>(i)];
+            d /= volume.contraction.growth(
+                unproject(camera, i % camera.width_px, i / camera.width_px, d));
+        }
+    const double pixel =
+        median_depth(std::move(depths)) / static_cast<double>(std::max(camera.fx_px, camera.fy_px));
+    if (2 * static_cast<double>(volume.truncation) >= pixel) return;
+    throw Error(ExitCode::usage, str("voxels of ", volume.voxel_size, " with a truncation of ",
+                                     volume.truncation, ": the pixels lie ", pixel,
+                                     " apart on the surface, so it would have gaps; give "
+                                     "a --voxel-size of about ",
+                                     pixel, ", or a --truncation of at least ", pixel));
+}
+
+void say_volume(const FusionReport& fusion, spdlog::level::level_enum level) {
+    spdlog::log(level, "{} blocks of {}^3 voxels, {:.1f} MiB", fusion.blocks, kBlockEdge,
+                static_cast<double>(fusion.bytes) / (1 << 20));
+    if (fusion.parts > 1)
+        spdlog::log(level,
+                    "fused in {} parts to keep within --memory; {:.1f} MiB were kept on disk",
+                    fusion.parts, static_cast<double>(fusion.spilled_bytes) / (1 << 20));
+}
+
+}  // namespace tvsgs::detail

@@ -1,0 +1,115 @@
+// The surface of a truncated signed distance field that depth maps are fused into.
+#pragma once
+
+#include <vector>
+
+#include "core/progress.h"
+#include "mesh/fuse/device_algorithms.h"
+#include "mesh/fuse/fusion.h"
+#include "mesh/mesher.h"
+
+namespace tvsgs {
+
+/// Of what one view alone has seen: what stays.
+enum class LoneViews { trusted, all };
+
+struct TsdfMesherOptions {
+    float voxel_size = 0, voxel_scale = 1, truncation = 0, truncation_voxels = 4;
+    int resolution = 0, min_weight = 1;
+    bool carve = false;
+    DepthWeighting weight = DepthWeighting::unit;
+    LoneViews lone_views = LoneViews::trusted;
+    float lone_jump_px = kJumpPx;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("voxel_size", voxel_size, {0, 1e9}, "world units; 0: depth_max / resolution");
+        field("resolution", resolution, {0, 65536},
+              "voxels along depth_max, or across the ball if unbounded; 0: 2048, fewer for small "
+              "images");
+        field("voxel_scale", voxel_scale, {1, 2},
+              "pixels that a voxel has at least, where neither voxel_size nor resolution says how "
+              "large it is; the truncation is that of 1: a mesh in less time, with less detail");
+        field("truncation", truncation, {0, 1e9}, "world units; 0: truncation_voxels");
+        field("truncation_voxels", truncation_voxels, {1, 1000},
+              "truncation in voxels of voxel_scale 1");
+        field.choice("weight", weight, {"unit", "inv-depth2", "cos"},
+                     "of a pixel in the means: 1, 1 / depth^2, or cosine between ray and normal");
+        field("carve", carve,
+              "views also clear the space before their surfaces where others have put some");
+        field("min_weight", min_weight, {1, 65535},
+              "views that must have seen a voxel; needs weight unit if above 1");
+        field.choice("lone_views", lone_views, {"trusted", "all"},
+                     "what stays of the surface that one view alone has seen: what is smooth, away "
+                     "from edges, and in no other view's free space; or all. Goes with weight unit "
+                     "and min_weight 1");
+        field("lone_jump_px", lone_jump_px, {0.01, 1000},
+              "by how many widths of a pixel the depth may jump within a surface where one view "
+              "alone is trusted");
+    }
+};
+
+namespace detail {
+
+/// Throws Error(ExitCode::usage) for options that contradict each other.
+void check_tsdf_options(const TsdfMesherOptions& options);
+
+/// The volume for those views; `rules` get its weighting and its reach. What is chosen is said at
+/// `level`.
+TsdfOptions tsdf_volume(const TsdfMesherOptions& options,
+                        const std::vector<View>& views,
+                        const MeshRegion& region,
+                        std::int64_t max_bytes,
+                        spdlog::level::level_enum level,
+                        DepthRules& rules);
+/// Throws Error(ExitCode::usage) where a view's surface would have gaps.
+void check_truncation(const Camera& camera, std::vector<float> depths, const TsdfOptions& volume);
+void say_volume(const FusionReport& fusion, spdlog::level::level_enum level);
+
+}  // namespace detail
+
+template <class Device>
+class TsdfMesher final : public Mesher<Device> {
+public:
+    explicit TsdfMesher(const TsdfMesherOptions& options) : options_(options) {
+        detail::check_tsdf_options(options);
+    }
+
+    bool is_rough() const override { return true; }
+
+    ExtractedMesh extract(const MesherInputs<Device>& in) override {
+        const TsdfOptions volume = detail::tsdf_volume(options_, in.views, in.region, in.max_bytes,
+                                                       in.level, in.depth.rules());
+        bool checked = false;
+        const int passes = 1 + (volume.carve ? 1 : 0) + (volume.trust ? 1 : 0);
+        Progress progress("depth of the views", double(passes) * in.depth.size());
+        const auto source = [&](int i) {
+            progress.advance();
+            const DepthView<Device> view = in.depth.view(i);
+            if (!checked && in.depth.counts(i).kept > 0) {
+                detail::check_truncation(view.camera, in.depth.depth_on_host(), volume);
+                checked = true;
+            }
+            return view;
+        };
+        const bool counted = options_.weight == DepthWeighting::unit;
+        FusionReport fusion;
+        ExtractedMesh found;
+        found.mesh = fuse_views<Device>(in.depth.size(), source, volume,
+                                        counted ? static_cast<float>(options_.min_weight) : 0,
+                                        in.spill_folder, fusion);
+        in.depth.say_fates(in.level);
+        detail::say_volume(fusion, in.level);
+        found.why_empty = in.depth.why_none_passed();
+        if (found.why_empty.empty() && found.mesh.faces.empty())
+            found.why_empty =
+                "no two views, or too few pixels, agree on a surface; lower --min-weight, or give "
+                "--set mesh.lone_views=all";
+        return found;
+    }
+
+private:
+    TsdfMesherOptions options_;
+};
+
+}  // namespace tvsgs

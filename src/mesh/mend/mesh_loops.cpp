@@ -1,0 +1,156 @@
+#include "mesh/mend/mesh_loops.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/device/parallel_lists.h"
+
+namespace tvsgs {
+namespace {
+
+/// A rim edge as the hole beside it has it; places.
+struct HoleEdge {
+    int from, to;
+    bool operator<(const HoleEdge& other) const {
+        return from != other.from ? from < other.from : to < other.to;
+    }
+};
+
+/// Follows the edges of holes, which are ascending.
+class LoopFinder {
+public:
+    LoopFinder(const TriangleMesh& mesh, Rims& rims, const std::vector<HoleEdge>& edges)
+        : mesh_(mesh),
+          rims_(rims),
+          edges_(edges),
+          used_(edges.size()),
+          step_(rims.vertices.size(), -1) {}
+
+    void find() {
+        for (std::size_t i = 0; i < edges_.size(); ++i)
+            if (!used_[i]) follow(i);
+    }
+
+private:
+    Vec3d point(int place) const {
+        return vec_cast<double>(mesh_.vertices[std::size_t(rims_.vertices[std::size_t(place)])]);
+    }
+
+    void follow(std::size_t edge) {
+        path_.clear();
+        for (;;) {
+            used_[edge] = 1;
+            const auto [from, to] = edges_[edge];
+            step_[std::size_t(from)] = static_cast<int>(path_.size());
+            path_.push_back(from);
+            if (const int first = step_[std::size_t(to)]; first >= 0) {
+                rims_.loops.emplace_back(path_.begin() + first, path_.end());
+                for (const int place : rims_.loops.back()) step_[std::size_t(place)] = -1;
+                path_.resize(std::size_t(first));
+            }
+            const std::size_t next = next_edge(from, to);
+            if (next == edges_.size()) break;
+            edge = next;
+        }
+        for (const int place : path_) step_[std::size_t(place)] = -1;
+    }
+
+    /// Of the unused edges from `to` the one along the same hole: the first when turning from the
+    /// edge to `from` over the hole.
+    std::size_t next_edge(int from, int to) const {
+        const auto first = std::lower_bound(edges_.begin(), edges_.end(), HoleEdge{to, -1});
+        const Vec3d n = rims_.normals[std::size_t(to)], back = point(from) - point(to);
+        std::size_t best = edges_.size();
+        double least = std::numeric_limits<double>::infinity();
+        for (auto at = first; at != edges_.end() && at->from == to; ++at) {
+            const auto i = static_cast<std::size_t>(at - edges_.begin());
+            if (used_[i]) continue;
+            const Vec3d ahead = point(at->to) - point(to);
+            const Vec3d flat = ahead - dot(ahead, n) * n;
+            double angle = std::atan2(dot(n, cross(flat, back)), dot(flat, back));
+            if (!(angle > 0)) angle += 2 * M_PI;
+            if (best == edges_.size() || angle < least) best = i, least = angle;
+        }
+        return best;
+    }
+
+    const TriangleMesh& mesh_;
+    Rims& rims_;
+    const std::vector<HoleEdge>& edges_;
+    std::vector<char> used_;
+    std::vector<int> step_, path_;  // where a place is on the path; the path
+};
+
+/// Which vertices an edge of SurfaceEdges::rim has.
+std::vector<char> vertices_at_rims(const TriangleMesh& mesh, const std::vector<char>& is_rim) {
+    std::vector<char> at_rim(mesh.vertices.size());
+    parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int i) {
+        const auto f = static_cast<std::size_t>(i);
+        for (int k = 0; k < 3; ++k)
+            if (is_rim[3 * f + std::size_t(k)])
+                for (const int corner : {k, (k + 1) % 3})
+                    mark(at_rim[std::size_t(mesh.faces[f][corner])]);
+    });
+    return at_rim;
+}
+
+}  // namespace
+
+bool Rims::has_edge(int from, int to) const {
+    return std::binary_search(edges.begin(), edges.end(), std::pair{from, to});
+}
+
+Rims find_rims(const TriangleMesh& mesh, const SurfaceEdges& surface) {
+    Rims rims;
+    const std::vector<char>& is_rim = surface.rim;
+    const std::vector<char> at_rim = vertices_at_rims(mesh, is_rim);
+    rims.vertices = numbers_where(at_rim.size(), [&](std::size_t v) { return at_rim[v] != 0; });
+    std::vector<int> places(mesh.vertices.size(), -1);
+    parallel_for(Cpu{}, static_cast<int>(rims.vertices.size()),
+                 [&](int i) { places[std::size_t(rims.vertices[std::size_t(i)])] = i; });
+    const std::vector<int> near = numbers_where(mesh.faces.size(), [&](std::size_t f) {
+        const Vec3i face = mesh.faces[f];
+        return at_rim[std::size_t(face.x)] || at_rim[std::size_t(face.y)] ||
+               at_rim[std::size_t(face.z)];
+    });
+    const std::vector<Vec3i> faces = taken(mesh.faces, near);
+    const Corners corners(faces, mesh.vertices.size());
+    const auto normal_of = [&](Vec3i face) {
+        const Vec3d a = vec_cast<double>(mesh.vertices[std::size_t(face.x)]);
+        return cross(vec_cast<double>(mesh.vertices[std::size_t(face.y)]) - a,
+                     vec_cast<double>(mesh.vertices[std::size_t(face.z)]) - a);
+    };
+    const auto count = static_cast<int>(rims.vertices.size());
+    rims.normals.resize(rims.vertices.size()), rims.rim_edges.resize(rims.vertices.size());
+    std::vector<std::vector<int>> joined(rims.vertices.size());  // to each, ascending
+    parallel_for(Cpu{}, count, [&](int i) {
+        const auto place = static_cast<std::size_t>(i);
+        Vec3d sum;
+        std::vector<int>& others = joined[place];
+        corners.for_each(rims.vertices[place], [&](std::uint32_t f, int k) {
+            sum += normal_of(faces[f]);
+            for (const int step : {1, 2}) others.push_back(faces[f][(k + step) % 3]);
+        });
+        if (const double length = norm(sum); length > 0) rims.normals[place] = sum / length;
+        std::sort(others.begin(), others.end());
+        others.erase(std::unique(others.begin(), others.end()), others.end());
+    });
+    std::vector<HoleEdge> holes;
+    for (std::size_t place = 0; place < joined.size(); ++place) {
+        const int v = rims.vertices[place];
+        for (const int other : joined[place]) rims.edges.push_back({v, other});
+        corners.for_each(v, [&](std::uint32_t f, int k) {
+            if (is_rim[3 * std::size_t(near[f]) + std::size_t(k)])
+                holes.push_back(
+                    {places[std::size_t(faces[f][(k + 1) % 3])], static_cast<int>(place)});
+        });
+    }
+    std::sort(holes.begin(), holes.end());
+    for (const HoleEdge& edge : holes)
+        ++rims.rim_edges[std::size_t(edge.from)], ++rims.rim_edges[std::size_t(edge.to)];
+    LoopFinder(mesh, rims, holes).find();
+    return rims;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,144 @@
+#include "mesh/mend/mesh_sound.h"
+
+#include <algorithm>
+#include <map>
+#include <vector>
+
+#include "core/device/parallel_lists.h"
+#include "mesh/mend/disjoint_sets.h"
+#include "mesh/mend/mesh_clean.h"
+#include "mesh/mend/mesh_corners.h"
+#include "mesh/mend/mesh_edges.h"
+
+namespace tvsgs {
+namespace {
+
+bool same_place(Vec3f a, Vec3f b) {
+    return a.x == b.x && a.y == b.y && a.z == b.z;
+}
+
+/// Returns whether there was something to weld.
+bool weld(TriangleMesh& mesh) {
+    std::int64_t coincident = 0;
+    parallel_for(Cpu{}, static_cast<int>(mesh.faces.size()), [&](int f) {
+        const Vec3i face = mesh.faces[std::size_t(f)];
+        const Vec3f a = mesh.vertices[std::size_t(face.x)], b = mesh.vertices[std::size_t(face.y)],
+                    c = mesh.vertices[std::size_t(face.z)];
+        if (same_place(a, b) || same_place(b, c) || same_place(c, a))
+            add_atomically(&coincident, 1);
+    });
+    if (coincident == 0) return false;
+    std::map<int, int> renamed;
+    const auto name_of = [&](int v) {
+        for (auto found = renamed.find(v); found != renamed.end(); found = renamed.find(v))
+            v = found->second;
+        return v;
+    };
+    for (const Vec3i& face : mesh.faces)
+        for (int k = 0; k < 3; ++k) {
+            const int a = face[k], b = face[(k + 1) % 3];
+            if (a == b || !same_place(mesh.vertices[std::size_t(a)], mesh.vertices[std::size_t(b)]))
+                continue;
+            const auto [low, high] = std::minmax({name_of(a), name_of(b)});
+            if (low != high) renamed[high] = low;
+        }
+    for (Vec3i& face : mesh.faces) face = {name_of(face.x), name_of(face.y), name_of(face.z)};
+    return true;
+}
+
+/// The edges of the faces with a marked vertex.
+std::vector<FaceEdge> edges_at(const TriangleMesh& mesh, const std::vector<char>& marked) {
+    const std::vector<int> places = numbers_where(mesh.faces.size(), [&](std::size_t f) {
+        const Vec3i face = mesh.faces[f];
+        return marked[std::size_t(face.x)] || marked[std::size_t(face.y)] ||
+               marked[std::size_t(face.z)];
+    });
+    TriangleMesh part;
+    part.faces = taken(mesh.faces, places);
+    std::vector<FaceEdge> edges = sorted_edges(part);
+    for (FaceEdge& edge : edges) edge.face = places[std::size_t(edge.face)];
+    return edges;
+}
+
+/// Gives the sheets that meet at marked vertices vertices of their own. Faces are of one sheet at a
+/// vertex if edges of two faces lead from one to the other around it.
+std::size_t split_sheets(TriangleMesh& mesh, const std::vector<char>& marked) {
+    const std::vector<FaceEdge> edges = edges_at(mesh, marked);
+    std::vector<std::pair<int, int>> corners;  // vertex, face
+    for (const FaceEdge& edge : edges)
+        if (const int v = mesh.faces[std::size_t(edge.face)][edge.corner]; marked[std::size_t(v)])
+            corners.push_back({v, edge.face});
+    std::sort(corners.begin(), corners.end());
+    const auto place = [&](int v, int face) {
+        return static_cast<int>(
+            std::lower_bound(corners.begin(), corners.end(), std::pair{v, face}) - corners.begin());
+    };
+    DisjointSets sheets(corners.size());
+    for (std::size_t i = 0, end = 0; i < edges.size(); i = end) {
+        for (end = i; end < edges.size() && edges[end].key == edges[i].key;) ++end;
+        if (end != i + 2) continue;
+        const FaceEdge a = edges[i], b = edges[i + 1];
+        for (const int step : {0, 1})
+            if (const int v = mesh.faces[std::size_t(a.face)][(a.corner + step) % 3];
+                marked[std::size_t(v)])
+                sheets.unite(place(v, a.face), place(v, b.face));
+    }
+    const std::size_t before = mesh.vertices.size();
+    std::vector<int> names(corners.size());
+    for (std::size_t i = 0; i < corners.size(); ++i) {
+        const auto [v, face] = corners[i];
+        const auto root = static_cast<std::size_t>(sheets.find(static_cast<int>(i)));
+        const bool first_sheet = root == 0 || corners[root - 1].first != v;
+        if (root < i) {
+            names[i] = names[root];
+        } else if (first_sheet) {
+            names[i] = v;
+        } else {
+            names[i] = static_cast<int>(mesh.vertices.size());
+            mesh.vertices.push_back(mesh.vertices[std::size_t(v)]);
+            if (!mesh.colors.empty()) mesh.colors.push_back(mesh.colors[std::size_t(v)]);
+            if (!mesh.views.empty()) mesh.views.push_back(mesh.views[std::size_t(v)]);
+        }
+    }
+    for (std::size_t i = 0; i < corners.size(); ++i)
+        for (int k = 0; k < 3; ++k)
+            if (int& corner = mesh.faces[std::size_t(corners[i].second)][k];
+                corner == corners[i].first)
+                corner = names[i];
+    return mesh.vertices.size() - before;
+}
+
+}  // namespace
+
+bool has_area(Vec3f a, Vec3f b, Vec3f c) {
+    const Vec3d A = vec_cast<double>(a), ab = vec_cast<double>(b) - A, ac = vec_cast<double>(c) - A,
+                bc = ac - ab;
+    const double longest2 = std::max({dot(ab, ab), dot(ac, ac), dot(bc, bc)});
+    return norm(cross(ab, ac)) > 1e-12 * longest2;
+}
+
+SoundReport make_sound(TriangleMesh& mesh) {
+    SoundReport report;
+    const std::size_t before = mesh.faces.size();
+    drop_flawed_faces(mesh);  // and looks at indices
+    if (weld(mesh)) drop_flawed_faces(mesh);
+    drop_faces(mesh, [&](std::size_t f) {
+        const Vec3i face = mesh.faces[f];
+        return !has_area(mesh.vertices[std::size_t(face.x)], mesh.vertices[std::size_t(face.y)],
+                         mesh.vertices[std::size_t(face.z)]);
+    });
+    const Corners corners = drop_repeated_faces(mesh);
+    report.dropped_faces = before - mesh.faces.size();
+    report.edges = find_edges(mesh, corners);
+    const bool all_used = corners.all_used();
+    if (!all_used) filter_faces(mesh, std::vector<char>(mesh.faces.size(), 1));
+    // Around a vertex the faces of a sheet are a row, and only its two ends may be at a crowded
+    // edge. So where sheets have vertices of their own no edge has more than two faces.
+    std::vector<char>& crowded = report.edges.fixed;
+    const bool split = std::find(crowded.begin(), crowded.end(), 1) != crowded.end();
+    if (split) report.split_vertices = split_sheets(mesh, find_edges(mesh).fixed);
+    if (split || !all_used) report.edges = find_edges(mesh);
+    return report;
+}
+
+}  // namespace tvsgs

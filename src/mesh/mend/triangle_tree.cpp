@@ -1,0 +1,298 @@
+#include "mesh/mend/triangle_tree.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+
+#include "core/device/parallel.h"
+#include "core/error.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kLeaf = 4;  // triangles at the most
+constexpr std::size_t kCut = 16;  // triangles up to which cuts are found in spite of codes
+constexpr std::uint32_t kNoFace = ~0u;
+constexpr int kBins = 16;               // places tried for a cut
+constexpr int kBalancedDepth = 48;      // from here on ranges are halved, so that depth is bounded
+constexpr std::size_t kTask = 1 << 15;  // triangles that are worth a thread
+
+struct Box {
+    static constexpr float kFar = std::numeric_limits<float>::infinity();
+    Vec3f lower{kFar, kFar, kFar}, upper{-kFar, -kFar, -kFar};
+
+    void add(const Box& other) {
+        for (int axis = 0; axis < 3; ++axis) {
+            lower[axis] = std::min(lower[axis], other.lower[axis]);
+            upper[axis] = std::max(upper[axis], other.upper[axis]);
+        }
+    }
+    double half_area() const {
+        const Vec3d d = vec_cast<double>(upper) - vec_cast<double>(lower);
+        return d.x * d.y + d.y * d.z + d.z * d.x;
+    }
+};
+
+/// A triangle while the tree is built.
+struct Item {
+    Box box;
+    std::uint32_t face;
+    double middle(int axis) const { return double(box.lower[axis]) + double(box.upper[axis]); }
+};
+
+double squared_distance(Vec3d p, Vec3f lower, Vec3f upper) {
+    double sum = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        const double d =
+            std::max({double(lower[axis]) - p[axis], p[axis] - double(upper[axis]), 0.0});
+        sum += d * d;
+    }
+    return sum;
+}
+
+}  // namespace
+
+/// Cuts ranges of triangles where the expected number of tests is least, by the surface areas of
+/// the two boxes.
+struct TriangleTree::Builder {
+    std::vector<Item>& items;
+    const std::vector<std::uint32_t> codes;  // of the items, ascending; empty: none are known
+
+    /// Where items [first, last), whose middles span `box`, are cut; they are partitioned there.
+    std::size_t cut(std::size_t first, std::size_t last, const Box& middles, int depth) const {
+        const auto begin = items.begin() + std::ptrdiff_t(first),
+                   end = items.begin() + std::ptrdiff_t(last);
+        const Vec3f size = middles.upper - middles.lower;
+        const int axis = size.x > size.y ? (size.x > size.z ? 0 : 2) : (size.y > size.z ? 1 : 2);
+        const std::size_t half = first + (last - first) / 2;
+        if (!(size[axis] > 0)) return half;  // all in one place, in any order
+        const auto by_middle = [axis](const Item& a, const Item& b) {
+            const double x = a.middle(axis), y = b.middle(axis);
+            return x < y || (x == y && a.face < b.face);
+        };
+        const auto halve = [&] {
+            std::nth_element(begin, items.begin() + std::ptrdiff_t(half), end, by_middle);
+            return half;
+        };
+        if (depth >= kBalancedDepth) return halve();
+
+        const double from = middles.lower[axis], scale = kBins / double(size[axis]);
+        const auto bin_of = [&](const Item& item) {
+            const double place = (0.5 * item.middle(axis) - from) * scale;
+            return std::clamp(static_cast<int>(place), 0, kBins - 1);
+        };
+        std::array<Box, kBins> boxes;
+        std::array<std::size_t, kBins> counts{};
+        for (auto item = begin; item != end; ++item) {
+            const auto bin = static_cast<std::size_t>(bin_of(*item));
+            boxes[bin].add(item->box);
+            ++counts[bin];
+        }
+        std::array<double, kBins> cost{};  // of a cut behind each bin
+        const auto sweep = [&](bool forward) {
+            Box box;
+            std::size_t count = 0;
+            for (std::size_t i = 0; i + 1 < kBins; ++i) {
+                const std::size_t bin = forward ? i : kBins - 1 - i;
+                box.add(boxes[bin]);
+                count += counts[bin];
+                cost[forward ? bin : bin - 1] +=
+                    count > 0 ? static_cast<double>(count) * box.half_area() : 0;
+            }
+        };
+        sweep(true), sweep(false);
+        const auto best = std::min_element(cost.begin(), cost.end() - 1) - cost.begin();
+        const auto middle =
+            std::partition(begin, end, [&](const Item& item) { return bin_of(item) <= best; });
+        return middle == begin || middle == end ? halve() : std::size_t(middle - items.begin());
+    }
+
+    /// Adds the nodes of items [first, last); the `place` of leaves counts from the first item of
+    /// all.
+    void append(std::size_t first, std::size_t last, int depth, std::vector<Node>& out) const {
+        if (!codes.empty() && last - first > kCut && codes[first] != codes[last - 1]) {
+            const std::size_t at = out.size();
+            out.emplace_back();
+            // Where the highest bit changes that does.
+            const std::uint32_t high = std::bit_floor(codes[first] ^ codes[last - 1]),
+                                start = (codes[last - 1] & ~(high - 1));
+            const auto middle = std::lower_bound(codes.begin() + std::ptrdiff_t(first),
+                                                 codes.begin() + std::ptrdiff_t(last), start);
+            fork(first, std::size_t(middle - codes.begin()), last, depth, out);
+            const Node &a = out[at + 1], &b = out[at + out[at].place];
+            Box both{a.lower, a.upper};
+            both.add({b.lower, b.upper});
+            out[at].lower = both.lower, out[at].upper = both.upper;
+            return;
+        }
+        Box box, middles;
+        for (std::size_t i = first; i < last; ++i) {
+            box.add(items[i].box);
+            Vec3f middle;
+            for (int axis = 0; axis < 3; ++axis)
+                middle[axis] = static_cast<float>(0.5 * items[i].middle(axis));
+            middles.add({middle, middle});
+        }
+        const std::size_t count = last - first;
+        out.push_back({box.lower, static_cast<std::uint32_t>(first), box.upper,
+                       static_cast<std::uint32_t>(count)});
+        if (count <= kLeaf) return;
+        fork(first, cut(first, last, middles, depth), last, depth, out);
+    }
+
+    /// Adds what is on both sides of a cut to the node that is last.
+    void fork(std::size_t first,
+              std::size_t middle,
+              std::size_t last,
+              int depth,
+              std::vector<Node>& out) const {
+        const std::size_t at = out.size() - 1;
+        const bool large = last - first > kTask;
+        std::vector<Node> second;  // where another thread works at it
+        if (large) {
+#pragma omp task shared(second)
+            append(middle, last, depth + 1, second);
+        }
+        append(first, middle, depth + 1, out);
+        out[at].count = 0;
+        out[at].place = static_cast<std::uint32_t>(out.size() - at);
+        if (large) {
+#pragma omp taskwait
+            out.insert(out.end(), second.begin(), second.end());
+        } else {
+            append(middle, last, depth + 1, out);
+        }
+    }
+};
+
+TriangleTree::TriangleTree(const TriangleMesh& mesh, const SpatialOrder& order) {
+    const int vertices = static_cast<int>(mesh.vertices.size());
+    const auto count = static_cast<std::int64_t>(mesh.faces.size());
+    std::vector<Item> items(mesh.faces.size());
+    std::int64_t wrong = count, not_finite = count;  // first such face; first such item
+    parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
+        const int f = order.places.empty() ? i : order.places[std::size_t(i)];
+        Item& item = items[std::size_t(i)];
+        item.face = static_cast<std::uint32_t>(f);
+        for (int k = 0; k < 3; ++k) {
+            const int vertex = mesh.faces[std::size_t(f)][k];
+            if (vertex < 0 || vertex >= vertices) {
+                min_atomically(&wrong, f);
+                return;
+            }
+            const Vec3f p = mesh.vertices[static_cast<std::size_t>(vertex)];
+            if (!is_finite(p)) item.face = kNoFace, min_atomically(&not_finite, i);
+            item.box.add({p, p});
+        }
+    });
+    if (wrong < count) {
+        const Vec3i face = mesh.faces[std::size_t(wrong)];
+        int k = 0;
+        while (face[k] >= 0 && face[k] < vertices) ++k;
+        throw Error(ExitCode::input, str("face ", wrong, " refers to vertex ", face[k],
+                                         ", but the mesh has ", vertices));
+    }
+    if (not_finite < count)
+        left_out_ = std::erase_if(items, [](const Item& item) { return item.face == kNoFace; });
+    if (items.empty()) return;
+#pragma omp parallel
+#pragma omp single
+    Builder{items, left_out_ > 0 ? std::vector<std::uint32_t>() : order.codes}.append(
+        0, items.size(), 0, nodes_);
+    triangles_.resize(items.size());
+    parallel_for(Cpu{}, static_cast<int>(items.size()), [&](int i) {
+        const auto at = static_cast<std::size_t>(i);
+        const Vec3i face = mesh.faces[items[at].face];
+        triangles_[at] = {mesh.vertices[static_cast<std::size_t>(face.x)],
+                          mesh.vertices[static_cast<std::size_t>(face.y)],
+                          mesh.vertices[static_cast<std::size_t>(face.z)], items[at].face};
+    });
+}
+
+int TriangleTree::depth() const {
+    int deepest = 0;
+    std::vector<std::pair<std::uint32_t, int>> stack{{0, 0}};
+    while (!empty() && !stack.empty()) {
+        const auto [at, depth] = stack.back();
+        stack.pop_back();
+        deepest = std::max(deepest, depth);
+        if (nodes_[at].count > 0) continue;
+        stack.push_back({at + 1, depth + 1});
+        stack.push_back({at + nodes_[at].place, depth + 1});
+    }
+    return deepest;
+}
+
+double TriangleTree::distance(Vec3d p, double limit, std::size_t* start) const {
+    if (empty()) return std::numeric_limits<double>::infinity();
+    double best = limit * limit;
+    bool found = false;
+    const auto look_at = [&](std::size_t t) {
+        const Vec3d q = closest_on_triangle(p, vec_cast<double>(triangles_[t].a),
+                                            vec_cast<double>(triangles_[t].b),
+                                            vec_cast<double>(triangles_[t].c));
+        const double squared = dot(p - q, p - q);
+        if (squared < best) best = squared, found = true, *start = t;
+    };
+    look_at(*start);
+    struct Entry {
+        std::uint32_t node;
+        double squared;
+    };
+    Entry stack[kMaxDepth];
+    int height = 0;
+    stack[height++] = {0, squared_distance(p, nodes_[0].lower, nodes_[0].upper)};
+    while (height > 0) {
+        const Entry entry = stack[--height];
+        // Rounding must not cut off the triangle that decides.
+        if (entry.squared * (1 - 1e-14) >= best) continue;
+        const Node& node = nodes_[entry.node];
+        if (node.count > 0) {
+            for (std::uint32_t t = node.place; t < node.place + node.count; ++t) look_at(t);
+            continue;
+        }
+        const std::uint32_t children[2] = {entry.node + 1, entry.node + node.place};
+        const double squared[2] = {
+            squared_distance(p, nodes_[children[0]].lower, nodes_[children[0]].upper),
+            squared_distance(p, nodes_[children[1]].lower, nodes_[children[1]].upper)};
+        const int far = squared[0] <= squared[1] ? 1 : 0;
+        stack[height++] = {children[far], squared[far]};
+        stack[height++] = {children[1 - far], squared[1 - far]};
+    }
+    return found ? std::sqrt(best) : std::numeric_limits<double>::infinity();
+}
+
+bool TriangleTree::meets(Vec3d lower, Vec3d upper) const {
+    if (empty()) return false;
+    bool found = false;
+    const auto enters = [&](const Node& node) {
+        bool inside = true, outside = false;
+        for (int axis = 0; axis < 3; ++axis) {
+            const double from = node.lower[axis], to = node.upper[axis];
+            outside = outside || from > upper[axis] || to < lower[axis];
+            inside = inside && from >= lower[axis] && to <= upper[axis];
+        }
+        found = found || inside;
+        return !found && !outside;
+    };
+    walk(enters, [&](Vec3d a, Vec3d b, Vec3d c) {
+        return found = found || reaches_into(a, b, c, lower, upper);
+    });
+    return found;
+}
+
+std::vector<double> TriangleTree::distances(const std::vector<Vec3d>& points, double limit) const {
+    std::vector<double> out(points.size(), std::numeric_limits<double>::infinity());
+    if (empty()) return out;
+    constexpr std::size_t kChunk = 1024;
+    const std::size_t chunks = (points.size() + kChunk - 1) / kChunk;
+    parallel_for_heavy(Cpu{}, static_cast<int>(chunks), [&](int chunk) {
+        const std::size_t first = std::size_t(chunk) * kChunk;
+        std::size_t start = 0;
+        for (std::size_t i = first; i < std::min(points.size(), first + kChunk); ++i)
+            out[i] = distance(points[i], limit, &start);
+    });
+    return out;
+}
+
+}  // namespace tvsgs

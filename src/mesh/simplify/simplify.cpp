@@ -1,0 +1,204 @@
+#include "mesh/simplify/simplify.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "core/device/parallel.h"
+#include "core/error.h"
+#include "mesh/mend/face_order.h"
+#include "mesh/mend/mesh_clean.h"
+#include "mesh/simplify/simplify_pieces.h"
+#include "mesh/simplify/simplify_proof.h"
+#include "mesh/simplify/simplify_tolerance.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kGroup = 1 << 14;  // faces of a group; what it needs fits into a cache
+constexpr double kLargestCost = 0.4;     // with it the proof holds at once, as a rule
+constexpr int kMostRepeats = 4;
+constexpr double kTighter = 0.9;  // than the proof asks for, when all is done again
+
+/// The middle of the box around the vertices that faces have.
+Vec3d middle_of(const std::vector<Vec3f>& middles) {
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    Vec3f low{kFar, kFar, kFar}, high = -low;
+    for (const Vec3f& p : middles)
+        for (int axis = 0; axis < 3; ++axis) {
+            low[axis] = std::min(low[axis], p[axis]);
+            high[axis] = std::max(high[axis], p[axis]);
+        }
+    return 0.5 * (vec_cast<double>(low) + vec_cast<double>(high));
+}
+
+/// Middles of faces. position(v): of a vertex.
+template <class Position>
+std::vector<Vec3f> face_middles(const std::vector<Vec3i>& faces, const Position& position) {
+    std::vector<Vec3f> middles(faces.size());
+    parallel_for(Cpu{}, static_cast<int>(middles.size()), [&](int f) {
+        Vec3f sum;
+        for (int k = 0; k < 3; ++k)
+            sum += 1.0f / 3 * position(std::size_t(faces[std::size_t(f)][k]));
+        middles[std::size_t(f)] = sum;
+    });
+    return middles;
+}
+
+/// Positions and faces of what is used.
+TriangleMesh compact(const CollapsibleMesh& from, Vec3d origin) {
+    TriangleMesh out{std::vector<Vec3f>(from.positions.size()), {}, from.faces};
+    parallel_for(Cpu{}, static_cast<int>(out.vertices.size()), [&](int v) {
+        out.vertices[std::size_t(v)] = vec_cast<float>(from.positions[std::size_t(v)] + origin);
+    });
+    filter_faces(out, std::vector<char>(out.faces.size(), 1));
+    return out;
+}
+
+/// A mesh and what stays of it from attempt to attempt.
+struct Original {
+    const TriangleMesh& mesh;
+    const std::vector<Camera>& cameras;
+    const SurfaceEdges edges;
+    std::vector<Vec3f> middles =
+        face_middles(mesh.faces, [this](std::size_t v) { return mesh.vertices[v]; });
+    Vec3d origin = middle_of(middles);
+    SpatialOrder order = spatial_order(middles);
+    std::vector<std::vector<int>> groups = runs_of(order.places, kGroup, kGroup);
+    std::vector<float> least_lengths = least_pixel_lengths(mesh.vertices, cameras);
+    SurfacePlaces places = places_on(mesh);
+    TriangleTree tree = TriangleTree(mesh, order);
+};
+
+/// Goes on where a tolerance may be larger than it was, as no view sees the surface.
+void loosen(CollapsibleMesh& mesh, const Original& original, double tolerance_px) {
+    std::vector<Vec3f> points(mesh.positions.size());
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const auto v = static_cast<std::size_t>(i);
+        points[v] = vec_cast<float>(mesh.positions[v] + original.origin);
+    });
+    std::vector<float> lengths = pixel_lengths({points, {}, mesh.faces}, points, original.cameras);
+    // A coarse face beside a cliff may hide what the fine ones do not: so what is within two edges
+    // of a place that is seen counts as seen.
+    for (int round = 0; round < 2; ++round) {
+        const std::vector<float> before = lengths;
+        for (const Vec3i& face : mesh.faces) {
+            const float least = std::min({before[std::size_t(face.x)], before[std::size_t(face.y)],
+                                          before[std::size_t(face.z)]});
+            for (int k = 0; k < 3; ++k) {
+                float& length = lengths[std::size_t(face[k])];
+                length = std::min(length, least);
+            }
+        }
+    }
+    parallel_for(Cpu{}, static_cast<int>(points.size()), [&](int i) {
+        const auto v = static_cast<std::size_t>(i);
+        const double tolerance = tolerance_px * double(lengths[v]);
+        if (!(tolerance > mesh.tolerances[v])) return;
+        const double ratio = mesh.tolerances[v] / tolerance;
+        mesh.surface[v].count_in(1 / ratio);
+        if (mesh.rim[v] >= 0) mesh.rims[std::size_t(mesh.rim[v])].count_in(1 / ratio);
+        mesh.tolerances[v] = tolerance;
+    });
+}
+
+/// Collapses what it may. First as if nothing were hidden from any view, so that the depth of the
+/// mesh is that of a small one; then by what is seen of it; then along the seams that are left.
+CollapsibleMesh collapsed(const Original& original, double tolerance_px, double largest_cost) {
+    std::vector<double> tolerances(original.least_lengths.size());
+    parallel_for(Cpu{}, static_cast<int>(tolerances.size()), [&](int v) {
+        tolerances[std::size_t(v)] = tolerance_px * double(original.least_lengths[std::size_t(v)]);
+    });
+    CollapsibleMesh left = collapse_in_groups(original.mesh, original.origin, tolerances,
+                                              original.edges, original.groups, largest_cost);
+    loosen(left, original, tolerance_px);
+    const std::vector<Vec3f> middles =
+        face_middles(left.faces, [&](std::size_t v) { return vec_cast<float>(left.positions[v]); });
+    std::vector<char> seams;
+    // Other groups, whose seams lie elsewhere.
+    left = collapse_in_groups(left, runs_of(spatial_order(middles).places, kGroup, kGroup / 2),
+                              largest_cost, seams);
+    collapse_edges(left, largest_cost, 0, seams);
+    return left;
+}
+
+SimplifyProof measured(const Original& original, const TriangleMesh& found) {
+    const SurfacePlaces places = places_on(found);
+    const std::vector<Vec3f>& others = original.places.points;
+    std::vector<Vec3f> points = others;
+    points.insert(points.end(), places.points.begin(), places.points.end());
+    const std::vector<float> lengths = pixel_lengths(found, points, original.cameras);
+    const auto cut = lengths.begin() + std::ptrdiff_t(others.size());
+    return measure({original.places, original.tree, {lengths.begin(), cut}},
+                   {places, TriangleTree(found), {cut, lengths.end()}});
+}
+
+}  // namespace
+
+SimplifyReport simplify(TriangleMesh& mesh,
+                        const std::vector<Camera>& cameras,
+                        const SimplifyOptions& options) {
+    SimplifyReport report;
+    report.vertices_before = mesh.vertices.size(), report.faces_before = mesh.faces.size();
+    if (!(options.error > 0) && options.faces == 0) return report;
+    drop_flawed_faces(mesh);
+    const Corners corners = drop_repeated_faces(mesh);
+    report.no_triangles = report.faces_before - mesh.faces.size();
+    if (mesh.faces.empty()) {
+        mesh = {};
+        return report;
+    }
+    const Original original{mesh, cameras, find_edges(mesh, corners)};
+    const bool bounded = options.error > 0;
+    const double bound_px = bounded ? double(options.error) : 1.0;
+    const double largest_cost = bounded ? kLargestCost : -1;  // none is below 0
+    for (double tolerance_px = bound_px;; ++report.repeats) {
+        CollapsibleMesh left = collapsed(original, tolerance_px, largest_cost);
+        // What was refused may be possible once its surroundings have changed.
+        const auto most = static_cast<std::size_t>(options.faces);
+        for (std::size_t before = 0;
+             most > 0 && left.faces.size() > most && left.faces.size() != before;) {
+            before = left.faces.size();
+            collapse_edges(left, std::numeric_limits<double>::infinity(), most);
+        }
+        TriangleMesh found = compact(left, original.origin);
+        report.proof = measured(original, found);
+        report.holds = report.proof.p999_px <= bound_px;
+        if (!report.holds && std::isfinite(report.proof.p999_px) && options.faces == 0 &&
+            report.repeats < kMostRepeats) {
+            tolerance_px *= kTighter * bound_px / report.proof.p999_px;
+            continue;
+        }
+        if (!mesh.colors.empty()) carry_colors(mesh, original.tree, found);
+        mesh = std::move(found);
+        return report;
+    }
+}
+
+std::string simplify_and_say(TriangleMesh& mesh,
+                             const std::vector<Camera>& cameras,
+                             const SimplifyOptions& options,
+                             spdlog::level::level_enum level) {
+    const SimplifyReport r = simplify(mesh, cameras, options);
+    if (r.proof.points == 0)
+        return r.no_triangles > 0
+                   ? str("none of its ", r.faces_before, " faces has three corners apart")
+                   : std::string();
+    std::string notes;
+    if (r.proof.points < r.proof.all_points)
+        notes += str(" (", r.proof.points, " of ", r.proof.all_points, " places measured)");
+    if (r.repeats > 0) notes += str(", at attempt ", r.repeats + 1);
+    if (!r.holds && options.faces == 0) notes += str(", which is not within ", options.error);
+    if (r.no_triangles > 0) notes += str("; ", r.no_triangles, " faces were no triangles");
+    if (options.faces > 0 && mesh.faces.size() > static_cast<std::size_t>(options.faces))
+        notes += "; fewer would tear it or turn faces over";
+    spdlog::log(level,
+                "simplified: {} faces of {}, {} vertices of {}; off by {:.2f} pixels in the mean, "
+                "{:.2f} at 99.9 %, {:.2f} at most{}",
+                mesh.faces.size(), r.faces_before, mesh.vertices.size(), r.vertices_before,
+                r.proof.mean_px, r.proof.p999_px, r.proof.max_px, notes);
+    return {};
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,120 @@
+#include "mesh/tetrahedra/mesher_tetrahedra.h"
+
+#include "core/error.h"
+#include "mesh/fuse/device_algorithms.h"
+#include "render/tiles/sh_math.h"
+
+namespace tvsgs::detail {
+namespace {
+
+constexpr double kShareOfFreeMemory = 0.8;  // of the host, where the points' tetrahedra are made
+constexpr float kGrainGrowth = 1.5f;
+
+std::size_t most_points(std::int64_t max_bytes, int splats) {
+    const auto free =
+        static_cast<std::int64_t>(kShareOfFreeMemory * static_cast<double>(free_bytes(Cpu{})));
+    const std::int64_t of_splats = std::int64_t{kFieldBytesPerSplat} * splats;
+    const std::int64_t most = (std::min(max_bytes, free) - of_splats) / kPivotBytes;
+    constexpr std::int64_t kLeast = 64, kMost = 1 << 27;  // whose tetrahedra can be numbered
+    if (most < kLeast)
+        throw Error(ExitCode::memory, str("a mesh of ", splats, " splats takes ",
+                                          of_splats + kLeast * kPivotBytes, " bytes at least, and ",
+                                          std::min(max_bytes, free), " are there; raise --memory"));
+    return static_cast<std::size_t>(std::min(most, kMost));
+}
+
+std::string why_no_points(std::size_t splats) {
+    return str("none of the ", splats,
+               " splats lies in the image of a view; raise --depth-max, or look at the masks "
+               "(--no-masks) and --bbox");
+}
+
+}  // namespace
+
+PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
+                                 const FieldViews& views,
+                                 const TetrahedraMesherOptions& options,
+                                 const DepthRules& rules,
+                                 const MeshRegion& region,
+                                 std::int64_t max_bytes,
+                                 spdlog::level::level_enum level) {
+    PivotTetrahedra made;
+    const std::size_t most = most_points(max_bytes, splats.size());
+    const std::vector<float> footprints = pixel_footprints(splats, views, rules);
+    const PivotKind kind = options.points;
+    const std::vector<int> chosen = pivot_splats(
+        splats, footprints, kind == PivotKind::pivots ? options.min_opacity : kMinAlpha);
+    float grain = kind == PivotKind::pivots ? 1.0f : 0.0f;
+    auto found = surface_pivots(splats, chosen, footprints, kind, grain, most);
+    const bool fits = found.has_value();
+    while (!found) {
+        grain = std::max(1.0f, grain * kGrainGrowth);
+        found = surface_pivots(splats, chosen, footprints, kind, grain, most);
+    }
+    made.pivots = std::move(*found);
+    if (!fits)
+        spdlog::log(level, "{} of {} points, merged within {:.3g} px to keep within --memory",
+                    made.pivots.size(), chosen.size() * pivots_per_splat(kind), grain / 4);
+    if (made.pivots.size() == 0) {
+        made.why_empty = why_no_points(splats.size());
+        return made;
+    }
+    Contraction<double> contraction;
+    if (region.unbounded)
+        contraction = {vec_cast<double>(region.centre), static_cast<double>(region.radius)};
+    const std::vector<Vec3i> grid = snap_to_grid(splats, contraction, made.pivots);
+    if (!grid.empty()) made.tetrahedra = delaunay(grid);
+    if (made.tetrahedra.empty()) made.why_empty = "the splats lie in one point";
+    spdlog::log(level, "{} points of {} splats in {} tetrahedra", made.pivots.size(), splats.size(),
+                made.tetrahedra.size());
+    return made;
+}
+
+TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
+                                     const std::vector<Sight>& sights,
+                                     int needed,
+                                     spdlog::level::level_enum level) {
+    std::vector<PointSide> sides;
+    sides.reserve(sights.size());
+    for (const Sight& sight : sights)
+        sides.push_back(sight.views == 0          ? PointSide::unseen
+                        : !is_free(sight, needed) ? PointSide::inside
+                                                  : PointSide::free);
+    TetrahedraSurface surface =
+        marching_tetrahedra(points.tetrahedra, sides, points.pivots.positions, points.pivots.radii);
+    spdlog::log(level,
+                "{} faces; {} left out between splats too far apart, {} before what no view sees",
+                surface.faces.size(), surface.far_faces, surface.unseen_faces);
+    return surface;
+}
+
+std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
+                               const std::vector<CrossedEdge>& edges,
+                               const std::vector<int>& splats,
+                               const std::vector<Vec3f>& base_harmonics) {
+    std::vector<Vec3f> colors;
+    colors.reserve(sums.size());
+    for (std::size_t i = 0; i < sums.size(); ++i) {
+        Vec3f c{};
+        if (sums[i].weight > 0) {
+            c = sums[i].color / sums[i].weight;
+        } else {
+            const int inside = splats[static_cast<std::size_t>(edges[i].inside_end)];
+            const int splat =
+                inside >= 0 ? inside : splats[static_cast<std::size_t>(edges[i].free_end)];
+            if (splat >= 0)
+                c = static_cast<float>(kShC0) * base_harmonics[static_cast<std::size_t>(splat)] +
+                    Vec3f{0.5f, 0.5f, 0.5f};
+        }
+        for (int k = 0; k < 3; ++k) c[k] = c[k] > 0 ? std::min(c[k], 1.0f) : 0;
+        colors.push_back(c);
+    }
+    return colors;
+}
+
+void throw_out_of_memory() {
+    throw Error(ExitCode::memory,
+                "out of host memory while meshing; lower --memory, or stop other programs");
+}
+
+}  // namespace tvsgs::detail

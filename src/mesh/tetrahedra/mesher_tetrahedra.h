@@ -1,0 +1,165 @@
+// The surface up to which the views see through the splats, in tetrahedra between points around
+// them.  [GOF], docs/method/tetrahedra.md
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "mesh/mesher.h"
+#include "mesh/tetrahedra/marching_tetrahedra.h"
+#include "mesh/tetrahedra/pivots.h"
+#include "mesh/texture/vertex_colors.h"
+
+namespace tvsgs {
+
+struct TetrahedraMesherOptions {
+    PivotKind points = PivotKind::pivots;
+    float min_opacity = 0.5f;
+    int views = 2;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field.choice("points", points, {"pivots", "corners"},
+                     "of a splat: one on either side of its plane; or centre and corners of its "
+                     "box, of all splats, as published");
+        field("min_opacity", min_opacity, {0, 1},
+              "of the splats that have pivots, or of the more opaque half, if that is less");
+        field("views", views, {1, 2},
+              "that have to see through to a point of free space, where more than two have it in "
+              "their image; 1: as published");
+    }
+};
+
+namespace detail {
+
+/// Points with their tetrahedra; none if there is a reason.
+struct PivotTetrahedra {
+    Pivots pivots;
+    std::vector<Tetrahedron> tetrahedra;
+    std::string why_empty;
+};
+
+/// As many points as `max_bytes` have room for, closer ones merged if need be. Throws
+/// Error(ExitCode::memory) if that is not enough for any.
+PivotTetrahedra pivot_tetrahedra(const FieldSplats<Cpu>& splats,
+                                 const FieldViews& views,
+                                 const TetrahedraMesherOptions& options,
+                                 const DepthRules& rules,
+                                 const MeshRegion& region,
+                                 std::int64_t max_bytes,
+                                 spdlog::level::level_enum level);
+
+/// The faces where the field changes its sign; says how many at `level`.
+TetrahedraSurface crossed_tetrahedra(const PivotTetrahedra& points,
+                                     const std::vector<Sight>& sights,
+                                     int needed,
+                                     spdlog::level::level_enum level);
+
+/// What no view shows gets the base colour of its splat.
+std::vector<Vec3f> mean_colors(const std::vector<ColorSum>& sums,
+                               const std::vector<CrossedEdge>& edges,
+                               const std::vector<int>& splats,
+                               const std::vector<Vec3f>& base_harmonics);
+
+/// "out of memory": for what is allocated outside of buffers.
+[[noreturn]] void throw_out_of_memory();
+
+}  // namespace detail
+
+template <class Device>
+class TetrahedraMesher final : public Mesher<Device> {
+public:
+    explicit TetrahedraMesher(const TetrahedraMesherOptions& options) : options_(options) {}
+
+    ExtractedMesh extract(const MesherInputs<Device>& in) override {
+        try {
+            return extract_surface(in);
+        } catch (const std::bad_alloc&) {
+            detail::throw_out_of_memory();
+        }
+    }
+
+private:
+    ExtractedMesh extract_surface(const MesherInputs<Device>& in) {
+        const FieldViews views{in.views, in.depth.masks(), in.near, options_.views};
+        FieldSplats<Device> splats;
+        detail::PivotTetrahedra points;
+        {
+            const FieldSplats<Cpu> on_host = field_splats(host_geometry(in.gaussians));
+            points = detail::pivot_tetrahedra(on_host, views, options_, in.depth.rules(), in.region,
+                                              in.max_bytes, in.level);
+            copy(on_host, splats);
+        }
+        ExtractedMesh found;
+        found.why_empty = points.why_empty;
+        if (!found.why_empty.empty()) return found;
+
+        std::vector<Sight> sights = seen_on_host(splats, views, points.pivots.positions);
+        const TetrahedraSurface surface =
+            detail::crossed_tetrahedra(points, sights, options_.views, in.level);
+        points.tetrahedra = {}, sights = {};
+        if (surface.faces.empty()) {
+            found.why_empty =
+                "no view sees through to a point beside one that is hidden; are the splats opaque? "
+                "See mesh.tetrahedra.points";
+            return found;
+        }
+        const auto ends = [&](int CrossedEdge::*end) {
+            std::vector<Vec3f> positions;
+            positions.reserve(surface.edges.size());
+            for (const CrossedEdge& edge : surface.edges)
+                positions.push_back(points.pivots.positions[static_cast<std::size_t>(edge.*end)]);
+            return to_device<Device>(positions);
+        };
+        auto free_ends = ends(&CrossedEdge::free_end), inside_ends = ends(&CrossedEdge::inside_end);
+        find_crossings(splats, views, kBisections, free_ends, inside_ends);
+        found.mesh.vertices = to_host(free_ends);
+        found.mesh.faces = surface.faces;
+        found.mesh.colors = detail::mean_colors(seen_colors(in.depth, free_ends), surface.edges,
+                                                points.pivots.splats, base_harmonics(in.gaussians));
+        return found;
+    }
+
+    static std::vector<Sight> seen_on_host(const FieldSplats<Device>& splats,
+                                           const FieldViews& views,
+                                           const std::vector<Vec3f>& positions) {
+        Buffer<Sight, Device> sights;
+        see_points(splats, views, to_device<Device>(positions), sights);
+        return to_host(sights);
+    }
+
+    static std::vector<ColorSum> seen_colors(DepthViews<Device>& depth,
+                                             const Buffer<Vec3f, Device>& vertices) {
+        Buffer<ColorSum, Device> sums(vertices.size());
+        sums.fill_zero();
+        for (int i = 0; i < depth.size(); ++i) add_colors(depth.view(i), vertices, sums);
+        return to_host(sums);
+    }
+
+    /// All but the colours.
+    static Gaussians<Cpu> host_geometry(const Gaussians<Device>& gaussians) {
+        Gaussians<Cpu> host;
+        for_each_array(
+            [](const SplatArray& array, const auto& values, auto& copied) {
+                if (array.planes == 1) copy(values, copied);
+            },
+            gaussians, host);
+        return host;
+    }
+
+    /// The coefficients of degree 0.
+    static std::vector<Vec3f> base_harmonics(const Gaussians<Device>& gaussians) {
+        std::vector<Vec3f> base(static_cast<std::size_t>(gaussians.size()));
+        tvsgs::detail::copy(Device{}, gaussians.sh.data(), Cpu{}, base.data(),
+                            base.size() * sizeof(Vec3f));
+        return base;
+    }
+
+    // Of an edge; it leaves 1/256 of the edge's length.
+    static constexpr int kBisections = 8;
+
+    TetrahedraMesherOptions options_;
+};
+
+}  // namespace tvsgs

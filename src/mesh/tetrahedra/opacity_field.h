@@ -1,0 +1,81 @@
+// Which points of space the views see through the splats: the field whose zeros are the surface.
+// docs/method/tetrahedra.md
+#pragma once
+
+#include <vector>
+
+#include "core/scene/gaussians.h"
+#include "core/scene/scene.h"
+#include "mesh/tetrahedra/opacity_math.h"
+#include "render/tiles/tiles.h"
+
+namespace tvsgs {
+
+/// Where a splat may reach kMinAlpha: in an ellipse of the image, as SplatShape has it, from a
+/// depth on. A little too large.
+struct alignas(16) FieldShape {
+    Vec2f mean;
+    EllipseRoot<float> root;
+    float reach, front;
+};
+
+/// Points lie anywhere in the pixels, while tiles are given by their pixels' centres.
+TVSGS_HD inline bool may_draw(const FieldShape& s, Vec2f low, Vec2f high) {
+    return may_draw(SplatShape<float>{s.mean, s.root, 1, s.reach},
+                    Vec2f{low.x - 0.5f, low.y - 0.5f}, Vec2f{high.x + 0.5f, high.y + 0.5f});
+}
+
+/// The splats as the field takes them, all [N]: activated, with the filter where there is one. Made
+/// on the host for both devices.
+template <class Device>
+struct FieldSplats {
+    Buffer<Vec3f, Device> means, scales;
+    Buffer<Quatf, Device> quats;  // unit
+    Buffer<float, Device> opacities;
+
+    int size() const { return static_cast<int>(means.size()); }
+};
+FieldSplats<Cpu> field_splats(const Gaussians<Cpu>& gaussians);
+
+template <class From, class To>
+void copy(const FieldSplats<From>& from, FieldSplats<To>& to) {
+    copy(from.means, to.means), copy(from.scales, to.scales);
+    copy(from.quats, to.quats), copy(from.opacities, to.opacities);
+}
+
+/// Bytes of the device per splat: FieldSplats, and a view's records and lists of about ten tiles.
+inline constexpr int kFieldBytesPerSplat = 500;
+
+/// Whose light is followed.
+struct FieldViews {
+    const std::vector<View>& views;
+    bool masks;  // what lies outside of them is in no image
+    float near;  // splats and points nearer to a camera's plane are not in its image either
+    int needed;  // of is_free()
+};
+
+/// What the views see of the points; `sights` is resized and overwritten. The share of light that
+/// gets through is prod (1 - alpha) over all splats, alpha the largest one up to the point.
+void see_points(const FieldSplats<Cpu>& splats,
+                const FieldViews& views,
+                const Buffer<Vec3f, Cpu>& points,
+                Buffer<Sight, Cpu>& sights);
+void see_points(const FieldSplats<Cuda>& splats,
+                const FieldViews& views,
+                const Buffer<Vec3f, Cuda>& points,
+                Buffer<Sight, Cuda>& sights);
+
+/// Halves segments whose ends are in free space and not, `steps` times, and leaves the middle of
+/// what is left in both.
+void find_crossings(const FieldSplats<Cpu>& splats,
+                    const FieldViews& views,
+                    int steps,
+                    Buffer<Vec3f, Cpu>& free_ends,
+                    Buffer<Vec3f, Cpu>& inside_ends);
+void find_crossings(const FieldSplats<Cuda>& splats,
+                    const FieldViews& views,
+                    int steps,
+                    Buffer<Vec3f, Cuda>& free_ends,
+                    Buffer<Vec3f, Cuda>& inside_ends);
+
+}  // namespace tvsgs

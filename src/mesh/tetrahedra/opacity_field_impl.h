@@ -1,0 +1,208 @@
+// The opacity field for both devices; opacity_field.cpp and opacity_field.cu instantiate it.
+#pragma once
+
+#include <utility>
+
+#include "core/error.h"
+#include "core/progress.h"
+#include "core/scene/scene.h"
+#include "mesh/tetrahedra/opacity_field.h"
+
+namespace tvsgs::detail {
+
+template <class Device>
+using FieldViewSplats = ViewSplats<Device, FieldShape, RayGaussian<float>>;
+
+/// The splats as a view's tiles list them.
+struct FieldSplatBody {
+    Camera camera;
+    TileGrid grid;
+    float near;
+    Span<const Vec3f> means, scales;
+    Span<const Quatf> quats;
+    Span<const float> opacities;
+    Span<FieldShape> shapes;
+    Span<RayGaussian<float>> gaussians;
+    Span<float> depths;
+    Span<TileRect> rects;
+
+    TVSGS_HD void operator()(int i) const {
+        rects[i] = {};
+        const Vec3f p = camera.camera_from_world * means[i];
+        const float opacity = opacities[i];
+        if (!(p.z > near) || !is_finite(p) || !(opacity >= kMinAlpha)) return;
+        const Mat3f axes = camera.camera_from_world.R * rotation(quats[i]);
+        const Vec3f s = kept_scales(scales[i]);
+        // A little beyond where alpha is cut off.
+        const float reach2 = 2 * splat_reach(opacity) + 0.001f;
+        if (!is_finite(reach2 * (s * s))) return;
+        const EllipsoidImage<float> image = ellipsoid_image(camera, axes, s, p, reach2);
+        const float xx = 1.001f * image.shape.xx + 0.1f, yy = 1.001f * image.shape.yy + 0.1f;
+        const float xy = image.shape.xy, det = xx * yy - xy * xy;
+        FieldShape shape{image.mean, {1, 0, 1}, INFINITY, p.z - 1.001f * image.half_depth};
+        TileRect rect{0, 0, static_cast<std::uint16_t>(grid.columns),
+                      static_cast<std::uint16_t>(grid.rows)};
+        if (image.bounded && det > 0 && det < 1e30f) {
+            shape.root = ellipse_root(Sym2f{xx, xy, yy}, det), shape.reach = 0.5f;
+            if (!is_finite(Vec3f{image.mean.x, image.mean.y, xx + yy})) return;
+            rect = tile_rect(image.mean, {std::sqrt(xx), std::sqrt(yy)}, grid);
+        }
+        if (rect.count() == 0 || !meets_tiles(shape, grid, rect)) return;
+        shapes[i] = shape;
+        gaussians[i] = ray_gaussian(axes, s, p, opacity);
+        depths[i] = p.z;
+        rects[i] = rect;
+    }
+};
+
+/// A view with the splats of its tiles.
+struct FieldView {
+    Camera camera;
+    TileGrid grid;
+    float near;
+    Span<const std::uint8_t> mask;  // may be empty
+    Span<const TileSpan> spans;
+    Span<const std::uint32_t> splats;
+    Span<const FieldShape> shapes;
+    Span<const RayGaussian<float>> gaussians;
+
+    /// Counts the view if it has the point in its image. Front to back, as a hidden point is known
+    /// to be hidden soon.
+    TVSGS_HD void look(Vec3f point, Sight& sight) const {
+        const Vec3f p = camera.camera_from_world * point;
+        if (!(p.z > near) || !is_finite(p)) return;
+        const Vec3f ray{p.x / p.z, p.y / p.z, 1};
+        const float u = camera.fx_px * ray.x + camera.cx_px,
+                    v = camera.fy_px * ray.y + camera.cy_px;
+        if (!(u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
+              v < static_cast<float>(camera.height_px)))
+            return;
+        const int x = static_cast<int>(u), y = static_cast<int>(v);
+        if (!mask.empty() && mask[y * camera.width_px + x] < kObjectMask) return;
+        const TileSpan span = spans[y / kTileSize * grid.columns + x / kTileSize];
+        float T = 1;
+        for (std::uint32_t at = span.begin; at < span.end && T >= kClear; ++at) {
+            const std::uint32_t i = splats[at];
+            const FieldShape& s = shapes[i];
+            const Vec2f w = whitened(s.root, Vec2f{s.mean.x - u, s.mean.y - v});
+            if (p.z < s.front || dot(w, w) > s.reach) continue;  // most
+            T *= 1 - alpha_up_to(gaussians[i], ray, p.z);
+        }
+        ++sight.views;
+        sight.clear += T >= kClear;
+    }
+};
+
+struct SeePointBody {
+    FieldView view;
+    int needed;
+    Span<const Vec3f> points;
+    Span<Sight> sights;
+
+    TVSGS_HD void operator()(int i) const {
+        if (sights[i].clear < needed) view.look(points[i], sights[i]);
+    }
+};
+
+struct NoSightBody {
+    Span<Sight> sights;
+    TVSGS_HD void operator()(int i) const { sights[i] = {}; }
+};
+
+/// Room for one view after the other.
+template <class Device>
+struct FieldScratch {
+    FieldViewSplats<Device> splats;
+    TileLists<Device> lists;
+    Buffer<std::uint8_t, Device> mask;
+};
+
+template <class Device>
+FieldView make_view(const FieldSplats<Device>& splats,
+                    const FieldViews& views,
+                    const View& view,
+                    FieldScratch<Device>& scratch) {
+    const Camera& camera = view.camera;
+    const TileGrid grid = tile_grid(camera.width_px, camera.height_px);
+    scratch.splats.resize(splats.means.size());
+    parallel_for(Device{}, splats.size(),
+                 FieldSplatBody{camera, grid, views.near, splats.means.span(), splats.scales.span(),
+                                splats.quats.span(), splats.opacities.span(),
+                                scratch.splats.shapes.span(), scratch.splats.features.span(),
+                                scratch.splats.depths.span(), scratch.splats.rects.span()});
+    build_tile_lists(scratch.splats, grid, scratch.lists);
+    copy(views.masks ? view.mask.pixels.to_vector() : std::vector<std::uint8_t>(), scratch.mask);
+    return {camera,
+            grid,
+            views.near,
+            std::as_const(scratch.mask).span(),
+            std::as_const(scratch.lists.spans).span(),
+            std::as_const(scratch.lists.splats).span(),
+            std::as_const(scratch.splats.shapes).span(),
+            std::as_const(scratch.splats.features).span()};
+}
+
+template <class Device>
+void see_points_on(const FieldSplats<Device>& splats,
+                   const FieldViews& views,
+                   const Buffer<Vec3f, Device>& points,
+                   FieldScratch<Device>& scratch,
+                   Buffer<Sight, Device>& sights) {
+    sights.resize(points.size());
+    const int count = static_cast<int>(points.size());
+    parallel_for(Device{}, count, NoSightBody{sights.span()});
+    Progress progress(str("opacity at ", count, " points"), double(views.views.size()));
+    for (const View& view : views.views)
+        with_context(str("the opacity seen by ", view.name), [&] {
+            const FieldView made = make_view(splats, views, view, scratch);
+            parallel_for(Device{}, count,
+                         SeePointBody{made, views.needed, points.span(), sights.span()});
+            progress.advance();
+        });
+}
+
+struct MiddleBody {
+    Span<const Vec3f> a, b;
+    Span<Vec3f> middles;
+    TVSGS_HD void operator()(int i) const { middles[i] = 0.5f * (a[i] + b[i]); }
+};
+struct HalveBody {
+    Span<const Vec3f> middles;
+    Span<const Sight> sights;
+    int needed;
+    Span<Vec3f> free_ends, inside_ends;
+
+    TVSGS_HD void operator()(int i) const {
+        if (!is_free(sights[i], needed))
+            inside_ends[i] = middles[i];
+        else
+            free_ends[i] = middles[i];
+    }
+};
+struct MeetBody {
+    Span<Vec3f> a, b;
+    TVSGS_HD void operator()(int i) const { a[i] = b[i] = 0.5f * (a[i] + b[i]); }
+};
+
+template <class Device>
+void find_crossings_on(const FieldSplats<Device>& splats,
+                       const FieldViews& views,
+                       int steps,
+                       Buffer<Vec3f, Device>& free_ends,
+                       Buffer<Vec3f, Device>& inside_ends) {
+    const int count = static_cast<int>(free_ends.size());
+    FieldScratch<Device> scratch;
+    Buffer<Vec3f, Device> middles(free_ends.size());
+    Buffer<Sight, Device> sights;
+    for (int step = 0; step < steps; ++step) {
+        parallel_for(Device{}, count,
+                     MiddleBody{free_ends.span(), inside_ends.span(), middles.span()});
+        see_points_on(splats, views, middles, scratch, sights);
+        parallel_for(Device{}, count,
+                     HalveBody{middles.span(), sights.span(), views.needed, free_ends.span(),
+                               inside_ends.span()});
+    }
+    parallel_for(Device{}, count, MeetBody{free_ends.span(), inside_ends.span()});
+}
+
+}  // namespace tvsgs::detail

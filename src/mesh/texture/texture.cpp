@@ -1,0 +1,98 @@
+#include "mesh/texture/texture.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "mesh/texture/texture_exposure.h"
+#include "mesh/texture/texture_fill.h"
+
+namespace tvsgs {
+namespace texture {
+namespace {
+
+/// Where the corners of all faces lie.
+void set_places(const TriangleMesh& mesh,
+                const std::vector<PhotoView>& views,
+                const Atlas& atlas,
+                MeshTexture& out) {
+    const auto add = [&](Rect rect, Vec2<double> at) {
+        out.places.push_back({static_cast<float>((rect.x + at.x) / atlas.width),
+                              static_cast<float>((rect.y + at.y) / atlas.height)});
+        return static_cast<int>(out.places.size()) - 1;
+    };
+    out.faces.assign(mesh.faces.size(), {});
+    std::vector<int> place(mesh.vertices.size(), -1), last_chart(mesh.vertices.size(), -1);
+    for (std::size_t k = 0; k < atlas.charts.size(); ++k) {
+        const Chart& chart = atlas.charts[k];
+        for (const int f : chart.faces)
+            for (int c = 0; c < 3; ++c) {
+                const int vertex = mesh.faces[f][c];
+                if (last_chart[vertex] != static_cast<int>(k)) {
+                    last_chart[vertex] = static_cast<int>(k);
+                    const Projection p =
+                        views[chart.view].project(vec_cast<double>(mesh.vertices[vertex]));
+                    place[vertex] = add(chart.rect, place_in(chart, atlas.scale, p));
+                }
+                out.faces[f][c] = place[vertex];
+            }
+    }
+    for (const Tile& tile : atlas.tiles) {
+        const Tile& shown = tile.same_as < 0 ? tile : atlas.tiles[tile.same_as];
+        for (int c = 0; c < 3; ++c) out.faces[tile.face][c] = add(shown.rect, shown.corners[c]);
+    }
+}
+
+Vec3f mean_color(const Candidates& candidates) {
+    Vec3d sum{};
+    for (const Candidate& c : candidates.all) sum += vec_cast<double>(c.color);
+    return candidates.all.empty()
+               ? kGrey
+               : vec_cast<float>(sum / static_cast<double>(candidates.all.size()));
+}
+
+}  // namespace
+}  // namespace texture
+
+MeshTexture make_texture(const TriangleMesh& mesh,
+                         const std::vector<View>& views,
+                         const TextureOptions& options,
+                         TextureReport* report) {
+    using namespace texture;
+    MeshTexture out;
+    if (mesh.faces.empty()) return out;
+    StageClock<Cpu> clock(report != nullptr);
+    std::vector<PhotoView> photos = photo_views(views, options.masks);
+    Sights sights(mesh, photos);
+    Candidates candidates = clock("views", [&] { return find_candidates(mesh, photos, sights); });
+    clock("exposures", [&] { level_exposures(candidates, photos), drop_outliers(candidates); });
+    const std::vector<SharedEdge> edges = clock("edges", [&] { return shared_edges(mesh); });
+    const std::vector<int> view_of_face =
+        clock("choice", [&] { return choose_views(mesh, candidates, edges); });
+    const Atlas atlas = clock("charts", [&] {
+        return lay_out(mesh, photos, candidates, view_of_face, edges, options.max_side,
+                       options.fixed_side);
+    });
+    int compared = 0;
+    const std::vector<Correction> corrections = clock("seams", [&] {
+        return level_seams(mesh, photos, candidates, atlas.charts, edges, compared);
+    });
+    out.image = clock("pixels", [&] {
+        return fill_texture(mesh, photos, atlas, corrections, mean_color(candidates), sights);
+    });
+    clock("places", [&] { set_places(mesh, photos, atlas, out); });
+
+    if (report) {
+        *report = {};
+        std::vector<char> used(photos.size(), 0);
+        for (const Chart& chart : atlas.charts) used[chart.view] = 1;
+        report->views_used = static_cast<int>(std::count(used.begin(), used.end(), 1));
+        report->charts = static_cast<int>(atlas.charts.size());
+        report->tiles = static_cast<int>(atlas.tiles.size());
+        for (const Tile& tile : atlas.tiles) report->unseen += !tile.seen;
+        report->seams = compared, report->scale = atlas.scale;
+        report->stages = clock.stages();
+    }
+    return out;
+}
+
+}  // namespace tvsgs

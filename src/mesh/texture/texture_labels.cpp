@@ -1,0 +1,282 @@
+#include "mesh/texture/texture_labels.h"
+
+#include <algorithm>
+#include <atomic>
+#include <numeric>
+#include <tuple>
+
+#include "core/device/parallel.h"
+
+namespace tvsgs::texture {
+namespace {
+
+constexpr double kSeamCost = 1;  // pixels of area that a pixel of seam is worth
+constexpr int kSweeps = 20;
+constexpr double kIslandArea_px = 50;
+constexpr int kIslandPasses = 3;  // an island may lie in an island
+
+/// The shared edges of each face: up to three.
+struct FaceEdges {
+    int count = 0, edges[3];
+
+    const int* begin() const { return edges; }
+    const int* end() const { return edges + count; }
+};
+
+std::vector<FaceEdges> edges_of_faces(std::size_t faces, const std::vector<SharedEdge>& edges) {
+    std::vector<FaceEdges> out(faces);
+    for (std::size_t e = 0; e < edges.size(); ++e)
+        for (const int face : edges[e].faces)
+            out[face].edges[out[face].count++] = static_cast<int>(e);
+    return out;
+}
+
+int other_face(const SharedEdge& edge, int face) {
+    return edge.faces[0] == face ? edge.faces[1] : edge.faces[0];
+}
+
+/// What the labelling goes by, in pixels of the view that shows a face best.
+struct Costs {
+    std::vector<float> area;         // of faces; 0 without a view
+    std::vector<float> best;         // quality
+    std::vector<float> edge_length;  // the mean over its faces
+
+    Costs(const TriangleMesh& mesh,
+          const Candidates& candidates,
+          const std::vector<SharedEdge>& edges)
+        : area(mesh.faces.size(), 0), best(mesh.faces.size(), 0), edge_length(edges.size(), 0) {
+        std::vector<float> per_unit(mesh.faces.size(), 0);
+        parallel_for(Cpu{}, candidates.faces(), [&](int f) {
+            for (const Candidate& c : candidates.of(f))
+                if (c.quality > best[f] || per_unit[f] == 0) {
+                    best[f] = c.quality, per_unit[f] = 1 / c.pixel;
+                    area[f] = static_cast<float>(FaceShape(mesh, f).area) / (c.pixel * c.pixel);
+                }
+        });
+        parallel_for(Cpu{}, static_cast<int>(edges.size()), [&](int e) {
+            const auto [one, other] = edges[e].vertices;
+            const float length = norm(mesh.vertices[one] - mesh.vertices[other]);
+            edge_length[e] =
+                0.5f * length * (per_unit[edges[e].faces[0]] + per_unit[edges[e].faces[1]]);
+        });
+    }
+};
+
+const Candidate* find_view(Span<const Candidate> of, int view) {
+    for (const Candidate& c : of)
+        if (c.view == view) return &c;
+    return nullptr;
+}
+
+/// The choice of one face after another, each given the others'.
+class Choice {
+public:
+    Choice(const Candidates& candidates, const std::vector<SharedEdge>& edges, const Costs& costs)
+        : candidates_(candidates),
+          edges_(edges),
+          costs_(costs),
+          edges_of_(edges_of_faces(costs.area.size(), edges)),
+          waiting_(costs.area.size(), 1) {
+        // Faces of one colour do not touch: which of them comes first does not matter.
+        std::vector<std::uint8_t> color(edges_of_.size(), kColors);
+        for (int f = 0; f < static_cast<int>(color.size()); ++f) {
+            bool taken[kColors + 1] = {};
+            for (const int e : edges_of_[f]) taken[color[other_face(edges_[e], f)]] = true;
+            color[f] = 0;
+            while (taken[color[f]]) ++color[f];
+            if (candidates.of(f).count > 1) faces_[color[f]].push_back(f);
+        }
+    }
+    /// One pass over the faces that have had a change beside them; whether any has changed.
+    bool improve(std::vector<int>& views) {
+        std::int64_t changes = 0;
+        for (const std::vector<int>& faces : faces_)
+            parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int i) {
+                const int f = faces[i];
+                if (!waiting_[f]) return;
+                waiting_[f] = 0;
+                const int chosen = best_view(f, views);
+                if (chosen == views[f]) return;
+                views[f] = chosen;
+                for (const int e : edges_of_[f])  // of another colour; two may say so at once
+                    std::atomic_ref(waiting_[other_face(edges_[e], f)]).store(1);
+                add_atomically(&changes, 1);
+            });
+        return changes > 0;
+    }
+
+private:
+    static constexpr int kColors = 4;  // one more than neighbours
+
+    int best_view(int f, const std::vector<int>& views) const {
+        double least = 1e300;
+        int chosen = views[f];
+        for (const Candidate& c : candidates_.of(f)) {
+            double cost =
+                costs_.area[f] * (1 - double{c.quality} / std::max(costs_.best[f], 1e-30f));
+            for (const int e : edges_of_[f]) {
+                const int neighbour = views[other_face(edges_[e], f)];
+                if (neighbour >= 0 && neighbour != c.view)
+                    cost += kSeamCost * costs_.edge_length[e];
+            }
+            // The view that it has stays where another is as good.
+            if (cost < least || (cost == least && c.view == views[f]))
+                least = cost, chosen = c.view;
+        }
+        return chosen;
+    }
+
+    const Candidates& candidates_;
+    const std::vector<SharedEdge>& edges_;
+    const Costs& costs_;
+    std::vector<FaceEdges> edges_of_;
+    std::vector<char> waiting_;
+    std::vector<int> faces_[kColors];
+};
+
+/// What small parts border on.
+struct Border {
+    int part, view, beyond;  // the view and the part on the other side
+    float length;
+};
+
+/// Small parts take the view that most of their border has, of those that show all of their faces.
+bool join_islands(const Candidates& candidates,
+                  const std::vector<SharedEdge>& edges,
+                  const Costs& costs,
+                  std::vector<int>& views) {
+    int count = 0;
+    const std::vector<int> parts = connected_parts(views, edges, count);
+    std::vector<double> area(count, 0);
+    for (std::size_t f = 0; f < views.size(); ++f)
+        if (parts[f] >= 0) area[parts[f]] += costs.area[f];
+    std::vector<Border> borders;
+    for (std::size_t e = 0; e < edges.size(); ++e)
+        for (int side = 0; side < 2; ++side) {
+            const int face = edges[e].faces[side], beyond = edges[e].faces[1 - side];
+            if (parts[face] >= 0 && parts[beyond] >= 0 && views[beyond] != views[face] &&
+                area[parts[face]] < kIslandArea_px)
+                borders.push_back(
+                    {parts[face], views[beyond], parts[beyond], costs.edge_length[e]});
+        }
+    std::stable_sort(borders.begin(), borders.end(), [](const Border& a, const Border& b) {
+        return std::tie(a.part, a.view) < std::tie(b.part, b.view);
+    });
+    std::vector<std::vector<int>> faces(count);
+    for (const Border& border : borders) faces[border.part].reserve(1);
+    for (std::size_t f = 0; f < views.size(); ++f)
+        if (parts[f] >= 0 && faces[parts[f]].capacity() > 0)
+            faces[parts[f]].push_back(static_cast<int>(f));
+    // Neighbours of a part that has changed wait for the next pass.
+    std::vector<char> fixed(count, 0);
+    bool changed = false;
+    for (std::size_t begin = 0, end = 0; begin < borders.size(); begin = end) {
+        const int part = borders[begin].part;
+        int best = -1;
+        double longest = 0;
+        while (end < borders.size() && borders[end].part == part) {
+            const int view = borders[end].view;
+            double length = 0;
+            for (; end < borders.size() && borders[end].part == part && borders[end].view == view;
+                 ++end)
+                length += double{borders[end].length};
+            if (length > longest && std::all_of(faces[part].begin(), faces[part].end(), [&](int f) {
+                    return find_view(candidates.of(f), view) != nullptr;
+                }))
+                best = view, longest = length;
+        }
+        if (best < 0 || fixed[part]) continue;
+        for (const int f : faces[part]) views[f] = best;
+        for (std::size_t i = begin; i < end; ++i) fixed[borders[i].beyond] = 1;
+        changed = true;
+    }
+    return changed;
+}
+
+}  // namespace
+
+std::vector<SharedEdge> shared_edges(const TriangleMesh& mesh) {
+    struct Side {
+        int high, face;
+    };
+    // 1. The sides of faces by their lower vertices.
+    const auto for_each_side = [&](const auto& action) {
+        for (std::size_t f = 0; f < mesh.faces.size(); ++f)
+            for (int c = 0; c < 3; ++c) {
+                const int a = mesh.faces[f][c], b = mesh.faces[f][(c + 1) % 3];
+                action(std::min(a, b), Side{std::max(a, b), static_cast<int>(f)});
+            }
+    };
+    const int vertices = static_cast<int>(mesh.vertices.size());
+    std::vector<std::size_t> begin(mesh.vertices.size() + 1, 0);
+    for_each_side([&](int low, Side) { ++begin[low + 1]; });
+    for (int v = 0; v < vertices; ++v) begin[v + 1] += begin[v];
+    std::vector<std::size_t> next(begin.begin(), begin.end() - 1);
+    std::vector<Side> sides(3 * mesh.faces.size());
+    for_each_side([&](int low, Side side) { sides[next[low]++] = side; });
+    // 2. Pairs among those.
+    const auto for_pairs = [&](int v, const auto& action) {
+        for (std::size_t i = begin[v], end = i; i < begin[v + 1]; i = end) {
+            while (end < begin[v + 1] && sides[end].high == sides[i].high) ++end;
+            if (end - i == 2 && sides[i].face != sides[i + 1].face) action(sides[i], sides[i + 1]);
+        }
+    };
+    std::vector<std::size_t> first(mesh.vertices.size() + 1, 0);
+    parallel_for(Cpu{}, vertices, [&](int v) {
+        std::sort(sides.data() + begin[v], sides.data() + begin[v + 1], [](Side a, Side b) {
+            return std::tie(a.high, a.face) < std::tie(b.high, b.face);
+        });
+        for_pairs(v, [&](Side, Side) { ++first[v + 1]; });
+    });
+    for (int v = 0; v < vertices; ++v) first[v + 1] += first[v];
+    std::vector<SharedEdge> out(first.back());
+    parallel_for(Cpu{}, vertices, [&](int v) {
+        std::size_t at = first[v];
+        for_pairs(v, [&](Side a, Side b) { out[at++] = {{a.face, b.face}, {v, a.high}}; });
+    });
+    return out;
+}
+
+std::vector<int> choose_views(const TriangleMesh& mesh,
+                              const Candidates& candidates,
+                              const std::vector<SharedEdge>& edges) {
+    const Costs costs(mesh, candidates, edges);
+    std::vector<int> views(mesh.faces.size(), -1);
+    parallel_for(Cpu{}, candidates.faces(), [&](int f) {
+        float best = -1;
+        for (const Candidate& c : candidates.of(f))
+            if (c.quality > best) best = c.quality, views[f] = c.view;
+    });
+    Choice choice(candidates, edges, costs);
+    for (int sweep = 0; sweep < kSweeps; ++sweep)
+        if (!choice.improve(views)) break;
+    for (int pass = 0; pass < kIslandPasses; ++pass)
+        if (!join_islands(candidates, edges, costs, views)) break;
+    return views;
+}
+
+std::vector<int> connected_parts(const std::vector<int>& views,
+                                 const std::vector<SharedEdge>& edges,
+                                 int& count) {
+    std::vector<int> root(views.size());
+    std::iota(root.begin(), root.end(), 0);
+    const auto find = [&](int f) {
+        while (root[f] != f) f = root[f] = root[root[f]];
+        return f;
+    };
+    for (const SharedEdge& edge : edges) {
+        if (views[edge.faces[0]] < 0 || views[edge.faces[0]] != views[edge.faces[1]]) continue;
+        const int a = find(edge.faces[0]), b = find(edge.faces[1]);
+        root[std::max(a, b)] = std::min(a, b);  // the first face of a part is its root
+    }
+    count = 0;
+    std::vector<int> part(views.size(), -1);
+    for (std::size_t f = 0; f < views.size(); ++f) {
+        if (views[f] < 0) continue;
+        const int first = find(static_cast<int>(f));
+        part[f] = first == static_cast<int>(f) ? count++ : part[first];
+    }
+    return part;
+}
+
+}  // namespace tvsgs::texture

@@ -1,0 +1,48 @@
+// Colours of a mesh's vertices from renders of the views that see them.
+#pragma once
+
+#include "core/device/parallel.h"
+#include "mesh/fuse/depth_view.h"
+
+namespace tvsgs {
+
+struct ColorSum {
+    Vec3f color{};
+    float weight = 0;
+};
+
+/// The pixel of the view that the vertex is in, weighted by its resolution there and by how near
+/// to the vertex its depth lies, in pixels; from eight on it shows something else.
+struct AddColorBody {
+    Camera camera;
+    Span<const float> depth;  // [H W] 0: nothing there
+    Span<const Vec3f> color;  // [H W]
+    Span<const Vec3f> vertices;
+    Span<ColorSum> sums;
+
+    TVSGS_HD void operator()(int i) const {
+        const Vec3f p = camera.camera_from_world * vertices[i];
+        if (!(p.z > 0)) return;
+        const float u = camera.fx_px * p.x / p.z + camera.cx_px,
+                    v = camera.fy_px * p.y / p.z + camera.cy_px;
+        if (!(u >= 0 && u < static_cast<float>(camera.width_px) && v >= 0 &&
+              v < static_cast<float>(camera.height_px)))
+            return;
+        const int at = static_cast<int>(v) * camera.width_px + static_cast<int>(u);
+        const float resolution = camera.fx_px / p.z, d = resolution * (p.z - depth[at]);
+        if (!(depth[at] > 0) || !(d * d < 64) || !is_finite(color[at])) return;
+        const float falloff = 1 / (1 + d * d), weight = resolution * resolution * falloff * falloff;
+        sums[i].color += weight * color[at];
+        sums[i].weight += weight;
+    }
+};
+
+/// Adds what one view shows of the vertices.
+void add_colors(const DepthView<Cpu>& view,
+                const Buffer<Vec3f, Cpu>& vertices,
+                Buffer<ColorSum, Cpu>& sums);
+void add_colors(const DepthView<Cuda>& view,
+                const Buffer<Vec3f, Cuda>& vertices,
+                Buffer<ColorSum, Cuda>& sums);
+
+}  // namespace tvsgs

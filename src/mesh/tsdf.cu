@@ -1,6 +1,0 @@
-#include "mesh/tsdf_impl.h"
-
-namespace tvsgs {
-template void reserve_places(VoxelBlocks<Cuda>&, int);
-template class TsdfVolume<Cuda>;
-}  // namespace tvsgs
