@@ -9,7 +9,7 @@
 #include "core/device/device_choice.h"
 #include "core/progress.h"
 #include "pipeline/blocks_schedule.h"
-#include "pipeline/memory_plan.h"
+#include "plan/memory.h"
 
 namespace tvsgs {
 namespace {

@@ -4,12 +4,12 @@
 
 #include "core/device/device_choice.h"
 #include "io/config/built_in_configs.h"
-#include "pipeline/background_plan.h"
 #include "pipeline/exposures.h"
 #include "pipeline/initial_points.h"
-#include "pipeline/machine_plan.h"
 #include "pipeline/sky.h"
 #include "pipeline/view_maps.h"
+#include "plan/background.h"
+#include "plan/machines.h"
 
 namespace tvsgs {
 namespace {

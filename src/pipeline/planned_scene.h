@@ -3,8 +3,8 @@
 
 #include "core/device/device_choice.h"
 #include "pipeline/run_options.h"
-#include "pipeline/run_plan.h"
 #include "pipeline/stereo_priors.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 

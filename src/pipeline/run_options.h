@@ -6,12 +6,12 @@
 #include "mvs/stereo/descriptors.h"
 #include "mvs/stereo/patch_match.h"
 #include "optim/loop/train.h"
-#include "pipeline/memory_plan.h"
 #include "pipeline/mesh_extraction.h"
 #include "pipeline/mesh_output.h"
 #include "pipeline/priors.h"
-#include "pipeline/run_plan.h"
 #include "pipeline/train_evaluation.h"
+#include "plan/memory.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 

@@ -5,7 +5,7 @@
 
 #include "optim/photo/sky.h"
 #include "pipeline/run_options.h"
-#include "pipeline/run_plan.h"
+#include "plan/settings.h"
 
 namespace tvsgs {
 

@@ -5,8 +5,8 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "optim/plan.h"
 #include "pipeline/train_evaluation.h"
+#include "plan/plan.h"
 #include "report/figures.h"
 #include "report/plot.h"
 

@@ -244,9 +244,9 @@ TEST(Methods, ATypeThatIsUsedElsewhereIsFound) {
         return types_known_elsewhere({loss, list, {path, text}});
     };
     EXPECT_EQ(with("src/optim/loss_x.cpp", "#include \"optim/loss_x.h\"\n"), Faults{});
-    EXPECT_EQ(with("src/optim/plan.cpp", "// XLoss, see \"optim/loss_x.h\"\n"), Faults{});
-    EXPECT_EQ(with("src/optim/plan.cpp", "#include \"optim/loss_x.h\"\n"),
-              Faults{"src/optim/plan.cpp: optim/loss_x.h"});
+    EXPECT_EQ(with("src/plan/plan.cpp", "// XLoss, see \"optim/loss_x.h\"\n"), Faults{});
+    EXPECT_EQ(with("src/plan/plan.cpp", "#include \"optim/loss_x.h\"\n"),
+              Faults{"src/plan/plan.cpp: optim/loss_x.h"});
     EXPECT_EQ(with("src/optim/loss_y.h", "struct Y {\n    XLoss<Cpu> x;\n};\n"),
               Faults{"src/optim/loss_y.h: XLoss"});
     EXPECT_EQ(with("apps/train/tvsgs_train.cpp", "/* none */ XLoss<Cpu> loss;\n"),
@@ -256,7 +256,7 @@ TEST(Methods, ATypeThatIsUsedElsewhereIsFound) {
 TEST(Methods, ANameThatIsUsedElsewhereIsFound) {
     const auto in = [](const std::string& text) {
         std::set<std::pair<std::string, std::string>> used;
-        return names_known_elsewhere({{"src/optim/plan.cpp", text}}, used).size();
+        return names_known_elsewhere({{"src/plan/plan.cpp", text}}, used).size();
     };
     for (const char* innocent :
          {"// as PGSR's code, 2dgs\n", "/* rade */", "visit(\"flatten\", \"scales, PGSR\");",

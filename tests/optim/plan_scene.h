@@ -9,7 +9,7 @@
 #include <utility>
 #include <vector>
 
-#include "optim/plan.h"
+#include "plan/plan.h"
 
 namespace tvsgs::test {
 inline constexpr double kDegree = 3.14159265358979 / 180;

@@ -4,9 +4,9 @@
 
 #include "core/scene/prior_maps.h"
 #include "optim/loop/train.h"
-#include "pipeline/memory_plan.h"
 #include "pipeline/planned_scene.h"
 #include "pipeline/view_maps.h"
+#include "plan/memory.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -3,7 +3,7 @@
 
 #include "densify_case.h"
 #include "densify_model.h"
-#include "optim/matchable.h"
+#include "optim/views/matchable.h"
 #include "training_scene.h"
 
 namespace tvsgs {

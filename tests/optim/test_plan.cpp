@@ -3,7 +3,7 @@
 
 #include <utility>
 
-#include "optim/plan.h"
+#include "plan/plan.h"
 #include "plan_scene.h"
 #include "training_scene.h"
 

@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "pipeline/background_plan.h"
+#include "plan/background.h"
 
 namespace tvsgs {
 namespace {

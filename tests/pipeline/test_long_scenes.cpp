@@ -12,11 +12,11 @@
 #include "core/scene/sight_limits.h"
 #include "mesh/mend/mesh_evidence.h"
 #include "optim/growth/init.h"
-#include "optim/matchable.h"
 #include "optim/training_scene.h"
 #include "optim/views/device_views.h"
+#include "optim/views/matchable.h"
 #include "pipeline/exposures.h"
-#include "pipeline/memory_plan.h"
+#include "plan/memory.h"
 
 namespace tvsgs {
 namespace {

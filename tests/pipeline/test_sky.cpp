@@ -10,7 +10,7 @@
 #include "core/math/rng.h"
 #include "core/scene/sky_map.h"
 #include "io/images/image_file.h"
-#include "optim/matchable.h"
+#include "optim/views/matchable.h"
 #include "pipeline/sky.h"
 #include "pipeline/splat_selection.h"
 #include "support/numeric.h"

@@ -4,7 +4,7 @@
 #include <thread>
 
 #include "pipeline/progress.h"
-#include "pipeline/time_plan.h"
+#include "plan/time.h"
 
 namespace tvsgs {
 namespace {

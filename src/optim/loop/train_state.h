@@ -8,7 +8,7 @@
 #include "optim/growth/fixed_voters.h"
 #include "optim/loop/iteration.h"
 #include "optim/loop/train.h"
-#include "optim/matchable.h"
+#include "optim/views/matchable.h"
 
 namespace tvsgs {
 

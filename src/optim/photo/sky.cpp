@@ -7,7 +7,7 @@
 #include "core/device/parallel.h"
 #include "core/math/quantile.h"
 #include "core/scene/sky_map.h"
-#include "optim/matchable.h"
+#include "optim/views/matchable.h"
 #include "optim/views/view_pairs.h"
 
 namespace tvsgs {

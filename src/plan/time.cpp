@@ -1,4 +1,4 @@
-#include "pipeline/time_plan.h"
+#include "plan/time.h"
 
 #include <algorithm>
 #include <cmath>

@@ -6,9 +6,9 @@
 #include <optional>
 
 #include "core/progress.h"
-#include "optim/matchable.h"
-#include "optim/plan.h"
+#include "optim/views/matchable.h"
 #include "optim/views/view_pairs.h"
+#include "plan/plan.h"
 
 namespace tvsgs {
 namespace {

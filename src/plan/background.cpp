@@ -1,4 +1,4 @@
-#include "pipeline/background_plan.h"
+#include "plan/background.h"
 
 #include <cmath>
 

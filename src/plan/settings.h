@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "io/config/config.h"
-#include "optim/plan.h"
+#include "plan/plan.h"
 
 namespace tvsgs {
 

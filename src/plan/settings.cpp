@@ -1,4 +1,4 @@
-#include "pipeline/run_plan.h"
+#include "plan/settings.h"
 
 #include <algorithm>
 

@@ -1,4 +1,4 @@
-#include "pipeline/memory_plan.h"
+#include "plan/memory.h"
 
 #include <algorithm>
 #include <cmath>

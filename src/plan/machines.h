@@ -4,8 +4,8 @@
 
 #include <string>
 
-#include "optim/plan.h"
-#include "pipeline/memory_plan.h"
+#include "plan/memory.h"
+#include "plan/plan.h"
 
 namespace tvsgs {
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "core/scene/camera.h"
-#include "optim/plan.h"
+#include "plan/plan.h"
 
 namespace tvsgs {
 

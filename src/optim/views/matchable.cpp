@@ -1,4 +1,4 @@
-#include "optim/matchable.h"
+#include "optim/views/matchable.h"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,6 @@
 #include "core/log.h"
 #include "core/progress.h"
 #include "core/scene/sight_limits.h"
-#include "optim/plan.h"
 
 namespace tvsgs {
 

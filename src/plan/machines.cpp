@@ -1,4 +1,4 @@
-#include "pipeline/machine_plan.h"
+#include "plan/machines.h"
 
 #include <algorithm>
 #include <cstdio>
