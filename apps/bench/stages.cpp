@@ -11,7 +11,7 @@
 #include "io/files/atomic_file.h"
 #include "optim/growth/splat_order.h"
 #include "optim/optimiser/adam.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_options.h"
 #include "render/depth/map_images.h"
 #include "render/photometric/photometric.h"
 #include "render/tiles/channels.h"

@@ -7,10 +7,10 @@
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
 #include "io/files/atomic_file.h"
-#include "pipeline/initial_points.h"
-#include "pipeline/planned_scene.h"
-#include "pipeline/signals.h"
-#include "pipeline/view_evaluation.h"
+#include "pipeline/run/signals.h"
+#include "pipeline/run/view_evaluation.h"
+#include "pipeline/scene/initial_points.h"
+#include "pipeline/scene/planned_scene.h"
 
 namespace tvsgs {
 namespace {

@@ -6,7 +6,7 @@
 
 #include "apps/common/command_line.h"
 #include "apps/common/key_flags.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 

@@ -11,7 +11,7 @@
 #include "apps/bench/stats.h"
 #include "core/device/device_choice.h"
 #include "io/files/atomic_file.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 namespace {

@@ -7,10 +7,10 @@
 #include "io/files/atomic_file.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
-#include "pipeline/blocks_merge.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
-#include "pipeline/sky.h"
+#include "pipeline/blocks/blocks_merge.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
+#include "pipeline/scene/sky.h"
 
 namespace tvsgs {
 namespace {

@@ -15,10 +15,10 @@
 #include "io/files/json_value.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "pipeline/exposures.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
-#include "pipeline/sky.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
+#include "pipeline/scene/exposures.h"
+#include "pipeline/scene/sky.h"
 
 namespace tvsgs {
 

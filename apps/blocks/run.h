@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "pipeline/blocks_folder.h"
-#include "pipeline/run_options.h"
+#include "pipeline/blocks/blocks_folder.h"
+#include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 

@@ -8,7 +8,7 @@
 #include "apps/blocks/subcommands.h"
 #include "core/device/device_choice.h"
 #include "core/progress.h"
-#include "pipeline/blocks_schedule.h"
+#include "pipeline/blocks/blocks_schedule.h"
 #include "plan/memory.h"
 
 namespace tvsgs {

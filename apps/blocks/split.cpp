@@ -9,10 +9,10 @@
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "pipeline/blocks_split.h"
-#include "pipeline/exposures.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/sky.h"
+#include "pipeline/blocks/blocks_split.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/scene/exposures.h"
+#include "pipeline/scene/sky.h"
 
 namespace tvsgs {
 namespace {

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "apps/common/command_line.h"
-#include "pipeline/blocks_folder.h"
+#include "pipeline/blocks/blocks_folder.h"
 
 namespace tvsgs {
 

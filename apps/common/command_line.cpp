@@ -23,7 +23,7 @@
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "mesh/fuse/device_algorithms.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs {
 namespace {

@@ -14,7 +14,7 @@
 #include "apps/common/command_line.h"
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
-#include "pipeline/run_folder.h"
+#include "pipeline/run/run_folder.h"
 
 extern char** environ;
 

@@ -6,10 +6,10 @@
 #include "core/device/device_choice.h"
 #include "eval/lpips_weights.h"
 #include "io/files/json_value.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
-#include "pipeline/sky.h"
-#include "pipeline/view_evaluation.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
+#include "pipeline/run/view_evaluation.h"
+#include "pipeline/scene/sky.h"
 
 namespace tvsgs {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "apps/eval/result.h"
 #include "apps/eval/subcommands.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 namespace {

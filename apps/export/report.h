@@ -6,7 +6,7 @@
 
 #include "io/splats/splat_errors.h"
 #include "io/splats/splat_files.h"
-#include "pipeline/splat_selection.h"
+#include "pipeline/run/splat_selection.h"
 
 namespace tvsgs {
 

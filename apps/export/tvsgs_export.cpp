@@ -8,9 +8,9 @@
 #include "core/scene/local_origin.h"
 #include "io/files/read_file.h"
 #include "mesh/draw/upright.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
-#include "pipeline/sky.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
+#include "pipeline/scene/sky.h"
 
 namespace tvsgs {
 namespace {

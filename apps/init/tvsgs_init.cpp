@@ -12,9 +12,9 @@
 #include "io/images/image_file.h"
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
-#include "pipeline/mask_use.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/stereo_cloud.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/scene/mask_use.h"
+#include "pipeline/scene/stereo_cloud.h"
 #include "render/depth/map_images.h"
 
 namespace tvsgs {

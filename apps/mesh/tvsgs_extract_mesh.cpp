@@ -10,8 +10,8 @@
 #include "io/images/image_file.h"
 #include "io/mesh/mesh_files.h"
 #include "mesh/draw/mesh_render.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
 #include "report/run_report.h"
 
 namespace tvsgs {

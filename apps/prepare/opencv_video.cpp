@@ -11,7 +11,7 @@
 
 #include "apps/prepare/opencv.h"
 #include "io/files/read_file.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
 namespace {

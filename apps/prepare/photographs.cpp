@@ -12,7 +12,7 @@
 #include "io/images/exif.h"
 #include "io/images/image_file.h"
 #include "io/scene/colmap.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
 namespace {

@@ -9,8 +9,8 @@
 #include <sstream>
 
 #include "core/error.h"
-#include "pipeline/child_process.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/child_process.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
 

@@ -15,7 +15,7 @@
 #include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::prepare {
 namespace {

@@ -16,7 +16,7 @@
 #include "io/images/image_file.h"
 #include "io/splats/ply.h"
 #include "mesh/draw/mesh_render.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs::synth {
 namespace {

@@ -10,7 +10,7 @@
 #include "apps/synth/priors.h"
 #include "apps/synth/scene.h"
 #include "io/files/manifest.h"
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs {
 namespace {

@@ -10,7 +10,7 @@
 
 #include "core/log.h"
 #include "io/files/read_file.h"
-#include "pipeline/run_folder.h"
+#include "pipeline/run/run_folder.h"
 
 namespace tvsgs {
 namespace {

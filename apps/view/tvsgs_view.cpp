@@ -5,7 +5,7 @@
 #include "apps/common/command_line.h"
 #include "apps/view/server.h"
 #include "io/files/atomic_file.h"
-#include "pipeline/run_folder.h"
+#include "pipeline/run/run_folder.h"
 #include "report/view_run.h"
 
 namespace tvsgs {

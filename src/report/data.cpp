@@ -8,7 +8,7 @@
 #include "core/log.h"
 #include "io/files/atomic_file.h"
 #include "io/files/read_file.h"
-#include "pipeline/run_folder.h"
+#include "pipeline/run/run_folder.h"
 #include "report/coverage.h"
 #include "report/html.h"
 #include "report/pictures.h"

@@ -9,7 +9,7 @@
 #include "core/scene/image.h"
 #include "core/scene/scene.h"
 #include "io/files/json_value.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/train_evaluation.h"
 
 namespace tvsgs {
 

@@ -2,8 +2,8 @@
 
 #include <filesystem>
 
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
 #include "report/data.h"
 
 namespace tvsgs {

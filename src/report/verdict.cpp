@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/train_evaluation.h"
 #include "plan/plan.h"
 #include "report/figures.h"
 #include "report/plot.h"

@@ -11,7 +11,7 @@
 #include "core/scene/splat_lists.h"
 #include "io/splats/spz.h"
 #include "optim/growth/splat_order.h"
-#include "pipeline/splat_selection.h"
+#include "pipeline/run/splat_selection.h"
 #include "render/tiles/blend_math.h"
 
 namespace tvsgs {

@@ -8,7 +8,7 @@
 #include "core/scene/gaussians.h"
 #include "core/scene/mesh.h"
 #include "io/files/json_value.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/train_evaluation.h"
 
 namespace tvsgs {
 

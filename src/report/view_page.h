@@ -10,7 +10,7 @@
 #include "core/scene/mesh.h"
 #include "io/files/json_value.h"
 #include "optim/loop/train.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/train_evaluation.h"
 
 namespace tvsgs {
 

@@ -8,8 +8,8 @@
 #include "io/files/read_file.h"
 #include "io/mesh/mesh_files.h"
 #include "mesh/simplify/simplify.h"
-#include "pipeline/run_folder.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_folder.h"
+#include "pipeline/run/run_options.h"
 #include "report/data.h"
 
 namespace tvsgs {

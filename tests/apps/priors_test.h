@@ -18,7 +18,7 @@
 #include "io/scene/scene_reader.h"
 #include "io/splats/ply.h"
 #include "mesh/draw/mesh_render.h"
-#include "pipeline/priors.h"
+#include "pipeline/priors/priors.h"
 #include "support/command.h"
 
 namespace tvsgs {

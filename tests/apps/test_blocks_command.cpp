@@ -16,7 +16,7 @@
 
 #include "core/device/device.h"
 #include "io/splats/ply.h"
-#include "pipeline/blocks_folder.h"
+#include "pipeline/blocks/blocks_folder.h"
 #include "support/command.h"
 
 namespace tvsgs {

@@ -12,7 +12,7 @@
 #include "io/splats/splat_errors.h"
 #include "io/splats/splat_files.h"
 #include "io/splats/spz.h"
-#include "pipeline/splat_selection.h"
+#include "pipeline/run/splat_selection.h"
 #include "support/command.h"
 #include "support/random_gaussians.h"
 

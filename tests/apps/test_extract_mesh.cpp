@@ -14,8 +14,8 @@
 #include "io/config/config.h"
 #include "io/mesh/mesh_files.h"
 #include "io/splats/ply.h"
-#include "pipeline/mesh_extraction.h"
-#include "pipeline/run_folder.h"
+#include "pipeline/mesh/mesh_extraction.h"
+#include "pipeline/run/run_folder.h"
 #include "support/command.h"
 
 namespace tvsgs {

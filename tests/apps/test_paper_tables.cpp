@@ -8,7 +8,7 @@
 
 #include "io/files/json_value.h"
 #include "io/files/read_file.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_options.h"
 #include "support/command.h"
 
 namespace tvsgs {

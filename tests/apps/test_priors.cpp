@@ -2,7 +2,7 @@
 #include <tuple>
 
 #include "apps/priors_test.h"
-#include "pipeline/planned_scene.h"
+#include "pipeline/scene/planned_scene.h"
 
 namespace tvsgs {
 namespace {

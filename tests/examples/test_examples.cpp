@@ -7,7 +7,7 @@
 #include "examples/toy_mesher.h"
 #include "optim/loop/train.h"
 #include "optim/views/device_views.h"
-#include "pipeline/mesh_extraction.h"
+#include "pipeline/mesh/mesh_extraction.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 

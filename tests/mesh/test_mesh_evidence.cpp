@@ -9,7 +9,7 @@
 #include "core/scene/scene.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend/mesh_clean.h"
-#include "pipeline/mesh_extraction.h"
+#include "pipeline/mesh/mesh_extraction.h"
 
 namespace tvsgs {
 namespace {

@@ -8,7 +8,7 @@
 #include "core/error.h"
 #include "mesh/evidence_scenes.h"
 #include "mesh/mend_shapes.h"
-#include "pipeline/mesh_extraction.h"
+#include "pipeline/mesh/mesh_extraction.h"
 
 namespace tvsgs {
 namespace {

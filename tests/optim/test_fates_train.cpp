@@ -4,8 +4,8 @@
 
 #include "core/scene/prior_maps.h"
 #include "optim/loop/train.h"
-#include "pipeline/planned_scene.h"
-#include "pipeline/view_maps.h"
+#include "pipeline/priors/view_maps.h"
+#include "pipeline/scene/planned_scene.h"
 #include "plan/memory.h"
 #include "support/random_gaussians.h"
 

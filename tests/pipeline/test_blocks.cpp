@@ -9,9 +9,9 @@
 #include "io/files/atomic_file.h"
 #include "io/files/manifest.h"
 #include "io/files/read_file.h"
-#include "pipeline/blocks_folder.h"
-#include "pipeline/blocks_geometry.h"
-#include "pipeline/blocks_split.h"
+#include "pipeline/blocks/blocks_folder.h"
+#include "pipeline/blocks/blocks_geometry.h"
+#include "pipeline/blocks/blocks_split.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

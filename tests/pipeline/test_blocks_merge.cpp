@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "pipeline/blocks_merge.h"
+#include "pipeline/blocks/blocks_merge.h"
 #include "render/backbone.h"
 #include "support/numeric.h"
 

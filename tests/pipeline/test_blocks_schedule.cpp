@@ -13,8 +13,8 @@
 #include "core/device/device_choice.h"
 #include "core/error.h"
 #include "core/log.h"
-#include "pipeline/blocks_schedule.h"
-#include "pipeline/signals.h"
+#include "pipeline/blocks/blocks_schedule.h"
+#include "pipeline/run/signals.h"
 #include "support/command.h"
 
 namespace tvsgs {

@@ -5,7 +5,7 @@
 #include <map>
 
 #include "io/config/built_in_configs.h"
-#include "pipeline/run_options.h"
+#include "pipeline/run/run_options.h"
 
 namespace tvsgs {
 namespace {

@@ -9,7 +9,7 @@
 
 #include "core/error.h"
 #include "mesh/sphere_views.h"
-#include "pipeline/fixed_points.h"
+#include "pipeline/scene/fixed_points.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

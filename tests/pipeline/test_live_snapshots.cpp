@@ -10,7 +10,7 @@
 #include "io/files/read_file.h"
 #include "io/splats/ply.h"
 #include "io/splats/spz.h"
-#include "pipeline/live_snapshots.h"
+#include "pipeline/run/live_snapshots.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

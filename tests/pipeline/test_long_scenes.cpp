@@ -15,7 +15,7 @@
 #include "optim/training_scene.h"
 #include "optim/views/device_views.h"
 #include "optim/views/matchable.h"
-#include "pipeline/exposures.h"
+#include "pipeline/scene/exposures.h"
 #include "plan/memory.h"
 
 namespace tvsgs {

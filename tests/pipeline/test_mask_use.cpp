@@ -4,10 +4,10 @@
 #include <cmath>
 
 #include "core/error.h"
-#include "pipeline/mask_use.h"
-#include "pipeline/planned_scene.h"
-#include "pipeline/splat_selection.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/splat_selection.h"
+#include "pipeline/run/train_evaluation.h"
+#include "pipeline/scene/mask_use.h"
+#include "pipeline/scene/planned_scene.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

@@ -1,6 +1,6 @@
 // RUN/cameras/: what a run writes is what its readers get, far from zero and at other sizes.
 #include "io/io_test.h"
-#include "pipeline/refined_cameras.h"
+#include "pipeline/run/refined_cameras.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {

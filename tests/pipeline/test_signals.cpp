@@ -4,7 +4,7 @@
 
 #include <csignal>
 
-#include "pipeline/signals.h"
+#include "pipeline/run/signals.h"
 
 namespace tvsgs {
 namespace {

@@ -11,8 +11,8 @@
 #include "core/scene/sky_map.h"
 #include "io/images/image_file.h"
 #include "optim/views/matchable.h"
-#include "pipeline/sky.h"
-#include "pipeline/splat_selection.h"
+#include "pipeline/run/splat_selection.h"
+#include "pipeline/scene/sky.h"
 #include "support/numeric.h"
 #include "support/random_gaussians.h"
 

@@ -3,8 +3,8 @@
 
 #include "core/scene/prior_maps.h"
 #include "mvs/analytic_scene.h"
-#include "pipeline/run_options.h"
-#include "pipeline/stereo_priors.h"
+#include "pipeline/priors/stereo_priors.h"
+#include "pipeline/run/run_options.h"
 #include "support/numeric.h"
 
 namespace tvsgs {

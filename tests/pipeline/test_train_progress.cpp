@@ -3,7 +3,7 @@
 
 #include <thread>
 
-#include "pipeline/progress.h"
+#include "pipeline/run/progress.h"
 #include "plan/time.h"
 
 namespace tvsgs {

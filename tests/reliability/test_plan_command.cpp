@@ -1,7 +1,7 @@
 // The plan as a user meets it: printed, pinned, kept, and the two ways to end a run by time.
 #include <regex>
 
-#include "pipeline/planned_scene.h"
+#include "pipeline/scene/planned_scene.h"
 // Its `json` would be shadowed.
 #include "command_test.h"
 

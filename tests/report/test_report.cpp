@@ -9,7 +9,7 @@
 #include <sstream>
 
 #include "io/files/json_value.h"
-#include "pipeline/train_evaluation.h"
+#include "pipeline/run/train_evaluation.h"
 #include "report/figures.h"
 #include "report/html.h"
 #include "report/pictures.h"

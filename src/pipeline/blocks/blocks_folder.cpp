@@ -1,0 +1,381 @@
+#include "pipeline/blocks/blocks_folder.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+
+#include "io/files/atomic_file.h"
+#include "io/files/checkpoint.h"
+#include "io/files/json_value.h"
+#include "io/files/read_file.h"
+#include "io/scene/scene_layout.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::uint32_t crc_of(std::string_view bytes, std::uint32_t so_far = 0) {
+    return checksum(bytes.data(), bytes.size(), so_far);
+}
+
+std::string hex(std::uint32_t crc) {
+    char text[9];
+    std::snprintf(text, sizeof text, "%08x", static_cast<unsigned>(crc));
+    return text;
+}
+
+JsonValue files_json(const std::vector<FileRecord>& files) {
+    JsonValue list = JsonValue::list();
+    for (const FileRecord& file : files) {
+        JsonValue entry = JsonValue::object();
+        entry.set("name", file.name);
+        entry.set("bytes", static_cast<double>(file.bytes));
+        entry.set("crc32", hex(file.crc));
+        list.items.push_back(std::move(entry));
+    }
+    return list;
+}
+
+/// Reads the values of one of our files; every complaint names it and says what to do.
+class Reader {
+public:
+    Reader(std::string path, std::string remedy)
+        : path_(std::move(path)), remedy_(std::move(remedy)) {
+        try {
+            root_ = parse_json_value(read_bytes(path_), path_);
+        } catch (const Error& error) {
+            throw Error(ExitCode::input, str(error.what(), "; ", remedy_));
+        }
+        const double version = root_["version"].number_or(-1);
+        if (version != kBlocksVersion)
+            throw wrong(version < 0 ? std::string("says no version")
+                                    : str("is of version ", version,
+                                          ", and this program writes "
+                                          "and reads version ",
+                                          kBlocksVersion));
+    }
+
+    Error wrong(const std::string& what) const {
+        return Error(ExitCode::input, str(path_, ": ", what, "; ", remedy_));
+    }
+    const JsonValue& root() const { return root_; }
+
+    const JsonValue& at(const JsonValue& object, const char* key, JsonValue::Kind kind) const {
+        const JsonValue& value = object[key];
+        if (!value.is(kind)) throw wrong(str("its '", key, "' is missing or of another kind"));
+        return value;
+    }
+    double number(const char* key) const { return at(root_, key, JsonValue::Kind::number).number; }
+    std::int64_t count(const char* key) const {
+        const double value = number(key);
+        if (!(value >= 0 && value < 9e15 && value == std::floor(value)))
+            throw wrong(str("its '", key, "' is ", value, "; expected a count"));
+        return static_cast<std::int64_t>(value);
+    }
+    std::string text(const char* key) const { return at(root_, key, JsonValue::Kind::text).text; }
+    std::uint32_t crc(const JsonValue& value) const {
+        std::uint32_t crc = 0;
+        const std::string& t = value.text;
+        const auto end = t.data() + t.size();
+        if (t.size() != 8 || std::from_chars(t.data(), end, crc, 16).ptr != end)
+            throw wrong(str("'", shown(t), "' is no CRC-32"));
+        return crc;
+    }
+    std::vector<double> numbers(const JsonValue& list, std::size_t count, const char* what) const {
+        std::vector<double> out;
+        for (const JsonValue& item : list.items)
+            out.push_back(item.is(JsonValue::Kind::number) ? item.number : NAN);
+        if (out.size() != count)
+            throw wrong(str("its '", what, "' has ", out.size(), " numbers instead of ", count));
+        return out;
+    }
+    Vec3d vec(const JsonValue& list, const char* what) const {
+        const std::vector<double> v = numbers(list, 3, what);
+        if (!std::isfinite(v[0] + v[1] + v[2])) throw wrong(str("its '", what, "' is not finite"));
+        return {v[0], v[1], v[2]};
+    }
+    std::vector<FileRecord> files() const {
+        std::vector<FileRecord> out;
+        for (const JsonValue& entry : at(root_, "files", JsonValue::Kind::list).items) {
+            FileRecord file;
+            file.name = at(entry, "name", JsonValue::Kind::text).text;
+            file.bytes = static_cast<std::uint64_t>(
+                std::max(0.0, at(entry, "bytes", JsonValue::Kind::number).number));
+            file.crc = crc(at(entry, "crc32", JsonValue::Kind::text));
+            if (fs::path(file.name).is_absolute() || file.name.find("..") != std::string::npos)
+                throw wrong(str("file '", shown(file.name), "' lies outside of its folder"));
+            out.push_back(std::move(file));
+        }
+        return out;
+    }
+
+private:
+    std::string path_, remedy_;
+    JsonValue root_;
+};
+
+const char* const kSplitAgain = "run tvsgs-blocks split again, into another folder";
+
+std::string run_again(const BlocksManifest& manifest, int block) {
+    return str("tvsgs-blocks run ", manifest.folder, " --block ", block, " --again trains it anew");
+}
+
+std::string result_file(const BlocksManifest& manifest, int block) {
+    return manifest.block_folder(block) + "/done.json";
+}
+
+JsonValue list_of(Vec3d v) {
+    return JsonValue(std::vector<double>{v.x, v.y, v.z});
+}
+
+JsonValue manifest_json(const BlocksManifest& m) {
+    JsonValue root = JsonValue::object();
+    root.set("version", static_cast<double>(kBlocksVersion));
+    root.set("scene", m.scene);
+    root.set("scene_crc32", hex(m.scene_crc));
+    root.set("seed", static_cast<double>(m.seed));
+    root.set("iterations", static_cast<double>(m.iterations));
+    root.set("origin", list_of(m.origin));
+    JsonValue frame = JsonValue::list();
+    for (int r = 0; r < 3; ++r) {
+        const double* row = m.frame.ground_from_world[r];
+        frame.items.push_back(list_of({row[0], row[1], row[2]}));
+    }
+    root.set("ground_from_world", std::move(frame));
+    root.set("voxel_size", m.voxel_size);
+    JsonValue near = JsonValue::list();
+    near.items = {list_of(m.near.low), list_of(m.near.high)};
+    root.set("near", std::move(near));
+    root.set("margin", m.margin);
+    JsonValue cells = JsonValue::list();
+    for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: no end
+        cells.items.push_back(
+            JsonValue(std::vector<double>{cell.low[0], cell.high[0], cell.low[1], cell.high[1]}));
+    root.set("cells", std::move(cells));
+    return root;
+}
+
+/// Of the first that is wrong.
+void require_files(const std::string& folder,
+                   const std::vector<FileRecord>& files,
+                   const std::string& whose,
+                   const std::string& remedy) {
+    for (const FileRecord& file : files)
+        if (const auto fault = fault_of(folder, file))
+            throw Error(ExitCode::input,
+                        str(whose, ": ", folder, "/", file.name, " ", *fault, "; ", remedy));
+}
+
+}  // namespace
+
+FileRecord record_of(const std::string& folder, const std::string& name) {
+    const std::string path = folder + "/" + name;
+    require_regular_file(path);
+    FileRecord record{name, 0, 0};
+    std::FILE* const file = std::fopen(path.c_str(), "rb");
+    if (file == nullptr) throw input_error(path, ": cannot be read");
+    std::vector<char> bytes(1 << 20);
+    for (std::size_t n; (n = std::fread(bytes.data(), 1, bytes.size(), file)) > 0;)
+        record.crc = crc_of({bytes.data(), n}, record.crc), record.bytes += n;
+    const bool failed = std::ferror(file) != 0;
+    std::fclose(file);
+    if (failed) throw Error(ExitCode::io, path + ": reading failed");
+    return record;
+}
+
+std::optional<std::string> fault_of(const std::string& folder, const FileRecord& record) {
+    const fs::path path = fs::path(folder) / record.name;
+    std::error_code code;
+    if (!fs::is_regular_file(path, code)) return "is missing";
+    const std::uintmax_t bytes = fs::file_size(path, code);
+    if (code) return "cannot be read: " + code.message();
+    if (bytes != record.bytes)
+        return str("is damaged: it has ", bytes, " bytes instead of ", record.bytes);
+    const FileRecord now = record_of(folder, record.name);
+    if (now.crc != record.crc)
+        return str("is damaged: its CRC-32 is ", hex(now.crc), " instead of ", hex(record.crc));
+    return std::nullopt;
+}
+
+std::string BlocksManifest::block_name(int block) {
+    char name[32];
+    std::snprintf(name, sizeof name, "block_%03d", block);
+    return name;
+}
+
+int BlocksManifest::block_of(Vec3d world) const {
+    const Vec3d p = frame.ground_from_world * world;
+    for (int axis = 0; axis < 3; ++axis)
+        if (!(p[axis] >= near.low[axis] && p[axis] < near.high[axis])) return 0;
+    return cell_of(cells, {p.x, p.y}) + 1;
+}
+
+std::uint32_t split_of(const BlocksManifest& manifest) {
+    return crc_of(json_text(manifest_json(manifest)));
+}
+
+void write_manifest(const BlocksManifest& manifest) {
+    JsonValue root = manifest_json(manifest);
+    root.set("split", hex(manifest.split));
+    root.set("files", files_json(manifest.files));
+    write_text_file(manifest.folder + "/manifest.json", json_text(root) + "\n");
+}
+
+BlocksManifest read_manifest(const std::string& folder) {
+    const std::string path = folder + "/manifest.json";
+    if (std::error_code code; !fs::exists(path, code))
+        throw Error(ExitCode::input, str(folder,
+                                         ": has no manifest.json; expected the folder that "
+                                         "tvsgs-blocks split has written to its end"));
+    const Reader in(path, kSplitAgain);
+    using Kind = JsonValue::Kind;
+    BlocksManifest m;
+    m.folder = folder;
+    m.scene = in.text("scene");
+    m.scene_crc = in.crc(in.at(in.root(), "scene_crc32", Kind::text));
+    m.seed = static_cast<std::int64_t>(in.number("seed"));
+    m.iterations = static_cast<int>(std::min<std::int64_t>(in.count("iterations"), 1000000000));
+    m.origin = in.vec(in.at(in.root(), "origin", Kind::list), "origin");
+    const JsonValue& frame = in.at(in.root(), "ground_from_world", Kind::list);
+    const JsonValue& near = in.at(in.root(), "near", Kind::list);
+    if (frame.items.size() != 3 || near.items.size() != 2)
+        throw in.wrong("its 'ground_from_world' or 'near' has another size");
+    for (int r = 0; r < 3; ++r) {
+        const Vec3d row = in.vec(frame.items[static_cast<std::size_t>(r)], "ground_from_world");
+        for (int c = 0; c < 3; ++c) m.frame.ground_from_world[r][c] = row[c];
+    }
+    m.near = {in.vec(near.items[0], "near"), in.vec(near.items[1], "near")};
+    m.voxel_size = in.number("voxel_size"), m.margin = in.number("margin");
+    for (const JsonValue& item : in.at(in.root(), "cells", Kind::list).items) {
+        const std::vector<double> v = in.numbers(item, 4, "cells");
+        const auto or_infinite = [](double x, double sign) {
+            return std::isnan(x) ? sign * GroundCell::kInfinite : x;
+        };
+        GroundCell cell;
+        cell.low[0] = or_infinite(v[0], -1), cell.high[0] = or_infinite(v[1], 1);
+        cell.low[1] = or_infinite(v[2], -1), cell.high[1] = or_infinite(v[3], 1);
+        m.cells.push_back(cell);
+    }
+    if (m.cells.empty() || m.cells.size() > 99999) throw in.wrong("it has no blocks, or too many");
+    m.files = in.files();
+    m.split = in.crc(in.at(in.root(), "split", Kind::text));
+    if (m.split != split_of(m))
+        throw in.wrong("it is damaged: its text and its checksum do not go together");
+    return m;
+}
+
+void write_block_inputs(const BlocksManifest& manifest, const BlockInputs& inputs) {
+    JsonValue root = JsonValue::object();
+    root.set("version", static_cast<double>(kBlocksVersion));
+    root.set("block", static_cast<double>(inputs.block));
+    root.set("split", hex(inputs.split));
+    root.set("views", static_cast<double>(inputs.views));
+    root.set("points", static_cast<double>(inputs.points));
+    root.set("expected_splats", static_cast<double>(inputs.expected_splats));
+    root.set("fixed_splats", static_cast<double>(inputs.fixed_splats));
+    root.set("files", files_json(inputs.files));
+    write_text_file(manifest.block_folder(inputs.block) + "/block.json", json_text(root) + "\n");
+}
+
+BlockInputs read_block_inputs(const BlocksManifest& manifest, int block) {
+    const std::string folder = manifest.block_folder(block), name = manifest.block_name(block);
+    const std::string whose = str("block ", block);
+    for (const FileRecord& file : manifest.files)
+        if (file.name == name + "/block.json")
+            require_files(manifest.folder, {file}, whose, kSplitAgain);
+    const Reader in(folder + "/block.json", kSplitAgain);
+    BlockInputs inputs;
+    inputs.block = static_cast<int>(in.count("block"));
+    inputs.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
+    if (inputs.block != block || inputs.split != manifest.split)
+        throw in.wrong(str("it is of block ", inputs.block, " of split ", hex(inputs.split),
+                           ", and the manifest asks for block ", block, " of split ",
+                           hex(manifest.split)));
+    inputs.views = static_cast<int>(in.count("views"));
+    inputs.points = in.count("points"), inputs.expected_splats = in.count("expected_splats");
+    inputs.fixed_splats = in.count("fixed_splats");
+    inputs.files = in.files();
+    require_files(folder, inputs.files, whose, kSplitAgain);
+    return inputs;
+}
+
+void write_block_result(const BlocksManifest& manifest, const BlockResult& result) {
+    JsonValue root = JsonValue::object();
+    root.set("version", static_cast<double>(kBlocksVersion));
+    root.set("block", static_cast<double>(result.block));
+    root.set("split", hex(result.split));
+    root.set("program", result.program);
+    root.set("splats", static_cast<double>(result.splats));
+    root.set("seconds", result.seconds);
+    root.set("peak_bytes", static_cast<double>(result.peak_bytes));
+    root.set("files", files_json(result.files));
+    write_text_file(result_file(manifest, result.block), json_text(root) + "\n");
+}
+
+std::optional<BlockResult> read_block_result(const BlocksManifest& manifest, int block) {
+    const std::string folder = manifest.block_folder(block), path = result_file(manifest, block);
+    std::error_code code;
+    if (!fs::exists(path, code)) return std::nullopt;
+    const Reader in(path, run_again(manifest, block));
+    BlockResult result;
+    result.block = static_cast<int>(in.count("block"));
+    result.split = in.crc(in.at(in.root(), "split", JsonValue::Kind::text));
+    if (result.block != block || result.split != manifest.split)
+        throw in.wrong(str("it is of block ", result.block, " of split ", hex(result.split),
+                           ", and the manifest asks for block ", block, " of split ",
+                           hex(manifest.split)));
+    result.program = in.text("program");
+    result.splats = in.count("splats"), result.peak_bytes = in.count("peak_bytes");
+    result.seconds = in.number("seconds");
+    result.files = in.files();
+    if (result.files.empty()) throw in.wrong("it lists no splats");
+    require_files(folder, result.files, str("block ", block), run_again(manifest, block));
+    return result;
+}
+
+BlockResult require_block_result(const BlocksManifest& manifest, int block) {
+    auto result = read_block_result(manifest, block);
+    if (!result)
+        throw Error(
+            ExitCode::input,
+            str("block ", block, ": ", result_file(manifest, block),
+                " is missing, as the block has not been trained to its end; tvsgs-blocks run ",
+                manifest.folder, " --block ", block, " does that, tvsgs-blocks status ",
+                manifest.folder, " --missing lists all of them"));
+    return std::move(*result);
+}
+
+std::uint32_t scene_identity(const SceneOptions& options) {
+    const SceneLayout layout = read_layout(options);
+    std::uint32_t crc = 0;
+    const auto add = [&crc](const auto& value) {
+        crc = crc_of({reinterpret_cast<const char*>(&value), sizeof value}, crc);
+    };
+    for (const ColmapImage& image : layout.model.images) {
+        crc = crc_of(image.name, crc);
+        for (int r = 0; r < 3; ++r) {
+            for (int c = 0; c < 3; ++c) add(image.camera_from_world.R[r][c]);
+            add(image.camera_from_world.t[r]);
+        }
+        const Intrinsics& camera = layout.model.cameras.at(image.camera_id);
+        add(camera.fx_px), add(camera.fy_px), add(camera.cx_px), add(camera.cy_px);
+        add(camera.width_px), add(camera.height_px);
+    }
+    return crc;
+}
+
+std::string block_list(const std::vector<int>& blocks) {
+    std::string text;
+    for (std::size_t i = 0; i < blocks.size();) {
+        std::size_t end = i;
+        while (end + 1 < blocks.size() && blocks[end + 1] == blocks[end] + 1) ++end;
+        text += str(text.empty() ? "" : ",", blocks[i]);
+        if (end > i) text += str("-", blocks[end]);
+        i = end + 1;
+    }
+    return text;
+}
+
+}  // namespace tvsgs

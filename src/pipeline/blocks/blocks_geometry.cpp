@@ -1,0 +1,190 @@
+#include "pipeline/blocks/blocks_geometry.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "core/error.h"
+#include "core/math/eigen.h"
+
+namespace tvsgs {
+namespace {
+
+double coordinate(Vec2<double> p, int axis) {
+    return axis == 0 ? p.x : p.y;
+}
+
+/// Points of a cell on their way to smaller ones.
+struct Part {
+    GroundCell cell;
+    std::vector<int> points;
+    double weight = 0;
+};
+
+/// From the point where 1 % of them lie below to that where 99 % do: lonely ones do not count.
+double spread(const std::vector<Vec2<double>>& points, const std::vector<int>& of, int axis) {
+    std::vector<double> values;
+    for (const int i : of) values.push_back(coordinate(points[static_cast<std::size_t>(i)], axis));
+    std::sort(values.begin(), values.end());
+    const std::size_t skip = values.size() / 100;
+    return values[values.size() - 1 - skip] - values[skip];
+}
+
+/// Cuts `part` along `axis`, which keeps the lower half; false where all its points have one
+/// coordinate.
+bool cut(const std::vector<Vec2<double>>& points,
+         const std::vector<double>& weights,
+         int axis,
+         Part& part,
+         Part& upper) {
+    const auto at = [&](int i) { return coordinate(points[static_cast<std::size_t>(i)], axis); };
+    std::vector<int> order = part.points;
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return at(a) < at(b); });
+    double below = 0;
+    std::size_t median = 0;
+    while (median + 1 < order.size() &&
+           below + weights[static_cast<std::size_t>(order[median])] <= 0.5 * part.weight)
+        below += weights[static_cast<std::size_t>(order[median++])];
+    // Points at the cut belong above it; some have to lie below.
+    while (median < order.size() && !(at(order[median]) > at(order.front()))) ++median;
+    if (median == order.size()) return false;
+    const double place = at(order[median]);
+    Part lower;
+    lower.cell = upper.cell = part.cell;
+    lower.cell.high[axis] = upper.cell.low[axis] = place;
+    for (const int i : part.points) {
+        Part& half = at(i) < place ? lower : upper;
+        half.points.push_back(i), half.weight += weights[static_cast<std::size_t>(i)];
+    }
+    part = std::move(lower);
+    return true;
+}
+
+}  // namespace
+
+GroundFrame ground_frame(Vec3d up) {
+    up = normalize(up);
+    GroundFrame frame;
+    constexpr double kNear = 0.939692621;  // cos 20 degrees
+    for (int axis = 0; axis < 3; ++axis)
+        if (std::abs(up[axis]) > kNear) {
+            Mat3<double>& R = frame.ground_from_world;
+            R = {};
+            R[0][axis == 0 ? 1 : 0] = 1, R[1][axis == 2 ? 1 : 2] = 1, R[2][axis] = 1;
+            return frame;
+        }
+    // The first ground axis is level with the world axis that is least upright.
+    int least = 0;
+    for (int axis = 1; axis < 3; ++axis)
+        if (std::abs(up[axis]) < std::abs(up[least])) least = axis;
+    Vec3d first;
+    first[least] = 1;
+    first = normalize(first - dot(first, up) * up);
+    const Vec3d second = cross(up, first);
+    for (int c = 0; c < 3; ++c) {
+        frame.ground_from_world[0][c] = first[c];
+        frame.ground_from_world[1][c] = second[c];
+        frame.ground_from_world[2][c] = up[c];
+    }
+    return frame;
+}
+
+Vec3d up_of(const std::vector<Vec3d>& centres) {
+    Vec3d mean;
+    for (const Vec3d& p : centres) mean += p / static_cast<double>(centres.size());
+    Sym3<double> scatter;
+    for (const Vec3d& p : centres) {
+        const Vec3d d = p - mean;
+        scatter.xx += d.x * d.x, scatter.xy += d.x * d.y, scatter.xz += d.x * d.z;
+        scatter.yy += d.y * d.y, scatter.yz += d.y * d.z, scatter.zz += d.z * d.z;
+    }
+    const auto found = sym_eigen(scatter);
+    if (centres.size() < 3 || !(found.values[1] > 1e-6 * found.values[0]))
+        throw Error(ExitCode::input,
+                    str("the ", centres.size(),
+                        " cameras stand in a line or at one place, so they do not say where up "
+                        "is; give it with --up x,y,z"));
+    return column(found.vectors, 2);
+}
+
+double GroundCell::distance(Vec2<double> p) const {
+    const double x = std::max({low[0] - p.x, p.x - high[0], 0.0}),
+                 y = std::max({low[1] - p.y, p.y - high[1], 0.0});
+    return std::hypot(x, y);
+}
+
+double GroundCell::share(Vec2<double> p, Vec2<double> reach) const {
+    if (!(reach.x > 0 && reach.y > 0)) return holds(p) ? 1 : 0;
+    const auto inside = [](double distance, double by) {
+        return std::clamp(0.5 + distance / (2 * by), 0.0, 1.0);
+    };
+    return inside(p.x - low[0], reach.x) * inside(high[0] - p.x, reach.x) *
+           inside(p.y - low[1], reach.y) * inside(high[1] - p.y, reach.y);
+}
+
+std::vector<GroundCell> split_cells(const std::vector<Vec2<double>>& points,
+                                    const std::vector<double>& weights,
+                                    int count,
+                                    double most_weight) {
+    Part all;
+    all.points.resize(points.size());
+    std::iota(all.points.begin(), all.points.end(), 0);
+    all.weight = std::accumulate(weights.begin(), weights.end(), 0.0);
+    std::vector<Part> parts{all};
+    for (;;) {
+        const auto heaviest =
+            std::max_element(parts.begin(), parts.end(),
+                             [](const Part& a, const Part& b) { return a.weight < b.weight; });
+        const bool enough =
+            count > 0 ? static_cast<int>(parts.size()) >= count : !(heaviest->weight > most_weight);
+        if (enough) break;
+        Part upper;
+        const std::vector<int>& of = heaviest->points;
+        const int longer = !of.empty() && spread(points, of, 1) > spread(points, of, 0) ? 1 : 0;
+        if (of.size() < 2 || (!cut(points, weights, longer, *heaviest, upper) &&
+                              !cut(points, weights, 1 - longer, *heaviest, upper)))
+            throw Error(ExitCode::input,
+                        str("a cell of ", of.size(),
+                            " splats cannot be cut again: they are too few or lie at one place; "
+                            "ask for fewer blocks than ",
+                            parts.size() + 1, " or more splats in each"));
+        parts.insert(heaviest + 1, std::move(upper));
+    }
+    std::vector<GroundCell> cells;
+    for (const Part& part : parts) cells.push_back(part.cell);
+    return cells;
+}
+
+int cell_of(const std::vector<GroundCell>& cells, Vec2<double> p) {
+    for (std::size_t i = 0; i < cells.size(); ++i)
+        if (cells[i].holds(p)) return static_cast<int>(i);
+    return -1;
+}
+
+std::vector<int> choose_block_views(const std::vector<BlockView>& views,
+                                    int points,
+                                    double least_share,
+                                    int wanted) {
+    std::vector<int> seen(static_cast<std::size_t>(points)), chosen_see(seen.size());
+    for (const BlockView& view : views)
+        for (const int p : view.sees) ++seen[static_cast<std::size_t>(p)];
+    std::vector<int> order(views.size());
+    std::iota(order.begin(), order.end(), 0);
+    const auto share = [&](int v) { return views[static_cast<std::size_t>(v)].share; };
+    std::stable_sort(order.begin(), order.end(), [&](int a, int b) { return share(a) > share(b); });
+    std::vector<int> chosen;
+    for (const int v : order) {
+        const std::vector<int>& sees = views[static_cast<std::size_t>(v)].sees;
+        const bool needed = std::any_of(sees.begin(), sees.end(), [&](int p) {
+            const auto at = static_cast<std::size_t>(p);
+            return seen[at] >= wanted && chosen_see[at] < wanted;
+        });
+        if (!(share(v) >= least_share) && !needed) continue;
+        chosen.push_back(v);
+        for (const int p : sees) ++chosen_see[static_cast<std::size_t>(p)];
+    }
+    std::sort(chosen.begin(), chosen.end());
+    return chosen;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,299 @@
+#include "pipeline/blocks/blocks_split.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/error.h"
+#include "core/math/point_tree.h"
+#include "core/math/quantile.h"
+#include "core/math/sigmoid.h"
+#include "pipeline/run/view_evaluation.h"
+#include "render/tiles/sh_math.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::size_t kSample = 2000;  // splats that distances are measured at
+constexpr double kFarBox = 1.5;        // times the box of 1 to 99 % of the coarse splats
+// Margins: of the shortest side of a cell, reaches of votes, voxels of the mesh (four truncations
+// of four).
+constexpr double kMarginSides = 0.15, kMarginReaches = 3, kMarginVoxels = 16;
+
+/// Of `count` things evenly about `most`.
+std::vector<std::size_t> even_choice(std::size_t count, std::size_t most) {
+    std::vector<std::size_t> chosen;
+    const std::size_t step = std::max<std::size_t>(1, (count + most - 1) / most);
+    for (std::size_t i = 0; i < count; i += step) chosen.push_back(i);
+    return chosen;
+}
+
+Vec3d mean_of(const Gaussians<Cpu>& splats, std::size_t i) {
+    return vec_cast<double>(std::as_const(splats.means).span()[i]);
+}
+
+Box3d near_box(const GroundFrame& frame, const Gaussians<Cpu>& coarse) {
+    std::vector<double> along[3];
+    for (std::size_t i = 0; i < coarse.means.size(); ++i) {
+        const Vec3d p = frame.ground_from_world * mean_of(coarse, i);
+        for (int axis = 0; axis < 3; ++axis) along[axis].push_back(p[axis]);
+    }
+    // As much on all sides: towers are high where little is.
+    Box3d box;
+    double largest = 0;
+    for (int axis = 0; axis < 3; ++axis) {
+        box.low[axis] = quantile(along[axis], 0.01), box.high[axis] = quantile(along[axis], 0.99);
+        largest = std::max(largest, box.high[axis] - box.low[axis]);
+    }
+    const double more = 0.5 * (kFarBox - 1) * largest;
+    for (int axis = 0; axis < 3; ++axis) box.low[axis] -= more, box.high[axis] += more;
+    return box;
+}
+
+/// How many splats a coarse one may become: those of one pixel each on its area.
+double finer_splats(Vec3f log_scale, double pixel) {
+    float l[3] = {log_scale.x, log_scale.y, log_scale.z};
+    std::sort(l, l + 3);
+    const double area = 9 * std::exp(static_cast<double>(l[1] + l[2]));  // 3 x 3 deviations
+    return std::clamp(area / (pixel * pixel), 1.0, 16.0);
+}
+
+/// 95 % of the splats vote no farther, by the coarse ones: as if there were `denser` times as many.
+double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
+    const std::size_t wanted = std::min(means.size(), static_cast<std::size_t>(2 * k) + 1);
+    const PointTree<float> tree(means);
+    std::vector<double> reach;
+    std::vector<std::size_t> index(wanted);
+    std::vector<float> squared(wanted);
+    for (const std::size_t i : even_choice(means.size(), kSample)) {
+        const std::size_t found = tree.nearest(means[i], wanted, index.data(), squared.data());
+        reach.push_back(std::sqrt(static_cast<double>(squared[found - 1])));
+    }
+    return quantile(reach, 0.95) / std::sqrt(denser);
+}
+
+/// The shortest side of a cell within the near box.
+double shortest_side(const GroundCell& cell, const Box3d& near) {
+    double side = GroundCell::kInfinite;
+    for (int axis = 0; axis < 2; ++axis)
+        side = std::min(side, std::min(cell.high[axis], near.high[axis]) -
+                                  std::max(cell.low[axis], near.low[axis]));
+    return side;
+}
+
+/// Whether a ball may show in an image.
+bool may_show(const Camera& camera, Vec3f centre, float radius) {
+    const Vec3f p = camera.camera_from_world * centre;
+    if (!(p.z + radius > 0)) return false;
+    if (!(p.z > radius)) return true;  // about the camera
+    // Planes through the camera's centre and the image's edges.
+    const auto outside = [&](float f, float c, float size, float at) {
+        const float left = f * at + c * p.z, right = (size - c) * p.z - f * at;
+        return left < -radius * std::hypot(f, c) || right < -radius * std::hypot(f, size - c);
+    };
+    return !outside(camera.fx_px, camera.cx_px, static_cast<float>(camera.width_px), p.x) &&
+           !outside(camera.fy_px, camera.cy_px, static_cast<float>(camera.height_px), p.y);
+}
+
+bool is_near(const BlocksManifest& m, Vec3d world) {
+    return m.block_of(world) > 0;
+}
+
+}  // namespace
+
+void plan_cells(const Scene& scene,
+                const Gaussians<Cpu>& coarse,
+                const RunOptions& options,
+                const SplitOptions& split,
+                double finer,
+                double expected,
+                BlocksManifest& manifest) {
+    const std::vector<Camera> cameras = detail::cameras_of(scene.train);
+    std::vector<Vec3d> centres;
+    for (const Camera& camera : cameras) centres.push_back(vec_cast<double>(camera_centre(camera)));
+    manifest.origin = scene.origin;
+    manifest.frame = ground_frame(split.up ? *split.up : up_of(centres));
+    manifest.near = near_box(manifest.frame, coarse);
+    manifest.cells = {GroundCell{}};
+
+    std::vector<Vec2<double>> places;
+    std::vector<double> weights(coarse.means.size()), pixels(coarse.means.size());
+    std::vector<int> near;
+    const auto means = std::as_const(coarse.means).span();
+    const auto scales = std::as_const(coarse.log_scales).span();
+    for (std::size_t i = 0; i < coarse.means.size(); ++i)
+        if (is_near(manifest, mean_of(coarse, i))) near.push_back(static_cast<int>(i));
+    parallel_for(Cpu{}, static_cast<int>(near.size()), [&](int k) {
+        const auto i = static_cast<std::size_t>(near[static_cast<std::size_t>(k)]);
+        pixels[i] = static_cast<double>(finest_pixel(cameras, means[i])) / finer;
+        weights[i] = finer_splats(scales[i], pixels[i]);
+    });
+    std::vector<double> near_weights, near_pixels;
+    std::vector<Vec3f> near_means;
+    double total = 0;
+    for (const int at : near) {
+        const auto i = static_cast<std::size_t>(at);
+        places.push_back(manifest.frame.on_ground(mean_of(coarse, i)));
+        near_weights.push_back(weights[i]), near_pixels.push_back(pixels[i]);
+        near_means.push_back(means[i]);
+        total += weights[i];
+    }
+    manifest.voxel_size = options.mesh.meshers.tsdf.voxel_size > 0
+                              ? static_cast<double>(options.mesh.meshers.tsdf.voxel_size)
+                              : quantile(near_pixels, 0.5);
+
+    const double denser = std::max(1.0, expected / static_cast<double>(near.size()));
+    const double reach = vote_reach(near_means, options.train.tv.k, denser);
+
+    // Margins count, and are not known before the cells: the cells shrink until they fit.
+    const auto margin_of = [&](const std::vector<GroundCell>& cells) {
+        if (split.margin > 0) return split.margin;
+        double margin = kMarginVoxels * manifest.voxel_size, side = GroundCell::kInfinite;
+        for (const GroundCell& cell : cells)
+            side = std::min(side, shortest_side(cell, manifest.near));
+        if (options.train.tv.enabled) margin = std::max(margin, kMarginReaches * reach);
+        return std::max(margin, kMarginSides * side);
+    };
+    const auto heaviest = [&](const std::vector<GroundCell>& cells, double margin) {
+        double most = 0;
+        for (const GroundCell& cell : cells) {
+            double weight = 0;
+            for (std::size_t i = 0; i < places.size(); ++i)
+                if (cell.distance(places[i]) < margin) weight += near_weights[i];
+            most = std::max(most, weight);
+        }
+        return most / total * expected;
+    };
+    for (int count = std::max(1, split.blocks);; ++count) {
+        manifest.cells = split_cells(places, near_weights, count, 0);
+        manifest.margin = margin_of(manifest.cells);
+        if (split.blocks > 0) break;
+        const double most = heaviest(manifest.cells, manifest.margin);
+        if (most <= static_cast<double>(split.max_splats)) break;
+        if (count >= 4096 ||
+            (count > 1 && shortest_side(manifest.cells.front(), manifest.near) < manifest.margin))
+            throw Error(ExitCode::input,
+                        str("--max-splats ", split.max_splats, ": ", count, " blocks still expect ",
+                            static_cast<std::int64_t>(most), " splats with their margins of ",
+                            manifest.margin, "; allow more of them, or a smaller --margin"));
+    }
+}
+
+std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
+                                             const BlocksManifest& manifest,
+                                             std::size_t most) {
+    std::vector<std::vector<int>> all(static_cast<std::size_t>(manifest.count()));
+    for (std::size_t i = 0; i < coarse.means.size(); ++i)
+        if (const int block = manifest.block_of(mean_of(coarse, i)); block > 0)
+            all[static_cast<std::size_t>(block - 1)].push_back(static_cast<int>(i));
+    for (std::vector<int>& of : all) {
+        std::vector<int> chosen;
+        for (const std::size_t k : even_choice(of.size(), most)) chosen.push_back(of[k]);
+        of = std::move(chosen);
+    }
+    return all;
+}
+
+void look_with_view(const Gaussians<Cpu>& coarse,
+                    const BlocksManifest& manifest,
+                    const std::vector<std::vector<int>>& counted,
+                    const Camera& camera,
+                    const std::vector<float>& depth,
+                    std::size_t v,
+                    std::vector<std::vector<BlockView>>& looks) {
+    const Rigid3f world_from_camera = inverse(camera.camera_from_world);
+    std::vector<std::size_t> pixels(manifest.cells.size());
+    std::size_t with_depth = 0;
+    for (int y = 0; y < camera.height_px; ++y)
+        for (int x = 0; x < camera.width_px; ++x) {
+            const float z = depth[static_cast<std::size_t>(y) * camera.width_px + x];
+            if (!(z > 0)) continue;
+            ++with_depth;
+            const Vec3d p = vec_cast<double>(world_from_camera * (z * pixel_ray(camera, x, y)));
+            if (!is_near(manifest, p)) continue;
+            const Vec2<double> place = manifest.frame.on_ground(p);
+            for (std::size_t b = 0; b < manifest.cells.size(); ++b)
+                pixels[b] += manifest.cells[b].distance(place) < manifest.margin;
+        }
+    const auto means = std::as_const(coarse.means).span();
+    for (std::size_t b = 0; b < manifest.cells.size(); ++b) {
+        BlockView& look = looks[b][v];
+        look.share =
+            with_depth == 0 ? 0 : static_cast<double>(pixels[b]) / static_cast<double>(with_depth);
+        for (std::size_t k = 0; k < counted[b].size(); ++k) {
+            const Vec3f mean = means[static_cast<std::size_t>(counted[b][k])];
+            if (!is_in_view(camera, mean)) continue;
+            const Vec3f p = camera.camera_from_world * mean;
+            const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
+                      y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
+            const float z = depth[static_cast<std::size_t>(y) * camera.width_px + x];
+            // A splat lies within its own thickness of the surface that it makes.
+            if (p.z < 1.05f * z) look.sees.push_back(static_cast<int>(k));
+        }
+    }
+}
+
+std::vector<BlockContents> fill_blocks(const Scene& scene,
+                                       const Gaussians<Cpu>& coarse,
+                                       const BlocksManifest& manifest,
+                                       const SplitOptions& split,
+                                       double expected,
+                                       const std::vector<std::vector<BlockView>>& looks) {
+    constexpr std::size_t kFewPoints = 100;
+    const auto counted = counted_splats(coarse, manifest);
+    const auto means = std::as_const(coarse.means).span();
+    const auto scales = std::as_const(coarse.log_scales).span();
+    const auto belongs = [&](const GroundCell& cell, Vec3d p) {
+        return is_near(manifest, p) && cell.distance(manifest.frame.on_ground(p)) < manifest.margin;
+    };
+    std::vector<BlockContents> blocks(manifest.cells.size());
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+        BlockContents& block = blocks[b];
+        const GroundCell& cell = manifest.cells[b];
+        block.views =
+            choose_block_views(looks[b], static_cast<int>(counted[b].size()), split.least_share);
+        if (block.views.size() < 2)
+            throw Error(ExitCode::input,
+                        str("block ", b + 1, ": ", block.views.size(),
+                            " views show its cell; a block trains on 2 at least, so ask for fewer "
+                            "blocks"));
+
+        std::vector<Camera> cameras;
+        for (const int v : block.views)
+            cameras.push_back(scene.train[static_cast<std::size_t>(v)].camera);
+        std::vector<int> inside;
+        for (std::size_t i = 0; i < coarse.means.size(); ++i) {
+            if (belongs(cell, vec_cast<double>(means[i]))) {
+                inside.push_back(static_cast<int>(i));
+                continue;
+            }
+            const float radius = 3 * std::exp(std::max({scales[i].x, scales[i].y, scales[i].z}));
+            if (std::any_of(cameras.begin(), cameras.end(), [&](const Camera& camera) {
+                    return may_show(camera, means[i], radius);
+                }))
+                block.fixed.push_back(static_cast<int>(i));
+        }
+        block.expected = expected * static_cast<double>(inside.size()) /
+                         static_cast<double>(coarse.means.size());
+
+        const PointCloud& all = scene.points;
+        for (std::size_t i = 0; i < all.positions.size(); ++i) {
+            if (!belongs(cell, vec_cast<double>(all.positions[i]))) continue;
+            block.points.positions.push_back(all.positions[i]);
+            if (!all.colors.empty()) block.points.colors.push_back(all.colors[i]);
+            if (!all.normals.empty()) block.points.normals.push_back(all.normals[i]);
+        }
+        if (block.points.positions.size() >= kFewPoints) continue;
+        block.points = {};  // where the scene has hardly any: where the coarse run found surface
+        for (const int i : inside) {
+            const auto at = static_cast<std::size_t>(i);
+            block.points.positions.push_back(means[at]);
+            Vec3f color = std::as_const(coarse.sh).span()[at];
+            for (int c = 0; c < 3; ++c)
+                color[c] = std::clamp(0.5f + static_cast<float>(kShC0) * color[c], 0.0f, 1.0f);
+            block.points.colors.push_back(color);
+        }
+    }
+    return blocks;
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,247 @@
+// Prior depth: which reading, which scale and shift per view, and the maps that follow.
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <set>
+
+#include "core/device/parallel_errors.h"
+#include "core/error.h"
+#include "core/log.h"
+#include "core/scene/prior_maps.h"
+#include "io/files/read_file.h"
+#include "mvs/priors/prior_fit.h"
+#include "pipeline/priors/prior_parts.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+/// The file's numbers with their scale and shift, NaN for none.
+PlacedMap read_depth(const DepthSource& source, const PriorFile& file, const PriorView& view) {
+    PlacedMap placed = read_placed(source, file, view, 1);
+    const bool positive = source.convention.alignment == PriorAlignment::metric ||
+                          source.convention.alignment == PriorAlignment::scale;
+    for (float& value : placed.map.pixels) {
+        const auto number = static_cast<double>(value);
+        const bool none = std::find(source.invalid.begin(), source.invalid.end(), number) !=
+                              source.invalid.end() ||
+                          (positive && source.convention.quantity != PriorQuantity::log_depth &&
+                           !file.unreliable && !(number * file.scale + file.shift > 0));
+        value = none ? kNaN : static_cast<float>(number * file.scale + file.shift);
+    }
+    return placed;
+}
+
+PriorSamples samples_of(const PlacedMap& placed, const PriorView& view) {
+    PriorSamples samples;
+    for (const VisiblePoint& p : view.points) {
+        double u = 0, v = 0;
+        float value = 0;
+        if (placed.placement.find(p.x_px, p.y_px, u, v) &&
+            sample_map(placed.map, MapBlend::linear, u, v, &value))
+            samples.push_back({static_cast<double>(value), p.depth, p.distance});
+    }
+    return samples;
+}
+
+/// What becomes of a view's map.
+struct FittedView {
+    const PriorFile* file = nullptr;
+    PriorSamples samples;
+    PriorReading reading;
+    PriorFit fit;
+    bool left_out = false;
+};
+
+/// Depths that a shift was fitted for are not to be trusted far from the points that gave it.
+struct DepthRange {
+    double near = 0, far = std::numeric_limits<double>::infinity();
+};
+DepthRange range_of(const FittedView& fitted) {
+    if (fitted.reading.alignment != PriorAlignment::affine || fitted.samples.empty()) return {};
+    constexpr double kBeyond = 4;
+    std::vector<double> depths;
+    for (const PriorSample& s : fitted.samples) depths.push_back(s.depth);
+    std::sort(depths.begin(), depths.end());
+    const std::size_t rare = depths.size() / 100;
+    return {depths[rare] / kBeyond, depths[depths.size() - 1 - rare] * kBeyond};
+}
+
+/// Stretched so that the 2nd and 98th percentiles are 0 and 1, both 0 where all are alike; false
+/// where there are none.
+bool stretch(std::vector<float>& values) {
+    std::vector<float> sorted;
+    std::copy_if(values.begin(), values.end(), std::back_inserter(sorted),
+                 [](float v) { return !std::isnan(v); });
+    if (sorted.empty()) return false;
+    const auto percentile = [&](std::size_t percent) {
+        const auto at =
+            sorted.begin() + static_cast<std::ptrdiff_t>((sorted.size() - 1) * percent / 100);
+        std::nth_element(sorted.begin(), at, sorted.end());
+        return *at;
+    };
+    const float low = percentile(2), high = percentile(98);
+    const float spread = high > low ? high - low : 1;
+    for (float& value : values) value = (value - low) / spread;
+    return true;
+}
+
+void make_maps(const PriorInputs& in, const FittedView& fitted, PriorView& prior_view) {
+    View& view = *prior_view.view;
+    const PlacedMap placed = read_depth(in.sources.depth, *fitted.file, prior_view);
+    const PriorReading& reading = fitted.reading;
+    const bool planes_are_straight = reading.quantity == PriorQuantity::depth &&
+                                     reading.alignment != PriorAlignment::affine &&
+                                     reading.alignment != PriorAlignment::rank;
+    const ImageF numbers =
+        resample_map(placed.map, placed.placement, view, view.photo.width, view.photo.height,
+                     planes_are_straight ? MapBlend::inverse : MapBlend::linear);
+    const std::vector<std::uint8_t> sky = sky_of(in, prior_view);
+    const DepthRange range = range_of(fitted);
+    std::vector<float> depth(numbers.pixels.size()), order(numbers.pixels.size(), kNaN);
+    for (std::size_t i = 0; i < depth.size(); ++i) {
+        const double value = static_cast<double>(numbers.pixels[i]);
+        if (std::isnan(value) || (!sky.empty() && sky[i] != 0)) continue;
+        if (!fitted.fit.found) {
+            order[i] = static_cast<float>(reading.quantity == PriorQuantity::inverse_depth ? -value
+                                                                                           : value);
+            continue;
+        }
+        const int x = static_cast<int>(i) % view.photo.width,
+                  y = static_cast<int>(i) / view.photo.width;
+        const double cosine = 1 / norm(vec_cast<double>(pixel_ray(view.camera, x, y)));
+        const double z = prior_depth(value, fitted.fit, reading, cosine);
+        if (z >= range.near && z <= range.far && z > 0) depth[i] = static_cast<float>(z);
+        // Inverse depths below 0 are farther than anything.
+        const double known = z > 0                                              ? z
+                             : reading.quantity == PriorQuantity::inverse_depth ? range.far
+                                                                                : range.near;
+        const double clamped = std::clamp(known, range.near, range.far);
+        if (std::isfinite(clamped)) order[i] = static_cast<float>(clamped);
+    }
+    if (in.order && stretch(order)) add_map(view, prior_map::kDepthOrder, 1, std::move(order));
+    if (in.depth && fitted.fit.found) add_map(view, prior_map::kDepth, 1, std::move(depth));
+}
+
+double median_residual(const std::vector<FittedView>& views) {
+    std::vector<double> residuals;
+    for (const FittedView& v : views)
+        if (v.fit.found && !v.left_out && !v.samples.empty()) residuals.push_back(v.fit.residual);
+    if (residuals.empty()) return 0;
+    const auto middle = residuals.begin() + static_cast<std::ptrdiff_t>(residuals.size() / 2);
+    std::nth_element(residuals.begin(), middle, residuals.end());
+    return *middle;
+}
+
+std::string percent(double share) {
+    return str(std::round(share * 1e4) / 100, " %");
+}
+
+const char* text_of(PriorAlignment alignment) {
+    return alignment == PriorAlignment::metric   ? "in scene units"
+           : alignment == PriorAlignment::scale  ? "up to scale"
+           : alignment == PriorAlignment::affine ? "relative"
+                                                 : "order of";
+}
+
+/// The fit of one view.
+void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view) {
+    view.reading = choice.reading;
+    if (view.file->unreliable) view.reading.alignment = PriorAlignment::affine;
+    if (view.reading.alignment == PriorAlignment::rank) return;
+    view.fit = fit_prior(view.samples, view.reading);
+    if (view.reading.alignment == PriorAlignment::metric && !view.fit.found)
+        view.fit = {true, 1, 0, 0};  // its numbers are depths, though nothing tests them
+    view.left_out = tells_nothing(view.fit) ||
+                    (view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual)));
+}
+
+/// Says which views are without depth, and why.
+void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<PriorView>& views) {
+    std::vector<std::string> bad, few;
+    for (std::size_t i = 0; i < fitted.size(); ++i) {
+        const std::string& name = views[i].view->name;
+        const PriorFit& fit = fitted[i].fit;
+        if (fitted[i].left_out)
+            bad.push_back(str(name, " (", percent(fit.residual), ", one depth for all ",
+                              percent(fit.residual_of_constant), ")"));
+        else if (fitted[i].file && !fitted[i].fit.found &&
+                 fitted[i].reading.alignment != PriorAlignment::rank)
+            few.push_back(str(name, " (", fitted[i].samples.size(), ")"));
+    }
+    if (!bad.empty())
+        spdlog::warn(
+            "priors: depth maps of {} views are left out, as they are farther off the points than "
+            "priors.max_residual or nearly as far as one depth for all would be: {}",
+            bad.size(), listed(bad));
+    if (!few.empty())
+        spdlog::warn(
+            "priors: of {} views only the order of depths is used, as too few points tell scale "
+            "and shift: {}",
+            few.size(), listed(few));
+}
+
+}  // namespace
+
+std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
+    const DepthSource& source = in.sources.depth;
+    DepthConvention convention = source.convention;
+    if (in.options.quantity != PriorQuantity::unknown)
+        convention.quantity = in.options.quantity, convention.declared_by = "priors.quantity";
+    const int count = static_cast<int>(views.size());
+
+    // 1. What the maps have where points are.
+    std::vector<FittedView> fitted(views.size());
+    parallel_for_throwing(count, [&](int i) {
+        FittedView& view = fitted[static_cast<std::size_t>(i)];
+        const PriorView& from = views[static_cast<std::size_t>(i)];
+        view.file = file_of(source, from);
+        if (view.file) view.samples = samples_of(read_depth(source, *view.file, from), from);
+    });
+
+    // 2. What the numbers are, and scale and shift of each view.
+    std::vector<PriorSamples> reliable;
+    for (const FittedView& view : fitted)
+        if (view.file && !view.file->unreliable) reliable.push_back(view.samples);
+    const ReadingChoice choice =
+        choose_reading(reliable, convention, static_cast<double>(in.options.max_residual));
+    parallel_for_heavy(Cpu{}, count, [&](int i) {
+        FittedView& view = fitted[static_cast<std::size_t>(i)];
+        if (view.file) fit_view(choice, in.options.max_residual, view);
+    });
+
+    // 3. The maps.
+    parallel_for_throwing(count, [&](int i) {
+        const FittedView& view = fitted[static_cast<std::size_t>(i)];
+        if (view.file && !view.left_out) make_maps(in, view, views[static_cast<std::size_t>(i)]);
+    });
+    warn_of_views(fitted, views);
+    const auto empty = std::count_if(fitted.begin(), fitted.end(),
+                                     [](const FittedView& v) { return tells_nothing(v.fit); });
+    const auto tested = std::count_if(fitted.begin(), fitted.end(),
+                                      [](const FittedView& v) { return v.fit.found; });
+    if (2 * empty > tested)
+        throw input_error("E_PRIORS: ", source.what, ": ", empty, " of ", tested,
+                          " depth maps fit the points of their photographs hardly better than one ",
+                          "depth for all would: are these the maps of these photographs?");
+
+    std::set<int> points;
+    int used = 0;
+    for (std::size_t i = 0; i < fitted.size(); ++i) {
+        if (!fitted[i].file || fitted[i].left_out) continue;
+        ++used;
+        if (fitted[i].fit.found && !fitted[i].samples.empty())
+            for (const VisiblePoint& p : views[i].points) points.insert(p.index);
+    }
+    const std::string files = used < count ? str(" of ", count, " views") : "";
+    const std::string what = str(used, " depth maps", files, " (", source.what, ": ",
+                                 text_of(choice.reading.alignment), " ", text_of(choice.reading));
+    if (choice.tested_views == 0)
+        return str(what, ", untested: too few points; priors.quantity says what they are)");
+    if (choice.reading.alignment == PriorAlignment::rank) return what + ")";
+    return str(what, "), fitted to ", points.size(), " points, median residual ",
+               percent(median_residual(fitted)));
+}
+
+}  // namespace tvsgs

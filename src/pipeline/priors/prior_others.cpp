@@ -1,0 +1,230 @@
+// Prior confidences, normals and features.
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <limits>
+
+#include "core/device/parallel_errors.h"
+#include "core/log.h"
+#include "core/scene/prior_maps.h"
+#include "io/files/read_file.h"
+#include "mvs/priors/prior_normals.h"
+#include "pipeline/priors/prior_parts.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
+
+/// The files of the views, with the views.
+struct WithFile {
+    PriorView* view;
+    const PriorFile* file;
+};
+std::vector<WithFile> with_files(const PriorFiles& source, std::vector<PriorView>& views) {
+    std::vector<WithFile> found;
+    for (PriorView& view : views)
+        if (const PriorFile* const file = file_of(source, view)) found.push_back({&view, file});
+    return found;
+}
+
+template <class Body>
+void for_each(const std::vector<WithFile>& files, const Body& body) {
+    parallel_for_throwing(static_cast<int>(files.size()), [&](int i) {
+        body(static_cast<std::size_t>(i), *files[static_cast<std::size_t>(i)].view,
+             *files[static_cast<std::size_t>(i)].file);
+    });
+}
+
+std::string of_views(std::size_t files, std::size_t views) {
+    return files < views ? str(" of ", files, " of ", views, " views") : "";
+}
+
+std::string degrees_of(double cosine) {
+    const double angle = std::acos(std::clamp(cosine, -1.0, 1.0));
+    return str(std::lround(angle * 57.29577951308232), " degrees");
+}
+
+ImageF at_photo_size(const PlacedMap& placed, const View& view) {
+    return resample_map(placed.map, placed.placement, view, view.photo.width, view.photo.height,
+                        MapBlend::linear);
+}
+
+/// Unit normals as in the file, whatever their frame; NaN for none.
+PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const PriorView& view) {
+    PlacedMap placed = read_placed(source, file, view, 3);
+    std::vector<float>& numbers = placed.map.pixels;
+    float low = 0, high = 0;
+    for (const float n : numbers) low = std::min(low, n), high = std::max(high, n);
+    const bool picture = std::filesystem::path(file.path).extension() != ".npy" && high > 2;
+    const float top = !picture ? 1.f : high > 255 ? 65535.f : 255.f;
+    const bool unit = picture || source.range == NumberRange::unit ||
+                      (source.range == NumberRange::automatic && low >= 0 && high <= 1);
+    std::vector<float> lengths;
+    for (std::size_t i = 0; i < numbers.size(); i += 3) {
+        Vec3f n{numbers[i] / top, numbers[i + 1] / top, numbers[i + 2] / top};
+        if (unit) n = 2.f * n - Vec3f{1, 1, 1};
+        const float length = norm(n);
+        // Black pixels of a picture would be (-1, -1, -1): nothing is known there.
+        const bool known = length > 0.3f && length < 1.5f;
+        if (known) lengths.push_back(length);
+        for (std::size_t c = 0; c < 3; ++c)
+            numbers[i + c] = known ? n[static_cast<int>(c)] / length : kNaN;
+    }
+    if (lengths.empty()) return placed;
+    const auto middle = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 2);
+    std::nth_element(lengths.begin(), middle, lengths.end());
+    if (!(*middle > 0.8f && *middle < 1.2f))
+        throw input_error("E_PRIORS: ", file.path, ": vectors of a median length of ", *middle,
+                          "; expected unit normals, as numbers in [-1, 1], or as (n + 1) / 2");
+    return placed;
+}
+
+std::vector<NormalSample> samples_of(const PlacedMap& placed,
+                                     const PriorView& view,
+                                     const std::vector<Vec3f>& points,
+                                     const std::vector<Vec3f>& surface) {
+    std::vector<NormalSample> samples;
+    const Rigid3f& pose = view.view->camera.camera_from_world;
+    for (const VisiblePoint& p : view.points) {
+        const auto index = static_cast<std::size_t>(p.index);
+        double u = 0, v = 0;
+        Vec3f found;
+        if (norm(surface[index]) == 0 || !placed.placement.find(p.x_px, p.y_px, u, v) ||
+            !sample_map(placed.map, MapBlend::nearest, u, v, &found.x))
+            continue;
+        Vec3f expected = pose.R * surface[index];
+        if (dot(expected, pose * points[index]) > 0) expected = -expected;
+        samples.push_back({vec_cast<double>(found), vec_cast<double>(pose.R * found),
+                           vec_cast<double>(expected)});
+    }
+    return samples;
+}
+
+}  // namespace
+
+std::string fill_confidence(const PriorInputs& in, std::vector<PriorView>& views) {
+    const ConfidenceSource& source = in.sources.confidence;
+    const std::vector<WithFile> files = with_files(source, views);
+    for_each(files, [&](std::size_t, PriorView& view, const PriorFile& file) {
+        PlacedMap placed = read_placed(source, file, view, 1);
+        for (float& value : placed.map.pixels) {
+            if (source.from_one && value < 1)
+                throw input_error("E_PRIORS: ", file.path, ": has a confidence of ", value,
+                                  "; expected 1 or more, or \"range\": \"unit\" in priors.json");
+            if (source.from_one) value = 1 - 1 / value;
+            if (value > 1.001f || value < -0.001f)
+                throw input_error("E_PRIORS: ", file.path, ": has a confidence of ", value,
+                                  "; expected 0 to 1, or \"range\": \"ge1\" in priors.json");
+            value = std::clamp(value, 0.f, 1.f);
+        }
+        ImageF sized = at_photo_size(placed, *view.view);
+        const std::vector<std::uint8_t> sky = sky_of(in, view);
+        for (std::size_t i = 0; i < sized.pixels.size(); ++i)
+            if (std::isnan(sized.pixels[i]) || (!sky.empty() && sky[i] != 0)) sized.pixels[i] = 0;
+        add_map(*view.view, prior_map::kConfidence, 1, std::move(sized.pixels));
+    });
+    return "confidences" + of_views(files.size(), views.size());
+}
+
+std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
+    const NormalSource& source = in.sources.normal;
+    const std::vector<WithFile> files = with_files(source, views);
+    const std::vector<Vec3f> surface = cloud_normals(in.points);
+    std::vector<std::vector<NormalSample>> found(files.size());
+    for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
+        found[i] = samples_of(read_normals(source, file, view), view, in.points, surface);
+    });
+    std::vector<NormalSample> samples;
+    for (const auto& of_view : found) samples.insert(samples.end(), of_view.begin(), of_view.end());
+    const NormalChoice choice = choose_normals(samples, source.convention);
+    std::vector<std::string> bad;
+    std::vector<bool> left_out(files.size());
+    for (std::size_t i = 0; i < files.size(); ++i) {
+        const PriorAgreement agreement = agreement_of(found[i], choice.reading);
+        left_out[i] = tells_nothing(agreement);
+        if (left_out[i])
+            bad.push_back(str(files[i].view->view->name, " (", degrees_of(agreement.cosine),
+                              ", one normal for all ", degrees_of(agreement.cosine_of_constant),
+                              ")"));
+    }
+    if (2 * bad.size() > files.size())
+        throw input_error("E_PRIORS: ", source.what, ": normals of ", bad.size(), " of ",
+                          files.size(), " views agree hardly better with the points of their ",
+                          "photographs than one normal for all would: ", listed(bad),
+                          "; are these the maps of these photographs?");
+    if (!bad.empty())
+        spdlog::warn(
+            "priors: normals of {} views are left out, as they agree hardly better with "
+            "the points than one normal for all would: {}",
+            bad.size(), listed(bad));
+
+    for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
+        if (left_out[i]) return;
+        ImageF sized = at_photo_size(read_normals(source, file, view), *view.view);
+        const std::vector<std::uint8_t> sky = sky_of(in, view);
+        const Camera& camera = view.view->camera;
+        for (std::size_t at = 0; at < sized.pixels.size() / 3; ++at) {
+            float* const pixel = &sized.pixels[3 * at];
+            Vec3f n{pixel[0], pixel[1], pixel[2]};
+            if (choice.reading.world) n = camera.camera_from_world.R * n;
+            n = choice.reading.signs * n;
+            const Vec3f ray = pixel_ray(camera, static_cast<int>(at) % sized.width,
+                                        static_cast<int>(at) / sized.width);
+            const float length = norm(n);
+            const bool is_sky = !sky.empty() && sky[at] != 0;
+            // What faces away cannot be seen: an error of the map, as beside edges.
+            const bool known = length > 0.3f && dot(n, ray) < 0 && !is_sky;
+            for (int c = 0; c < 3; ++c) pixel[c] = known ? n[c] / length : 0;
+        }
+        add_map(*view.view, prior_map::kNormal, 3, std::move(sized.pixels));
+    });
+    const std::string tested = choice.cosine != 0 ? str(", agreeing with ", choice.samples,
+                                                        " points to ", degrees_of(choice.cosine))
+                                                  : ", untested: too few points";
+    return str("normals", of_views(files.size() - bad.size(), views.size()), " (", source.what,
+               ": ", text_of(choice.reading), tested, ")");
+}
+
+std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views) {
+    const PriorFiles& source = in.sources.features;
+    const std::vector<WithFile> files = with_files(source, views);
+    std::vector<int> channels(files.size());
+    for_each(files, [&](std::size_t i, PriorView& view, const PriorFile& file) {
+        PlacedMap placed = read_placed(source, file, view, 0);
+        ImageF map = view.camera
+                         ? resample_map(placed.map, placed.placement, *view.view, placed.map.width,
+                                        placed.map.height, MapBlend::linear)
+                         : std::move(placed.map);
+        channels[i] = map.channels;
+        const auto count = static_cast<std::size_t>(map.channels);
+        for (std::size_t p = 0; p < map.pixels.size(); p += count)
+            if (std::any_of(&map.pixels[p], &map.pixels[p] + count,
+                            [](float n) { return std::isnan(n); }))
+                std::fill_n(&map.pixels[p], count, 0.f);
+        if (in.coarse_features && map.width > 1 && map.height > 1) {
+            ImageF half(map.width / 2, map.height / 2, map.channels);
+            for (int y = 0; y < half.height; ++y)
+                for (int x = 0; x < half.width; ++x)
+                    for (int c = 0; c < half.channels; ++c)
+                        half.at(x, y, c) =
+                            (map.at(2 * x, 2 * y, c) + map.at(2 * x + 1, 2 * y, c) +
+                             map.at(2 * x, 2 * y + 1, c) + map.at(2 * x + 1, 2 * y + 1, c)) /
+                            4;
+            view.view->maps.push_back({std::string(prior_map::kCoarseFeatures), half.width,
+                                       half.height, half.channels, std::move(half.pixels)});
+        }
+        if (in.features)
+            view.view->maps.push_back({std::string(prior_map::kFeatures), map.width, map.height,
+                                       map.channels, std::move(map.pixels)});
+    });
+    for (std::size_t i = 0; i < files.size(); ++i)
+        if (channels[i] != channels[0])
+            throw input_error("E_PRIORS: ", files[i].file->path, ": has ", channels[i],
+                              " channels, ", files[0].file->path, " ", channels[0],
+                              "; expected descriptors of one kind");
+    return str("features", of_views(files.size(), views.size()), " (", source.what, ": ",
+               channels[0], " channels)");
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,231 @@
+#include "pipeline/priors/stereo_priors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "core/device/parallel.h"
+#include "core/scene/prior_maps.h"
+#include "mvs/stereo/depth_completion.h"
+#include "mvs/stereo/mvs_math.h"
+#include "mvs/stereo/planar_prior.h"
+#include "pipeline/scene/stereo_cloud.h"
+
+namespace tvsgs {
+namespace {
+
+constexpr std::string_view kMade[] = {prior_map::kDepth, prior_map::kDepthOrder,
+                                      prior_map::kConfidence, prior_map::kNormal};
+
+/// Cosine: planes seen flatter bridge the step from one surface to another, mostly.
+constexpr float kLeastFacing = 0.3f;
+
+/// Confidence and order are those of the depth.
+bool lacks(const View& view, std::string_view name) {
+    return std::none_of(view.maps.begin(), view.maps.end(), [&](const ViewMap& map) {
+        return name == prior_map::kNormal
+                   ? map.name == name
+                   : map.name == prior_map::kDepth || map.name == prior_map::kDepthOrder;
+    });
+}
+
+MapNames to_make(const View& view, const MapNames& wanted) {
+    MapNames made;
+    for (const std::string_view name : wanted)
+        if (std::find(std::begin(kMade), std::end(kMade), name) != std::end(kMade) &&
+            lacks(view, name))
+            made.add(name);
+    return made;
+}
+
+/// The photograph's value at each pixel's centre, in another size.
+std::vector<float> grey_at(const View& view, const Camera& camera) {
+    const ImageU8 grey = grey_of(view.photo);
+    std::vector<float> out;
+    for (int y = 0; y < camera.height_px; ++y)
+        for (int x = 0; x < camera.width_px; ++x)
+            out.push_back(
+                static_cast<float>(grey.at((2 * x + 1) * grey.width / (2 * camera.width_px),
+                                           (2 * y + 1) * grey.height / (2 * camera.height_px))) /
+                255);
+    return out;
+}
+
+std::vector<std::uint8_t> mask_at(const View& view, const Camera& camera) {
+    std::vector<std::uint8_t> out;
+    for (int y = 0; !view.mask.empty() && y < camera.height_px; ++y)
+        for (int x = 0; x < camera.width_px; ++x)
+            out.push_back(view.mask.at((2 * x + 1) * view.mask.width / (2 * camera.width_px),
+                                       (2 * y + 1) * view.mask.height / (2 * camera.height_px)));
+    return out;
+}
+
+/// Normals that stereo found one by one are noisy: means over 5 x 5 pixels of the same surface and
+/// colour.
+std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<float>& grey) {
+    const int w = maps.camera.width_px, h = maps.camera.height_px;
+    std::vector<Vec3f> out(maps.normals.size());
+    parallel_for(Cpu{}, w * h, [&](int at) {
+        const auto i = static_cast<std::size_t>(at);
+        const int x = at % w, y = at / w;
+        if (!(maps.depth[i] > 0)) return;
+        Vec3f sum{};
+        for (int v = std::max(y - 2, 0); v <= std::min(y + 2, h - 1); ++v)
+            for (int u = std::max(x - 2, 0); u <= std::min(x + 2, w - 1); ++u) {
+                const auto j = static_cast<std::size_t>(v * w + u);
+                if (!(std::abs(maps.depth[j] - maps.depth[i]) < 0.02f * maps.depth[i])) continue;
+                const float alike = std::exp(-std::abs(grey[j] - grey[i]) / 0.1f);
+                sum += maps.confidence[j] * alike * maps.normals[j];
+            }
+        const float length = norm(sum);
+        out[i] = length > 1e-6f ? sum / length : maps.normals[i];
+    });
+    return out;
+}
+
+/// What stereo found, its confidences raised above those of what it did not find, and the rest
+/// filled in.
+StereoMaps completed(const StereoMaps& maps, const View& view) {
+    const std::vector<float> grey = grey_at(view, maps.camera);
+    const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
+    StereoMaps out = maps;
+    out.normals = smoothed_normals(maps, grey);
+    std::vector<float> costs(maps.depth.size(), kWorstCost);
+    for (std::size_t i = 0; i < maps.depth.size(); ++i) {
+        if (!(maps.depth[i] > 0)) continue;
+        costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below what planar_prior() trusts
+        out.confidence[i] =
+            kPlanarConfidence + (1 - kPlanarConfidence) * std::max(maps.confidence[i], 0.01f);
+    }
+
+    std::vector<SurfacePlane> planes;
+    for (std::size_t i = 0; i < maps.depth.size(); ++i)
+        planes.push_back({maps.normals[i], maps.depth[i]});
+    const auto prior = planar_prior(maps.camera, {planes.data(), planes.size()},
+                                    {costs.data(), costs.size()}, mask);
+    for (std::size_t i = 0; i < prior.size(); ++i) {
+        if (maps.depth[i] > 0 || !(prior[i].depth > 0) || !(mask.empty() || mask[i] >= kObjectMask))
+            continue;
+        const int at = static_cast<int>(i), w = maps.camera.width_px;
+        if (!(-dot(prior[i].normal, normalize(pixel_ray(maps.camera, at % w, at / w))) >
+              kLeastFacing))
+            continue;
+        out.depth[i] = prior[i].depth, out.normals[i] = prior[i].normal;
+        out.confidence[i] = kPlanarConfidence;
+    }
+    const std::vector<float> filled = complete_depth(
+        {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask});
+    for (std::size_t i = 0; i < filled.size(); ++i) {
+        if (maps.depth[i] > 0) continue;  // what is measured stays as it is
+        out.depth[i] = filled[i];
+        if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = kFillConfidence;
+    }
+    return out;
+}
+
+/// Of the photograph's size: each pixel's depth is on the plane that the nearest pixel of stereo
+/// holds, so surfaces have no steps.
+StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
+    const int w = camera.width_px, h = camera.height_px;
+    if (w == maps.camera.width_px && h == maps.camera.height_px) return maps;
+    StereoMaps out{camera, {}, {}, {}};
+    for (int y = 0; y < h; ++y)
+        for (int x = 0; x < w; ++x) {
+            const int u = (2 * x + 1) * maps.camera.width_px / (2 * w),
+                      v = (2 * y + 1) * maps.camera.height_px / (2 * h);
+            const auto from = static_cast<std::size_t>(v * maps.camera.width_px + u);
+            const SurfacePlane plane{maps.normals[from], maps.depth[from]};
+            const float depth =
+                depth_on_ray(plane, pixel_ray(maps.camera, u, v), pixel_ray(camera, x, y));
+            out.depth.push_back(depth > 0 ? depth : plane.depth);  // filled in: without a normal
+            out.normals.push_back(plane.normal);
+            out.confidence.push_back(maps.confidence[from]);
+        }
+    return out;
+}
+
+/// Stretched so that the 2nd and 98th percentiles of what is measured are 0 and 1; NaN: none.
+std::vector<float> order_of(const StereoMaps& maps) {
+    std::vector<float> measured;
+    for (std::size_t i = 0; i < maps.depth.size(); ++i)
+        if (maps.confidence[i] > kPlanarConfidence) measured.push_back(maps.depth[i]);
+    const auto percentile = [&](std::size_t percent) {
+        const auto at =
+            measured.begin() + static_cast<std::ptrdiff_t>((measured.size() - 1) * percent / 100);
+        std::nth_element(measured.begin(), at, measured.end());
+        return *at;
+    };
+    const float low = percentile(2), high = percentile(98);
+    // A wall that is met head on has no range.
+    const float range = std::max(high - low, 1e-4f * low);
+    std::vector<float> order;
+    for (const float depth : maps.depth)
+        order.push_back(depth > 0 ? (depth - low) / range
+                                  : std::numeric_limits<float>::quiet_NaN());
+    return order;
+}
+
+}  // namespace
+
+void add_stereo_priors(const std::vector<StereoMaps>& stereo,
+                       const MapNames& wanted,
+                       std::vector<View>& views) {
+    for (std::size_t v = 0; v < views.size(); ++v) {
+        View& view = views[v];
+        const auto& depth = stereo[v].depth;
+        const MapNames names = to_make(view, wanted);
+        if (names.empty() ||
+            std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
+            continue;
+        StereoMaps maps = resized(completed(stereo[v], view), view.camera);
+        // A confidence that came without the depth is of something else.
+        if (lacks(view, prior_map::kDepth))
+            std::erase_if(view.maps,
+                          [](const ViewMap& map) { return map.name == prior_map::kConfidence; });
+        const auto add = [&](std::string_view name, int channels, std::vector<float> values) {
+            if (std::find(names.begin(), names.end(), name) != names.end())
+                view.maps.push_back({std::string(name), view.camera.width_px, view.camera.height_px,
+                                     channels, std::move(values)});
+        };
+        std::vector<float> normals;
+        for (const Vec3f& n : maps.normals) normals.insert(normals.end(), {n.x, n.y, n.z});
+        add(prior_map::kDepthOrder, 1, order_of(maps));
+        add(prior_map::kDepth, 1, std::move(maps.depth));
+        add(prior_map::kConfidence, 1, std::move(maps.confidence));
+        add(prior_map::kNormal, 3, std::move(normals));
+    }
+}
+
+void make_stereo_priors(const DeviceChoice& device,
+                        const StereoOptions& stereo,
+                        const MapNames& wanted,
+                        StereoStart start,
+                        std::vector<View>& views) {
+    if (std::all_of(views.begin(), views.end(),
+                    [&](const View& view) { return to_make(view, wanted).empty(); }))
+        return;
+    std::vector<StereoMaps> found = std::move(start.maps);
+    if (found.empty()) {
+        spdlog::info("terms ask for priors that the scene does not have: stereo makes them");
+        found =
+            with_context("making priors (without the losses that ask for them none are made)", [&] {
+                return run_stereo(device, views, start.points, stereo);
+            }).maps;
+    }
+    std::size_t known = 0, pixels = 0;
+    for (const StereoMaps& maps : found) {
+        pixels += maps.depth.size();
+        known += static_cast<std::size_t>(
+            std::count_if(maps.depth.begin(), maps.depth.end(), [](float d) { return d > 0; }));
+    }
+    if (known == 0)
+        throw Error(ExitCode::input,
+                    str("terms ask for priors, and stereo found no depth in ", views.size(),
+                        " views; give priors with the scene, or set the weights of these losses "
+                        "to 0"));
+    add_stereo_priors(found, wanted, views);
+    spdlog::info("priors by stereo: {:.0f} % of the pixels are measured, the others filled in",
+                 100.0 * static_cast<double>(known) / static_cast<double>(pixels));
+}
+
+}  // namespace tvsgs

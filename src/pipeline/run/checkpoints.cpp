@@ -1,0 +1,207 @@
+#include "pipeline/run/checkpoints.h"
+
+#include <algorithm>
+#include <charconv>
+#include <cstring>
+#include <filesystem>
+
+#include "core/device/buffer.h"
+#include "core/error.h"
+#include "core/log.h"
+#include "io/files/checkpoint.h"
+
+namespace tvsgs {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr std::size_t kKept = 2;
+
+std::string folder_of(const std::string& run) {
+    return run + "/checkpoints";
+}
+
+/// Iteration and path, newest first.
+std::vector<std::pair<int, std::string>> checkpoints_of(const std::string& run) {
+    std::vector<std::pair<int, std::string>> found;
+    std::error_code code;
+    for (fs::directory_iterator it(folder_of(run), code), end; !code && it != end;
+         it.increment(code)) {
+        const std::string name = it->path().filename().string(), prefix = "iteration_";
+        int iteration = -1;
+        const char* const end_of_name = name.data() + name.size();
+        if (!name.starts_with(prefix)) continue;
+        const auto number = std::from_chars(name.data() + prefix.size(), end_of_name, iteration);
+        if (number.ec == std::errc{} && std::string_view(number.ptr, end_of_name) == ".ckpt")
+            found.emplace_back(iteration, it->path().string());
+    }
+    std::sort(found.rbegin(), found.rend());
+    return found;
+}
+
+template <class T>
+void add_values(State& state, const char* name, const T* values, std::size_t count) {
+    StateArray& array = state.add(name, sizeof(T), count, false);
+    if (count > 0) std::memcpy(array.bytes.data(), values, array.bytes.size());
+}
+
+template <class T>
+std::vector<T> values_of(const State& state, const char* name) {
+    const StateArray& array = state.get(name, sizeof(T));
+    std::vector<T> values(array.count());
+    if (!values.empty()) std::memcpy(values.data(), array.bytes.data(), array.bytes.size());
+    return values;
+}
+
+template <class T>
+T value_of(const State& state, const char* name) {
+    T value;
+    std::memcpy(&value, state.get_one(name, sizeof(T)).bytes.data(), sizeof(T));
+    return value;
+}
+
+/// Removes all but the newest.
+void keep_newest(const std::string& run) {
+    const auto all = checkpoints_of(run);
+    std::error_code code;
+    for (std::size_t i = kKept; i < all.size(); ++i) fs::remove(all[i].second, code);
+}
+
+ResumePoint read_point(const std::string& file) {
+    auto state = std::make_shared<State>(read_checkpoint(file));
+    return with_context(str("reading ", file), [&] {
+        ResumePoint point{file, {}, state, iterations_done(*state), {}, {}};
+        point.seconds = value_of<double>(*state, "run.seconds");
+        const std::vector<char> config = values_of<char>(*state, "run.config");
+        point.config.assign(config.begin(), config.end());
+        return point;
+    });
+}
+
+}  // namespace
+
+std::uint32_t views_id(const Scene& scene) {
+    std::uint32_t id = 0;
+    for (const View& view : scene.train) {
+        id = checksum(view.name.data(), view.name.size(), id);
+        id = checksum(&view.camera.camera_from_world, sizeof view.camera.camera_from_world, id);
+    }
+    return id;
+}
+
+std::uint32_t photos_id(const Scene& scene) {
+    // Every 16th row is enough to tell photographs apart, and costs nothing.
+    std::uint32_t id = 0;
+    for (const View& view : scene.train) {
+        const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
+        for (std::size_t at = 0; at + row <= view.photo.pixels.size(); at += 16 * row)
+            id = checksum(view.photo.pixels.data() + at, row, id);
+    }
+    return id;
+}
+
+std::uint32_t points_id(const Scene& scene) {
+    const auto& points = scene.points.positions;
+    return checksum(points.data(), points.size() * sizeof(Vec3f), 0);
+}
+
+std::optional<ResumePoint> open_checkpoint(const std::string& place) {
+    std::error_code code;
+    if (!fs::is_directory(place, code)) {
+        ResumePoint point = read_point(place);
+        const fs::path folder = fs::absolute(place).lexically_normal().parent_path();
+        if (folder.filename() == "checkpoints" && fs::exists(folder / "../config.json", code))
+            point.run = fs::relative(folder.parent_path(), code).string();
+        return point;
+    }
+    std::optional<Error> first;
+    for (const auto& [iteration, file] : checkpoints_of(place)) try {
+            ResumePoint point = read_point(file);
+            point.run = place;
+            return point;
+        } catch (const Error& error) {
+            if (error.code() != ExitCode::input) throw;
+            spdlog::warn("{}; looking for the one before", error.what());
+            if (!first) first = error;
+        }
+    if (first) throw *first;
+    return std::nullopt;
+}
+
+void adopt_scene(const ResumePoint& point, Scene& scene) {
+    if (value_of<std::uint32_t>(*point.state, "run.views") != views_id(scene))
+        throw Error(ExitCode::input,
+                    str(point.file,
+                        ": is the checkpoint of another scene: its training views have "
+                        "other names or poses than the ",
+                        scene.train.size(), " of ", scene.path,
+                        "; give the scene and the views it was trained with"));
+    if (value_of<std::uint32_t>(*point.state, "run.photos") != photos_id(scene))
+        spdlog::warn("{}: the photographs of {} are not those of the checkpoint", point.file,
+                     scene.path);
+    scene.points = {};
+    scene.points.positions = values_of<Vec3f>(*point.state, "run.points");
+    scene.extent = value_of<float>(*point.state, "run.extent");
+}
+
+void remove_checkpoints_after(const std::string& run, int done) {
+    std::error_code code;
+    for (const auto& [iteration, file] : checkpoints_of(run))
+        if (iteration > done) fs::remove(file, code);
+}
+
+std::vector<std::pair<std::string, std::string>> config_values(const OptionTable& table) {
+    std::vector<std::pair<std::string, std::string>> values;
+    for (const Option& option : table.options()) values.emplace_back(option.key, option.get());
+    return values;
+}
+
+JsonValue changed_values(const std::vector<std::pair<std::string, std::string>>& before,
+                         const OptionTable& table) {
+    JsonValue changed = JsonValue::object();
+    const auto now = config_values(table);
+    for (std::size_t i = 0; i < std::min(before.size(), now.size()); ++i)
+        if (before[i].second != now[i].second)
+            changed.add(now[i].first, str(before[i].second, " -> ", now[i].second));
+    return changed;
+}
+
+void CheckpointWriter::save(int done, double seconds, const SharedState& state) {
+    finish();
+    if (!photos_) photos_ = photos_id(scene_);
+    auto about = std::make_shared<State>();
+    add_values(*about, "run.config", config_.data(), config_.size());
+    add_values(*about, "run.seconds", &seconds, 1);
+    const std::uint32_t views = views_id(scene_);
+    add_values(*about, "run.views", &views, 1);
+    add_values(*about, "run.photos", &*photos_, 1);
+    add_values(*about, "run.extent", &scene_.extent, 1);
+    add_values(*about, "run.points", scene_.points.positions.data(),
+               scene_.points.positions.size());
+    file_ = str(folder_of(run_), "/iteration_", done, ".ckpt");
+    writing_ = std::async(std::launch::async,
+                          [about = std::shared_ptr<const State>(std::move(about)), whole = state,
+                           file = file_, run = run_]() mutable -> std::string {
+                              // Frees the state once it is written, not at the next checkpoint.
+                              const auto values = std::move(about), splats = std::move(whole);
+                              try {
+                                  write_checkpoint(file, {values.get(), splats.get()});
+                              } catch (const std::exception& error) {
+                                  return error.what();
+                              }
+                              keep_newest(run);
+                              return {};
+                          });
+}
+
+std::optional<std::string> CheckpointWriter::finish() {
+    if (writing_.valid()) {
+        failure_ = writing_.get();
+        if (!failure_.empty())
+            spdlog::warn("checkpoint not saved: {}; the older ones stay", failure_);
+    }
+    if (file_.empty() || !failure_.empty()) return std::nullopt;
+    return file_;
+}
+
+}  // namespace tvsgs

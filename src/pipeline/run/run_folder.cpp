@@ -1,0 +1,426 @@
+#include "pipeline/run/run_folder.h"
+
+#include <fcntl.h>
+#include <sys/file.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <charconv>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <map>
+#include <vector>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/files/manifest.h"
+#include "io/files/read_file.h"
+#include "pipeline/run/refined_cameras.h"
+
+namespace tvsgs {
+namespace fs = std::filesystem;
+
+namespace {
+
+constexpr std::string_view kEntries[] = {
+    "config.json",  "exposure.json", "sky.png",     "plan.json",   "memory.json", "log.jsonl",
+    "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",        "eval",
+    "test",         "live",          "report.json", "report.html"};
+
+/// Whether there is a file with something in it, there or below. (A run that is killed before it
+/// has a configuration leaves an empty log.)
+bool holds_work(const fs::path& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return !fs::is_empty(path, code);
+    for (fs::recursive_directory_iterator it(path, code), end; !code && it != end;
+         it.increment(code))
+        if (it->is_regular_file(code)) return true;
+    return false;
+}
+
+}  // namespace
+
+bool lies_in(const fs::path& path, const fs::path& folder) {
+    std::error_code code;
+    if (!fs::is_directory(folder, code)) return false;
+    const fs::path whole = fs::weakly_canonical(fs::absolute(path), code),
+                   outer = fs::canonical(folder, code);
+    if (code) return false;
+    return std::mismatch(outer.begin(), outer.end(), whole.begin(), whole.end()).first ==
+           outer.end();
+}
+
+namespace {
+
+void require_outside_of_pictures(const std::string& out, const SceneOptions& scene) {
+    for (const std::string& name : {scene.images, scene.masks, std::string("images"),
+                                    std::string("mask"), std::string("masks")})
+        if (!name.empty() && lies_in(out, fs::path(scene.path) / name))
+            throw Error(ExitCode::usage,
+                        str("--out ", out, ": lies among the pictures of the scene, ",
+                            (fs::path(scene.path) / name).string(), "; name another place"));
+}
+
+}  // namespace
+
+void require_output(const std::string& out,
+                    std::initializer_list<const char*> extensions,
+                    const std::string& why,
+                    const SceneOptions& scene) {
+    if (is_stream(out)) return;
+    const std::string found = fs::path(out).extension();
+    if (std::find(extensions.begin(), extensions.end(), found) == extensions.end()) {
+        std::string expected;
+        for (auto e = extensions.begin(); e != extensions.end(); ++e)
+            expected += str(e == extensions.begin()     ? ""
+                            : e + 1 == extensions.end() ? " or "
+                                                        : ", ",
+                            *e);
+        throw Error(ExitCode::usage,
+                    str("--out ", out, ": ", why, "; expected a name that ends in ", expected));
+    }
+    require_outside_of_pictures(out, scene);
+    require_replaceable(out);
+    require_no_record(out);
+    // What would come up after all the work otherwise.
+    std::error_code code;
+    fs::path folder = fs::absolute(out, code).lexically_normal().parent_path();
+    while (!fs::exists(folder, code) && folder != folder.parent_path())
+        folder = folder.parent_path();
+    if (!fs::is_directory(folder, code))
+        throw Error(ExitCode::io, str("--out ", out, ": ", folder.string(), " is no folder"));
+    if (::access(folder.c_str(), W_OK) != 0)
+        throw Error(ExitCode::io, str("--out ", out, ": nothing can be written in ",
+                                      folder.string(), ": ", std::strerror(errno)));
+}
+
+void require_free_run_folder(const std::string& path,
+                             bool replace,
+                             bool go_on,
+                             const SceneOptions& scene) {
+    std::error_code code;
+    if (fs::equivalent(path, scene.path, code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the scene; name another folder for the run with --out"));
+    if (fs::equivalent(path, "/", code))
+        throw Error(ExitCode::usage,
+                    str(path, ": is the root of all folders; name another for the run with --out"));
+    require_outside_of_pictures(path, scene);
+    const std::string config = (fs::path(path) / "config.json").string();
+    if (!fs::exists(config, code)) {
+        if (has_manifest(path) && holds_listed_files(path))
+            throw Error(ExitCode::usage,
+                        str(path,
+                            ": holds something else than a run, such as a scene of tvsgs-synth; "
+                            "name another folder with --out"));
+        for (const std::string_view entry : kEntries)
+            if (holds_work(fs::path(path) / entry))
+                throw Error(ExitCode::usage,
+                            str(path, ": holds ", entry,
+                                ", which a run would replace, and no run (config.json); expected "
+                                "an empty or new folder; name another with --out"));
+        return;
+    }
+    if (!replace && !go_on)
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": holds another run (config.json); expected an empty or new folder; "
+                        "name another with --out, or replace that run with --overwrite"));
+    // What is overwritten is removed: never the work of another program.
+    if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
+        throw Error(ExitCode::usage, str(config,
+                                         ": was not written by tvsgs-train, so its folder is not "
+                                         "overwritten; name another with --out"));
+    if (!has_manifest(path))
+        throw Error(ExitCode::usage,
+                    str(path,
+                        ": lacks the list of its files (.tvsgs-files), so yours cannot be told "
+                        "from them; copy it with that list, or name another folder with --out"));
+}
+
+namespace {
+
+/// What a process that was killed has left half written; what is not ours stays.
+void remove_leftovers(const fs::path& folder) {
+    std::error_code code;
+    std::vector<fs::path> found;
+    for (fs::recursive_directory_iterator it(folder, code), end; !code && it != end;
+         it.increment(code)) {
+        const std::string name = it->path().filename().string();
+        const std::size_t mark = name.find(".tmp-");
+        const std::string_view entry = std::string_view(name).substr(0, mark);
+        if (it.depth() == 0 && std::ranges::find(kEntries, entry) == std::end(kEntries))
+            it.disable_recursion_pending();
+        else if (mark != std::string::npos)
+            found.push_back(it->path());
+    }
+    for (const fs::path& file : found) fs::remove(file, code);
+}
+
+/// Of a line of the log; 0: it has none.
+int iteration_of(std::string_view line) {
+    constexpr std::string_view key = "\"iteration\": ";
+    const std::size_t at = line.find(key);
+    int iteration = 0;
+    if (at != std::string_view::npos)
+        std::from_chars(line.data() + at + key.size(), line.data() + line.size(), iteration);
+    return iteration;
+}
+
+/// The lines of a log up to an iteration; one that was cut off is dropped.
+std::string log_up_to(const fs::path& log, int done) {
+    std::error_code code;
+    if (!fs::is_regular_file(log, code)) return {};
+    const std::string all = read_bytes(log.string());
+    std::string kept;
+    for (std::size_t begin = 0, end; (end = all.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(all.data() + begin, end - begin);
+        if (iteration_of(line) <= done && line.ends_with('}')) kept += std::string(line) + "\n";
+    }
+    return kept;
+}
+
+}  // namespace
+
+RunFolder::RunFolder(const std::string& path, int done) : path_(path) {
+    const fs::path folder(path);
+    std::error_code code;
+    fs::create_directories(folder, code);
+    if (!code) lock_ = open(path.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    if (lock_ >= 0 && flock(lock_, LOCK_EX | LOCK_NB) != 0 && errno == EWOULDBLOCK) {
+        close(lock_);
+        throw Error(ExitCode::usage, str(path,
+                                         ": another tvsgs-train is writing there; wait for "
+                                         "it, or name another folder with --out"));
+    }
+    const bool go_on = done >= 0;
+    if (!code) remove_leftovers(folder);
+    if (!code && go_on) {
+        write_text_file(folder / "log.jsonl", log_up_to(folder / "log.jsonl", done));
+    } else if (!code) {
+        if (has_manifest(folder)) remove_listed_files(folder);
+        start_manifest(folder);
+    }
+    if (!code) add_to_manifest(folder, folder / "log.jsonl");
+    if (!code) log_ = std::fopen((folder / "log.jsonl").c_str(), go_on ? "a" : "w");
+    if (log_ == nullptr)
+        throw Error(ExitCode::io, str(path, ": cannot write there: ",
+                                      code ? code.message() : std::strerror(errno),
+                                      "; name a writable folder with --out"));
+}
+
+RunFolder::~RunFolder() {
+    if (log_ != nullptr) std::fclose(log_);
+    if (lock_ >= 0) close(lock_);
+}
+
+void RunFolder::save_config(const std::string& json) const {
+    write_text_file(path_ + "/config.json", json + "\n");
+}
+
+void RunFolder::save_cameras(const Scene& scene) const {
+    std::string text = "[";
+    int id = 0;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views) {
+            const Camera& c = view.camera;
+            const Vec3d centre = vec_cast<double>(camera_centre(c)) + scene.origin;
+            const Mat3<double> R = mat_cast<double>(transpose(c.camera_from_world.R));
+            JsonValue line;
+            const int digits = norm(scene.origin) > 0 ? 15 : 9;
+            const auto row = [digits](double x, double y, double z) {
+                return std::vector{rounded(x, digits), rounded(y, digits), rounded(z, digits)};
+            };
+            line.add("id", id)
+                .add("img_name", view.name)
+                .add("width", c.width_px)
+                .add("height", c.height_px);
+            line.add("position", row(centre.x, centre.y, centre.z));
+            line.add("rotation",
+                     std::vector{row(R[0][0], R[0][1], R[0][2]), row(R[1][0], R[1][1], R[1][2]),
+                                 row(R[2][0], R[2][1], R[2][2])});
+            line.add("fy", c.fy_px).add("fx", c.fx_px).add("cx", c.cx_px).add("cy", c.cy_px);
+            text += (id++ ? ",\n" : "\n") + json_text(line);
+        }
+    write_text_file(path_ + "/cameras.json", text + "\n]\n");
+}
+
+void RunFolder::log(const JsonValue& line) {
+    if (std::fprintf(log_, "%s\n", json_text(line).c_str()) < 0 || std::fflush(log_) != 0)
+        throw Error(ExitCode::io, str(path_, "/log.jsonl: writing failed: ", std::strerror(errno)));
+}
+
+void RunFolder::save_splats(const Gaussians<Cpu>& gaussians,
+                            int iteration,
+                            Vec3d origin,
+                            PlyScales scales) const {
+    write_splat_ply(str(path_, "/point_cloud/iteration_", iteration, "/point_cloud.ply"), gaussians,
+                    origin, scales);
+}
+
+void RunFolder::remove_splats_of_stops(int last) const {
+    const std::string log = read_bytes(path_ + "/log.jsonl");
+    std::error_code code;
+    for (std::size_t begin = 0, end; (end = log.find('\n', begin)) != std::string::npos;
+         begin = end + 1) {
+        const std::string_view line(log.data() + begin, end - begin);
+        if (line.find("\"event\": \"stopped\"") == std::string_view::npos) continue;
+        const int iteration = iteration_of(line);
+        if (iteration == last) continue;
+        const fs::path folder = str(path_, "/point_cloud/iteration_", iteration);
+        fs::remove(folder / "point_cloud.ply", code);
+        if (fs::is_empty(folder, code) && !code) fs::remove(folder, code);
+    }
+}
+
+namespace {
+
+/// The largest iteration that has splats in a run folder; -1: none has.
+int newest_splats(const std::string& run) {
+    std::error_code code;
+    const fs::path folder = fs::path(run) / "point_cloud";
+    int best = -1;
+    for (fs::directory_iterator it(folder, code), end; !code && it != end; it.increment(code)) {
+        const std::string name = it->path().filename().string(), prefix = "iteration_";
+        int iteration = -1;
+        if (name.starts_with(prefix))
+            std::from_chars(name.data() + prefix.size(), name.data() + name.size(), iteration);
+        if (iteration > best && fs::exists(it->path() / "point_cloud.ply", code)) best = iteration;
+    }
+    return best;
+}
+
+}  // namespace
+
+bool holds_splats(const std::string& run) {
+    return newest_splats(run) >= 0;
+}
+
+std::string find_splats(const std::string& path) {
+    std::error_code code;
+    if (fs::is_regular_file(path, code)) return path;
+    const int best = newest_splats(path);
+    if (best < 0)
+        throw Error(ExitCode::input,
+                    str(path,
+                        ": no splats found; expected a splat PLY or a run folder with "
+                        "point_cloud/iteration_N/point_cloud.ply"));
+    return str((fs::path(path) / "point_cloud").string(), "/iteration_", best, "/point_cloud.ply");
+}
+
+namespace {
+
+/// Discs that a file holds with three scales: nearly all are thinner than a hundredth.
+bool are_thin(const Gaussians<Cpu>& splats) {
+    int thin = 0;
+    for (const Vec3f l : splats.log_scales.span())
+        thin += l.z < std::min(l.x, l.y) + std::log(0.01f);
+    return thin > 0.99 * splats.size();
+}
+
+}  // namespace
+
+Gaussians<Cpu> read_splats(const std::string& file, Vec3d origin, const TrainOptions& train) {
+    PlyScales scales;
+    Gaussians<Cpu> splats = read_splat_ply(file, origin, &scales);
+    const bool flat = make_backbone<Cpu>(train.backbone, train.render)->flat();
+    if (!flat && scales == PlyScales::two)
+        throw Error(ExitCode::input,
+                    str("E_PLY_SCALES: ", file, ": discs (splats with two scales), but backbone '",
+                        train.backbone,
+                        "' draws ellipsoids; expected scale_2, too, or --set backbone=X with one "
+                        "that draws discs (",
+                        backbones_of(true), ")"));
+    if (flat && scales == PlyScales::three && !are_thin(splats))
+        throw Error(ExitCode::input,
+                    str("E_PLY_SCALES: ", file,
+                        ": ellipsoids (splats with three scales), but backbone '", train.backbone,
+                        "' draws discs; expected two scales, or --set backbone=X with one that "
+                        "draws ellipsoids (",
+                        backbones_of(false), ")"));
+    if (splats.size() == 0)
+        throw Error(ExitCode::input, str(file, ": holds no usable splat; expected at least one"));
+    return splats;
+}
+
+std::string find_mesh(const std::string& path) {
+    std::string found;
+    fs::file_time_type latest;
+    for (const char* name :
+         {"mesh/mesh.glb", "mesh/mesh.ply", "mesh/mesh.obj", "mesh.glb", "mesh.ply", "mesh.obj"}) {
+        const fs::path file = fs::path(path) / name;
+        std::error_code code;
+        if (!fs::is_regular_file(file, code)) continue;
+        const fs::file_time_type time = fs::last_write_time(file, code);
+        if (found.empty() || time > latest) found = file.string(), latest = time;
+    }
+    return found;
+}
+
+std::string run_config_path(const std::string& path) {
+    const std::string config = path + "/config.json";
+    std::error_code code;
+    if (!fs::is_regular_file(config, code))
+        throw Error(
+            ExitCode::input,
+            str(path, ": no run folder; expected config.json in it, as tvsgs-train writes it"));
+    return config;
+}
+
+void require_scene_of_run(const std::string& run, const Scene& scene) {
+    const std::string file = run + "/cameras.json";
+    std::error_code code;
+    if (!fs::is_regular_file(file, code)) return;
+    std::map<std::string, Vec3d> centres;
+    const JsonValue cameras = parse_json_value(read_bytes(file), file);
+    for (const JsonValue& camera : cameras.items)
+        if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
+            centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
+    // Refined poses are a little off those of the scene, and float rounds.
+    const double shift = 0.05 * static_cast<double>(scene.extent);
+    constexpr double kRounding = 1e-5;
+    std::ptrdiff_t same = 0, elsewhere = 0;
+    for (const std::vector<View>* views : {&scene.train, &scene.test})
+        for (const View& view : *views)
+            if (const auto found = centres.find(view.name); found != centres.end()) {
+                const Vec3d here = vec_cast<double>(camera_centre(view.camera)) + scene.origin;
+                const double off = norm(here - found->second);
+                ++same, elsewhere += !(off <= shift + kRounding * norm(here));
+            }
+    if (same == 0) {
+        if (!centres.empty())
+            spdlog::warn(
+                "{}: none of its views was in the training of {}: taken to be in the same frame",
+                scene.path, run);
+        return;
+    }
+    if (2 * elsewhere > same)
+        throw Error(ExitCode::input,
+                    str(scene.path, ": is not the scene of ", run, ": of ", same,
+                        " views of the same names ", elsewhere,
+                        " stand elsewhere than in its cameras.json; expected the scene that it was "
+                        "trained on, in the same frame"));
+}
+
+Scene read_scene_of_run(const SceneOptions& options, const std::string& path) {
+    return with_context(
+        str("looking for the scene of ", path, " (--scene DIR names another place)"), [&] {
+            SceneOptions of_run = options;
+            std::error_code code;
+            of_run.scratch =
+                fs::is_directory(path, code) ? path : fs::path(path).parent_path().string();
+            Scene scene = read_scene(of_run);
+            if (!options.given_cameras) {
+                adopt_refined_cameras(path, scene);
+                require_scene_of_run(path, scene);
+            }
+            return scene;
+        });
+}
+
+}  // namespace tvsgs

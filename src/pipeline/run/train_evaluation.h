@@ -1,0 +1,219 @@
+// Evaluation while training: when, against what, and what it says in log.jsonl.
+#pragma once
+
+#include <cmath>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scene/crop.h"
+#include "eval/geometry_scores.h"
+#include "io/files/json_value.h"
+#include "pipeline/mesh/mesh_extraction.h"
+#include "pipeline/run/view_evaluation.h"
+
+namespace tvsgs {
+
+/// In the configuration, so that a run can be repeated and its report made again.
+struct EvaluationOptions {
+    std::string at, gt, visible_gt, crop, taus;
+    int every = 0;
+    float max_distance = 0;
+    std::int64_t point_samples = 0;
+    bool mesh = false;
+
+    template <class Visitor>
+    void fields(Visitor& field) {
+        field("at", at,
+              "seconds of training after which to evaluate: 5,10,20; a last '...' goes on by the "
+              "last ratio");
+        field("every", every, {0, 1e9}, "iterations between evaluations; 0: none");
+        field("gt", gt, "mesh or cloud (PLY): the true surface, in the scene's frame");
+        field("visible_gt", visible_gt, "part of it that completeness and recall ask for");
+        field("crop", crop, "selection volume, {\"box\": ...} or a scene's gt/info.json");
+        field("taus", taus,
+              "thresholds T,T,... of precision, recall and F1; empty: 0.5, 1 and 2 % of the "
+              "truth's size");
+        field("max_distance", max_distance, {0, 1e9}, "distances are capped there; 0: not");
+        field("point_samples", point_samples, {0, 1e8},
+              "0: distances to the triangles of meshes; else to so many points on each, which is "
+              "biased");
+        field("mesh", mesh, "measure the mesh as well as the centres; takes as long as making it");
+    }
+};
+
+/// Which steps are evaluated. Only a step after which `due` is asked can be.
+class EvaluationSchedule {
+public:
+    /// A run that goes on has `seconds` behind it. Throws Error(ExitCode::usage).
+    explicit EvaluationSchedule(const EvaluationOptions& options, double seconds = 0);
+
+    /// `seconds` of training have passed at the end of `step`.
+    bool due(int step, double seconds);
+
+private:
+    std::vector<double> at_;  // not yet reached, increasing
+    double ratio_ = 0;        // at_ goes on by it; 0: it ends
+    int every_;
+};
+
+/// The true surface, ready to measure against.
+struct Truth {
+    MeasureOptions measure;
+    MeasuredSurface surface;
+    std::optional<SamplePoints> visible;
+    Crop crop;
+    std::vector<double> taus;
+    double max_distance = 0;
+};
+
+/// Nothing without eval.gt. Throws Error.
+std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
+
+/// Distances of the splats' centres, or of the mesh, as `tvsgs-eval geometry` writes them, or
+/// {"error": ...} when nothing of it is in the crop. With `curve`, precision and recall at 41
+/// thresholds up to twice the largest tau, under "curve".
+struct PointScores {
+    JsonValue json;
+    double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
+};
+PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
+PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
+
+/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the
+/// same for RUN/eval/mesh.json.
+void add_centres(JsonValue& line,
+                 const std::vector<Vec3f>& centres,
+                 const Truth& truth,
+                 const std::string& run);
+void add_mesh(JsonValue& line,
+              const TriangleMesh& mesh,
+              const Truth& truth,
+              const std::string& run);
+
+/// What an evaluation of the mesh needs besides the splats.
+struct MeshSource {
+    const std::vector<View>& views;
+    const MeshOptions& options;
+    std::string spill_folder;
+    Vec3d origin{};  // see depth_rules
+};
+
+/// A run that ends by more than that below its best has been trained for too long.
+inline constexpr double kClearlyWorse = 0.5;  // dB of PSNR
+
+/// Mean over the views, inside of object masks that are trained with, as what they leave out is
+/// not. Of the whole images where no view's mask has a pixel of the object.
+inline double psnr_trained(const ViewScores& scores, const TrainOptions& options) {
+    const double inside = scores.mean_masked.psnr;
+    return options.loss.photometric.masks == MaskUse::object && std::isfinite(inside)
+               ? inside
+               : scores.mean_psnr;
+}
+
+/// An evaluation during training, of the splats as `drawn`: with fixed ones after them.
+struct Evaluation {
+    JsonValue line;   // of log.jsonl
+    double psnr = 0;  // psnr_trained() of the test views
+};
+template <class Device>
+Evaluation evaluate(int step,
+                    double seconds,
+                    const Gaussians<Device>& gaussians,
+                    const Gaussians<Device>& drawn,
+                    const std::vector<View>& views,
+                    const TrainOptions& options,
+                    const std::optional<Truth>& truth,
+                    const MeshSource* mesh = nullptr) {
+    Evaluation result;
+    JsonValue& line = result.line;
+    line.add("event", "evaluation").add("iteration", step).add("seconds", seconds);
+    line.add("gaussians", gaussians.size());
+    if (!views.empty()) {
+        const auto no_pictures = [](const View&, const ImageU8&, const auto&) {};
+        const ViewScores scores =
+            score_views(drawn, views, options, no_pictures, {.masked = have_masks(views)});
+        line.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+        if (have_masks(views)) line.add("psnr_masked", scores.mean_masked.psnr);
+        result.psnr = psnr_trained(scores, options);
+        spdlog::info("after {:.1f} s: PSNR {:.2f} dB, SSIM {:.4f}", seconds, scores.mean_psnr,
+                     scores.mean_ssim);
+    }
+    if (truth) {
+        const auto add = [&](const char* what, const PointScores& scores) {
+            line.add(what, scores.json);
+            spdlog::info("after {:.1f} s, {}: Chamfer {:.4g}, F1 {:.3f} at {:g}", seconds, what,
+                         scores.chamfer, scores.f1, scores.tau);
+        };
+        add("centres", score_points(to_host(gaussians.means), *truth, false));
+        if (mesh)
+            add("mesh",
+                score_mesh(extract_mesh(mesh->views, drawn, options, mesh->options,
+                                        mesh->spill_folder, spdlog::level::debug, mesh->origin),
+                           *truth, false));
+    }
+    return result;
+}
+
+/// Says when more training no longer pays: when the best score is older than half the time that it
+/// took to reach.
+class Convergence {
+public:
+    /// The score on views that do not train, after `seconds`.
+    void add(double seconds, double psnr) {
+        if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
+        over_ = best_at_ > 0 && seconds > 1.5 * best_at_;
+    }
+    bool over() const { return over_; }
+    double best() const { return best_; }
+    double best_at() const { return best_at_; }
+
+private:
+    static constexpr double kStep = 0.02;  // dB; less is the noise from one view to the next
+    double best_ = -1e300, best_at_ = 0;
+    bool over_ = false;
+};
+
+/// Follows how good a training is on its way: when to ask, the best answer, whether they improve.
+class ScoreWatch {
+public:
+    /// Asks as `options` say and, `until_converged`, often enough to see when that is. A run that
+    /// goes on has `seconds` behind it.
+    ScoreWatch(const EvaluationOptions& options, bool until_converged, double seconds)
+        : schedule_(options, seconds), validations_(validation(until_converged), seconds) {}
+
+    /// `seconds` of training have passed at the end of `step`.
+    bool due(int step, double seconds) {
+        step_ = step, seconds_ = seconds;
+        validates_ = validations_.due(step, seconds);
+        return schedule_.due(step, seconds) || validates_;
+    }
+
+    /// The score on views that do not train, where one was due last.
+    void add(double psnr) {
+        if (psnr > best_psnr_) best_psnr_ = psnr, best_step_ = step_;
+        if (validates_) convergence_.add(seconds_, psnr);
+    }
+
+    double best_psnr() const { return best_psnr_; }  // 0: none yet
+    int best_step() const { return best_step_; }
+    const Convergence& convergence() const { return convergence_; }
+
+private:
+    static EvaluationOptions validation(bool until_converged) {
+        EvaluationOptions options;
+        if (until_converged) options.at = "1,1.2,...";
+        return options;
+    }
+
+    EvaluationSchedule schedule_, validations_;  // asked for; to see when it has converged
+    Convergence convergence_;
+    double best_psnr_ = 0;
+    int best_step_ = 0;
+    // Of the last due():
+    int step_ = 0;
+    double seconds_ = 0;
+    bool validates_ = false;
+};
+
+}  // namespace tvsgs

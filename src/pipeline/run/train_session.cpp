@@ -1,0 +1,366 @@
+#include "pipeline/run/train_session.h"
+
+#include "core/log.h"
+#include "io/splats/ply.h"
+#include "optim/growth/fixed_splats.h"
+#include "optim/loop/time_budget.h"
+#include "pipeline/run/checkpoints.h"
+#include "pipeline/run/live_snapshots.h"
+#include "pipeline/run/progress.h"
+#include "pipeline/run/refined_cameras.h"
+#include "pipeline/run/signals.h"
+#include "pipeline/run/train_evaluation.h"
+#include "pipeline/run/view_evaluation.h"
+#include "pipeline/scene/exposures.h"
+
+namespace tvsgs {
+namespace {
+
+/// Whether the splats may have to be evaluated after a step.
+bool evaluates_on_the_way(const RunOptions& options) {
+    return !options.eval.at.empty() || options.eval.every > 0 ||
+           options.plan.until == Until::converged;
+}
+
+template <class Device>
+class TrainSession {
+public:
+    TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run);
+    void run();
+
+private:
+    // While it trains.
+    Gaussians<Device> train_or_explain();
+    Gaussians<Device> train_in_budget();
+    TrainCallbacks callbacks();
+    bool report_due(int step) const;
+    bool save_due(int done) const;
+    bool stop_requested();
+    void save(int done, const SharedState& state);
+    void roll_back(int done, const std::string& why);
+    void evaluate_if_due(int step, const Gaussians<Device>& splats);
+    void evaluate_now(int step, const Gaussians<Device>& splats);
+    void place_cameras(const std::vector<Camera>& cameras) const;
+    void fit_to_budget();
+
+    // When it has ended, after `seconds`.
+    void settle_budget(double seconds);
+    void warn_of_few(int splats) const;
+    void say_how_it_ended(double seconds);
+    void save_refined_cameras() const;
+    void write_results(const Gaussians<Device>& trained, double seconds);
+    void say_what_is_scored() const;
+    void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
+
+    /// Of this call: what the run took before it was resumed is past.
+    double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
+    MeshSource mesh_source() const {
+        return {in_.scene.train, in_.options.mesh, run_.path() + "/mesh", in_.scene.origin};
+    }
+
+    const SignalGuard signals_;  // there is work to save from here on
+    const SessionInputs& in_;
+    RunFolder& run_;
+    TrainOptions training_;  // in_.training with the schedule that it goes by now
+    TrainProgress progress_;
+    CheckpointWriter checkpoints_;
+    LiveSnapshots live_;
+    TimeBudget budget_;
+    ScoreWatch scores_;                        // of evaluations on the way
+    FixedSplats<Device> fixed_;                // drawn beside those that are trained
+    std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
+    HeldExposures exposures_;                  // of the training views; empty: none
+    int done_;                                 // iterations
+    SharedState state_;                        // where the next training begins; null: as a new one
+    bool fit_now_ = false;                     // the training pauses for a new schedule
+};
+
+template <class Device>
+TrainSession<Device>::TrainSession(const SessionInputs& inputs, SharedState start, RunFolder& run)
+    : in_(inputs),
+      run_(run),
+      training_(inputs.training),
+      progress_(training_, inputs.resume.seconds()),
+      checkpoints_(run.path(), inputs.config(), inputs.scene),
+      live_(run.path(), inputs.scene.origin, inputs.session.live_every),
+      budget_(inputs.options.plan.time_budget, training_, inputs.resume.done()),
+      scores_(
+          inputs.options.eval, inputs.options.plan.until == Until::converged, progress_.seconds()),
+      fixed_(inputs.scene.fixed_splats, inputs.training.model.sh_degree),
+      done_(inputs.resume.done()),
+      state_(std::move(start)) {}
+
+template <class Device>
+void TrainSession<Device>::run() {
+    say_what_is_scored();
+    const Gaussians<Device> trained = train_or_explain();
+    synchronize(Device{});
+    end_progress_line();
+    const double seconds = progress_.seconds();
+    settle_budget(seconds);
+
+    Gaussians<Cpu> splats;
+    copy(trained, splats);
+    warn_of_few(splats.size());
+    const bool discs = in_.options.output.ply_scales == OutputOptions::Scales::automatic &&
+                       make_backbone<Cpu>(training_.backbone, training_.render)->flat();
+    live_.finish();
+    run_.save_splats(splats, done_, in_.scene.origin, discs ? PlyScales::two : PlyScales::three);
+    if (refined_) save_refined_cameras();
+    if (!exposures_.empty()) write_exposures(run_.path(), in_.scene, exposures_);
+    say_how_it_ended(seconds);
+    SignalGuard::check();
+
+    run_.remove_splats_of_stops(done_);
+    write_results(trained, seconds);
+    in_.write_report();
+    spdlog::info("{} splats after {} iterations in {:.1f} s, peak {} MiB; run folder {}",
+                 splats.size(), done_, seconds, memory_use(Device{}).peak_bytes >> 20, run_.path());
+    if (!checkpoints_.failure().empty())
+        throw Error(ExitCode::io,
+                    str(run_.path(), ": the run is finished and whole, but cannot be extended: ",
+                        "its last checkpoint was not saved: ", checkpoints_.failure()));
+}
+
+template <class Device>
+void TrainSession<Device>::say_what_is_scored() const {
+    const std::vector<View>& views = in_.scene.test;
+    if (training_.loss.photometric.masks == MaskUse::object && have_masks(views) &&
+        !has_object(views))
+        spdlog::warn(
+            "no mask of the {} test views has a pixel of the object: the training goes by the PSNR "
+            "of their whole images",
+            views.size());
+}
+
+template <class Device>
+Gaussians<Device> TrainSession<Device>::train_or_explain() {
+    try {
+        return train_in_budget();
+    } catch (const Error& error) {
+        end_progress_line();
+        const auto last = checkpoints_.finish();
+        if (!last) throw;
+        throw Error(error.code(), str(error.what(), "\n  the last checkpoint is ", *last,
+                                      "; --resume goes on from there"));
+    }
+}
+
+template <class Device>
+Gaussians<Device> TrainSession<Device>::train_in_budget() {
+    TrainCallbacks told = callbacks();
+    const auto after_step = [this](int step, const Gaussians<Device>& splats) {
+        done_ = step;
+        if (evaluates_on_the_way(in_.options)) evaluate_if_due(step, splats);
+        if (live_.due()) {
+            Gaussians<Cpu> now;
+            copy(splats, now);
+            live_.write(step, training_.iterations, progress_.seconds(), std::move(now));
+        }
+    };
+    for (;;) {
+        Gaussians<Device> trained =
+            train<Device>(in_.scene, training_, told, after_step, std::exchange(state_, nullptr));
+        if (!fit_now_) return trained;
+        fit_to_budget();
+        told.goes_on = true;
+    }
+}
+
+template <class Device>
+TrainCallbacks TrainSession<Device>::callbacks() {
+    TrainCallbacks told;
+    told.profile = in_.session.profile;
+    told.report_due = [this](int step) { return report_due(step); };
+    told.on_report = [this](const TrainReport& report) {
+        run_.log(progress_.json(report));
+        progress_.show(report);
+    };
+    told.stop_requested = [this] { return stop_requested(); };
+    told.on_end = [this](int done) { done_ = done; };
+    told.save_due = [this](int done) { return save_due(done); };
+    told.on_save = [this](int done, const SharedState& state) { save(done, state); };
+    told.on_cameras = [this](const CameraRefinement& refined) { refined_ = refined; };
+    told.on_exposures = [this](const HeldExposures& found) { exposures_ = found; };
+    told.on_rollback = [this](int done, const std::string& why) { roll_back(done, why); };
+    return told;
+}
+
+template <class Device>
+bool TrainSession<Device>::report_due(int step) const {
+    return step == 1 || step == training_.iterations || step % in_.session.report_every == 0;
+}
+
+template <class Device>
+bool TrainSession<Device>::save_due(int done) const {
+    const int every = in_.session.checkpoint_every;
+    return every > 0 && done > in_.resume.done() &&
+           (done % every == 0 || done + 1 == training_.iterations);
+}
+
+template <class Device>
+bool TrainSession<Device>::stop_requested() {
+    const bool stop = SignalGuard::received() != 0 || scores_.convergence().over();
+    fit_now_ = !stop && budget_.due(done_, own_seconds());
+    return stop || fit_now_;
+}
+
+template <class Device>
+void TrainSession<Device>::save(int done, const SharedState& state) {
+    state_ = state;
+    if (!fit_now_) checkpoints_.save(done, progress_.seconds(), state);
+}
+
+template <class Device>
+void TrainSession<Device>::roll_back(int done, const std::string& why) {
+    done_ = done;
+    spdlog::warn(why);
+    run_.log(JsonValue().add("event", "rollback").add("iteration", done).add("why", why));
+}
+
+template <class Device>
+void TrainSession<Device>::evaluate_if_due(int step, const Gaussians<Device>& splats) {
+    if (!scores_.due(step, progress_.seconds()) || step == training_.iterations) return;
+    synchronize(Device{});
+    progress_.pause();
+    evaluate_now(step, splats);
+    progress_.resume();
+}
+
+template <class Device>
+void TrainSession<Device>::evaluate_now(int step, const Gaussians<Device>& splats) {
+    const MeshSource mesh = mesh_source();
+    const std::vector<Camera> given = detail::cameras_of(in_.scene.train);
+    if (refined_) place_cameras(refined_->cameras());
+    const Evaluation evaluation =
+        evaluate(step, progress_.seconds(), splats, fixed_.join(splats), in_.scene.test, training_,
+                 in_.truth, in_.options.eval.mesh ? &mesh : nullptr);
+    place_cameras(given);  // what training starts from, should it start again
+    run_.log(evaluation.line);
+    scores_.add(evaluation.psnr);
+}
+
+template <class Device>
+void TrainSession<Device>::place_cameras(const std::vector<Camera>& cameras) const {
+    for (std::size_t i = 0; i < cameras.size(); ++i) in_.scene.train[i].camera = cameras[i];
+}
+
+template <class Device>
+void TrainSession<Device>::fit_to_budget() {
+    budget_.fit(done_, own_seconds(), training_);
+    copy_schedule(training_, in_.options.train);
+    progress_.set_schedule(training_);
+    run_.save_config(in_.config());
+    checkpoints_.set_config(in_.config());
+    run_.log(JsonValue()
+                 .add("event", "plan")
+                 .add("iteration", done_)
+                 .add("seconds", progress_.seconds())
+                 .add("iterations", training_.iterations));
+    spdlog::info("after {:.1f} s: {} iterations in all for {:g} s", progress_.seconds(),
+                 training_.iterations, static_cast<double>(in_.options.plan.time_budget));
+}
+
+template <class Device>
+void TrainSession<Device>::settle_budget(double seconds) {
+    const double asked = in_.options.plan.time_budget, took = seconds - in_.resume.seconds();
+    if (!(asked > 0) || done_ != training_.iterations) return;
+    if (took > 1.1 * asked)
+        spdlog::warn(
+            "the training took {:.1f} s instead of {:g}: {} iterations are the fewest "
+            "that its first seconds let foresee; give it more time, or smaller images "
+            "(-r)",
+            took, asked, done_);
+    // What was run, for whoever runs it again.
+    in_.options.plan.time_budget = 0;
+    run_.save_config(in_.config());
+}
+
+template <class Device>
+void TrainSession<Device>::warn_of_few(int splats) const {
+    const std::size_t first = in_.scene.points.positions.size();
+    if (static_cast<std::size_t>(splats) < first / 100)
+        spdlog::warn(
+            "of {} initial points {} splats are left: learning rates (lr.*) or pruning "
+            "(densify.*) do not suit this scene",
+            first, splats);
+}
+
+template <class Device>
+void TrainSession<Device>::say_how_it_ended(double seconds) {
+    const auto last = checkpoints_.finish();
+    const Convergence& convergence = scores_.convergence();
+    if (convergence.over())
+        spdlog::info("converged: PSNR {:.2f} dB after {:.1f} s has not been exceeded by {:.1f} s",
+                     convergence.best(), convergence.best_at(), seconds);
+    else if (done_ < training_.iterations) {
+        spdlog::warn("stopped after {} of {} iterations; the splats so far are in {}", done_,
+                     training_.iterations, run_.path());
+        run_.log(JsonValue().add("event", "stopped").add("iteration", done_));
+        if (!last) throw Error(ExitCode::io, checkpoints_.failure());
+        spdlog::warn("tvsgs-train --resume {} goes on", run_.path());
+    }
+}
+
+template <class Device>
+void TrainSession<Device>::save_refined_cameras() const {
+    place_cameras(refined_->cameras());
+    write_refined_cameras(run_.path(), in_.scene);
+    run_.save_cameras(in_.scene);
+    spdlog::info("{}; {}/cameras", camera_moves_text(*refined_), run_.path());
+}
+
+template <class Device>
+void TrainSession<Device>::write_results(const Gaussians<Device>& trained, double seconds) {
+    JsonValue summary;
+    summary.add("event", "done")
+        .add("iteration", done_)
+        .add("seconds", seconds)
+        .add("gaussians", trained.size());
+    summary.add("peak_bytes", memory_use(Device{}).peak_bytes);
+    if (refined_) summary.add("cameras", camera_moves_json(in_.scene, *refined_));
+    if (!in_.scene.test.empty()) score_test_views(fixed_.join(trained), summary);
+    if (in_.truth) add_centres(summary, to_host(trained.means), *in_.truth, run_.path());
+    if (in_.options.eval.mesh) {
+        const MeshSource source = mesh_source();
+        const TriangleMesh mesh =
+            extract_mesh(source.views, fixed_.join(trained), training_, source.options,
+                         source.spill_folder, spdlog::level::info, source.origin);
+        write_mesh_ply(run_.path() + "/mesh/mesh.ply", mesh, source.origin);
+        add_mesh(summary, mesh, *in_.truth, run_.path());
+    }
+    run_.log(summary);
+}
+
+template <class Device>
+void TrainSession<Device>::score_test_views(const Gaussians<Device>& drawn,
+                                            JsonValue& summary) const {
+    const std::size_t views = in_.scene.test.size();
+    const bool masked = have_masks(in_.scene.test);
+    const ViewScores scores =
+        evaluate_views(drawn, in_.scene.test, training_, run_.path(), {.masked = masked});
+    summary.add("psnr", scores.mean_psnr).add("ssim", scores.mean_ssim);
+    if (masked) summary.add("psnr_masked", scores.mean_masked.psnr);
+    spdlog::info("test views: PSNR {:.2f} dB, SSIM {:.4f} over {} views; pictures in {}/test",
+                 scores.mean_psnr, scores.mean_ssim, views, run_.path());
+    if (masked) spdlog::info("inside of their masks: PSNR {:.2f} dB", scores.mean_masked.psnr);
+    const double psnr = psnr_trained(scores, training_);
+    if (psnr < scores_.best_psnr() - kClearlyWorse)
+        spdlog::warn(
+            "PSNR was {:.2f} dB after {} iterations and is {:.2f} dB in the end: training went "
+            "on for too long, or grew too much; try --iterations {}, --until converged or "
+            "--set densify.enabled=false",
+            scores_.best_psnr(), scores_.best_step(), psnr, scores_.best_step());
+}
+
+}  // namespace
+
+void run_session(const DeviceChoice& device,
+                 const SessionInputs& inputs,
+                 SharedState start,
+                 RunFolder& run) {
+    on_device(device,
+              [&](auto tag) { TrainSession<decltype(tag)>(inputs, std::move(start), run).run(); });
+}
+
+}  // namespace tvsgs

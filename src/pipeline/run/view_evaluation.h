@@ -1,0 +1,88 @@
+// Renders views, scores them against their photographs, and leaves pictures a person can look at.
+#pragma once
+
+#include <algorithm>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "core/progress.h"
+#include "eval/view_scores.h"
+#include "io/files/atomic_file.h"
+#include "io/files/json_value.h"
+#include "io/images/image_file.h"
+#include "optim/loop/train.h"
+#include "pipeline/run/signals.h"
+#include "pipeline/scene/render_background.h"
+#include "render/backbone.h"
+#include "render/depth/map_images.h"
+
+namespace tvsgs {
+
+/// Whether renders can be scored inside of the views' masks.
+inline bool have_masks(const std::vector<View>& views) {
+    const auto lacks = [](const View& view) { return view.mask.empty(); };
+    return !views.empty() && std::none_of(views.begin(), views.end(), lacks);
+}
+
+/// Whether a mask has a pixel of the object.
+inline bool has_object(const std::vector<View>& views) {
+    return std::any_of(views.begin(), views.end(), [](const View& view) {
+        return std::any_of(view.mask.pixels.begin(), view.mask.pixels.end(),
+                           [](std::uint8_t value) { return value >= kObjectMask; });
+    });
+}
+
+/// `on_render(view, render, images)` is called after each view.
+template <class Device, class OnRender>
+ViewScores score_views(const Gaussians<Device>& gaussians,
+                       const std::vector<View>& views,
+                       const TrainOptions& options,
+                       OnRender&& on_render,
+                       const ViewScoring& scoring = {}) {
+    auto backbone = make_backbone<Device>(options.backbone, options.render);
+    ViewScorer scorer(scoring);
+    Progress progress("scores of the views", double(views.size()));
+    for (const View& view : views) {
+        const auto& images = backbone->forward(gaussians, view.camera, gaussians.sh_degree,
+                                               Maps::color | kGeometryMaps);
+        const std::vector<Vec3f> colors =
+            colors_before(options.loss.photometric, view.camera, images);
+        const ImageU8 render = color_image(images.width, images.height, colors);
+        scorer.add(view, render, colors);
+        on_render(view, render, images);
+        progress.advance();
+    }
+    return scorer.scores();
+}
+
+/// Where the render of a view is, without the suffix.
+inline std::string render_stem(const std::string& run, const std::string& view_name) {
+    return run + "/test/" + std::filesystem::path(view_name).replace_extension().string();
+}
+
+/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view and RUN/eval/nvs.json.
+/// Gives way to a signal between views.
+template <class Device>
+ViewScores evaluate_views(const Gaussians<Device>& gaussians,
+                          const std::vector<View>& views,
+                          const TrainOptions& options,
+                          const std::string& run,
+                          const ViewScoring& scoring = {}) {
+    SignalGuard::check();
+    const auto write_pictures = [&](const View& view, const ImageU8& render, const auto& images) {
+        const std::string stem = render_stem(run, view.name);
+        const int w = images.width, h = images.height;
+        write_png(stem + ".png", render);
+        write_png(stem + "_normal.png", normal_image(w, h, to_host(images.normal)));
+        write_png(stem + "_depth.png", depth_image(w, h, to_host(images.depth)));
+        SignalGuard::check();
+    };
+    ViewScores scores = score_views(gaussians, views, options, write_pictures, scoring);
+    JsonValue json = view_scores_json(scores, views.size(), scoring);
+    json.add("per_view", scores.per_view);
+    write_text_file(run + "/eval/nvs.json", json_text(json) + "\n");
+    return scores;
+}
+
+}  // namespace tvsgs

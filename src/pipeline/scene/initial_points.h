@@ -1,0 +1,73 @@
+// The points that training starts from.
+#pragma once
+
+#include "core/device/device_choice.h"
+#include "pipeline/priors/stereo_priors.h"
+#include "pipeline/scene/fixed_points.h"
+#include "pipeline/scene/mask_use.h"
+#include "pipeline/scene/stereo_cloud.h"
+
+namespace tvsgs {
+
+/// Whether the cloud of the scene gives way to one by stereo.
+inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
+    return options.scene.init_ply.empty() &&
+           scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
+}
+
+/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
+/// stereo, if that finds more. `scene` has no points outside of object masks (keep_to_object()),
+/// nor does the cloud by stereo. Measured points are held against it and fill its gaps. Returns
+/// what stereo found, of which priors can be made.
+inline StereoStart prepare_points(const DeviceChoice& device,
+                                  const RunOptions& options,
+                                  Scene& scene) {
+    const InitOptions& init = options.train.init;
+    StereoStart stereo{scene.points.positions, {}};
+    const std::vector<Vec3f>& points = stereo.points;
+    if (!options.scene.init_ply.empty()) {
+        scene.points =
+            prepare_cloud(std::move(scene.points), scene.train, init, options.scene.init_ply);
+    } else if (needs_stereo(options, scene)) {
+        spdlog::info("{} initial points are fewer than init.min_points = {}: stereo makes a cloud",
+                     scene.points.positions.size(), init.min_points);
+        try {
+            StereoResult found = stereo_cloud(device, scene.train, points, stereo_options(options),
+                                              stereo_cap(init.max_points));
+            stereo.maps = std::move(found.maps);
+            keep_to_object(options.train.loss.photometric.masks, scene.train, found.cloud);
+            if (found.cloud.positions.size() > scene.points.positions.size())
+                scene.points = std::move(found.cloud);
+        } catch (const Error& error) {
+            if (error.code() != ExitCode::input || scene.points.positions.empty()) throw;
+            spdlog::warn("{}; training starts from the {} points of the model", error.what(),
+                         scene.points.positions.size());
+        }
+    }
+    if (!scene.fixed_voters.positions.empty()) {
+        const std::string& file = options.train.tv.fixed_voters;
+        const std::size_t measured = scene.fixed_voters.positions.size();
+        std::string agreement;
+        if (options.train.tv.fixed_check) {
+            const FixedPointsLook look = look_at_fixed_points(scene);
+            check_fixed_points(look, measured, file);
+            agreement = fmt::format("; {:.0f} % agree with the initial cloud, to {:.1f} pixels",
+                                    100 * look.agreeing, look.tolerance_px);
+        }
+        const std::size_t added = fill_with_fixed_points(scene);
+        spdlog::info("{}: {} measured points vote{}; {} begin as splats, where the cloud is empty",
+                     file, measured, agreement, added);
+    }
+    return stereo;
+}
+
+/// The near plane's default suits scenes some units deep; in smaller ones it would hide them.
+inline void fit_near_plane(const Scene& scene, BackboneOptions& render) {
+    const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
+    if (render.near != usual || unit >= 1) return;
+    render.near = usual * unit;
+    spdlog::info("the scene is {:.3g} world units deep: render.near is {:.3g} instead of {:.3g}",
+                 unit, render.near, usual);
+}
+
+}  // namespace tvsgs

@@ -1,0 +1,71 @@
+#include "pipeline/scene/sky.h"
+
+#include <filesystem>
+
+#include "core/error.h"
+#include "core/log.h"
+#include "io/images/image_file.h"
+#include "optim/growth/init_cloud.h"
+
+namespace tvsgs {
+namespace {
+
+std::string file_of(const std::string& run) {
+    return run + "/sky.png";
+}
+
+/// Not beside object masks, which say more, nor where the user has a background in mind.
+bool may_plan(const PhotometricOptions& options, const RunPlan* plan) {
+    return plan != nullptr && options.masks != MaskUse::object &&
+           !plan->pinned("loss.photometric.background");
+}
+
+}  // namespace
+
+SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan) {
+    PhotometricOptions& o = options.train.loss.photometric;
+    if (!may_plan(o, plan) && !has_sky(o)) return {};
+    SkyLook look = look_for_sky(scene.train, scene.points.positions, uses_masks(o.masks));
+    if (may_plan(o, plan)) plan->apply(plan_sky(look.share));
+    if (!has_sky(o)) return {};
+    const std::vector<std::size_t> kept =
+        points_before_sky(scene.train, look, scene.points.positions);
+    if (const std::size_t dropped = scene.points.positions.size() - kept.size()) {
+        scene.points = select_points(scene.points, kept);
+        spdlog::info("{} initial points lie in the sky and were dropped", dropped);
+    }
+    if (!o.sky_from.empty())
+        read_sky(o, o.sky_from);
+    else
+        o.sky = std::make_shared<const ImageU8>(make_sky(scene.train, look));
+    return look;
+}
+
+bool has_sky_file(const std::string& run) {
+    std::error_code code;
+    return std::filesystem::is_regular_file(file_of(run), code);
+}
+
+void write_sky(const std::string& run, const PhotometricOptions& options) {
+    if (options.sky) write_png(file_of(run), *options.sky);
+}
+
+void read_sky(PhotometricOptions& options, const std::string& run) {
+    options.sky = nullptr;
+    if (!has_sky(options)) return;
+    const std::string file = file_of(run);
+    if (!has_sky_file(run))
+        throw Error(ExitCode::input,
+                    str(run,
+                        ": has no sky.png, but its background is a sky "
+                        "(loss.photometric.background); expected the folder of a run that "
+                        "was trained with one, as a whole"));
+    ImageU8 sky = read_image(file, 3);
+    if (sky.width != sky.height || sky.width < 2)
+        throw Error(ExitCode::input, str(file, ": is ", sky.width, "x", sky.height,
+                                         "; expected a square of 2 and more: the map of directions "
+                                         "that tvsgs-train has written"));
+    options.sky = std::make_shared<const ImageU8>(std::move(sky));
+}
+
+}  // namespace tvsgs
