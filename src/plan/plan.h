@@ -9,19 +9,12 @@
 #include "core/scene/scene.h"
 #include "optim/loop/train.h"
 #include "optim/photo/sky.h"
+#include "optim/views/matchable.h"
 
 namespace tvsgs {
 
 /// The widest angle between the optical axes of two views at which pairing them is known to help.
 inline constexpr float kWideAngleDeg = 37;
-
-/// Points of the initial cloud per pixel that stereo could match: what hangs on how far the cloud
-/// covers the views changes in proportion between these two.
-inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
-inline double covered_share(double points_per_pixel) {
-    const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
-    return !(share > 0) ? 0 : share < 1 ? share : 1;
-}
 
 /// What the decisions go by. A few thousand points stand for all of the initial cloud.
 struct SceneLook {

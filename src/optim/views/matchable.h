@@ -8,6 +8,14 @@
 
 namespace tvsgs {
 
+/// Start points per pixel that stereo could match. Decisions that depend on how far the cloud
+/// covers the views change in proportion between these two bounds.
+inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
+inline double covered_share(double points_per_pixel) {
+    const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
+    return !(share > 0) ? 0 : share < 1 ? share : 1;
+}
+
 /// Of an even number the lower one, so that half of them at least are as large; NaN of none.
 /// Reorders them.
 double lower_median(std::vector<double>& values);
