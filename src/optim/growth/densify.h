@@ -1,4 +1,4 @@
-// Growing and pruning: clone, split, prune, trim, opacity reset; then to their places in memory.
+// Grows and prunes splats: clone, split, prune, trim, opacity reset, and reordering in memory.
 // [Kerbl23, Section 5], rules of [PGSR]
 #pragma once
 
@@ -42,7 +42,7 @@ struct DensifyOptions {
         field("every", every, {1, 1e9}, "iterations between densifications");
         field("opacity_reset_every", opacity_reset_every, {1, 1e9},
               "iterations between opacity resets");
-        // Below, splats that are too faint to be drawn would not come back.
+        // A lower value would make splats too faint to be drawn, and they would never recover.
         field("reset_opacity", reset_opacity, {0.00999, 0.999}, "what a reset lowers opacities to");
         field("trim_every", trim_every, {1, 1e9}, "iterations between trims");
         field("gradient_threshold", gradient_threshold, {0, 1e9},
@@ -65,7 +65,7 @@ struct DensifyOptions {
         field("spare_covered", spare_covered, {0, 1},
               "how far splats neither grow, nor are pruned or reset; less beside gaps that the "
               "initial cloud leaves in the photographs; 0: as ever, 1: not at all");
-        // 45 floats of colour each are counted in int.
+        // The 45 SH floats of each splat are counted in int.
         field("max_gaussians", max_gaussians, {1, 4e7}, "growth stops there");
         field("max_per_pixel", max_per_pixel, {0, 1e6},
               "growth stops at so many splats per pixel of the training views; 0: not");
@@ -78,10 +78,11 @@ public:
     Densifier(const DensifyOptions& options, float extent, std::uint64_t seed)
         : options_(options), extent_(extent), seed_(seed) {}
 
-    /// What the cloud leaves open around each splat, [N], where covered ones are spared.
+    /// Sets the open share of each splat, [N], see open_shares(); used where growth leaves out
+    /// covered areas.
     void set_open(const std::vector<float>& open) { copy(open, open_); }
 
-    /// What happened at a step.
+    /// Events of a step.
     struct Event {
         bool structure_changed = false;  // parents() is valid
         bool opacity_reset = false;
@@ -124,7 +125,7 @@ public:
         return event;
     }
 
-    /// Whether step() may add, remove or re-order splats then.
+    /// Whether step() may add, remove or reorder splats at this step.
     bool may_change_structure(int step) const { return acts(step) && (grows(step) || trims(step)); }
 
     bool resets_opacity(int step) const {
@@ -137,7 +138,7 @@ public:
             visit("densify.open", open_);
     }
 
-    /// Old index of each splat after a step that changed the structure.
+    /// Old index of each splat, after a step that changed the structure.
     Span<const int> parents() const { return parents_.span(); }
 
 private:
@@ -155,7 +156,7 @@ private:
 
     static float logit(float opacity) { return std::log(opacity / (1 - opacity)); }
 
-    /// Sums since the last growth; growth empties them.
+    /// Adds to the sums since the last growth.
     void count_view(const ScreenStatistics<Device>& screen, std::size_t splats) {
         if (statistics_.size() != splats) {
             statistics_.resize(splats);
@@ -188,8 +189,8 @@ private:
         statistics_.resize(0);
     }
 
-    /// Keeps growth within the cap and the abs-split quota: the largest scores win, ties by index.
-    /// On the host: it is rare.
+    /// Limits growth to the cap and the quota of abs_split: keeps the largest scores, ties by
+    /// index. Runs on the host, as it is rare.
     void apply_quotas(int n) {
         std::vector<Growth> growth = to_host(growth_);
         const std::vector<float> score = to_host(score_);
@@ -234,8 +235,8 @@ private:
                                   counts_.span(), growth_.span()});
     }
 
-    /// Carries out growth_ and counts_ and puts the splats where they belong in memory; false when
-    /// nothing would be left, and then nothing is changed.
+    /// Applies growth_ and counts_, and reorders the splats in memory. Returns false, and changes
+    /// nothing, when no splat would remain.
     bool rebuild(std::uint32_t step, Gaussians<Device>& g, Adam<Device>& adam) {
         const int total = exclusive_scan(counts_, first_);
         if (total == 0) return false;
@@ -244,14 +245,14 @@ private:
         parallel_for(Device{}, g.size(),
                      SourceBody{growth_.span(), counts_.span(), first_.span(), parents_.span(),
                                 is_new_.span(), child_of_split_.span()});
-        // 1. The new geometry, which says where in memory a splat belongs.
+        // 1. The new geometry, which determines the place of each splat in memory.
         gather_shapes(parents_.span(), {}, g);
         parallel_for(
             Device{}, total,
             ScatterChildrenBody{is_new_.span(), child_of_split_.span(), options_.jitter_clones,
                                 seed_, step, g.means.span(), g.log_scales.span(), g.quats.span()});
         parallel_for(Device{}, total, NormalizeQuatBody{g.quats.span()});
-        // 2. All to their places in memory, with everything that splats inherit.
+        // 2. Move all arrays to their new places, with all inherited values.
         morton_order(g.means.span(), first_);
         gather_shapes(first_.span(), {}, g);
         gather(first_.span(), {}, parents_, counts_);
@@ -264,7 +265,7 @@ private:
         return true;
     }
 
-    /// Moments go with their splats; new splats start with 0.
+    /// Moves the moments with their splats; new splats start with 0.
     void inherit(Gaussians<Device>& moments) {
         gather_shapes(parents_.span(), is_new_.span(), moments);
         gather_rest(is_new_.span(), moments);
@@ -290,15 +291,16 @@ private:
             g);
     }
 
-    /// One for each type, as gather() swaps it with what it moves; the harmonics have their own,
-    /// else small arrays would end up in memory of their size.
+    /// One scratch buffer per type, as gather() swaps it with the array that it moves. The SH
+    /// coefficients have their own scratch; else small arrays would end up in buffers of their
+    /// size.
     auto& scratch_of(const SplatArray& array, const Buffer<Vec3f, Device>&) {
         return array.planes > 1 ? scratch_sh_ : scratch3_;
     }
     auto& scratch_of(const SplatArray&, const Buffer<Quatf, Device>&) { return scratch4_; }
     auto& scratch_of(const SplatArray&, const Buffer<float, Device>&) { return scratch1_; }
 
-    /// parents_ <- before[parents_]: two changes of structure in one step read as one.
+    /// parents_ <- before[parents_]: merges two structure changes of one step.
     void chain_parents(Buffer<int, Device>& before, bool trimmed) {
         if (!trimmed) return parents_.swap(before);
         gather(parents_.span(), {}, before, counts_);

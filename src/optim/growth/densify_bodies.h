@@ -1,4 +1,4 @@
-// The loops of growing and pruning over splats, see densify.h.
+// Kernels of growing and pruning, see densify.h.
 #pragma once
 
 #include <algorithm>
@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// How much growth counts for each splat, 0 to 1. [docs/guide/plan.md#growth-in-gaps]
+/// Weight of growth per splat, 0 to 1. [docs/guide/plan.md#growth-in-gaps]
 struct GrowthWeights {
     Span<const float> open;  // [N] open_shares(), inherited; or empty: 1
     float spare_covered;
@@ -40,7 +40,7 @@ struct AccumulateBody {
     }
 };
 
-/// How many splats come of splat i (0, 1 or 2), pruning included.
+/// Number of splats that replace splat i: 0, 1 or 2, pruning included.
 struct CountBody {
     Span<const Growth> growth;
     Span<const Vec3f> log_scales;
@@ -53,14 +53,14 @@ struct CountBody {
         const bool split = growth[i] >= Growth::split;
         const float largest = largest_scale(log_scales[i]) / (split ? 1.6f : 1.0f);
         const float weight = weights(i);
-        // Small opacities are about the exponentials of their logits.
+        // The opacity of a faint splat is about the exponential of its logit.
         const bool pruned = opacity_logits[i] < min_opacity_logit + std::log(weight) ||
                             weight * largest > max_scale;
         counts[i] = pruned ? 0 : growth[i] == Growth::none ? 1 : 2;
     }
 };
 
-/// Where every new splat comes from, and what it is.
+/// Writes the source of each new splat, and its kind.
 struct SourceBody {
     Span<const Growth> growth;
     Span<const int> counts, first;
@@ -78,8 +78,8 @@ struct SourceBody {
     }
 };
 
-/// Moves the children of splits and jittered clones by a draw from their parent, and shrinks the
-/// former.
+/// Moves children of splits and jittered clones by a random draw from their parent's Gaussian, and
+/// shrinks children of splits.
 struct ScatterChildrenBody {
     Span<const std::uint8_t> is_new, child_of_split;
     bool jitter_clones;
@@ -99,8 +99,8 @@ struct ScatterChildrenBody {
     }
 };
 
-/// Opacities as they are drawn come down to `most`: where a filter dims a splat, its own stays
-/// higher by as much.
+/// Lowers rendered opacities to at most `reset`, or to a higher limit where the growth weight is
+/// below 1. Where a smoothing filter dims a splat, its stored opacity stays higher by that factor.
 struct ResetOpacityBody {
     float reset, reset_logit;
     Span<const Vec3f> log_scales;
@@ -121,7 +121,7 @@ struct ResetOpacityBody {
     }
 };
 
-/// Quaternions are normalised on use; here only their stored length is brought back to 1.
+/// Restores unit length of the stored quaternions; renderers normalise on use anyway.
 struct NormalizeQuatBody {
     Span<Quatf> quats;
     TVSGS_HD void operator()(int i) const { quats[i] = normalize(quats[i]); }

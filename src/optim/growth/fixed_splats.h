@@ -1,6 +1,6 @@
-// Splats of another training that are drawn with those that train (init.fixed_splats): what lies
-// outside of a block is explained, and nothing grows in its place. They take no step, no vote and
-// no loss of their own, do not grow, and are not saved; only rendering sees them.
+// Splats of another training that are rendered with the trained ones (init.fixed_splats). They
+// explain the surroundings of a block, so that no splats grow there. They take no step, vote or
+// loss, do not grow, and are not saved.
 #pragma once
 
 #include <algorithm>
@@ -10,7 +10,7 @@
 
 namespace tvsgs {
 
-/// `splats` with harmonics of that degree: higher ones are left out, missing ones are 0.
+/// Copies `splats` with SH coefficients of that degree: drops higher ones, sets missing ones to 0.
 inline Gaussians<Cpu> with_sh_degree(const Gaussians<Cpu>& splats, int degree) {
     Gaussians<Cpu> out;
     copy(splats, out);
@@ -26,25 +26,26 @@ inline Gaussians<Cpu> with_sh_degree(const Gaussians<Cpu>& splats, int degree) {
 template <class Device>
 class FixedSplats {
 public:
-    /// `fixed`: null for none; `sh_degree`: of the splats that train.
+    /// `fixed`: may be null; `sh_degree`: degree of the trained splats.
     FixedSplats(const std::shared_ptr<const Gaussians<Cpu>>& fixed, int sh_degree) {
         if (fixed) copy(with_sh_degree(*fixed, sh_degree), fixed_);
     }
 
     bool none() const { return fixed_.size() == 0; }
 
-    /// The trained splats and after them these; `trained` itself where there are none. Valid until
-    /// the next call. A smoothing filter is part of these splats' shapes already, so theirs is 0.
+    /// Returns the trained splats followed by the fixed ones; `trained` itself where none are
+    /// fixed. Valid until the next call. The fixed splats' shapes already include their smoothing
+    /// filter, so their filter is 0.
     const Gaussians<Device>& join(const Gaussians<Device>& trained);
 
-    /// For gradients of what join() gave: in its shape, 0.
+    /// Returns zeroed gradients in the shape of join()'s result.
     Gaussians<Device>& clear_gradients() {
         resize(gradients_, joined_.size(), joined_.sh_degree);
         fill_zero(gradients_);
         return gradients_;
     }
 
-    /// Adds the trained splats' part of these gradients to `dL_dtrained`.
+    /// Adds the gradients of the trained splats to `dL_dtrained`.
     void add_trained_part(Gaussians<Device>& dL_dtrained) const;
 
 private:

@@ -1,4 +1,4 @@
-// The copies of FixedSplats, for the two files that compile them.
+// Copies between the arrays of FixedSplats; included by one file per device.
 #pragma once
 
 #include <utility>
@@ -13,7 +13,7 @@ const Gaussians<Device>& FixedSplats<Device>::join(const Gaussians<Device>& trai
     if (none()) return trained;
     const int n = trained.size(), extra = fixed_.size();
     const bool changed = joined_.size() != n + extra;
-    // Optional arrays that are empty stay so.
+    // Empty optional arrays stay empty.
     if (!trained.filter.empty() && joined_.filter.empty()) joined_.filter.resize(1);
     resize(joined_, n + extra, trained.sh_degree);
     for_each_array(

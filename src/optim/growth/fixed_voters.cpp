@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// Of the plane through the points nearest to point i, itself among them.
+/// Normal of the plane through point i and the points nearest to it.
 Vec3f plane_normal(const std::vector<Vec3f>& points, const PointTree<float>& tree, std::size_t i) {
     constexpr std::size_t kPoints = 13;
     std::size_t index[kPoints];

@@ -1,4 +1,4 @@
-// Measured points that vote: surveyed geometry as a constraint.
+// Makes voters from measured points, which constrain the votes.
 #pragma once
 
 #include "core/scene/scene.h"
@@ -6,11 +6,11 @@
 
 namespace tvsgs {
 
-/// Points whose position is not finite are dropped. Normals that are absent or zero are those of
-/// the plane through the 12 nearest points. A point stands for a disc whose radius is the root mean
-/// square distance to its three nearest. Weights are options.fixed_weight times the confidences;
-/// absent: 1. Throws Error(ExitCode::input), naming options.fixed_voters, with fewer than three
-/// points or a weight below 0 or not finite.
+/// Drops points whose position is not finite. A missing or zero normal becomes the normal of the
+/// plane through the 12 nearest points. Each point votes as a disc; its radius is the root mean
+/// square distance to its three nearest points. Weights are options.fixed_weight times the
+/// confidences (1 if absent). Throws Error(ExitCode::input), naming options.fixed_voters, for fewer
+/// than three points or a weight that is negative or not finite.
 FixedVoters make_fixed_voters(const PointCloud& cloud, const TvOptions& options);
 
 }  // namespace tvsgs

@@ -1,5 +1,5 @@
-// Which splats grow, and how: the list of rules. Another one is a function, its name in GrowthRule
-// and in DensifyOptions, and a line in propose_growth().
+// List of growth rules: which splats grow, and how. To add one, write a function, add its name to
+// GrowthRule and DensifyOptions, and a case to propose_growth().
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace tvsgs {
 
-/// Running sums of what decides about growth.
+/// Running sums that growth rules read.
 struct GrowthStatistics {
     float gradient, abs_gradient, views, max_radius_px;
 
@@ -63,7 +63,7 @@ struct ThresholdsBody {
     }
 };
 
-/// As propose_growth().
+/// A rule as propose_growth() calls it.
 template <class Device>
 void grow_by_thresholds(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     parallel_for(Device{}, in.size(),
@@ -71,10 +71,10 @@ void grow_by_thresholds(const GrowthInputs<Device>& in, Span<Growth> growth, Spa
                                 in.abs_gradient_threshold, in.size_threshold, growth, score});
 }
 
-/// Splats of mean screen gradients above a threshold grow, and all whose mean absolute gradient is
-/// in the quantile of the same share: of rho N splats above the threshold, rho N more at most, but
-/// for ties. Small ones are cloned, large ones split. Splats without a gradient never grow.
-/// [docs/method/rade.md#growth]
+/// Grows splats whose mean screen gradient is above a threshold. Also grows splats whose mean
+/// absolute gradient lies in the top quantile of the same share: with rho N splats above the
+/// threshold, at most rho N more, except for ties. Clones small splats and splits large ones;
+/// splats without a gradient never grow. [docs/method/rade.md#growth]
 struct QuantileBody {
     Span<const GrowthStatistics> statistics;
     Span<const Vec3f> log_scales;
@@ -93,7 +93,8 @@ struct QuantileBody {
     }
 };
 
-/// As propose_growth(). The host finds the quantile: growth is rare, and both devices get the same.
+/// A rule as propose_growth() calls it. The quantile is found on the host: growth is rare, and both
+/// devices get the same result.
 template <class Device>
 void grow_by_quantile(const GrowthInputs<Device>& in, Span<Growth> growth, Span<float> score) {
     std::vector<float> abs;
@@ -111,14 +112,14 @@ void grow_by_quantile(const GrowthInputs<Device>& in, Span<Growth> growth, Span<
 
 enum class GrowthRule { thresholds, quantile };
 
-/// What one view adds to GrowthStatistics::abs_gradient; `sums`: over its pixels, of the absolute
-/// values of each component.
+/// Contribution of one view to GrowthStatistics::abs_gradient. `sums`: per component, the sum of
+/// absolute values over its pixels.
 TVSGS_HD inline float abs_gradient_of_view(GrowthRule rule, Vec2f sums) {
     return rule == GrowthRule::quantile ? sums.x + sums.y : std::sqrt(dot(sums, sums));
 }
 
-/// Overwrites the growth that a rule proposes for each splat, and the score by which a quota
-/// chooses.
+/// Overwrites `growth` with the proposal of a rule for each splat, and `score` with the number that
+/// quotas rank splats by.
 template <class Device>
 void propose_growth(GrowthRule rule,
                     const GrowthInputs<Device>& in,

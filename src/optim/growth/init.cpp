@@ -12,23 +12,23 @@
 namespace tvsgs {
 namespace {
 
-/// The shortest rotation that takes the z axis to a unit vector.
+/// The shortest rotation from the z axis to a unit vector.
 Quatf rotation_to(Vec3f n) {
     if (!(n.z > -0.9999f)) return {0, 1, 0, 0};  // half a turn about x
     return normalize(Quatf{1 + n.z, -n.y, n.x, 0});
 }
 
-constexpr float kThickness = 0.1f;  // of discs, along the normal over across
+constexpr float kThickness = 0.1f;  // ratio of a disc's thickness to its radius
 
-/// Uniform: a normal deviate in four dimensions has no preferred direction.
+/// Draws a uniform rotation: a normal deviate in four dimensions has no preferred direction.
 Quatf random_rotation(std::uint64_t index) {
     const Vec3f xyz = normal3(random4(0, RandomStream::init, index, 0)),
                 w = normal3(random4(0, RandomStream::init, index, 1));
     return normalize(Quatf{w.x, xyz.x, xyz.y, xyz.z});
 }
 
-/// The largest standard deviation, world units, that is at most `share` of the larger side of every
-/// photograph that the point lies in, or less than half a photograph beside.
+/// The largest standard deviation, world units, of at most `share` of the larger side of each
+/// photograph that shows the point or has it less than half a photograph outside.
 float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     float largest = std::numeric_limits<float>::infinity();
     for (const View& view : views) {
@@ -44,8 +44,8 @@ float largest_scale(const std::vector<View>& views, Vec3f point, float share) {
     return largest;
 }
 
-/// Whether largest_scale() may be less than a scale: only by cameras near the point, of which
-/// thousands need not be looked at.
+/// Tells quickly whether largest_scale() may be less than a scale. Only cameras near the point can
+/// limit it, so most of thousands of cameras are skipped.
 class NearCameras {
 public:
     NearCameras(const std::vector<View>& views, float share)
@@ -81,7 +81,7 @@ private:
 
     std::vector<Vec3f> centres_;
     PointTree<float> tree_;
-    float per_scale_ = 0, size_ = 0;  // size_: of the coordinates, for what they round
+    float per_scale_ = 0, size_ = 0;  // size_: of the coordinates, bounds rounding
 };
 
 }  // namespace
@@ -92,8 +92,7 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
     const std::size_t wanted = std::min(points.size(), static_cast<std::size_t>(k) + 1);
     PointForest(points).for_each(
         wanted, [&](std::size_t i, const float* squared, std::size_t found) {
-            // The point itself is among them at distance 0, or another at the same place: either
-            // way one zero goes.
+            // The first result is the point itself, or a duplicate at distance 0: skip one zero.
             double sum = 0;
             for (std::size_t j = 1; j < found; ++j) sum += static_cast<double>(squared[j]);
             if (found > 1) result[i] = static_cast<float>(sum / static_cast<double>(found - 1));
@@ -102,7 +101,7 @@ std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& poi
 }
 
 float median_depth(const Scene& scene) {
-    // A few thousand points tell the median to a percent or two.
+    // A few thousand points give the median to one or two percent.
     const std::size_t stride = 1 + scene.points.positions.size() / 5000;
     std::vector<float> depths;
     for (const View& view : scene.train)
@@ -160,7 +159,7 @@ Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, in
         const float log_scale = std::log(std::max(scale, std::sqrt(1e-7f) * unit));
         g.log_scales[i] = {log_scale, log_scale, log_scale};
         g.quats[i] = options.random_rotations ? random_rotation(i) : Quatf{1, 0, 0, 0};
-        if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // not of files with zeros
+        if (use_normals && std::abs(norm(normals[i]) - 1) < 0.1f) {  // skips zero normals
             g.quats[i] = rotation_to(normalize(normals[i]));
             g.log_scales[i].z += std::log(kThickness);
         }

@@ -1,4 +1,4 @@
-// From a point cloud to the first Gaussians.
+// Makes the first Gaussians from a point cloud.
 #pragma once
 
 #include <string>
@@ -14,7 +14,7 @@ struct InitOptions {
     int min_points = 2000;
     bool use_normals = true, random_rotations = false;
     float max_extent = 0.05f;
-    // A cloud from outside:
+    // For a cloud from a file:
     float thin = 0;
     int max_points = 1500000;
     float min_in_frame = 0.1f;
@@ -45,24 +45,24 @@ struct InitOptions {
     }
 };
 
-/// One Gaussian per point: isotropic, its standard deviation the root mean square distance to the
-/// three nearest other points, at least 1e-3.5 guard units; identity or random rotations; base
-/// colour from the point. With normals (and use_normals) the third axis is the normal and
-/// a tenth as long. No deviation exceeds `max_extent` of a photograph: a lonely point near a
-/// camera would veil it. Points within 1e-2 guard units of a training camera, where directions and
-/// projections lose their meaning, are dropped. Throws Error(ExitCode::input) when none is left.
+/// Makes one isotropic Gaussian per point. Its standard deviation is the root mean square distance
+/// to the three nearest other points, at least 1e-3.5 guard units; its rotation is the identity or
+/// random; its base colour is the point's. With normals (and use_normals) the third axis is the
+/// normal and a tenth as long. No standard deviation exceeds `max_extent` of a photograph: else a
+/// single point near a camera would cover the view. Drops points within 1e-2 guard units of a
+/// training camera, where directions and projections are ill-defined. Throws Error(ExitCode::input)
+/// when no point remains.
 Gaussians<Cpu> init_gaussians(const Scene& scene, const InitOptions& options, int sh_degree);
 
-/// Median distance along the optical axis from a training camera to the initial points in front of
-/// it; 0 without any.
+/// Median depth of the initial points in front of the training cameras; 0 if there are none.
 float median_depth(const Scene& scene);
 
-/// World units that limits meant for scenes some units deep are multiplied by: the median depth of
-/// a scene that is less than one unit deep, as one in kilometres may be, else 1.
+/// Factor from guard units to world units; limits in guard units suit scenes some units deep. The
+/// median depth of a scene less than one unit deep (for instance one in kilometres), else 1.
 float guard_unit(const Scene& scene);
 
-/// Mean squared distance to the `k` (at most 30) nearest other points, exact, where duplicates are
-/// at distance 0; also 0 for a point that is not finite, which is nobody's neighbour.
+/// Mean squared distance to the `k` (at most 30) nearest other points. Exact; duplicates have
+/// distance 0. A point that is not finite gets 0 and is no point's neighbour.
 std::vector<float> mean_squared_neighbour_distance(const std::vector<Vec3f>& points, int k);
 
 }  // namespace tvsgs

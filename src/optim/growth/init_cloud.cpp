@@ -16,7 +16,7 @@ struct Cell {
     std::uint32_t point;
 };
 
-/// Cells of an edge, sorted; 21 bits per axis.
+/// Cells of a grid with this edge, sorted; 21 bits per axis.
 std::vector<Cell> sorted_cells(const std::vector<Vec3f>& points, float edge) {
     Vec3f low = points[0];
     for (const Vec3f p : points)
@@ -71,7 +71,7 @@ PointCloud select_points(const PointCloud& cloud, const std::vector<std::size_t>
 
 PointCloud thin_cloud(const PointCloud& cloud, float edge) {
     if (cloud.positions.empty()) return cloud;
-    // Two million cells along an axis are the most that a key holds.
+    // A key holds at most two million cells along an axis.
     const std::vector<Cell> cells =
         sorted_cells(cloud.positions, std::max(edge, extent(cloud.positions) / 2e6f));
     PointCloud out;
@@ -87,7 +87,7 @@ PointCloud thin_cloud(const PointCloud& cloud, float edge) {
         if (!cloud.colors.empty()) out.colors.push_back(mean(cloud.colors));
         if (!cloud.normals.empty()) {
             const Vec3f n = mean(cloud.normals);
-            // Opposite sides of a thin sheet cancel: one of them is better than none.
+            // Normals on opposite sides of a thin sheet cancel: take one of them.
             out.normals.push_back(norm(n) > 1e-3f ? normalize(n)
                                                   : cloud.normals[cells[begin].point]);
         }
@@ -103,10 +103,10 @@ PointCloud thin_cloud(const PointCloud& cloud, float edge) {
 
 PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
     if (cloud.positions.size() <= count) return cloud;
-    // Occupied cubes fall about as the square of the edge, as on a surface, so a bracket in
-    // logarithms narrows fast.
+    // The number of occupied cubes falls about as the square of the edge, as on a surface, so a
+    // bracket in logarithms narrows fast.
     const float size = extent(cloud.positions);
-    double low = std::log(1e-6), high = 0;  // of edge / size: too many, few enough
+    double low = std::log(1e-6), high = 0;  // of edge / size: too many points, few enough
     double guess = std::log(0.5 / std::sqrt(static_cast<double>(count)));
     for (int step = 0; step < 20; ++step) {
         const std::size_t found =
@@ -122,14 +122,14 @@ PointCloud thin_to_count(const PointCloud& cloud, std::size_t count) {
     }
     PointCloud out = thin_cloud(cloud, size * static_cast<float>(std::exp(high)));
     if (out.positions.size() <= count) return out;
-    // A million points in one place: no edge tells them apart.
+    // Many points in one place: no edge separates them.
     std::vector<std::size_t> indices;
     for (std::size_t i = 0; i < count; ++i) indices.push_back(i * out.positions.size() / count);
     return select_points(out, indices);
 }
 
 PointCloud remove_outliers(const PointCloud& cloud) {
-    // Enough neighbours for a small clump of outliers to be far from most of them.
+    // Enough neighbours that members of a small clump of outliers are far from most of them.
     constexpr int kNeighbours = 20;
     constexpr double kDeviations = 2;
     if (cloud.positions.size() <= kNeighbours) return cloud;
@@ -149,8 +149,7 @@ PointCloud remove_outliers(const PointCloud& cloud) {
 }
 
 CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View>& views) {
-    const std::size_t stride =
-        1 + cloud.positions.size() / 200000;  // a share to a tenth of a percent
+    const std::size_t stride = 1 + cloud.positions.size() / 200000;  // gives a fraction to 0.1 %
     std::size_t looked_at = 0, none = 0, two = 0;
     for (std::size_t i = 0; i < cloud.positions.size(); i += stride) {
         int seen = 0;

@@ -1,5 +1,5 @@
-// Making an initial cloud fit for training: thinning, outliers, a cap, and whether it belongs to
-// the scene at all.
+// Prepares an initial point cloud for training: thinning, outlier removal, size limit, and a check
+// that the cloud belongs to the scene.
 #pragma once
 
 #include <string>
@@ -9,28 +9,28 @@
 
 namespace tvsgs {
 
-/// Keeps the entries `indices` of all arrays, in that order.
+/// Returns the points `indices`, in that order.
 PointCloud select_points(const PointCloud& cloud, const std::vector<std::size_t>& indices);
 
-/// The mean point of every occupied cube of that edge (world units), normals renormalised.
+/// The mean point of every occupied cube with this edge (world units); renormalises normals.
 PointCloud thin_cloud(const PointCloud& cloud, float edge);
 
-/// Thinned with the edge that leaves at most `count` points, and at least nine tenths of that where
-/// possible; unchanged when it has no more.
+/// Thins to at most `count` points, and at least nine tenths of that where possible. Returns a
+/// cloud of at most `count` points unchanged.
 PointCloud thin_to_count(const PointCloud& cloud, std::size_t count);
 
-/// Without points whose root mean square distance to their 20 nearest exceeds the mean of all by
-/// two standard deviations.
+/// Removes points whose root mean square distance to their 20 nearest points exceeds the mean over
+/// all points by two standard deviations.
 PointCloud remove_outliers(const PointCloud& cloud);
 
-/// Shares of the points in front of and inside the images of ...
+/// Fractions of the points by the number of views that see them.
 struct CloudVisibility {
-    double no_view = 0, two_views = 0;  // none; at least two
+    double no_view = 0, two_views = 0;  // no view; at least two views
 };
 CloudVisibility cloud_visibility(const PointCloud& cloud, const std::vector<View>& views);
 
-/// Thins a cloud from outside and caps its size, as the options say. `name` is for messages. Throws
-/// Error(ExitCode::input) when too few points lie where two training views look.
+/// Thins a cloud from a file and limits its size as the options say. `name`: for messages. Throws
+/// Error(ExitCode::input) when too few points are seen by two training views.
 PointCloud prepare_cloud(PointCloud cloud,
                          const std::vector<View>& views,
                          const InitOptions& options,

@@ -1,4 +1,4 @@
-// Moving splats to other places in memory.
+// Reorders the arrays of splats in memory.
 #pragma once
 
 #include <utility>
@@ -30,8 +30,8 @@ struct GatherBody {
     }
 };
 
-/// values[i] <- values[from[i]] in each of its planes, or 0 where cleared[i] (empty: nowhere).
-/// `scratch` gets what was there before.
+/// values[i] <- values[from[i]] in each plane, or 0 where cleared[i] (`cleared` may be empty).
+/// `scratch` receives the old values.
 template <class T, class Device>
 void gather(Span<const int> from,
             Span<const std::uint8_t> cleared,
@@ -47,7 +47,7 @@ void gather(Span<const int> from,
     values.swap(scratch);
 }
 
-/// Sorts splats in Morton order, in which the splats of a view lie in runs.
+/// Sorts splats in Morton order, so that the splats of a view are contiguous in runs.
 template <class Device>
 void sort_by_place(Gaussians<Device>& g) {
     Buffer<int, Device> order;

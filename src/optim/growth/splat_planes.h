@@ -1,4 +1,4 @@
-// Parts of the arrays of splats, of which harmonics have a plane for each coefficient.
+// Copies and adds ranges of splat arrays; SH arrays have a plane per coefficient.
 #pragma once
 
 #include "core/device/buffer.h"
@@ -29,7 +29,7 @@ struct AddPlaneBody<Quatf> {
     }
 };
 
-/// Plane by plane, `n` elements of each: Body{from, to} on planes of `from_count` and `to_count`.
+/// Runs Body{from, to} on `n` elements of each plane; `from_count`, `to_count`: elements per plane.
 template <template <class> class Body, class T, class Device>
 void over_planes(const Buffer<T, Device>& from,
                  int from_count,

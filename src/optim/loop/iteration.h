@@ -1,4 +1,5 @@
-// One iteration, from a view to gradients and a step: what training and its benchmark share.
+// One training iteration: renders a view, computes losses and gradients, and takes Adam's step.
+// Used by training and by its benchmark.
 #pragma once
 
 #include <memory>
@@ -13,8 +14,8 @@
 
 namespace tvsgs {
 
-/// What the terms that act at a step want of view `view`, which has other views to look at or has
-/// none.
+/// Union of the needs of the terms that act at `step` on `view`. `has_others`: the view has
+/// neighbour views.
 template <class Device>
 LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
                    int step,
@@ -29,7 +30,7 @@ LossNeeds needs_at(const std::vector<std::unique_ptr<Loss<Device>>>& losses,
     return all;
 }
 
-/// Null when no term looks at other views: then no pairs are chosen, allocated or said.
+/// Returns null when no term uses neighbour views; then view pairs are neither selected nor logged.
 template <class Device>
 std::unique_ptr<OtherViews<Device>> make_other_views(const Scene& scene,
                                                      const TrainOptions& options,
@@ -51,7 +52,7 @@ class Iteration {
 public:
     using Losses = std::vector<std::unique_ptr<Loss<Device>>>;
 
-    /// The scene has to outlive this. `quiet`: says nothing of pairs of views.
+    /// `scene` has to outlive this object. `quiet`: does not log view pairs.
     Iteration(const Scene& scene, const TrainOptions& options, bool quiet)
         : backbone_(make_backbone<Device>(options.backbone, options.render)),
           others_(make_other_views<Device>(scene, options, quiet)),
@@ -68,9 +69,9 @@ public:
         objective_.count.resize(1);
     }
 
-    /// The view of iteration `step` with its photograph. `next_view()`: of the iteration after it;
-    /// called only where not all photographs are on the device. Its photographs are copied while
-    /// the device works.
+    /// Returns the view of iteration `step` with its photograph on the device. `next_view()`
+    /// returns the view of the next iteration; its photographs are copied while the device works.
+    /// It is only called where the device does not hold all photographs.
     template <class NextView>
     const DeviceView<Device>& fetch(int step,
                                     int view,
@@ -88,10 +89,10 @@ public:
         return here;
     }
 
-    /// Renders the view, adds up the losses, and goes back to the splats: into the gradients, or to
-    /// the sums over pixels where the backbone fuses the rest with Adam's step. `watch(values)` is
-    /// given the losses. Without `for_step` only the screen statistics are computed. Terms that
-    /// move cameras add their derivatives by this camera to `by_camera`, unless that is empty.
+    /// Renders the view, sums the losses, and propagates backward to gradients in memory, or to
+    /// sums over pixels where the backbone fuses the rest with Adam's step. Calls `watch(values)`
+    /// with the losses. Without `for_step` computes only the screen statistics. Terms that move
+    /// cameras add their derivatives by this camera to `by_camera`, unless it is empty.
     template <class Watch>
     void propagate(int step,
                    const DeviceView<Device>& view,
@@ -144,7 +145,7 @@ public:
         });
     }
 
-    /// Adam's step along the gradients of the last propagate().
+    /// Takes Adam's step along the gradients of the last propagate().
     void descend(int step,
                  Adam<Device>& adam,
                  Gaussians<Device>& gaussians,
@@ -163,23 +164,23 @@ public:
         });
     }
 
-    /// Instead of descend(): writes the screen statistics.
+    /// Called instead of descend(): writes the screen statistics.
     void finish_statistics() {
         if (fused_ != nullptr) write_statistics(Device{}, *fused_);
     }
 
-    /// From the next step on the training views are where these are.
+    /// Sets the cameras of the training views from the next step on.
     void set_cameras(const std::vector<Camera>& cameras) {
         cameras_ = cameras;
         views_.set_cameras(cameras);
     }
 
-    /// Before the first step (`step` is 0), and after each; see Backbone::prepare().
+    /// Called before the first step (`step` = 0) and after each step; see Backbone::prepare().
     void prepare(int step, bool changed, Gaussians<Device>& gaussians) {
         backbone_->prepare(step, changed, cameras_, gaussians);
     }
 
-    /// visit(statistics) for each training view; the entries of fixed splats are last.
+    /// Calls visit(statistics) for each training view; the entries of fixed splats come last.
     template <class Visit>
     void observe(const Gaussians<Device>& gaussians, const Visit& visit) {
         const Gaussians<Device>& drawn = fixed_.join(gaussians);
@@ -191,17 +192,17 @@ public:
     }
 
     Backbone<Device>& backbone() { return *backbone_; }
-    OtherViews<Device>* others() { return others_.get(); }  // null: no term looks at any
+    OtherViews<Device>* others() { return others_.get(); }  // null: no term uses neighbour views
     const Objective<Device>& objective() const { return objective_; }
 
-    // Times, unless switched on not taken: the parts of a training, and the parts of these.
+    // Stage times, measured only when switched on: stages of a training, and their parts.
     StageClock<Device> clock, details;
 
 private:
-    /// Fixed splats need gradients in memory, to be separated from those of the trained ones.
+    /// Fixed splats need gradients in memory, to separate them from those of trained splats.
     bool fuses() const { return fixed_.none() && backbone_->fuses(); }
 
-    /// Of the first term: what it has written so far, without the maps that others write to.
+    /// Derivatives of the first term: reads what it has written so far, before other terms write.
     void find_camera_gradient(const Gaussians<Device>& gaussians, Span<double> by_camera) {
         const auto exchange = [&] {
             of_photo_.color.swap(objective_.dL_dimages.color);
@@ -212,7 +213,7 @@ private:
         exchange();
     }
 
-    /// Sizes and clears what the terms add to.
+    /// Sizes and clears the buffers that the terms add to.
     void clear(const Gaussians<Device>& gaussians,
                const LossNeeds& needs,
                const RenderedImages<Device>& images) {
@@ -240,15 +241,15 @@ private:
     std::unique_ptr<Backbone<Device>> backbone_;
     std::unique_ptr<OtherViews<Device>> others_;
     DeviceViews<Device> views_;
-    std::vector<Camera> cameras_;  // of the training views
+    std::vector<Camera> cameras_;
     ModelOptions model_;
     float extent_;
     FixedSplats<Device> fixed_;
     Objective<Device> objective_;
-    ImageGradients<Device> of_photo_;  // empty but while find_camera_gradient() runs
+    ImageGradients<Device> of_photo_;  // empty except inside find_camera_gradient()
     std::vector<std::string> loss_stages_;
-    int sh_degree_ = 0;  // of the step in progress
-    /// Of the last propagate(); null: the gradients are in the objective.
+    int sh_degree_ = 0;  // of the current step
+    /// Result of the last propagate(); null: the gradients are in `objective_`.
     const FusedGradients* fused_ = nullptr;
 };
 

@@ -1,4 +1,4 @@
-// Every option that counts iterations, in one list: what a shorter training shortens with it.
+// Lists all options that count iterations, and scales them to a new number of iterations.
 #pragma once
 
 #include <algorithm>
@@ -11,17 +11,17 @@
 
 namespace tvsgs {
 
-/// From here on a number means: not within any training.
+/// An iteration number from here on means: never.
 inline constexpr int kNever = 100000000;
 
-/// What such a number says.
+/// Meaning of an option that counts iterations.
 enum class Counts {
-    at,       // at which iteration
-    between,  // how many iterations lie between two
+    at,       // an iteration
+    between,  // a number of iterations between two events
 };
 
-/// visit(key, number, Counts) for each of them. Votes are not among them: how often splats vote
-/// goes by how fast they move.
+/// Calls visit(key, number, Counts) for each such option. Options of voting are not among them:
+/// splats vote as often as their speed requires.
 template <class Options, class Visit>
 void visit_schedule(Options& o, const Visit& visit) {
     visit("iterations", o.iterations, Counts::at);
@@ -50,13 +50,13 @@ inline void copy_schedule(const TrainOptions& from, TrainOptions& to) {
     visit_schedule(to, [&](const std::string&, int& number, Counts) { number = numbers[next++]; });
 }
 
-/// Least distances of a shortened training, in iterations, where the original has no shorter ones.
-/// Growth needs statistics of some views; splats that are new or reset need time to settle before
-/// the next growth, trim or reset, and before the end.
+/// Smallest intervals of a shortened training, in iterations, unless the original has shorter ones.
+/// Growth needs statistics of several views; new and reset splats need time to settle before the
+/// next growth, trim or reset, and before the end.
 inline constexpr int kLeastGrowth = 100, kLeastTrim = 500, kLeastReset = 1000, kSettling = 1000;
 
-/// Growth is left out where there is no time for it. What is hardly shorter than `original` settles
-/// hardly longer.
+/// Switches growth off where the time is too short for it. Settling times change little for a
+/// training hardly shorter than `original`.
 inline void keep_distances(const TrainOptions& original, DensifyOptions& fitted, int iterations) {
     const auto at_least = [](int& number, int was, int least) {
         number = std::max(number, std::min(was, least));
@@ -68,9 +68,9 @@ inline void keep_distances(const TrainOptions& original, DensifyOptions& fitted,
     fitted.until = std::clamp(fitted.until, 0, std::max(iterations - settling, 0));
 }
 
-/// Gives `options` the schedule of `original` from its iteration `from` on, which now is iteration
-/// `done`, stretched or squeezed to end at `iterations`. What `original` has behind it stays as it
-/// is in `options`, and so does what starts at once.
+/// Gives `options` the schedule of `original` from its iteration `from` on, scaled to run from
+/// iteration `done` to `iterations`. Keeps numbers in `options` that lie before `from` in
+/// `original`, or that mean "from the start".
 inline void fit_schedule(
     const TrainOptions& original, double from, TrainOptions& options, int done, int iterations) {
     const double ratio = (iterations - done) / (original.iterations - from);
@@ -89,7 +89,7 @@ inline void fit_schedule(
     options.iterations = iterations;
 }
 
-/// The whole of it.
+/// Scales the whole schedule to end at `iterations`.
 inline void fit_schedule(TrainOptions& options, int iterations) {
     const TrainOptions original = options;
     if (original.iterations > 0 && iterations != original.iterations)

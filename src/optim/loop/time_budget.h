@@ -1,4 +1,4 @@
-// Fits the schedule of a training into a given time, again and again while it runs.
+// Fits the schedule of a running training into a given time.
 #pragma once
 
 #include "optim/loop/schedule.h"
@@ -7,28 +7,27 @@ namespace tvsgs {
 
 class TimeBudget {
 public:
-    /// For a training that has `done` iterations behind it and as much time as it takes to
-    /// `seconds`; 0: no budget.
+    /// For a training that has done `done` iterations and may run until `seconds`; 0: no budget.
     TimeBudget(double seconds, const TrainOptions& options, int done)
         : seconds_(seconds), original_(options), from_(done), fitted_at_(done) {}
 
-    /// Whether the schedule is to be fitted anew; after `done` iterations and that many seconds.
+    /// Whether the schedule should be fitted again, after `done` iterations and `seconds`.
     bool due(int done, double seconds) {
-        // Getting under way is not counted.
+        // Start-up time is not counted.
         if (at_ < 0) at_ = seconds, done_ = done;
         if (!(seconds_ > 0) || done == done_) return false;
-        // The first iterations can be far slower than the rest.
+        // The first iterations can be much slower than the rest.
         const int last = fitted_at_ + planned_;
         if (planned_ > 0 && last - done <= 1 + planned_ / 10 && seconds < 0.8 * seconds_)
             return true;
         if (next_ >= kLooks || seconds < kShares[next_] * seconds_) return false;
-        // A few iterations say little of the speed, unless they are slow.
+        // A few iterations give a poor speed estimate, unless they are slow.
         return done - done_ >= kFewest || seconds - at_ > 0.05 * seconds_;
     }
 
-    /// Fits what remains into the time that remains, at the speed since the last look: of the
-    /// iterations that the schedule had at first no more. What an earlier look has squeezed too
-    /// much, as the first iterations were slow, is stretched again.
+    /// Fits the remaining iterations into the remaining time, at the speed measured since the last
+    /// fit; never plans more iterations than the original schedule. Stretches the schedule again
+    /// where an earlier fit shortened it too much because the first iterations were slow.
     void fit(int done, double seconds, TrainOptions& options) {
         const double speed = (done - done_) / std::max(seconds - at_, 1e-6);
         const double last = original_.iterations,
@@ -43,7 +42,7 @@ public:
     }
 
 private:
-    // Early, before much is planned for a time that is not there, and late, to end on time.
+    // Fractions of the budget: early, before plans exceed the time, and late, to end on time.
     static constexpr double kShares[] = {0.03, 0.12, 0.35, 0.65, 0.88};
     static constexpr int kLooks = 5, kFewest = 20;
 
@@ -54,7 +53,7 @@ private:
     double rate_ = 1;  // iterations of the original schedule per iteration since then
     int planned_ = 0;  // iterations of the training from the last fit on; 0: no fit yet
     int next_ = 0, done_ = 0;
-    double at_ = -1;  // seconds at `done_`, the first iteration since the last look; -1: none yet
+    double at_ = -1;  // seconds at iteration `done_`; -1: no fit yet
 };
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// The training loop.
+// Options and entry points of training.
 #pragma once
 
 #include <cstdint>
@@ -31,7 +31,7 @@ struct ModelOptions {
     }
 };
 
-/// Whether growth spares what the initial cloud covers.
+/// Whether growth leaves out splats in areas that the initial cloud covers.
 inline bool spares(const DensifyOptions& o) {
     return o.enabled && o.spare_covered > 0;
 }
@@ -68,7 +68,7 @@ struct TrainOptions {
     }
 };
 
-/// Spherical-harmonics degree in use at a step.
+/// Degree of the SH coefficients in use at a step.
 inline int sh_degree_at(const ModelOptions& model, int step) {
     return std::min(model.sh_degree, step / model.sh_every);
 }
@@ -76,8 +76,8 @@ inline int sh_degree_at(const ModelOptions& model, int step) {
 struct TrainReport {
     int step = 0;
     double loss = 0;
-    std::vector<std::pair<const char*, double>>
-        terms;  // weighted values of this step's view; terms that did not act are 0
+    // Weighted values for this step's view; 0 for terms that did not act.
+    std::vector<std::pair<const char*, double>> terms;
     int gaussians = 0;
     MemoryUse memory{};
     std::vector<StageTime> stages;  // cumulative; empty without profiling
@@ -85,30 +85,30 @@ struct TrainReport {
 
 using SharedState = std::shared_ptr<const State>;
 
-/// How the loop talks to its caller; it never touches files.
+/// Functions that the training loop calls; the loop itself never touches files.
 struct TrainCallbacks {
-    std::function<bool(int step)>
-        report_due;  // whether this step is reported: reading the loss waits for the device
+    // Whether to report this step; reading the loss waits for the device.
+    std::function<bool(int step)> report_due;
     std::function<void(const TrainReport&)> on_report;
     std::function<bool()> stop_requested;  // polled every step; true ends the training early
-    std::function<void(int done)> on_end;  // after how many iterations
+    std::function<void(int done)> on_end;  // called with the number of iterations done
     bool profile = false;
-    bool goes_on = false;  // the caller has trained before: what was logged then is not repeated
+    bool goes_on = false;  // the caller has trained before: do not log the setup again
 
-    /// save_due: asked before each iteration whether the state after `done` of them is to be saved.
-    /// on_save takes it, and also the last state of a training that is stopped or gives up. The
-    /// last iteration of a run differs from the others, so a longer run can only go on from a state
-    /// before it.
+    /// save_due: called before each iteration; returns whether to save the state after `done`
+    /// iterations. on_save receives that state, and also the last state of a training that is
+    /// stopped or fails. The last iteration of a run differs from the others, so a longer run has
+    /// to resume from an earlier state.
     std::function<bool(int done)> save_due;
     std::function<void(int done, const SharedState& state)> on_save;
 
-    /// Where the poses are refined: whenever they have changed, and once at first.
+    /// Called when poses are refined: once at the start and after each change.
     std::function<void(const CameraRefinement&)> on_cameras;
 
-    /// Where exposures are fitted: what they are in the end, of scene.train.
+    /// Called at the end when exposures are fitted, with the exposures of scene.train.
     std::function<void(const HeldExposures&)> on_exposures;
 
-    /// The run was rolled back to where it had `done` iterations; `what` says why.
+    /// Called after a rollback to iteration `done`; `what` gives the reason.
     std::function<void(int done, const std::string& what)> on_rollback;
     InjectedFault injected_fault;
 };
@@ -118,12 +118,12 @@ template <class Device>
 using AfterStep = std::function<void(int step, const Gaussians<Device>& splats)>;
 
 /// Trains on scene.train and returns the Gaussians on `Device`. The same seed, scene, options and
-/// device type give the same bits, also when the training goes on from a saved state, `start`.
+/// device type give the same bits, also when the training resumes from a saved state `start`.
 ///
 /// The guard checks losses every step, and all parameters every hundred steps and before they are
-/// reported, saved, pruned or returned. The first number that is not finite takes the run back to
-/// its last saved state (or its start) and divides the learning rate of the group at fault by ten;
-/// the second one is an Error(ExitCode::numerical) that names loss, view, parameter and splat.
+/// reported, saved, pruned or returned. At the first number that is not finite it restores the last
+/// saved state (or the start) and divides the learning rate of the faulty parameter group by ten;
+/// the second one throws Error(ExitCode::numerical), which names loss, view, parameter and splat.
 template <class Device>
 Gaussians<Device> train(const Scene& scene,
                         const TrainOptions& options,
@@ -131,16 +131,16 @@ Gaussians<Device> train(const Scene& scene,
                         const AfterStep<Device>& after_step = {},
                         SharedState start = nullptr);
 
-/// Throws Error(ExitCode::usage) where the poses are to be refined and the rasteriser or the terms
-/// have no derivatives by them. train() does so, too.
+/// Throws Error(ExitCode::usage) when poses are to be refined but the rasteriser or the terms have
+/// no derivatives by them. train() calls it.
 void check_cameras(const TrainOptions& options, bool backbone_moves_cameras);
 
-/// Iterations that a saved state has behind it.
+/// Number of iterations that a saved state has done.
 int iterations_done(const State& state);
 
-/// Throws Error(ExitCode::usage) where a training cannot go on from that state with these options:
-/// another degree of harmonics, poses no longer refined, covered parts spared that the state does
-/// not know. train() does so, too.
+/// Throws Error(ExitCode::usage) when a training with these options cannot resume from that state:
+/// the SH degree differs, the state refines poses and the options do not, or growth needs open
+/// shares (see open_shares()) that the state lacks. train() calls it.
 void check_start(const State& start, const TrainOptions& options);
 
 }  // namespace tvsgs

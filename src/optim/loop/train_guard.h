@@ -1,4 +1,4 @@
-// Finite runs: what watches for numbers that are not finite, and says where they are.
+// Watches a training for numbers that are not finite, and reports where they are.
 #pragma once
 
 #include <optional>
@@ -16,7 +16,7 @@ struct LossFault {
     int step, term, view;
 };
 
-/// Too large to be a loss counts as infinite.
+/// Counts a value too large for a loss as infinite.
 struct WatchLossBody {
     Span<const double> values;
     int step, view;
@@ -37,7 +37,7 @@ struct NotFiniteTerm {
     TVSGS_HD double operator()(int i) const { return values[i] * 0 == 0 ? 0 : 1; }
 };
 
-/// The floats of one parameter group: element i of it has `width` of them, from `begin`.
+/// The floats of one parameter group: element i has `width` floats, the first at begin[i * width].
 struct GroupFloats {
     float* begin;
     int count, width;
@@ -68,7 +68,7 @@ GroupFloats group_floats(Gaussians<Device>& g, ParameterGroup group) {
     return {all(g.sh).begin + dc, all(g.sh).count - dc, 3};
 }
 
-/// As messages call them; and the key of their rate.
+/// Name of a parameter group in messages; rate_key() gives the key of its learning rate.
 inline const char* name_of(ParameterGroup group) {
     constexpr const char* kNames[] = {"centre",  "scale",       "rotation",
                                       "opacity", "base colour", "spherical harmonics"};
@@ -97,7 +97,7 @@ struct SpoilTermBody {
     TVSGS_HD void operator()(int) const { *value = static_cast<double>(NAN); }
 };
 
-/// What was found, in words, and where; no group: only the loss is not finite.
+/// A fault in words, with the parameter groups at fault; no group: only the loss is not finite.
 struct Fault {
     std::string what;
     std::vector<ParameterGroup> groups;
@@ -117,16 +117,16 @@ public:
         fault_.fill_zero();
     }
 
-    /// Looks at the loss of a step, without waiting for the device.
+    /// Checks the losses of a step without waiting for the device.
     void watch(int step, int view, Span<const double> values) {
         parallel_for(Device{}, 1, WatchLossBody{values, step, view, fault_.data()});
     }
 
-    /// On the device; not 0 from the first loss on that is not finite. Steps must then leave the
-    /// splats as they are, so that check() still finds the numbers that made it.
+    /// Pointer to device memory; not 0 from the first loss on that is not finite. Steps must then
+    /// leave the splats unchanged, so that check() still finds the numbers that caused it.
     const int* halted() const { return &fault_.data()->step; }
 
-    /// Waits for the device. `step`: of this check, for the message.
+    /// Waits for the device. `step`: step of this check, for the message.
     std::optional<Fault> check(int step,
                                Gaussians<Device>& g,
                                const std::vector<std::unique_ptr<Loss<Device>>>& losses,
@@ -159,7 +159,7 @@ public:
     }
 
 private:
-    /// On the host: the run is about to be rolled back.
+    /// Searches on the host: rare, as the run is about to be rolled back.
     static int first_splat(Gaussians<Device>& g, ParameterGroup group) {
         const GroupFloats floats = group_floats(g, group);
         std::vector<float> host(static_cast<std::size_t>(floats.count));

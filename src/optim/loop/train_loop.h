@@ -1,4 +1,4 @@
-// The loop itself; included by one file per device.
+// The training loop; included by one file per device.
 #pragma once
 
 #include "optim/loop/train_state.h"
@@ -36,7 +36,8 @@ Gaussians<Device> train(const Scene& scene,
     };
 
     while (training.state().done < options.iterations) {
-        TrainState<Device>& s = training.state();  // a rollback replaces it
+        // A rollback replaces the state.
+        TrainState<Device>& s = training.state();
         const int step = s.done + 1;
         if (callbacks.stop_requested && callbacks.stop_requested()) {
             training.stop();
@@ -47,8 +48,8 @@ Gaussians<Device> train(const Scene& scene,
         if (step == 1) iteration.prepare(0, true, s.gaussians);
         if (s.voter.due(step)) iteration.clock("voting", [&] { training.vote(step); });
 
-        // An iteration that adds or removes splats takes no step, as in the official codes. Growth
-        // and resets of the last iteration would never be trained: it has neither.
+        // An iteration that adds or removes splats takes no step, as in the official codes. The
+        // last iteration neither grows nor resets, as the result would never be trained.
         const bool last = step == options.iterations,
                    changes = s.densifier.may_change_structure(step), steps = !changes && !last;
         const DeviceView<Device>& view = iteration.fetch(step, s.sampler.view(step), s.losses,
@@ -57,11 +58,11 @@ Gaussians<Device> train(const Scene& scene,
                             s.cameras.gradient_of(step, view.index),
                             [&](auto& values) { training.watch(step, view.index, values.span()); });
         const bool report = callbacks.report_due && callbacks.report_due(step);
-        // Before splats come or go: a removed splat could no longer be named.
+        // Check before splats are added or removed: a removed splat could no longer be named.
         if ((report || !steps || step % kCheckEvery == 0) && !training.check(step)) continue;
         if (report) callbacks.on_report(make_report(step, iteration, s));
         if (steps)
-            // A reset takes the opacities' step with it, as in the official codes.
+            // A reset replaces the step of the opacities, as in the official codes.
             iteration.descend(step, s.adam, s.gaussians, !s.densifier.resets_opacity(step),
                               training.halted());
         else

@@ -1,4 +1,4 @@
-// What changes from step to step: how it starts, is saved, restored, and rolled back.
+// State of a training: how it starts, and how it is saved, restored and rolled back.
 #pragma once
 
 #include <algorithm>
@@ -15,13 +15,13 @@ namespace tvsgs {
 /// Iterations between checks of all parameters.
 inline constexpr int kCheckEvery = 100;
 
-/// Training views without replacement: a new shuffled round whenever one is used up.
+/// Draws training views without replacement, in a new random order each round.
 class ViewSampler {
 public:
     ViewSampler(int count, std::uint64_t seed)
         : order_(static_cast<std::size_t>(count)), seed_(seed) {}
 
-    /// The view of an iteration, which count from 1.
+    /// The view of an iteration; iterations count from 1.
     int view(int iteration) {
         const int views = static_cast<int>(order_.size()), round = (iteration - 1) / views;
         if (round != round_) shuffle(static_cast<std::uint32_t>(round));
@@ -47,10 +47,10 @@ private:
     int round_ = -1, drawn_ = 0;
 };
 
-/// The objective's terms for a scene.
+/// Makes the terms of the objective for a scene.
 template <class Device>
 auto make_terms(const Scene& scene, const TrainOptions& o) {
-    // A third of the depth: close to 1 on DTU as PGSR's authors normalise it, where the published
+    // A third of the depth: close to 1 on DTU as normalised by PGSR's authors, where the published
     // weights come from.
     const float depth = o.loss.length_unit == LengthUnit::depth ? median_depth(scene) : 0;
     return make_losses<Device>(o.loss,
@@ -58,14 +58,14 @@ auto make_terms(const Scene& scene, const TrainOptions& o) {
                                 static_cast<std::uint64_t>(o.seed), o.render.pixel_center});
 }
 
-/// All of it; built from the scene or from a saved state.
+/// All state of a training; built from the scene or from a saved state.
 template <class Device>
 struct TrainState {
     Gaussians<Device> gaussians;
     std::vector<std::unique_ptr<Loss<Device>>> losses;
     TensorVoter<Device> voter;
     TensorField<Device> field;
-    Gaussians<Device> searched;  // means, scales, rotations at the last search for neighbours
+    Gaussians<Device> searched;  // means, scales, rotations at the last neighbour search
     Adam<Device> adam;
     Densifier<Device> densifier;
     TrainedCameras<Device> cameras;
@@ -105,7 +105,7 @@ struct TrainState {
         visit.value("tv.searched_at", progress.searched_at);
         visit.value("tv.changed", progress.changed);
         if (!visit.loading() && progress.searched_at < 0) resize(searched, 0, 0);
-        // The lists are a pure function of the splats searched, and many times as large.
+        // Neighbour lists are not saved: they are large, and the searched splats determine them.
         for_each_array(
             [&](const SplatArray& array, auto& values) {
                 if (array.shape) visit(str("tv.searched.", array.name), values);
@@ -133,7 +133,7 @@ private:
         visit(visitor);
     }
 
-    /// Sizes that do not fit together would be read beyond their ends.
+    /// Throws when array sizes do not match, which would cause reads beyond their ends.
     static void check_shapes(const State& from) {
         int degree = 0;
         StateVisitor<Cpu> visitor(from);
@@ -177,7 +177,7 @@ private:
     }
 };
 
-/// A training state and its last good copy: rolls back when a number is not finite.
+/// A training state with its last good copy; rolls back when a number is not finite.
 template <class Device>
 class GuardedTraining {
 public:
@@ -198,7 +198,7 @@ public:
             throw Error(ExitCode::numerical, str("the first splats: ", fault->what));
     }
 
-    /// Replaced where save() or check() has rolled back.
+    /// save() and check() replace the state when they roll back.
     TrainState<Device>& state() { return *state_; }
 
     void vote(int step) {
@@ -224,7 +224,7 @@ public:
 
     const int* halted() const { return guard_.halted(); }
 
-    /// Grows, trims and resets where due, and tells the voter and the rasteriser.
+    /// Grows, trims and resets splats when due, and notifies the voter and the rasteriser.
     void grow(int step, Iteration<Device>& iteration) {
         TrainState<Device>& s = *state_;
         const auto event = s.densifier.step(
@@ -241,14 +241,14 @@ public:
         parallel_for(Device{}, 1, SpoilBody{floats.begin + injected_.splat * floats.width});
     }
 
-    /// True when all parameters are finite; else rolls back, and state().done says to where.
+    /// Returns true when all parameters are finite; else rolls back to iteration state().done.
     bool check(int step) {
         const auto fault = find_fault(step);
         if (fault) roll_back(*fault);
         return !fault;
     }
 
-    /// As check(), Adam's moments included; then hands on the state.
+    /// Like check(), Adam's moments included; then passes the state to on_save.
     bool save() {
         const int done = state_->done;
         if (!check(done)) return false;
@@ -264,7 +264,7 @@ public:
         return true;
     }
 
-    /// Before an early end: leaves a finite state.
+    /// Called before an early end: leaves a finite state.
     void stop() {
         if (callbacks_.on_save ? !save() : !check(state_->done)) {
             good_ = capture();
@@ -274,7 +274,8 @@ public:
 
 private:
     void restart() {
-        state_.reset();  // first, so that the device never holds two
+        // Free the old state first, so that the device never holds two.
+        state_.reset();
         state_ = std::make_unique<TrainState<Device>>(scene_, options_, good_.get());
         guard_.reset();
     }
@@ -293,8 +294,8 @@ private:
 
     bool injects_at(int step) { return step == injected_.step && injected_.times-- > 0; }
 
-    /// Once: to the last good state, with lower rates for what went wrong, or for all when that is
-    /// not known. Twice: the end.
+    /// First time: restores the last good state and lowers the rates of the faulty groups, or of
+    /// all groups if none is known. Second time: throws.
     void roll_back(const Fault& fault) {
         restart();
         const int back = state_->done;
@@ -323,7 +324,7 @@ private:
     const TrainOptions& options_;
     const TrainCallbacks& callbacks_;
     InjectedFault injected_;
-    SharedState good_;  // null: the start
+    SharedState good_;  // null: restart from the scene
     std::unique_ptr<TrainState<Device>> state_;
     Guard<Device> guard_;
     bool rolled_back_ = false;

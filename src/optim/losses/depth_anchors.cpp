@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::size_t kBest = 30, kFirst = 15, kSpread = 5;  // 20 anchors
 
-/// `count` of the candidates: the first one, then always the one farthest from those taken.
+/// `count` of the candidates: the first, then always the one farthest from all chosen ones.
 std::vector<int> spread_out(const std::vector<int>& candidates, std::size_t count, int width) {
     std::vector<int> taken{candidates.front()};
     while (taken.size() < count) {
@@ -23,7 +23,7 @@ std::vector<int> spread_out(const std::vector<int>& candidates, std::size_t coun
             }
             if (nearest > most) most = nearest, farthest = c;
         }
-        taken.push_back(farthest);  // candidates differ, so there is one
+        taken.push_back(farthest);  // exists, as all candidates differ
     }
     return taken;
 }
@@ -50,7 +50,7 @@ std::vector<int> choose_anchors(int width, const std::vector<float>& confidence)
 std::optional<AffineFit> fit_affine(const std::vector<double>& prior,
                                     const std::vector<double>& depth) {
     if (prior.size() < kLeastAnchors) return {};
-    // About the means, where sums of squares keep their digits.
+    // Sums about the means keep their digits.
     const double count = static_cast<double>(prior.size());
     double mean_prior = 0, mean_depth = 0;
     for (std::size_t i = 0; i < prior.size(); ++i) mean_prior += prior[i], mean_depth += depth[i];

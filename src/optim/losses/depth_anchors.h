@@ -1,4 +1,4 @@
-// Where a prior is fitted to a rendered depth map, and the fit.
+// Chooses the pixels (anchors) where a depth prior is fitted to a rendered depth map, and fits it.
 // [docs/method/vggs.md#anchored-depth]
 #pragma once
 
@@ -13,12 +13,12 @@ namespace tvsgs {
 /// Least confidence of an anchor.
 inline constexpr float kAnchorConfidence = 0.2f;
 
-/// Fewer anchors do not make a fit.
+/// Fewer anchors give no fit.
 inline constexpr std::size_t kLeastAnchors = 6;
 
-/// Pixels to fit at: of the 30 best the first 15, and 5 of the others far from each other.
-/// `confidence` [height width] is 0 where there is none. Pixels of equal confidence go by their
-/// place. Empty where there are fewer than 30.
+/// Chooses anchors: of the 30 pixels with the largest confidence the first 15, and 5 of the others
+/// far from each other. `confidence` [height width] is 0 where unknown. Pixels of equal confidence
+/// are ordered by index. Returns none for fewer than 30 pixels.
 std::vector<int> choose_anchors(int width, const std::vector<float>& confidence);
 
 /// depth ~ slope * prior + offset, in double.
@@ -26,15 +26,14 @@ struct AffineFit {
     double slope = 0, offset = 0;
 };
 
-/// Least squares. Empty for fewer than kLeastAnchors, where the priors hardly differ (their
-/// variance is not above 1e-6, of a range of 1), and where they would have to be turned round
-/// (slope <= 0).
+/// Least-squares fit. Empty for fewer than kLeastAnchors anchors, for priors with a variance of at
+/// most 1e-6 (their range is 1), and for a slope <= 0, which would reverse the order.
 std::optional<AffineFit> fit_affine(const std::vector<double>& prior,
                                     const std::vector<double>& depth);
 
-/// The fit with what follows from how well it meets the anchors: the largest gap is how far a
-/// render may be off; the mean error of the `nearest` smallest ones is the correction where a
-/// render is not believed.
+/// The fit with its tolerances. `max_gap` is the largest error at an anchor: a render farther off
+/// is rejected. `correction` is the mean error of the `nearest` smallest anchors; it is added where
+/// a render is rejected.
 DepthAlignment<double> align(const AffineFit& fit,
                              const std::vector<double>& prior,
                              const std::vector<double>& depth,

@@ -1,5 +1,4 @@
-// Normals of the depth map at its pixels, and the way back to the depths: what the terms that
-// compare normals share.
+// Normals of a depth map, and their derivatives by depth; shared by the terms that compare normals.
 #pragma once
 
 #include "core/device/parallel.h"
@@ -8,7 +7,7 @@
 
 namespace tvsgs {
 
-/// Of an inner pixel whose four neighbours have depths; false at others.
+/// Normal of an inner pixel whose four neighbours have depth; returns false for other pixels.
 TVSGS_HD inline bool depth_normal_at(const Camera& camera,
                                      Span<const float> depth,
                                      int at,
@@ -24,7 +23,7 @@ TVSGS_HD inline bool depth_normal_at(const Camera& camera,
     return true;
 }
 
-/// Gathers dL/ddepth of a pixel from what the pixels whose normals it takes part in pass on.
+/// Sums dL/ddepth of a pixel over the neighbours whose normals depend on it.
 struct NormalDepthBody {
     Camera camera;
     Span<const DepthNormalGradients<float>> neighbours;

@@ -1,5 +1,5 @@
-// Formulas of the terms that go by the order of depths: pairs of pixels, and the patches that they
-// are drawn in.  [FatesGS]
+// Formulas of the terms that compare the order of depths: pixel pairs, and the patches that contain
+// them.  [FatesGS]
 #pragma once
 
 #include <cmath>
@@ -9,8 +9,7 @@
 
 namespace tvsgs {
 
-/// [|D_b - D_a| - tolerance]+ of two depths; the slope is by the second one, that by the first is
-/// its negative.
+/// [|D_b - D_a| - tolerance]+ of two depths. The slope is by depth_b; negate it for depth_a.
 template <class Real>
 TVSGS_HD Penalty<Real> smooth_pair(Real depth_a, Real depth_b, Real tolerance) {
     const Real step = depth_b - depth_a, out = std::abs(step) - tolerance;
@@ -21,15 +20,15 @@ TVSGS_HD Penalty<Real> smooth_pair(Real depth_a, Real depth_b, Real tolerance) {
 inline constexpr int kRankPatch = 32;  // px
 inline constexpr int kRankPixels = kRankPatch * kRankPatch, kRankPairs = kRankPixels / 2;
 
-/// Whole patches in the middle of an image.
+/// A grid of whole patches, centred in an image.
 struct PatchGrid {
     int left, top, across, down;
 
     TVSGS_HD int pairs() const { return across * down * kRankPairs; }
 };
 
-/// As many as fit, less `fewer` along each axis. With 1 fewer the patches lie half a patch off
-/// those of the full grid.
+/// As many patches as fit, less `fewer` along each axis. With fewer = 1 the patches lie half a
+/// patch off the full grid.
 inline PatchGrid patch_grid(int width, int height, int fewer) {
     const auto fitting = [fewer](int size) {
         const int patches = size / kRankPatch - fewer;
@@ -43,8 +42,8 @@ struct PixelPair {
     int a, b;  // y * width + x
 };
 
-/// Pair `i` of a grid. `key` permutes the pixels of a patch, of all patches alike; each pixel of
-/// the grid is in one pair.
+/// Pair `i` of a grid. `key` permutes the pixels of a patch, the same way in all patches; each
+/// pixel of the grid is in one pair.
 TVSGS_HD inline PixelPair pixel_pair(const PatchGrid& grid, int width, int i, const Random4& key) {
     const int patch = i / kRankPairs, k = i % kRankPairs;
     const int left = grid.left + kRankPatch * (patch % grid.across),
@@ -54,7 +53,7 @@ TVSGS_HD inline PixelPair pixel_pair(const PatchGrid& grid, int width, int i, co
             permuted(static_cast<std::uint32_t>(place), std::uint32_t{kRankPixels}, key));
         return (top + in_patch / kRankPatch) * width + left + in_patch % kRankPatch;
     };
-    // Places next to each other: permuted() parts them best.
+    // Adjacent places: permuted() separates them best.
     return {pixel(2 * k), pixel(2 * k + 1)};
 }
 

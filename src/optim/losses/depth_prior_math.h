@@ -1,4 +1,4 @@
-// Formulas of the terms that compare depth with a prior, for one pixel or pair of pixels.
+// Formulas of the terms that compare depth with a prior, for one pixel or one pair of pixels.
 // [docs/method/vggs.md]
 #pragma once
 
@@ -9,13 +9,13 @@
 
 namespace tvsgs {
 
-/// A value and its derivative by the one number that it is a function of.
+/// A value and its derivative by its single argument.
 template <class Real>
 struct Penalty {
     Real value = 0, slope = 0;
 };
 
-/// [-1, 0, 1] by which of two priors is larger; 0 within `dead_zone` of each other.
+/// Sign of a - b; 0 where |a - b| < dead_zone.
 template <class Real>
 TVSGS_HD Real order_sign(Real a, Real b, Real dead_zone) {
     const Real difference = a - b;
@@ -23,12 +23,13 @@ TVSGS_HD Real order_sign(Real a, Real b, Real dead_zone) {
     return difference > 0 ? Real(1) : difference < 0 ? Real(-1) : Real(0);
 }
 
-/// By how much the farther pixel of a pair is to be farther, in the unit of lengths of the losses:
-/// it keeps pairs apart that a render has at one depth.  [FatesGS] [VGGS]
+/// Distance by which the farther pixel of a pair has to be farther, in the length unit of the
+/// losses. Separates pairs that are rendered at one depth.  [FatesGS] [VGGS]
 inline constexpr float kOrderMargin = 1e-4f;
 
-/// max(sign * difference + margin, 0): what is out of order, `difference` = D(q) - D(p) and `sign`
-/// that of M(p) - M(q). Equal priors cost the margin and pull nothing.  [VGGS]
+/// max(sign * difference + margin, 0), with `difference` = D(q) - D(p) and `sign` that of M(p) -
+/// M(q): positive for a pair in the wrong order. Equal priors cost the margin and have no gradient.
+/// [VGGS]
 template <class Real>
 TVSGS_HD Penalty<Real> order_hinge(Real sign, Real difference, Real margin) {
     const Real out = sign * difference + margin;
@@ -36,8 +37,8 @@ TVSGS_HD Penalty<Real> order_hinge(Real sign, Real difference, Real margin) {
     return {out, sign};
 }
 
-/// Of the relative error r = (depth - prior) / prior: r^2 / 2s below s, |r| - s / 2 beyond, so the
-/// pull grows to 1 and no further. The slope is by depth.
+/// Huber penalty of the relative error r = (depth - prior) / prior: r^2 / 2s below s, |r| - s / 2
+/// above, so the gradient by r is at most 1. The slope is by depth.
 template <class Real>
 TVSGS_HD Penalty<Real> relative_huber(Real depth, Real prior, Real s) {
     const Real r = (depth - prior) / prior;
@@ -49,7 +50,7 @@ struct PixelShift {
     int x, y;
 };
 
-/// Each of -reach..reach alike, but (1, 0) in the place of (0, 0).
+/// Uniform in [-reach, reach]^2, with (1, 0) instead of (0, 0).
 TVSGS_HD inline PixelShift pixel_shift(const Random4& draw, int reach) {
     const auto whole = [reach](std::uint32_t bits) {
         const int count = 2 * reach + 1;
@@ -60,21 +61,21 @@ TVSGS_HD inline PixelShift pixel_shift(const Random4& draw, int reach) {
     return shift.x == 0 && shift.y == 0 ? PixelShift{1, 0} : shift;
 }
 
-/// What brings a prior to the depth of the render, and what is believed of either.
+/// Maps a prior to the depths of a render, with tolerances for both.
 template <class Real>
 struct DepthAlignment {
     Real slope, offset;  // aligned = slope * prior + offset
-    Real max_gap;        // a render farther from the aligned prior is not believed
-    Real correction;     // added to the aligned prior there
+    Real max_gap;        // a render farther from the aligned prior is rejected
+    Real correction;     // added to the aligned prior where the render is rejected
 };
 
-/// The depth that a pixel is to have: the render's where it agrees with the aligned prior, else the
-/// prior's; 0: not known. A render of 0 is none.
+/// Target depth of a pixel: the render's where it agrees with the aligned prior, else the corrected
+/// prior; 0: unknown. A rendered depth of 0 means none.
 template <class Real>
 TVSGS_HD Real calibrated_depth(const DepthAlignment<Real>& a, Real prior, Real depth) {
     const Real aligned = a.slope * prior + a.offset;
     if (!(aligned > 0) || !(aligned * 0 == 0)) return 0;  // or not finite
-    // A hundred-thousandth of a depth is rounding.
+    // Allows a relative rounding error of 1e-5.
     if (depth > 0 && std::abs(aligned - depth) <= a.max_gap + Real(1e-5) * depth) return depth;
     const Real corrected = aligned + a.correction;
     return corrected > 0 ? corrected : Real(0);

@@ -1,4 +1,4 @@
-// Options of the terms that compare depth and normals with priors.
+// Options of the terms that compare depths and normals with priors.
 #pragma once
 
 namespace tvsgs {

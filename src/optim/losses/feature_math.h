@@ -1,5 +1,4 @@
-// Where a pixel's surface is in another view, and how alike the descriptors at both places are.
-// [FatesGS]
+// Projects a pixel's surface point into another view, and compares both descriptors. [FatesGS]
 #pragma once
 
 #include <cmath>
@@ -8,15 +7,15 @@
 
 namespace tvsgs {
 
-/// A pixel's surface point as another view sees it.
+/// A pixel's surface point as seen by another view.
 template <class Real>
 struct SeenPoint {
-    bool inside = false;  // in the other view's image
+    bool inside = false;  // the other view's image
     Vec3<Real> there{};   // in the other view's frame
-    Vec2<Real> point{};   // in its image, corner coordinates
+    Vec2<Real> point{};   // image point of the other view, corner coordinates
 };
 
-/// No depth (0) is nowhere.
+/// Not inside for a depth of 0, which means none.
 template <class Real>
 TVSGS_HD SeenPoint<Real> seen_point(const ViewPair<Real>& pair, Vec3<Real> ray, Real depth) {
     SeenPoint<Real> seen;
@@ -29,7 +28,7 @@ TVSGS_HD SeenPoint<Real> seen_point(const ViewPair<Real>& pair, Vec3<Real> ray, 
     return seen;
 }
 
-/// By the depth.
+/// Derivative by the depth.
 template <class Real>
 TVSGS_HD Real seen_point_vjp(const ViewPair<Real>& pair,
                              Vec3<Real> ray,
@@ -44,11 +43,12 @@ struct FeatureMap {
     int width, height, channels;
 };
 
-/// The four pixels around a point, and its place between them.
+/// The four pixels around a point, and the point's position between them.
 template <class Real>
 struct FeatureCell {
-    bool inside = false;    // centres of pixels all around: nothing from beyond the border
-    std::size_t first = 0;  // value of the upper left one
+    // Four pixel centres surround the point: no sample uses pixels beyond the border.
+    bool inside = false;
+    std::size_t first = 0;  // index of the upper left pixel's first value
     Real u = 0, v = 0;
 };
 
@@ -69,7 +69,7 @@ TVSGS_HD FeatureCell<Real> feature_cell(const FeatureMap& map, Vec2<Real> point)
     return cell;
 }
 
-/// One channel between the four pixels.
+/// Bilinear sample of one channel.
 template <class Real>
 TVSGS_HD ImageSample<Real> feature_sample(const FeatureMap& map,
                                           const FeatureCell<Real>& cell,
@@ -83,18 +83,18 @@ TVSGS_HD ImageSample<Real> feature_sample(const FeatureMap& map,
             {(1 - cell.v) * (b - a) + cell.v * (d - c), bottom - top}};
 }
 
-/// Descriptors that are shorter say nothing, and their directions have no derivatives.
+/// Shorter descriptors carry no information, and their directions have no derivatives.
 inline constexpr double kLeastFeatureNorm = 1e-4;
 
 template <class Real>
 struct FeatureMatch {
-    bool valid = false;          // both inside and not 0, and alike to less than max_error
+    bool valid = false;          // both inside and not 0, and error < max_error
     Real error = 0;              // |1 - cosine|
-    Vec2<Real> derror_dpoint{};  // by the point in the other map
+    Vec2<Real> derror_dpoint{};  // by the point in `other`
 };
 
-/// The descriptor at `point` is a constant. `point` and `other_point` in corner coordinates of
-/// their maps, which have the same channels.
+/// Compares two descriptors; the one at `point` is a constant. `point` and `other_point` are in
+/// corner coordinates of their maps, which have the same number of channels.
 template <class Real>
 TVSGS_HD FeatureMatch<Real> feature_match(const FeatureMap& map,
                                           Vec2<Real> point,
@@ -105,7 +105,7 @@ TVSGS_HD FeatureMatch<Real> feature_match(const FeatureMap& map,
     const auto here = feature_cell(map, point), there = feature_cell(other, other_point);
     if (!here.inside || !there.inside) return match;
     Real aa = 0, bb = 0, ab = 0;
-    Vec2<Real> a_slope{}, b_slope{};  // sums of a db/dpoint, b db/dpoint
+    Vec2<Real> a_slope{}, b_slope{};  // sums over channels
     for (int channel = 0; channel < map.channels; ++channel) {
         const Real a = feature_sample(map, here, channel).value;
         const auto sample = feature_sample(other, there, channel);

@@ -1,4 +1,4 @@
-// The objective and its terms.
+// The interface of a loss term, the options of all terms, and the list to which programs add terms.
 #pragma once
 
 #include <algorithm>
@@ -27,7 +27,7 @@ struct Objective {
     Gaussians<Device> dL_dgaussians;
     Buffer<double, Device> values;   // [terms] weighted
     Buffer<double, Device> partial;  // scratch of add_sum
-    Buffer<double, Device> count;    // [1] scratch: the size of what a mean is taken over
+    Buffer<double, Device> count;    // [1] scratch: divisor of a mean
 };
 
 template <class Device>
@@ -38,22 +38,22 @@ struct LossInputs {
     const TensorField<Device>& field;
     Span<const float> radii_px;  // [N] > 0: visible in this view
     int step;
-    OtherViews<Device>* others = nullptr;  // at least one; null: the view has none
+    OtherViews<Device>* others = nullptr;  // at least one neighbour view; null: the view has none
 };
 
-/// What a term wants beside the colours of the render.
+/// Inputs that a term needs besides the rendered colours.
 struct LossNeeds {
     Maps maps = Maps::none;  // of the view's render
-    /// The term gets at most `other_views`, and does not act for a view that has none. The first
-    /// `rendered_views` of them are rendered and compared.
+    /// The term gets at most `other_views` neighbour views, and does not act for a view without
+    /// any. The first `rendered_views` of them are rendered and compared.
     int other_views = 0, rendered_views = 0;
-    bool edges = false;            // of the photographs: DeviceView::edge_min, edge_max
-    bool grey = false;             // of the photographs: DeviceView::grey
+    bool edges = false;            // of photographs: DeviceView::edge_min, edge_max
+    bool grey = false;             // of photographs: DeviceView::grey
     MapNames view_maps{};          // DeviceView::map(); a view may lack them
-    bool targets = false;          // of the tensor field
-    bool splat_gradients = false;  // room in Objective::dL_dgaussians, which has the geometry only
-    bool thickness = false;        // of splats that have one; see Backbone::flat()
-    int kept_per_pixel = 0;        // floats that the term keeps for each pixel of each view
+    bool targets = false;          // TensorField::targets
+    bool splat_gradients = false;  // writes to Objective::dL_dgaussians, which has geometry only
+    bool thickness = false;        // the splats must have one; see Backbone::flat()
+    int kept_per_pixel = 0;        // floats that the term stores per pixel of each view
 };
 inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
     a.maps |= b.maps;
@@ -70,7 +70,7 @@ inline LossNeeds& operator|=(LossNeeds& a, const LossNeeds& b) {
 inline constexpr int kExposureValues = 2;
 using HeldExposures = std::vector<std::array<float, kExposureValues>>;
 
-/// One term of the objective. It holds its own weight and schedule, and says what it reads.
+/// One term of the objective. It holds its weight and schedule, and declares its inputs.
 template <class Device>
 class Loss {
 public:
@@ -78,16 +78,17 @@ public:
 
     virtual const char* name() const = 0;
 
-    /// Whether the term acts at `step` at all; add_to() is only called then.
+    /// Whether the term acts at `step`; add_to() is only called then.
     virtual bool active(int step) const = 0;
 
     virtual LossNeeds needs() const = 0;
 
-    /// Whether refined cameras follow its derivatives by the render. It has to be the first term:
-    /// those after it have added nothing yet.
+    /// Whether the derivatives by its render refine cameras. It has to be the first term, as terms
+    /// after it add to the same buffers.
     virtual bool moves_cameras() const { return false; }
 
-    /// Of one step with one view; not more than needs(). For terms that look around now and then.
+    /// Needs at one step with one view; a subset of needs(). For terms that do not use neighbour
+    /// views at every step.
     virtual LossNeeds needs_at(int /*step*/, int /*view*/) const { return needs(); }
 
     /// Adds weight * L to *value and its derivatives to `objective`; never overwrites.
@@ -95,15 +96,15 @@ public:
                         double* value,
                         const LossInputs<Device>& in) = 0;
 
-    /// A term that keeps something from step to step has to show it here: what is not shown is not
-    /// in checkpoints, and resumed runs differ.
+    /// A term that keeps state between steps has to visit it here; else checkpoints lack the state,
+    /// and resumed runs differ.
     virtual void state(StateVisitor<Device>& /*visit*/) {}
 
-    /// What it has fitted, or holds, of each photograph's exposure; empty: nothing.
+    /// Exposures of the photographs, fitted or held; empty: none.
     virtual HeldExposures exposures() const { return {}; }
 };
 
-/// Term of a sum over an array.
+/// Reads the terms of a sum from an array.
 struct ReadValue {
     Span<const float> values;
     TVSGS_HD float operator()(int i) const { return values[i]; }
@@ -111,9 +112,9 @@ struct ReadValue {
 
 enum class Reduction { mean, sum, visible_mean };
 
-/// What a length of 1 means in the terms that measure lengths (flatten, tv_position). Their
-/// published weights were found on scenes normalised to about a unit sphere, so in world units they
-/// mean something else in millimetres than in metres.
+/// World units that count as length 1 in terms that measure lengths (flatten, tv_position). The
+/// published weights suit scenes normalised to about a unit sphere; with plain world units a scene
+/// in millimetres would get other weights than one in metres.
 enum class LengthUnit { world, depth };
 
 struct PhotometricOptions {
@@ -123,8 +124,8 @@ struct PhotometricOptions {
     MaskUse masks = MaskUse::automatic;
     float coverage = 0.1f;
     std::string background = "none", exposure_from, sky_from;
-    std::shared_ptr<const HeldExposures> held{};  // of exposure_from, once it is read
-    std::shared_ptr<const ImageU8> sky{};         // of a background that is one, once it is known
+    std::shared_ptr<const HeldExposures> held{};  // contents of exposure_from, once read
+    std::shared_ptr<const ImageU8> sky{};         // map of a sky background, once made
 
     template <class Visitor>
     void fields(Visitor& field) {
@@ -156,7 +157,7 @@ struct PhotometricOptions {
     }
 };
 
-/// For terms that need no more than a weight and a first iteration.
+/// Options of terms that need only a weight and a first iteration.
 struct ScheduledOptions {
     float weight = 0;
     int start = 1;
@@ -208,8 +209,7 @@ struct LossOptions {
     Reduction tv_reduction = Reduction::mean;
     LengthUnit length_unit = LengthUnit::world;
 
-    /// The terms: visit(key, options, what it compares). What each is made of and needs:
-    /// losses_list.h.
+    /// All terms: visit(key, options, help text). losses_list.h lists their classes and needs.
     template <class Options, class Visit>
     static void terms(Options& o, const Visit& visit) {
         visit("photometric", o.photometric, "render against photograph");
@@ -252,15 +252,15 @@ struct LossOptions {
     }
 };
 
-/// What the terms need to know of the training.
+/// Properties of the training that terms depend on.
 struct LossContext {
-    float length_unit = 1;  // world units that count as 1
-    int views = 1;          // for training
+    float length_unit = 1;  // length of a unit, world units
+    int views = 1;          // number of training views
     std::uint64_t seed = 0;
     PixelCenter pixel_center = PixelCenter::exact;
 };
 
-/// A term in the list, used or not.
+/// A term of the list, in use or not.
 struct TermOnList {
     std::string key;
     float weight;
@@ -268,17 +268,17 @@ struct TermOnList {
 };
 std::vector<TermOnList> terms_on_list(const LossOptions& options);
 
-/// Adds a term of a program that links this library to every training that starts from now on. The
-/// library's own are in losses_list.h.
+/// Adds a term, defined by a program that links this library, to every training that starts
+/// afterwards. losses_list.h has the library's own terms.
 template <class Device>
 using MakeLoss = std::function<std::unique_ptr<Loss<Device>>(const LossContext&)>;
 template <class Device>
 void add_loss(const TermOnList& term, MakeLoss<Device> make);
 
-/// What the terms with a weight above 0 want at one iteration or another.
+/// Union of the needs of all terms with a weight above 0, over all iterations.
 LossNeeds needs_of(const LossOptions& options);
 
-/// The terms with a weight above 0.
+/// Makes the terms with a weight above 0.
 template <class Device>
 std::vector<std::unique_ptr<Loss<Device>>> make_losses(const LossOptions& options,
                                                        const LossContext& context);

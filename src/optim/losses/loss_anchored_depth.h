@@ -1,4 +1,5 @@
-// Depth against a prior that is fitted, now and then, to pixels whose depth views agree on.
+// Loss: depth against a prior that is fitted at intervals to pixels whose depth is consistent in
+// two views.
 #pragma once
 
 #include <algorithm>
@@ -12,10 +13,9 @@
 
 namespace tvsgs {
 
-/// exp(-e) (1 + NCC^2) / 2, e the distance in px to where a pixel comes back to from the other
-/// view: how much both views agree on its depth. 0 where they cannot be compared, where their
-/// patches do not resemble each other or leave a photograph, and where the prior is not to be
-/// fitted.
+/// exp(-e) (1 + NCC^2) / 2: agreement of both views on a pixel's depth; e is the pixel's
+/// reprojection distance in px. 0 where the views cannot be compared, where the patches differ or
+/// leave a photograph, and where the prior must not be fitted.
 struct AnchorConfidenceBody {
     PatchPair patches;
     Span<const Vec3f> normal;
@@ -48,7 +48,7 @@ struct CalibrateBody {
     }
 };
 
-/// Pixels that are compared.
+/// Pixels that the loss compares.
 struct HasTarget {
     Span<const float> target, depth, confidence;
     float min_confidence;
@@ -59,8 +59,8 @@ struct HasTarget {
 
 struct AnchoredDepthBody {
     HasTarget compared;
-    const double* count;     // of these pixels
-    float weight;            // per length
+    const double* count;     // number of HasTarget pixels
+    float weight;            // per unit of length
     Span<float> pixel_loss;  // overwritten
     Span<float> dL_ddepth;   // added to
 
@@ -74,14 +74,14 @@ struct AnchoredDepthBody {
     }
 };
 
-/// mean of |D - target| over the pixels whose prior is sure enough. The target of a view is kept
-/// until it is made anew, the first time that the view comes up in each `refresh_every` iterations:
-/// the render where it agrees with the fitted prior, else that prior.
+/// mean of |D - target| over the pixels whose prior has enough confidence. The target of a view is
+/// the render where it agrees with the fitted prior, else that prior. It is renewed when the view
+/// first comes up in each period of `refresh_every` iterations.
 /// [docs/method/vggs.md#anchored-depth]
 template <class Device>
 class AnchoredDepthLoss final : public Loss<Device> {
 public:
-    /// For the iterations that make a target.
+    /// Needs of the iterations that make a target.
     static constexpr LossNeeds kNeeds{.maps = kGeometryMaps,
                                       .other_views = 1,
                                       .rendered_views = 1,
@@ -107,16 +107,16 @@ public:
         return {.maps = Maps::depth, .view_maps = kNeeds.view_maps};
     }
 
-    /// Whether the view's target would be made at this step.
+    /// Whether the view's target should be made at this step.
     bool due(int step, int view) const {
         const int last = made_[static_cast<std::size_t>(view)].step;
         return step >= options_.start && (last < options_.start || round_of(step) > round_of(last));
     }
 
-    /// How many anchors say what the prior is off by: fewer as time goes on.
+    /// Number of anchors that define the prior's correction; decreases with time.
     int nearest_at(int step) const { return std::max(4 - round_of(step), 1); }
 
-    /// [H W] of a view, what its depth is to be; 0: not known. Empty: none yet.
+    /// [H W] target depth of a view; 0: unknown. Empty: no target yet.
     const Buffer<float, Device>& target(int view) const {
         return targets_[static_cast<std::size_t>(view)];
     }
@@ -133,7 +133,7 @@ public:
 
         const auto& images = in.images;
         const Buffer<float, Device>& target = this->target(in.view.index);
-        if (target.size() != images.depth.size()) return;  // none could be made
+        if (target.size() != images.depth.size()) return;  // no target could be made
         const int pixels = static_cast<int>(images.depth.size());
         const HasTarget compared{target.span(), images.depth.span(), confidence,
                                  options_.min_confidence};
@@ -158,15 +158,15 @@ public:
     }
 
 private:
-    /// When a view's target was last asked for, and the slope of its last fit.
+    /// Step of a view's last request for a target, and slope of its last fit.
     struct Made {
         int step = 0;
-        float slope = 0;  // 0: none, or one that is not believed
+        float slope = 0;  // 0: no fit, or a rejected one
     };
 
     int round_of(int step) const { return (step - options_.start) / options_.refresh_every; }
 
-    /// Leaves the target as it is where no fit is to be had.
+    /// Keeps the old target where the fit fails.
     void make_target(const LossInputs<Device>& in,
                      Span<const float> prior,
                      Span<const float> prior_confidence) {
@@ -181,7 +181,7 @@ private:
                                  images.normal.span(), images.depth.span(), other.weight(), prior,
                                  prior_confidence, options_.anchor_confidence, confidence_.span()});
 
-        // Rare, so the rest of the choice is on the host.
+        // Refreshes are rare, so anchors are chosen on the host.
         const std::vector<int> anchors = choose_anchors(images.width, to_host(confidence_));
         const std::vector<float> depths = to_host(images.depth),
                                  priors = to_host(in.view.map(prior_map::kDepthOrder)->values);
@@ -192,7 +192,7 @@ private:
         }
         const auto fit = fit_affine(wanted, depth);
         if (!fit) return;
-        // A slope far from the last one is not believed, unless the next one is like it.
+        // Rejects a slope far from the last one, unless the next fit confirms it.
         const double ratio = fit->slope / static_cast<double>(made.slope);
         const bool jumps = made.slope > 0 && !(ratio >= 0.1 && ratio <= 10);
         made.slope = jumps ? 0 : static_cast<float>(fit->slope);
@@ -211,8 +211,8 @@ private:
     AnchoredDepthOptions options_;
     float length_unit_;
     PixelCenter pixel_center_;
-    std::vector<Made> made_;                      // of the views
-    std::vector<Buffer<float, Device>> targets_;  // of the views
+    std::vector<Made> made_;                      // per view
+    std::vector<Buffer<float, Device>> targets_;  // per view
     Buffer<float, Device> confidence_, pixel_loss_;
 };
 

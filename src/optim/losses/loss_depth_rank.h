@@ -1,4 +1,4 @@
-// Which of two pixels is farther, by the render and by a prior, in pairs drawn within patches.
+// Loss: order of depth of two pixels, compared with a prior, for pairs within patches.
 #pragma once
 
 #include "optim/losses/depth_order_math.h"
@@ -7,13 +7,13 @@
 
 namespace tvsgs {
 
-/// One pair; no other pair has its pixels.
+/// One pair of pixels; no other pair contains them.
 struct DepthRankBody {
     PatchGrid grid;
     int width;
     Random4 key;
     Span<const float> depth, transmittance, order, confidence;
-    float per_length;  // lengths in the unit of the loss
+    float per_length;  // length units of the losses per world unit
     float weight_per_pair;
     Span<float> pair_loss;  // overwritten
     Span<float> dL_ddepth;  // added to
@@ -36,11 +36,10 @@ struct DepthRankBody {
     }
 };
 
-/// Half the mean over the pairs of one grid of patches and half that of another, half a patch off:
-/// [sgn(M_a - M_b) (D_b - D_a) + margin]+, M a prior of which the order alone counts. Each
-/// iteration draws a permutation for each grid, which all its patches share. Pairs of a pixel
-/// without depth, without a prior, or covered to less than a half cost nothing.
-/// [docs/method/fates.md#ranking]
+/// Half the mean over the pairs of one grid of patches plus half that of a grid half a patch off,
+/// of [sgn(M_a - M_b) (D_b - D_a) + margin]+. Only the order of the prior M counts. Each iteration
+/// draws a permutation per grid, which all its patches share. Pairs cost nothing if a pixel has no
+/// depth, no prior, or a coverage below one half. [docs/method/fates.md#ranking]
 template <class Device>
 class DepthRankLoss final : public Loss<Device> {
 public:

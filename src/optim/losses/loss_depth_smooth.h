@@ -1,4 +1,4 @@
-// Depth is smooth where a prior is.
+// Loss: depth is smooth where a prior is smooth.
 #pragma once
 
 #include "optim/losses/depth_order_math.h"
@@ -7,16 +7,17 @@
 
 namespace tvsgs {
 
-/// Pixel p costs what it differs from its neighbours to the right and below; it takes the
-/// derivatives of all four of its steps.
+/// Adds the cost of the steps from pixel p to its right and lower neighbours, and the derivatives
+/// of all four of its steps.
 struct DepthSmoothBody {
-    static constexpr float kTolerance = 1e-4f;  // steps in the unit of lengths that cost nothing
-    static constexpr float kPriorStep = 0.01f;  // of the prior's order: from there on an edge
+    // Steps up to this cost nothing, in length units of the losses.
+    static constexpr float kTolerance = 1e-4f;
+    static constexpr float kPriorStep = 0.01f;  // a larger step of the prior is an edge
 
     int width, height;
     Span<const float> depth, transmittance, order, confidence;
-    float per_length;                  // lengths in the unit of the loss
-    float weight_across, weight_down;  // per step along either axis
+    float per_length;                  // length units of the losses per world unit
+    float weight_across, weight_down;  // per step along each axis
     Span<float> pixel_loss;            // overwritten
     Span<float> dL_ddepth;             // added to
 
@@ -24,7 +25,7 @@ struct DepthSmoothBody {
         return depth[at] > 0 && transmittance[at] <= 0.5f && confidence_at(confidence, at) > 0;
     }
     TVSGS_HD Penalty<float> step(int p, int q) const {
-        // What is not a number is no place without an edge.
+        // Written so that NaN counts as an edge.
         if (!(std::abs(order[q] - order[p]) < kPriorStep) || !known(p) || !known(q)) return {};
         return smooth_pair(per_length * depth[p], per_length * depth[q], kTolerance);
     }
@@ -47,10 +48,9 @@ struct DepthSmoothBody {
     }
 };
 
-/// mean over steps between neighbours along x, and the same along y, of [|D_q - D_p| - tolerance]+;
-/// steps across an edge of the prior, of a pixel without depth or prior, or covered to less than a
-/// half cost nothing, and count in the mean.
-/// [docs/method/fates.md#smoothness]
+/// mean over steps between neighbours along x, and the same along y, of [|D_q - D_p| - tolerance]+.
+/// Steps cost nothing, but count in the mean, across an edge of the prior and if a pixel has no
+/// depth, no prior, or a coverage below one half. [docs/method/fates.md#smoothness]
 template <class Device>
 class DepthSmoothLoss final : public Loss<Device> {
 public:

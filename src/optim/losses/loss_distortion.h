@@ -1,4 +1,4 @@
-// What a pixel blends lies at one depth.
+// Loss: splats blended in a pixel lie at one depth.
 #pragma once
 
 #include "optim/losses/loss.h"

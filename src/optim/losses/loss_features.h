@@ -1,4 +1,4 @@
-// Descriptors of photographs where the render's depth says that two views see one surface.
+// Loss: descriptors of two photographs agree where the rendered depth places one surface point.
 #pragma once
 
 #include <limits>
@@ -15,15 +15,14 @@ struct FillNoPointBody {
     TVSGS_HD void operator()(int i) const { nearest[i] = std::numeric_limits<std::int64_t>::max(); }
 };
 
-/// Of points that meet in a pixel of the other view, the nearest one is the smallest; of equally
-/// near ones that of the first pixel.
+/// Sort key of a surface point; the nearest has the smallest. Ties are ordered by pixel.
 TVSGS_HD inline std::int64_t nearness(Vec3f there, int at) {
     const float distance = std::sqrt(dot(there, there));
     return static_cast<std::int64_t>(__builtin_bit_cast(std::uint32_t, distance)) << 32 | at;
 }
 
-/// Whether that is of pixel `at`. Distances are not compared: computed anew, one may be rounded
-/// another way.
+/// Whether the key belongs to pixel `at`. Compares indices: a distance computed again may be
+/// rounded differently.
 TVSGS_HD inline bool is_nearest(std::int64_t nearness, int at) {
     return static_cast<std::uint32_t>(nearness) == static_cast<std::uint32_t>(at);
 }
@@ -32,7 +31,7 @@ TVSGS_HD inline int pixel_of(const ViewPair<float>& pair, const SeenPoint<float>
     return static_cast<int>(seen.point.y) * pair.other.width + static_cast<int>(seen.point.x);
 }
 
-/// A z-buffer of the other view's pixels.
+/// Writes a z-buffer of the other view's pixels.
 struct NearestPointBody {
     ViewPair<float> pair;
     Camera camera;  // of the reference
@@ -52,7 +51,7 @@ struct HasDepth {
 };
 
 struct FeatureBody {
-    // 1 - cosine of two descriptors from which on they do not show the same.  [FatesGS]
+    // Larger values of 1 - cosine mean that the descriptors show different things.  [FatesGS]
     static constexpr float kMaxError = 0.5f;
 
     ViewPair<float> pair;
@@ -60,7 +59,7 @@ struct FeatureBody {
     FeatureMap here, there;
     Span<const float> depth, transmittance;
     Span<const std::int64_t> nearest;  // [H W] of the other view
-    const double* count;               // of the pixels with depth
+    const double* count;               // number of pixels with depth
     float weight;                      // of their mean
     Span<float> pixel_loss;            // added to
     Span<float> dL_ddepth;             // added to
@@ -91,11 +90,12 @@ struct FeatureBody {
     }
 };
 
-/// mean over pixels with depth and over other views of |1 - cosine| between the descriptor of the
-/// pixel and that of where the other view sees its surface; what the other view does not see, or
-/// sees otherwise, and what is covered to less than a half costs nothing and counts in the mean. Of
-/// two resolutions where both views have them, the coarse one at half weight. The derivative goes
-/// to this view's depth. [docs/method/fates.md#descriptors]
+/// mean, over pixels with depth and over neighbour views, of |1 - cosine| between the descriptor of
+/// a pixel and the descriptor where the other view sees its surface point. A pixel costs nothing,
+/// but counts in the mean, if the other view does not see the point, if the descriptors differ too
+/// much, or if its coverage is below one half. Uses two resolutions where both views have them, the
+/// coarse one with half weight. The derivative is by the depth of this view.
+/// [docs/method/fates.md#descriptors]
 template <class Device>
 class FeatureLoss final : public Loss<Device> {
 public:

@@ -1,4 +1,4 @@
-// Splats become flat: the smallest scale of those that are seen.
+// Loss: the smallest scale of each visible splat.
 #pragma once
 
 #include "optim/losses/loss.h"
@@ -15,7 +15,7 @@ struct VisibleTerm {
 struct SmallestScaleTerm {
     Span<const Vec3f> log_scales;
     Span<const float> radii_px;
-    const double* count;  // visible splats
+    const double* count;  // number of visible splats
     TVSGS_HD double operator()(int i) const {
         if (!(radii_px[i] > 0)) return 0;
         const Vec3f s = log_scales[i];
@@ -28,8 +28,8 @@ struct FlattenGradientBody {
     float weight;
     Span<Vec3f> dL_dlog_scales;
     TVSGS_HD void operator()(int i) const {
-        const float share =
-            static_cast<float>(term(i));  // s / count, which is also its derivative by log s
+        // s / count, which is also its derivative by log s.
+        const float share = static_cast<float>(term(i));
         if (share > 0) dL_dlog_scales[i][smallest_axis(term.log_scales[i])] += weight * share;
     }
 };

@@ -1,4 +1,4 @@
-// Depth maps of two views against each other.
+// Loss: consistency of the depth maps of two views.
 #pragma once
 
 #include "optim/losses/loss.h"
@@ -9,7 +9,7 @@ struct MultiViewGeometryBody {
     ViewPair<float> pair;
     Camera camera;  // of the reference
     Span<const float> depth, other_depth, pixel_weight;
-    const double* count;  // of the pixels that can be compared
+    const double* count;  // number of comparable pixels
     float weight;
     Span<float> pixel_loss;
     Span<float> dL_ddepth;  // added to
@@ -28,15 +28,15 @@ struct MultiViewGeometryBody {
         for (int i = 0; i < 4; ++i) {
             const double px =
                 static_cast<double>(r.share[i] * g.dL_dother_depth * other_depth[r.at[i]]);
-            if (std::abs(px) < 1e6)  // one pixel of depth this sensitive says nothing
+            if (std::abs(px) < 1e6)  // the depth of this pixel is too sensitive
                 add_atomically(&dL_dother_log_depth[r.at[i]],
                                static_cast<std::int64_t>(px * OtherView<Cpu>::kFixedUnit));
         }
     }
 };
 
-/// mean over comparable pixels of w phi, phi the distance between a pixel and where it comes back
-/// to from the other view, w = exp(-phi) a constant.  [PGSR, Eq. 12]
+/// mean over comparable pixels of w phi. phi is the reprojection distance of a pixel through the
+/// other view; w = exp(-phi) is a constant.  [PGSR, Eq. 12]
 template <class Device>
 class MultiViewGeometryLoss final : public Loss<Device> {
 public:

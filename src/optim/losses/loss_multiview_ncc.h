@@ -1,4 +1,4 @@
-// Patches of a photograph against those of another view, warped by the surface between them.
+// Loss: patches of a photograph against patches of another view, warped by the rendered surface.
 #pragma once
 
 #include "optim/losses/loss.h"
@@ -15,7 +15,7 @@ struct ListValidBody {
     }
 };
 
-/// What a patch contributes.
+/// Value and derivatives of one patch.
 struct PatchTerm {
     int pixel;  // -1: none
     float loss;
@@ -23,13 +23,13 @@ struct PatchTerm {
     float dL_ddepth;
 };
 
-/// Draws and scores patch `i` of as many as there are comparable pixels, at most one per pixel.
+/// Draws and scores patch `i`; no two patches have the same pixel.
 struct PatchBody {
     PatchPair patches;
     Span<const Vec3f> normal;
     Span<const float> depth, pixel_weight;
     Span<const int> pixels;
-    const double* count;  // of the comparable pixels
+    const double* count;  // number of comparable pixels
     Random4 key;
     Span<PatchTerm> terms;  // overwritten
 
@@ -66,10 +66,10 @@ struct PatchLoss {
     }
 };
 
-/// Pixels differ from patch to patch, so each is written once.
+/// All patches have different pixels, so each pixel is written once.
 struct PatchGradientBody {
     Span<const PatchTerm> terms;
-    const double* count;  // of the patches that pass
+    const double* count;  // number of valid patches
     float weight;
     Span<Vec3f> dL_dnormal;  // added to
     Span<float> dL_ddepth;   // added to
@@ -83,8 +83,8 @@ struct PatchGradientBody {
     }
 };
 
-/// mean over patches of w (1 - NCC^2) between the grey photographs, patches warped by the plane
-/// rendered at their centre, w as in the geometric term.  [PGSR, Eq. 14]
+/// mean over patches of w (1 - NCC^2) between the grey photographs. Patches are warped by the plane
+/// rendered at their centre; w is the weight of the geometric term.  [PGSR, Eq. 14]
 template <class Device>
 class MultiViewNccLoss final : public Loss<Device> {
 public:

@@ -1,4 +1,4 @@
-// Normals of the depth map against those that are blended.
+// Loss: normals of the depth map against blended normals.
 #pragma once
 
 #include "optim/losses/depth_normals.h"
@@ -24,8 +24,7 @@ struct NormalLossBody {
         DepthNormal<float> n;
         if (!depth_normal_at(camera, depth, at, n)) return;
         const int w = camera.width_px;
-        // Edges are where depth may jump: (1 - e)^2 fades the term out there. An image without
-        // edges has e = 0.
+        // Depth may jump at edges: (1 - e)^2 reduces the term there. Without edges e = 0.
         const float range = edge_max - edge_min;
         const float e =
             range > 0 ? (edge_strength(photo, w, at % w, at / w) - edge_min) / range : 0;

@@ -1,4 +1,4 @@
-// Splats' normals against those of the surface that they make.
+// Loss: the splats' normals against the normals of the rendered surface.
 #pragma once
 
 #include "optim/losses/depth_normals.h"
@@ -6,7 +6,7 @@
 
 namespace tvsgs {
 
-/// weight * (1 - M_n . N) of a pixel; where the depth has no normal N is 0.
+/// weight * (1 - M_n . N) of a pixel; N is 0 where the depth map has no normal.
 struct NormalConsistencyBody {
     Camera camera;
     Span<const Vec3f> normal;
@@ -30,8 +30,8 @@ struct NormalConsistencyBody {
     }
 };
 
-/// mean over pixels of 1 - M_n . N, N the normals of the depth map; of two depth maps, where
-/// `expected` is above 0.  [2DGS, Eq. 14; RaDe-GS, Eq. 20]
+/// mean over pixels of 1 - M_n . N, N the normals of the depth map; also of the expected depth map,
+/// where `expected` is above 0.  [2DGS, Eq. 14; RaDe-GS, Eq. 20]
 template <class Device>
 class NormalConsistencyLoss final : public Loss<Device> {
 public:

@@ -1,4 +1,4 @@
-// The render against its photograph.
+// Loss: the render against its photograph.
 #pragma once
 
 #include <cmath>
@@ -27,7 +27,7 @@ public:
           sky_(o.sky),
           seed_(seed),
           exposure_(o.exposure, o.held.get()) {
-        // What the plan will make of `automatic` is not known yet.
+        // The plan has not resolved `automatic` yet.
         if (background_.kind == PhotoBackground::Kind::random && !fills_ &&
             o.masks != MaskUse::automatic)
             throw Error(ExitCode::usage, kRandomNeedsObject);
@@ -54,7 +54,7 @@ public:
         if (masks) compared = mask(in);
         const bool expose = exposes_at(in.step);
         PhotometricWeights weights = weights_;
-        if (expose) weights.l1 = 0;  // SSIM always looks at the render itself
+        if (expose) weights.l1 = 0;  // SSIM always compares the render itself
         photometric_loss(compared.color, compared.photo, in.images.width, in.images.height, weights,
                          scratch_, compared.dL_dcolor, pixel_loss_.span(), Device{});
         if (expose) {
@@ -62,8 +62,8 @@ public:
             ssim_loss_.fill_zero();
             add_sum(Device{}, pixels, ReadValue{pixel_loss_.span()}, 1, objective.partial.span(),
                     ssim_loss_.data());
-            // Officially from 1 - SSIM < 0.5 on; without an SSIM term, and where it is known,
-            // always.
+            // Officially exposures are fitted once 1 - SSIM < 0.5. Without an SSIM term, or with
+            // held exposures: always.
             const double limit = exposure_.held()   ? INFINITY
                                  : weights.ssim > 0 ? 0.5 * static_cast<double>(weights.ssim)
                                                     : 1;
@@ -90,13 +90,13 @@ public:
 private:
     bool exposes_at(int step) const { return exposure_start_ > 0 && step >= exposure_start_; }
 
-    /// Whether the render itself has another background than black.
+    /// Whether the background of the render itself is not black.
     bool shines_through() const {
         return background_.kind == PhotoBackground::Kind::random ||
                background_.kind == PhotoBackground::Kind::sky || !background_.black();
     }
 
-    /// What is compared in the place of the render and its photograph.
+    /// Masks the render and its photograph for the comparison.
     ComparedPhoto mask(const LossInputs<Device>& in) {
         const std::size_t pixels = in.images.color.size();
         const PhotoBackground behind = background_.at(seed_, in.step);
@@ -122,7 +122,7 @@ private:
                 by_.mask};
     }
 
-    /// At the first step: terms are also made only to be asked what they need.
+    /// Runs at the first step: some terms are only made to read their needs.
     void keep_sky() {
         if (!sky_) throw Error(ExitCode::usage, kSkyNeedsMap);
         copy(std::vector<std::uint8_t>(sky_->pixels.begin(), sky_->pixels.end()), sky_texels_);
@@ -141,7 +141,7 @@ private:
     Exposure<Device> exposure_;
     Buffer<float, Device> pixel_loss_;
     Buffer<double, Device> ssim_loss_;
-    // Of the last step, where masks or a background have a say:
+    // Of the last step; used with masks or a background:
     MaskedPhoto by_{};
     Buffer<Vec3f, Device> color_, dL_dcolor_;
     Buffer<std::uint8_t, Device> photo_, sky_texels_;

@@ -1,4 +1,4 @@
-// Depth against a prior in world units.
+// Loss: depth against a prior in world units.
 #pragma once
 
 #include "optim/losses/depth_prior_math.h"
@@ -8,7 +8,7 @@
 namespace tvsgs {
 
 struct PriorDepthBody {
-    // Relative error up to which the pull grows: about that of depth by stereo.
+    // Huber threshold of the relative error: about the error of stereo depth.
     static constexpr float kSoftness = 0.01f;
 
     Span<const float> depth, prior, confidence;
@@ -26,9 +26,9 @@ struct PriorDepthBody {
     }
 };
 
-/// mean over pixels of c rho((D - M) / M), c the confidence of the prior M, rho Huber's. Errors are
-/// relative, so there is no unit. The weight falls from `start` to `end`: what several views agree
-/// on is to win over a prior that contradicts it.  [docs/method/vggs.md#metric-depth]
+/// mean over pixels of c rho((D - M) / M), c the confidence of the prior M, rho Huber's function.
+/// Errors are relative, so they have no unit. The weight falls from `start` to `end`: agreement of
+/// several views overrides a prior that contradicts it.  [docs/method/vggs.md#metric-depth]
 template <class Device>
 class PriorDepthLoss final : public Loss<Device> {
 public:

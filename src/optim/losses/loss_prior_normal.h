@@ -1,4 +1,4 @@
-// Normals of the depth map against those of a prior.
+// Loss: normals of the depth map against the normals of a prior.
 #pragma once
 
 #include "optim/losses/depth_normals.h"
@@ -7,8 +7,8 @@
 
 namespace tvsgs {
 
-/// weight * c A (1 - N . n), c the prior's confidence, A the coverage; 0 where the depth or the
-/// prior has no normal.
+/// weight * c A (1 - N . n): c the prior's confidence, A the coverage; 0 where depth or prior have
+/// no normal.
 struct PriorNormalBody {
     Camera camera;
     Span<const float> depth, transmittance, prior, confidence;
@@ -33,7 +33,7 @@ struct PriorNormalBody {
 };
 
 /// mean over pixels of c A (1 - N . n), N the normals of the depth map, n the prior's, both in the
-/// camera's frame. Pixels that miss either add nothing.  [docs/method/vggs.md#normals]
+/// camera's frame. Pixels without N or n add nothing.  [docs/method/vggs.md#normals]
 template <class Device>
 class PriorNormalLoss final : public Loss<Device> {
 public:

@@ -1,4 +1,4 @@
-// Which of two pixels is farther, by the render and by a prior.
+// Loss: order of depth of two pixels, compared with a prior.
 #pragma once
 
 #include "optim/losses/depth_prior_math.h"
@@ -7,14 +7,14 @@
 
 namespace tvsgs {
 
-/// Pixel p is in two pairs: (p, p + shift) and (p - shift, p). It adds up what the first one costs
-/// and what both pull at its depth.
+/// Pixel p is in two pairs: (p, p + shift) and (p - shift, p). Adds the cost of the first pair, and
+/// the derivatives of both by the depth of p.
 struct RelativeDepthBody {
     int width, height;
     PixelShift shift;
     Span<const float> depth, order, confidence;
     float dead_zone, min_confidence;
-    float per_length;  // lengths in the unit of the loss
+    float per_length;  // length units of the losses per world unit
     float weight_per_pixel;
     Span<float> pixel_loss;  // overwritten
     Span<float> dL_ddepth;   // added to
@@ -44,9 +44,9 @@ struct RelativeDepthBody {
     }
 };
 
-/// mean over pixels p of [sgn(M(p) - M(q)) (D(q) - D(p)) + margin]+, q = p + a shift that each step
-/// draws anew, M a prior of which the order alone counts. Pairs beyond the border, and those of a
-/// pixel without depth or prior, cost nothing.  [docs/method/vggs.md#relative-depth]
+/// mean over pixels p of [sgn(M(p) - M(q)) (D(q) - D(p)) + margin]+, q = p + a shift drawn at each
+/// step. Only the order of the prior M counts. Pairs cost nothing if q is outside the image or if a
+/// pixel has no depth or no prior.  [docs/method/vggs.md#relative-depth]
 template <class Device>
 class RelativeDepthLoss final : public Loss<Device> {
 public:
@@ -82,7 +82,7 @@ public:
                 value);
     }
 
-    static constexpr int kReach = 16;  // px between the two of a pair, along each axis  [VGGS]
+    static constexpr int kReach = 16;  // largest distance of a pair along each axis, px  [VGGS]
 
 private:
     RelativeDepthOptions options_;

@@ -1,4 +1,4 @@
-// The two losses that need no rendering: splats against the votes they received.  [TV-SGS],
+// Losses: splats against the votes that they received; they need no rendering.  [TV-SGS],
 // docs/method/voting.md
 #pragma once
 
@@ -7,7 +7,7 @@
 
 namespace tvsgs {
 
-/// 1 for a splat that takes part in the term.
+/// 1 for a splat that the term includes.
 struct TakesPart {
     Span<const std::uint8_t> flags;
     std::uint8_t flag;
@@ -20,7 +20,7 @@ struct TakesPart {
     TVSGS_HD float operator()(int i) const { return test(i) ? 1.0f : 0.0f; }
 };
 
-/// What the reduction `sum` divides by.
+/// Divisor of the reduction `sum`.
 struct ConstantOne {
     TVSGS_HD float operator()(int) const { return 1; }
 };
@@ -38,7 +38,7 @@ struct NormalAgreement {
 struct TvNormalBody {
     TakesPart part;
     NormalAgreement agreement;
-    const double* count;  // what the reduction divides by
+    const double* count;  // divisor of the reduction
     float weight;
     Span<float> splat_loss;
     Span<Quatf> dL_dquats;
@@ -78,8 +78,8 @@ struct TvPositionBody {
     }
 };
 
-/// Normal: reduce (1 - |n . n_tv|), into the quaternions only. Position: reduce |mean - p_tv|_1,
-/// into the means only.
+/// Normal: reduce (1 - |n . n_tv|), with derivatives by the quaternions only. Position: reduce
+/// |mean - p_tv|_1, with derivatives by the means only.
 template <class Device, bool kPosition>
 class TvLoss final : public Loss<Device> {
 public:
@@ -99,7 +99,7 @@ public:
                 double* value,
                 const LossInputs<Device>& in) override {
         const int n = in.gaussians.size();
-        if (static_cast<int>(in.field.flags.size()) != n) return;  // no event has been held yet
+        if (static_cast<int>(in.field.flags.size()) != n) return;  // no voting event yet
         const TakesPart part{in.field.flags.span(), kPosition ? kPositionValid : kNormalValid,
                              in.radii_px, reduction_ == Reduction::visible_mean};
         objective.count.fill_zero();

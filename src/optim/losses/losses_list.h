@@ -1,5 +1,5 @@
-// The list of losses; included by one file per device. Another one is its own file, its options
-// among LossOptions::terms(), and a line here.
+// List of losses; included by one file per device. To add a loss, write its file, add its options
+// to LossOptions::terms(), and a line here.
 #pragma once
 
 #include <map>
@@ -25,7 +25,7 @@
 
 namespace tvsgs {
 
-/// visit(type, key, what it is made of...) for each term.
+/// visit(type, key, constructor arguments...) for each term.
 template <class Device, class Visit>
 void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit) {
     using std::type_identity;
@@ -54,7 +54,7 @@ void visit_losses(const LossOptions& o, const LossContext& c, const Visit& visit
           c.length_unit);
 }
 
-/// Of this program, beside ours.
+/// Terms added by the program, see add_loss().
 inline std::vector<TermOnList>& added_terms() {
     static std::vector<TermOnList> terms;
     return terms;

@@ -1,5 +1,5 @@
-// Two views of one surface: a depth map carried into another view and back, and the squared NCC of
-// patches warped by the surface's plane. [PGSR, Section 3.3]
+// Geometry of two views of one surface: projects a depth map into another view and back, and
+// computes the squared NCC of patches warped by the surface's plane. [PGSR, Section 3.3]
 #pragma once
 
 #include "core/math/rng.h"
@@ -7,8 +7,8 @@
 
 namespace tvsgs {
 
-/// A pinhole without its pose. Points of the image are in corner coordinates: pixel (i, j) has its
-/// centre at (i + 0.5, j + 0.5).
+/// A pinhole camera without its pose. Image points are in corner coordinates: the centre of pixel
+/// (i, j) is (i + 0.5, j + 0.5).
 template <class Real>
 struct Lens {
     Real fx, fy, cx, cy;  // px
@@ -40,12 +40,13 @@ TVSGS_HD Vec3<Real> project_vjp(const Lens<Real>& l, Vec3<Real> p, Vec2<Real> dL
     return {x, y, -(x * p.x + y * p.y) / p.z};
 }
 
-/// A view and another one that looks at the same surface.
+/// A reference view and another view of the same surface.
 template <class Real>
 struct ViewPair {
     Lens<Real> reference, other;
     Rigid3<Real> other_from_reference;
-    Real min_depth;  // nearer to the other view than this nothing is compared, world units
+    // Points nearer to the other view are not compared, world units.
+    Real min_depth;
 };
 
 template <class Real>
@@ -61,23 +62,22 @@ ViewPair<Real> view_pair(const Camera& reference, const Camera& other, Real min_
             min_depth};
 }
 
-/// Where a pixel comes back to when it is carried to the other view by its own depth, and back by
-/// the other view's.
+/// Projection of a pixel to the other view by its own depth, and back by the other view's depth.
 template <class Real>
 struct Reprojection {
-    bool valid = false;  // both depths exist, inside the other view's image, off by less than 1 px
-    Real distance = 0;   // from the pixel to where it comes back, px
-    Real depth = 0;      // the other view's, bilinear between four pixels
-    int at[4] = {};      // these pixels
-    Real share[4] = {};  // and their weights
-    Vec2<Real> error{};  // px
-    Vec2<Real> slope{};  // d depth / d point of the other view's image
-    Vec3<Real> there{};  // the surface point of the pixel in the other view's frame
+    bool valid = false;     // both depths exist, inside the other image, distance < 1 px
+    Real distance = 0;      // from the pixel to its reprojection, px
+    Real depth = 0;         // the other view's, bilinear between pixels `at`
+    int at[4] = {};         // four pixels of the other view
+    Real share[4] = {};     // their bilinear weights
+    Vec2<Real> error{};     // px
+    Vec2<Real> slope{};     // d depth / d point of the other view's image
+    Vec3<Real> there{};     // the surface point of the pixel in the other view's frame
     Vec3<Real> returned{};  // the other view's surface point in the reference's frame
 };
 
-/// `other_depth(i)` reads pixel i; 0 means that there is none. Bilinear samples between pixel
-/// centres, clamped at the border.
+/// `other_depth(i)` reads pixel i; 0 means no depth. Samples bilinearly between pixel centres,
+/// clamped at the border.
 template <class Real, class ReadDepth>
 TVSGS_HD Reprojection<Real> reproject(const ViewPair<Real>& pair,
                                       Vec3<Real> ray,
@@ -123,13 +123,13 @@ struct ReprojectionGradients {
     Real dL_dother_depth;  // of the bilinear sample; pixel at[i] gets share[i] of it
 };
 
-/// Only where the reprojection is valid. The bilinear position moves with the reference's depth.
+/// Call only where the reprojection is valid. The sample's position depends on the depth.
 template <class Real>
 TVSGS_HD ReprojectionGradients<Real> reproject_vjp(const ViewPair<Real>& pair,
                                                    Vec3<Real> ray,
                                                    const Reprojection<Real>& r,
                                                    Real dL_ddistance) {
-    if (!(r.distance > 0)) return {0, 0};  // the tip of the cone
+    if (!(r.distance > 0)) return {0, 0};  // not differentiable at 0
     const Vec2<Real> dL_derror = (dL_ddistance / r.distance) * r.error;
     const Mat3<Real>& R = pair.other_from_reference.R;
     const Vec3<Real> dL_dpoint = R * project_vjp(pair.reference, r.returned, dL_derror);
@@ -141,17 +141,17 @@ TVSGS_HD ReprojectionGradients<Real> reproject_vjp(const ViewPair<Real>& pair,
     return {dot(transpose_times(R, dL_dthere), ray), dL_dsample};
 }
 
-/// A value of an image and its derivative by the position.
+/// An image value and its derivative by the position.
 template <class Real>
 struct ImageSample {
     Real value;
     Vec2<Real> slope;
 };
 
-/// Bilinear between pixel centres, which lie at whole numbers here; `image(x, y)` is 0 outside.
+/// Bilinear between pixel centres, here at integer coordinates; `image(x, y)` is 0 outside.
 template <class Real, class Image>
 TVSGS_HD ImageSample<Real> bilinear(const Image& image, Vec2<Real> q) {
-    // Far outside (or not a number) a conversion to int would be undefined.
+    // Converting NaN or a point far outside to int would be undefined.
     if (!(q.x > -2) || !(q.x < Real(1e6)) || !(q.y > -2) || !(q.y < Real(1e6))) return {0, {0, 0}};
     const Real fx = std::floor(q.x), fy = std::floor(q.y);
     const int x = static_cast<int>(fx), y = static_cast<int>(fy);
@@ -161,7 +161,7 @@ TVSGS_HD ImageSample<Real> bilinear(const Image& image, Vec2<Real> q) {
     return {top + v * (bottom - top), {(1 - v) * (b - a) + v * (d - c), bottom - top}};
 }
 
-/// A grey image of 8 bits, read as numbers from 0 to 1; 0 outside.
+/// An 8-bit grey image, read as numbers from 0 to 1; 0 outside.
 struct GreyBytes {
     const std::uint8_t* pixels;
     int width, height;
@@ -174,23 +174,23 @@ struct GreyBytes {
 };
 
 inline constexpr int kPatchRadius = 3;         // 7 x 7
-inline constexpr double kMaxPatchError = 0.9;  // patches that agree less say nothing
+inline constexpr double kMaxPatchError = 0.9;  // patches with a larger error are not compared
 
-/// How far a patch and its image in the other view are from agreeing, and what changes that.
+/// Error of a patch against its warp into the other view, and its derivatives.
 template <class Real>
 struct PatchScore {
     bool valid = false;         // error below kMaxPatchError
-    Real error = 0;             // 1 - NCC^2: an inverted patch agrees
-    Vec3<Real> derror_dnormal;  // by the blended plane of the pixel
+    Real error = 0;             // 1 - NCC^2: 0 also for an inverted patch
+    Vec3<Real> derror_dnormal;  // by the normal of the pixel's plane
     Real derror_ddistance = 0;
 };
 
-/// Warps the patch around `centre` (corner coordinates of the reference's image) by the homography
-/// R - t n^T / d of the plane n . X = -d; only the quotient n / d counts, so blended channels do
-/// not have to be normalised. `pair` has the lenses of the images; `shift` leads from corner
-/// coordinates to those of the samples. The value and its derivative share one walk over the patch:
-/// the derivative of NCC^2 by a warped intensity is linear in the patch's intensities, so three
-/// weighted sums are enough.
+/// Warps the patch around `centre` (corner coordinates of the reference image) by the homography R
+/// - t n^T / d of the plane n . X = -d. Only n / d counts, so blended channels need no
+/// normalisation. `pair` has the lenses of the images; `shift` is the offset from corner
+/// coordinates to sample coordinates. One loop computes value and derivative: the derivative of
+/// NCC^2 by a warped intensity is linear in the patch's intensities, so three weighted sums
+/// suffice.
 template <class Real, class Image>
 TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
                                       Vec2<Real> centre,
@@ -203,15 +203,14 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     if (!(distance > 0)) return score;
     const Mat3<Real>& R = pair.other_from_reference.R;
     const Vec3<Real> t = pair.other_from_reference.t, plane = normal / distance;
-    // The warped ray is linear in the patch's coordinates.
+    // The warped ray is linear in the patch coordinates.
     const auto warped = [&](Vec3<Real> ray) { return R * ray - dot(plane, ray) * t; };
     const Vec3<Real> ray0 = ray_through(pair.reference, centre), p0 = warped(ray0);
     const Real step_x = 1 / pair.reference.fx, step_y = 1 / pair.reference.fy;
     const Vec3<Real> px = warped({step_x, 0, 0}), py = warped({0, step_y, 0});
     if (!(p0.z > Real(1e-6))) return score;
 
-    // Intensities count from those at the centre: the covariances do not change, and little
-    // cancels.
+    // Intensities relative to the centre's: the covariances stay, with little cancellation.
     const Real a0 = bilinear(reference, centre - shift).value,
                b0 = bilinear(other, project(pair.other, p0) - shift).value;
     constexpr Real kTaps = (2 * kPatchRadius + 1) * (2 * kPatchRadius + 1);
@@ -237,7 +236,7 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     const Real error = 1 - cross * cross / under;
     if (!(error < Real(kMaxPatchError))) return score;
     score.valid = true;
-    if (!(error > 0)) return score;  // agreement beyond rounding
+    if (!(error > 0)) return score;  // perfect within rounding
     score.error = error;
     const Real by_cross = -2 * cross / under, by_var = cross * cross * var_a / (under * under);
     const Vec3<Real> dL_dplane =
@@ -247,9 +246,9 @@ TVSGS_HD PatchScore<Real> patch_score(const ViewPair<Real>& pair,
     return score;
 }
 
-/// Place of `i` in a permutation of [0, count) that `key` chooses, without a table: rounds of
-/// one-to-one mixing of b-bit numbers, repeated until the result lies below `count` (less than
-/// twice on average).
+/// Image of `i` under a permutation of [0, count) chosen by `key`, without a table: rounds of
+/// one-to-one mixing of b-bit numbers, repeated until the result is below `count` (less than twice
+/// on average).
 TVSGS_HD inline std::uint32_t permuted(std::uint32_t i, std::uint32_t count, const Random4& key) {
     int bits = 1;
     while (bits < 32 && (std::uint64_t{1} << bits) < count) ++bits;

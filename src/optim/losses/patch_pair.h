@@ -1,4 +1,4 @@
-// The grey photographs of two views, and the patches that a rendered surface has in both.
+// Corresponding patches of a rendered surface in the grey photographs of two views.
 #pragma once
 
 #include "optim/losses/multiview_math.h"
@@ -9,19 +9,21 @@ namespace tvsgs {
 
 struct PatchPair {
     ViewPair<float> pair;  // lenses of the grey images
-    Vec2f scale, shift;  // from the render's corner coordinates to those of the grey image; onwards
-    Camera camera;       // of the render
+    // `scale`: from corner coordinates of the render to the grey image's; `shift`: from these to
+    // sample coordinates.
+    Vec2f scale, shift;
+    Camera camera;  // of the render
     GreyBytes reference, other;
 
-    /// Whether the patches around pixel `at` and around where `point` (camera frame) is seen lie
-    /// in the photographs: beyond them all is 0, and borders would resemble each other.
+    /// Whether the patches around pixel `at` and around the projection of `point` (camera frame)
+    /// lie inside both photographs: outside all pixels are 0, so that borders would look similar.
     TVSGS_HD bool inside(int at, Vec3f point) const {
         const Vec3f there = pair.other_from_reference * point;
         return there.z > pair.min_depth && in_photo(centre(at), reference) &&
                in_photo(project(pair.other, there), other);
     }
 
-    /// How the patch around pixel `at` of the render agrees, on the plane with this normal through
+    /// Score of the patch around pixel `at` of the render, on the plane with this normal through
     /// `point` (camera frame).
     TVSGS_HD PatchScore<float> score(int at, Vec3f normal, Vec3f point) const {
         return patch_score(pair, centre(at), normal, -dot(normal, point), reference, other, shift);
@@ -38,8 +40,8 @@ struct PatchPair {
     }
 };
 
-/// Both views need their grey photographs. The official code scales pixel indices, not corners,
-/// and so reads half a training pixel off.
+/// Both views need their grey photographs. The official code scales pixel indices instead of
+/// corners, and so reads half a training pixel off.
 template <class Device>
 PatchPair patch_pair(const RenderedImages<Device>& images,
                      const DeviceView<Device>& a,

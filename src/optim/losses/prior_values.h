@@ -1,4 +1,4 @@
-// Priors of a view as the terms read them.
+// Reads the priors of a view for the terms.
 #pragma once
 
 #include <string_view>
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// [width height channels]; empty where the view has no such map. Throws Error(ExitCode::input)
-/// where it has another size than the photograph.
+/// [height width channels]; empty where the view has no such map. Throws Error(ExitCode::input)
+/// where its size differs from the photograph's.
 template <class Device>
 Span<const float> prior_values(const DeviceView<Device>& view,
                                std::string_view name,
@@ -31,7 +31,7 @@ TVSGS_HD inline bool is_number(float value) {
     return value * 0 == 0;
 }
 
-/// A view without the map is sure everywhere.
+/// 1 for a view without a confidence map.
 TVSGS_HD inline float confidence_at(Span<const float> confidence, int at) {
     return confidence.empty() ? 1.0f : confidence[at];
 }

@@ -5,13 +5,13 @@
 namespace tvsgs {
 
 void update_parameters(Cpu, int count, const AdamBody& body, const int* halted) {
-    // Tested once: a test inside the loop makes it three times as slow.
+    // Test once: a test inside the loop makes it three times as slow.
     if (halted == nullptr || *halted == 0) parallel_for(Cpu{}, count, body);
 }
 
 namespace {
 
-constexpr int kChunk = 64;  // Gaussians whose gradients stay in the first cache
+constexpr int kChunk = 64;  // Gaussians whose gradients stay in the L1 cache
 
 /// One step of coefficient k of Gaussians [begin, end).
 void step_run(const ShAdam& sh, int k, int begin, int end, const Vec3f* dL, const ShScale& scale) {
@@ -28,7 +28,7 @@ void step_run(const ShAdam& sh, int k, int begin, int end, const Vec3f* dL, cons
         value[j] = adam_update(value[j], gradient[j], m[j], v[j], step, root);
 }
 
-/// Keeps the gradients of the harmonics of a chunk, coefficient major.
+/// Keeps the SH gradients of a chunk, coefficient major.
 struct KeepShGradient {
     static constexpr int kGroup = kMaxShCount;
     const ShAdam& sh;
@@ -47,7 +47,7 @@ struct KeepShGradient {
     }
 };
 
-/// Ahead of its use: neighbours' gradients lie wherever their depths put them.
+/// Prefetches a gradient: they are stored by depth, so the addresses of neighbours are random.
 template <class Gradients>
 void fetch_gradient(const SplatSums<Gradients>& sums, int i) {
     const std::uint32_t at = sums.places.of(i);

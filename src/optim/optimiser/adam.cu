@@ -6,15 +6,15 @@ namespace {
 
 struct HaltingAdamBody {
     AdamBody body;
-    const int* halted;  // on the device
+    const int* halted;  // device memory
 
     __device__ void operator()(int i) const {
         if (halted == nullptr || *halted == 0) body(i);
     }
 };
 
-constexpr int kThreads = 128, kBlocks = 5;  // of a multiprocessor: many loads under way
-// Few harmonics at a time: registers. More than one, so that several loads are under way.
+constexpr int kThreads = 128, kBlocks = 5;  // per multiprocessor: many loads in flight
+// Few SH coefficients at a time save registers; more than one keeps several loads in flight.
 constexpr int kHarmonics = 2;
 
 template <SplatVjp Vjp>

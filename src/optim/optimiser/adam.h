@@ -1,4 +1,4 @@
-// Adam over the Gaussians' parameter groups.  [Kingma15], rates of 3DGS
+// Adam optimiser over the Gaussians' parameter groups.  [Kingma15], rates of 3DGS
 #pragma once
 
 #include <array>
@@ -54,13 +54,13 @@ struct AdamBody {
         values[i] = next < least ? least : next;
     }
 };
-/// body(i) for i in [0, count), unless *halted, where that is given, is not 0.
+/// Runs body(i) for i in [0, count), unless `halted` is not null and *halted is not 0.
 void update_parameters(Cpu, int count, const AdamBody& body, const int* halted);
 void update_parameters(Cuda, int count, const AdamBody& body, const int* halted);
 
-/// The moments of all splats, and the step that they take. A step of iteration `step` sets the rate
-/// of the means; `sh_degree` is the SH degree in use: coefficients above it have zero gradients and
-/// moments. Where *halted (on the device; may be null) is not 0, a step changes nothing.
+/// Moments of all splats, and Adam's step. The iteration `step` sets the rate of the means.
+/// `sh_degree` is the SH degree in use: coefficients above it have zero gradients and moments.
+/// Where *halted (device memory; may be null) is not 0, a step changes nothing.
 template <class Device>
 class Adam {
 public:
@@ -71,7 +71,7 @@ public:
         fill_zero(v_);
     }
 
-    /// A step along gradients in memory.
+    /// Takes a step along gradients in memory.
     void step(int step,
               float extent,
               int sh_degree,
@@ -97,8 +97,8 @@ public:
         update_group(sh_rest, {n, used}, g.sh, gradients.sh, m_.sh, v_.sh, halted);
     }
 
-    /// A step along the sums over pixels that a rasteriser leaves, and the gradients that losses
-    /// give to the geometry (`extra`; empty: none): no gradient of a parameter lies in memory.
+    /// Takes a step along the rasteriser's sums over pixels and the gradients that losses add to
+    /// the geometry (`extra`; may be empty). The gradients of parameters never lie in memory.
     void step(int step,
               float extent,
               int sh_degree,
@@ -121,7 +121,7 @@ public:
                    halted});
     }
 
-    /// From now on the group's rate is `factor` x what it would have been.
+    /// Multiplies the group's rate by `factor` from now on.
     void lower_rate(ParameterGroup group, float factor) {
         rate_factors_[static_cast<std::size_t>(group)] *= factor;
     }
@@ -154,7 +154,7 @@ private:
                                              const float, float>;
             return reinterpret_cast<Float*>(data + range.begin);
         };
-        // Elsewhere a bound would hide values that are not finite.
+        // Only scales have a bound; in other groups it would hide infinite values.
         const float least = group == ParameterGroup::scales ? kLeastLogScale : -INFINITY;
         const std::size_t count = (range.end - range.begin) * sizeof(T) / sizeof(float);
         update_parameters(Device{}, static_cast<int>(count),
@@ -172,7 +172,7 @@ private:
         root_ = adam_scale(1, ++count_).root;
     }
 
-    /// With the bias correction of the step in progress.
+    /// Rate of the current step with its bias correction.
     float rate(ParameterGroup group) const {
         const float rates[] = {position_rate_,   options_.scale, options_.rotation,
                                options_.opacity, options_.sh_dc, options_.sh_rest};
@@ -184,7 +184,7 @@ private:
     Gaussians<Device> m_, v_;
     std::array<float, kParameterGroups> rate_factors_{1, 1, 1, 1, 1, 1};
     int count_ = 0;
-    float position_rate_ = 0, root_ = 1;  // of the step in progress
+    float position_rate_ = 0, root_ = 1;  // of the current step
 };
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// One number's step of Adam, and those of the spherical harmonics of one Gaussian.  [Kingma15]
+// Adam's step of a single number and of the SH coefficients of one Gaussian.  [Kingma15]
 #pragma once
 
 #include <cstdint>
@@ -16,14 +16,14 @@ struct AdamScale {
 
 inline constexpr double kAdamBeta1 = 0.9, kAdamBeta2 = 0.999, kAdamEps = 1e-15;
 
-/// The scale of step t, which counts from 1.
+/// Bias corrections of step t; t counts from 1.
 inline AdamScale adam_scale(float rate, int t) {
     return {static_cast<float>(static_cast<double>(rate) / (1 - std::pow(kAdamBeta1, t))),
             static_cast<float>(1 / std::sqrt(1 - std::pow(kAdamBeta2, t)))};
 }
 
-/// One Adam step of one number; moments are updated in place, the new value is returned. Every
-/// kernel gets the same bits: there is nothing in it that a compiler may or may not fuse.
+/// One Adam step of one number; updates the moments in place and returns the new value. All kernels
+/// produce the same bits: multiply_add() leaves the compiler no choice to fuse operations.
 template <class Real>
 TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real step, Real root) {
     // 1 - beta as a literal: in float, 1 - 0.999f is off by 1.3e-5 of itself.
@@ -33,12 +33,12 @@ TVSGS_HD Real adam_update(Real value, Real gradient, Real& m, Real& v, Real step
     return value - step * m / multiply_add(root, std::sqrt(v), Real(kAdamEps));
 }
 
-/// A step of the spherical harmonics: the base colour has a rate of its own.
+/// Rates of the SH coefficients with bias correction; the base colour has its own.
 struct ShScale {
     float step_dc, step_rest, root;
 };
 
-/// The spherical harmonics and their moments, coefficient major as in Gaussians::sh.
+/// SH coefficients and their moments, coefficient major as in Gaussians::sh.
 struct ShAdam {
     Vec3f *values, *m, *v;
     std::size_t stride;  // Gaussians
@@ -83,7 +83,7 @@ struct ShAdam {
     }
 };
 
-/// Takes the SH step of Gaussian `at` where sh_color_vjp finds its gradients.
+/// Takes the SH step of Gaussian `at` inside sh_color_vjp, which computes its gradients.
 template <int kGroup_>
 struct ShStep {
     static constexpr int kGroup = kGroup_;
@@ -104,7 +104,7 @@ struct ShStep {
         sh.store(at, first, g);
     }
 
-    /// The same without a gradient.
+    /// Takes a step with gradients of zero.
     TVSGS_HD void decay() const {
         const Vec3f zero[kGroup]{};
         Vec3f values[kGroup];

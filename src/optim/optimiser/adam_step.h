@@ -1,5 +1,5 @@
-// The last part of an iteration in one pass: from the gradients of a view's splats on the image to
-// the Gaussians' new parameters. No gradient of a parameter goes through memory.
+// Last part of an iteration in one pass: from the image gradients of a view's splats to the
+// Gaussians' new parameters. The gradients of parameters never go through memory.
 #pragma once
 
 #include "optim/optimiser/adam_math.h"
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Arrays of one Gaussians object but its colours; null: there are none.
+/// Arrays of a Gaussians object without SH coefficients; null pointers: no arrays.
 struct GeometrySpans {
     Vec3f *means = nullptr, *log_scales = nullptr;
     Quatf* quats = nullptr;
@@ -32,10 +32,10 @@ struct GeometryScale {
     float mean, log_scale, quat, opacity_logit, root;
 };
 
-// Below this the smallest scale, which the flattening loss pushes to 0, would underflow.
+// A smaller scale would underflow; the flattening loss drives the smallest scale to 0.
 inline constexpr float kLeastLogScale = -16.118096f;  // ln 1e-7
 
-/// One step of a Gaussian's geometry, its moments included.
+/// One step of a Gaussian's geometry and its moments.
 TVSGS_HD inline void step_geometry(SplatGeometry& splat,
                                    const SplatGeometry& gradient,
                                    SplatGeometry& m,
@@ -49,7 +49,7 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
         step(splat.mean[k], gradient.mean[k], m.mean[k], v.mean[k], scale.mean);
         float& log_scale = splat.log_scale[k];
         step(log_scale, gradient.log_scale[k], m.log_scale[k], v.log_scale[k], scale.log_scale);
-        // Written so that what is not finite shows.
+        // Written so that NaN is kept.
         log_scale = log_scale < kLeastLogScale ? kLeastLogScale : log_scale;
     }
     step(splat.quat.w, gradient.quat.w, m.quat.w, v.quat.w, scale.quat);
@@ -63,16 +63,16 @@ TVSGS_HD inline void step_geometry(SplatGeometry& splat,
 
 struct AdamStep {
     GeometrySpans values, m, v;
-    GeometrySpans extra;  // gradients that losses give without the image; may be null
+    GeometrySpans extra;  // gradients of losses that do not use the image; may be null
     ShAdam sh;
     GeometryScale geometry_scale;
     ShScale sh_scale;
     bool with_opacity;
-    const int* halted;  // where *halted (may be null) is not 0, nothing changes
+    const int* halted;  // device memory; where *halted (may be null) is not 0, nothing changes
 };
 
-/// Steps Gaussian i's geometry and gives its SH gradients to `visit`, see sh_color_vjp. Returns
-/// true where there are none; the caller then takes the SH step with gradients of zero.
+/// Steps the geometry of Gaussian i and passes its SH gradients to `visit`, see sh_color_vjp.
+/// Returns true where it has none; the caller then takes the SH step with gradients of zero.
 template <SplatVjp Vjp, class Visit>
 TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit) {
     SplatGeometry splat = in.values.load(i), gradient = no_gradient();
@@ -84,8 +84,8 @@ TVSGS_HD bool step_splat(const Vjp& vjp, const AdamStep& in, int i, Visit& visit
     return !colored;
 }
 
-// The order of the SH steps differs: a GPU lane steps all coefficients of its Gaussian, a CPU
-// thread one coefficient of 64 Gaussians after the other.
+// The order of the SH steps differs: a GPU lane steps all coefficients of its Gaussian; a CPU
+// thread steps one coefficient of 64 Gaussians after the other.
 void take_step(Cpu, int count, const FusedGradients& gradients, const AdamStep& step);
 void take_step(Cuda, int count, const FusedGradients& gradients, const AdamStep& step);
 

@@ -10,10 +10,10 @@ namespace tvsgs {
 namespace {
 
 constexpr double kBeta1 = 0.9, kBeta2 = 0.99, kEps = 1e-12;
-constexpr std::size_t kPoints = 4000;  // of the initial cloud, for the depth of a view
+constexpr std::size_t kPoints = 4000;  // sample of the initial cloud, for the depth of a view
 
-/// Median depth of the initial points that a view sees; of all that lie before it where it sees
-/// none; 1 where there is nothing.
+/// Median depth of the initial points that a view sees; if it sees none, of all points in front of
+/// it; 1 without any.
 double scene_depth(const Camera& camera, const std::vector<Vec3f>& points) {
     std::vector<float> seen, before;
     const std::size_t every = std::max<std::size_t>(1, points.size() / kPoints);
@@ -44,9 +44,9 @@ Vec3d vec_at(const double* x) {
 
 using Sym6 = std::array<std::array<double, 6>, 6>;
 
-/// Inner product of motions of a view: of how they move images, in the mean over its pixels and
-/// three depths about that of the scene. Of the numbers themselves it would not do: a turn and a
-/// shift that undo each other in the image are nothing.
+/// Inner product of motions of a view: how they move images, averaged over its pixels and three
+/// depths around the scene's. The plain product of the numbers would fail: a rotation and a
+/// translation that cancel each other in the image must count as no motion.
 Sym6 image_metric(const Camera& c, double f, double depth) {
     Sym6 H{};
     constexpr int kSteps = 5;
@@ -107,8 +107,8 @@ void CameraRefinement::find_gauge() {
     Vec3d middle;
     for (const Camera& c : given_) middle += vec_cast<double>(camera_centre(c));
     middle = middle / static_cast<double>(given_.size());
-    // A turn W, a shift V and a growth s of the world about `middle` are, in the frame of a camera,
-    // a turn by -R W and a shift by R W x t - R V + s t.
+    // A rotation W, a translation V and a scaling s of the world about `middle` are, in the frame
+    // of a camera, a rotation by -R W and a translation by R W x t - R V + s t.
     for (int k = 0; k < 7; ++k) {
         std::vector<double> direction;
         for (std::size_t i = 0; i < given_.size(); ++i) {
@@ -126,9 +126,9 @@ void CameraRefinement::find_gauge() {
                 add_scaled(direction.data(), -dot_of(gauge_[g + 1], direction.data()), gauge_[g]);
         };
         const double whole = length();
-        remove_others(), remove_others();  // once more for what rounding left
+        remove_others(), remove_others();  // twice against rounding
         const double rest = length();
-        if (!(rest > 1e-6 * whole)) continue;  // the others do it already
+        if (!(rest > 1e-6 * whole)) continue;  // the other directions span it already
         for (double& value : direction) value /= rest;
         std::vector<double> of_direction = dual(direction);
         gauge_.push_back(std::move(direction)), gauge_.push_back(std::move(of_direction));
@@ -165,11 +165,11 @@ void CameraRefinement::step(const std::vector<double>& gradients, double rate) {
         const auto at = static_cast<std::size_t>(i);
         const double* const g = gradients.data() + kCameraNumbers * i;
         if (!std::all_of(g, g + kCameraNumbers, [](double v) { return std::isfinite(v); }))
-            continue;  // nor are the splats' finite, which take the training back
+            continue;  // the splats are not finite either, and the training rolls back
         for (std::size_t k = 0; k < 6; ++k)
             by[6 * at + k] = g[k] * (k < 3 ? 1 : scale_[at].depth) / scale_[at].f;
     }
-    // Splats that lag behind the frame would push all views along; Adam would make more of it.
+    // The shared drift of splats would push all views along, and Adam would amplify it.
     for (std::size_t g = 0; g < gauge_.size(); g += 2)
         add_scaled(by.data(), -dot_of(gauge_[g], by.data()), gauge_[g + 1]);
     double *const x = numbers_.data(), *const m = x + n, *const v = m + n;

@@ -1,4 +1,4 @@
-// Poses that training may improve: how far each view has moved from where it was given.
+// Refines camera poses during training; stores how far each view has moved from its given pose.
 // [docs/method/cameras.md]
 #pragma once
 
@@ -32,33 +32,32 @@ struct CameraOptions {
     }
 };
 
-/// How far a view is from where it was given.
+/// Distance of a view from its given pose.
 struct CameraMove {
-    double turn_px, shift_px;  // lengths; a pixel is what moves the image of the scene by one
+    double turn_px, shift_px;  // lengths; 1 px moves the image of the scene by one pixel
     double turn_deg;
 };
 
-/// Poses of all training views with Adam's moments, on the host: they are few, and step once in a
-/// round, when each view has been looked at. Numbers are in pixels: a turn of x moves what the
-/// camera sees by f x pixels, a shift of x what is at the scene's depth d by f x / d.
+/// Poses of all training views with Adam's moments. They stay on the host: they are few, and step
+/// once per round of all views. Numbers are in pixels: a rotation of x moves the image by f x
+/// pixels, a translation of x moves points at the scene's depth d by f x / d.
 class CameraRefinement {
 public:
     CameraRefinement(const Scene& scene, const CameraOptions& options);
 
     int views() const { return static_cast<int>(given_.size()); }
 
-    /// From `gradients` [views kCameraNumbers], as CameraGradient has them; those of a view that
-    /// are not all finite count as 0. What all views could do together, a similarity of the whole
-    /// scene, is taken out: it would change the frame and no image.
+    /// Takes a step along `gradients` [views kCameraNumbers], laid out as CameraGradient. The
+    /// gradients of a view count as 0 unless all are finite. Removes the motion that all views
+    /// share, a similarity transform of the whole scene: it changes the frame and no image.
     void step(const std::vector<double>& gradients, double rate);
 
     const std::vector<Camera>& cameras() const { return cameras_; }
     CameraMove move(int view) const;
 
-    /// All that steps change, to be saved and restored.
+    /// All numbers that steps change, for saving and restoring.
     const std::vector<double>& numbers() const { return numbers_; }
-    /// Throws Error(ExitCode::input) where they, or so many gradients, are those of another number
-    /// of views.
+    /// Throws Error(ExitCode::input) where the sizes belong to another number of views.
     void restore(std::vector<double> numbers, std::size_t gradients);
 
 private:
@@ -77,12 +76,12 @@ private:
     CameraOptions options_;
     std::vector<Camera> given_, cameras_;
     std::vector<PixelScale> scale_;
-    // Turn and shift of each view, px; then both moments of these; then the number of steps.
+    // Rotation and translation of each view, px; then both their moments; then the number of steps.
     std::vector<double> numbers_;
-    std::vector<std::vector<double>> gauge_;  // [6 views] directions, each before its dual
+    std::vector<std::vector<double>> gauge_;  // [6 views] each direction, then its dual
 };
 
-/// The refinement in a training on `Device`. Off: it holds nothing.
+/// Camera refinement of a training on `Device`. Holds nothing when switched off.
 template <class Device>
 class TrainedCameras {
 public:
@@ -93,13 +92,13 @@ public:
         gradients_.fill_zero();
     }
 
-    /// Where the derivatives by the camera of `view` are added at that step; empty: nowhere.
+    /// Buffer for the derivatives by the camera of `view` at that step; empty: none are needed.
     Span<double> gradient_of(int step, int view) {
         if (!active(step)) return {};
         return {gradients_.data() + kCameraNumbers * view, kCameraNumbers};
     }
 
-    /// After each step; after the last one of a round the poses step.
+    /// Called after each step; the poses take a step after the last step of a round.
     void step_done(int step, int iterations) {
         if (!active(step) || step % refined_->views() != 0 || step >= iterations) return;
         const double all = iterations - options_.start + 1, left = (iterations - step) / all;
@@ -110,14 +109,14 @@ public:
         moved_ = true;
     }
 
-    /// Once after each change, and at first: where the cameras are now; null: where they were.
+    /// Returns the current cameras once after each change and once at the start; null: unchanged.
     const CameraRefinement* take_moved() {
         const bool moved = moved_ && refined_;
         moved_ = false;
         return moved ? &*refined_ : nullptr;
     }
 
-    /// A run that goes on may begin to refine.
+    /// A resumed run may begin to refine, so a saved state may lack these.
     void state(StateVisitor<Device>& visit) {
         if (!refined_) return;
         Buffer<double, Device> numbers;

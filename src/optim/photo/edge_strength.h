@@ -1,4 +1,4 @@
-// How much neighbouring pixels of a photograph differ.
+// Strength of edges in a photograph.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
-// A brightness and an offset per photograph, for cameras and lights that change between
-// photographs. [docs/method/pgsr.md#exposure]
+// Fits a gain and an offset per photograph, for cameras and lights that change between photographs.
+// [docs/method/pgsr.md#exposure]
 #pragma once
 
 #include "core/device/parallel.h"
@@ -10,15 +10,15 @@
 
 namespace tvsgs {
 
-/// The two images that the photometric terms compare.
+/// The render and the photograph as the photometric terms compare them.
 struct ComparedPhoto {
     Span<const Vec3f> color;         // [H W] the render
     Span<const std::uint8_t> photo;  // [H W 3]
     Span<Vec3f> dL_dcolor;           // [H W] added to
-    Span<const float> mask;          // [H W] of the view; empty: all is inside
+    Span<const float> mask;          // [H W] of the view; empty: all pixels are inside
 };
 
-/// e^A c + B of a render's colour c; `values`: A and B.
+/// e^A c + B of a rendered colour c; `values`: A and B.
 template <class Real>
 TVSGS_HD Vec3<Real> exposed(const Real* values, Vec3<Real> c) {
     const Real gain = std::exp(values[0]), offset = values[1];
@@ -51,15 +51,15 @@ struct ExposureState {
     int steps;
 };
 
-/// Exposure is applied and fitted only where a render resembles its photograph: where the sum of
-/// the SSIM term's shares, which stays on the device, is below `limit`.
+/// Exposure is applied and fitted only where a render resembles its photograph: where the loss of
+/// the SSIM term, which stays on the device, is below `limit`.
 struct ExposureGate {
     const double* ssim_loss;
     double limit;
     TVSGS_HD bool open() const { return *ssim_loss < limit; }
 };
 
-/// The L1 term of one pixel, and its part of the derivative by the photograph's numbers.
+/// The L1 term of one pixel, and its derivative by the exposure of the photograph.
 struct ExposureL1Body {
     ComparedPhoto compared;
     const ExposureState* exposure;
@@ -69,7 +69,7 @@ struct ExposureL1Body {
     Span<float> dL_dvalues;  // [kExposureValues H W] overwritten
 
     TVSGS_HD void operator()(int i) const {
-        // What a mask has put in the place of a photograph was not exposed.
+        // Pixels that a mask replaced have no exposure.
         const bool on = gate.open() && (compared.mask.empty() || is_inside(compared.mask[i]));
         const Vec3f photo_i = detail::photo_pixel(compared.photo.data, static_cast<std::size_t>(i)),
                     color = compared.color[i], shown = on ? exposed(exposure->value, color) : color;
@@ -91,19 +91,19 @@ struct ExposureL1Body {
     }
 };
 
-/// Writes behind the gradient whether exposures step.
+/// Writes after the gradient whether exposures take a step.
 struct ExposureOpenBody {
     double* gradient;
     ExposureGate gate;
     TVSGS_HD void operator()(int) const { gradient[kExposureValues] = gate.open(); }
 };
 
-/// Adam, rate 1e-3, betas 0.9 and 0.99, eps 1e-8, over all photographs: those not looked at go on
-/// by their momentum, as in the official code.
+/// Adam with rate 1e-3, betas 0.9 and 0.99, eps 1e-8, over all photographs. Photographs other than
+/// `current` continue by their momentum, as in the official code.
 struct ExposureStepBody {
     Span<ExposureState> states;
     int current;
-    const double* gradient;  // of the L1 term by the current one; then whether to step
+    const double* gradient;  // of the L1 term by the current exposure; then whether to step
 
     TVSGS_HD void operator()(int i) const {
         if (!(gradient[kExposureValues] > 0)) return;
@@ -140,7 +140,7 @@ public:
     }
 
     /// Adds the L1 term with the view's exposure, and keeps the gradient for step(). `ssim_loss`
-    /// has to be known.
+    /// must be computed before.
     void add_l1(const LossInputs<Device>& in,
                 const ComparedPhoto& compared,
                 int views,
@@ -167,7 +167,7 @@ public:
         parallel_for(Device{}, 1, ExposureOpenBody{gradient_.data(), gate});
     }
 
-    /// Steps the exposures by the gradient of the last add_l1(), which was of photograph `view`.
+    /// Steps the exposures by the gradient of the last add_l1(), called for photograph `view`.
     void step(int view, int views) {
         parallel_for(Device{}, views, ExposureStepBody{states_.span(), view, gradient_.data()});
     }
@@ -177,7 +177,7 @@ public:
     }
 
     bool held() const { return held_; }
-    /// Empty before any are fitted.
+    /// Returns an empty list before any exposures are fitted.
     HeldExposures values() const {
         HeldExposures out;
         for (const ExposureState& s : to_host(states_)) out.push_back(std::to_array(s.value));

@@ -1,5 +1,5 @@
-// What a render is compared with where masks say that the object is not, and what lies behind its
-// splats. [docs/method/masks.md]
+// Masks and backgrounds: replaces masked pixels of the render and its photograph before they are
+// compared, and defines the background behind the splats. [docs/method/masks.md]
 #pragma once
 
 #include <cstdint>
@@ -12,20 +12,20 @@
 
 namespace tvsgs {
 
-/// What masks are for. object: nothing is outside of them. ignore: what is outside is not looked
-/// at. automatic: the plan decides; without one as none.
+/// Use of masks. object: nothing exists outside of them. ignore: pixels outside are not compared.
+/// automatic: the plan decides; without a plan like `none`.
 enum class MaskUse { automatic, object, ignore, none };
 
 inline bool uses_masks(MaskUse use) {
     return use == MaskUse::object || use == MaskUse::ignore;
 }
 
-/// What lies behind the splats.
+/// The background behind the splats.
 struct PhotoBackground {
     enum class Kind { none, constant, random, sky } kind = Kind::none;
     std::uint8_t color[3] = {0, 0, 0};
 
-    /// Of a step: `color`, or a random one; black where there is none, or a sky.
+    /// The background of a step: `color`, or a random one; black where there is none, or for a sky.
     PhotoBackground at(std::uint64_t seed, int step) const {
         PhotoBackground here = *this;
         if (kind != Kind::random) return here;
@@ -33,7 +33,7 @@ struct PhotoBackground {
         for (int c = 0; c < 3; ++c) here.color[c] = static_cast<std::uint8_t>(r.v[c] >> 24);
         return here;
     }
-    /// 0 to 1, as photographs have it.
+    /// Colour from 0 to 1, in the same encoding as photographs.
     Vec3f linear() const {
         return {static_cast<float>(color[0]) / 255, static_cast<float>(color[1]) / 255,
                 static_cast<float>(color[2]) / 255};
@@ -41,7 +41,7 @@ struct PhotoBackground {
     bool black() const { return color[0] == 0 && color[1] == 0 && color[2] == 0; }
 };
 
-/// "none", "black", "white", "random", "sky", or "R,G,B" from 0 to 255. Throws
+/// Parses "none", "black", "white", "random", "sky", or "R,G,B" from 0 to 255. Throws
 /// Error(ExitCode::usage).
 PhotoBackground parse_background(const std::string& text);
 
@@ -52,7 +52,7 @@ inline constexpr const char* kRandomNeedsObject =
 inline constexpr const char* kSkyNeedsMap =
     "loss.photometric.background is sky, but there is no map of it (PhotometricOptions::sky)";
 
-/// What of a mask's pixel counts; see View::mask.
+/// Whether a mask's pixel counts as inside, or as background; see View::mask.
 TVSGS_HD inline bool is_inside(float mask) {
     return mask >= kObjectMask / 255.0f;
 }
@@ -60,9 +60,9 @@ TVSGS_HD inline bool is_background(float mask) {
     return mask == 0;
 }
 
-/// What lies behind the splats of a view, by pixel.
+/// The background behind the splats of a view, per pixel.
 struct Behind {
-    Vec3f color;  // 0 to 1; unless there is a sky
+    Vec3f color;  // 0 to 1; unused if there is a sky
     SkyMap sky{};
     Camera camera{};
 
@@ -72,26 +72,26 @@ struct Behind {
     }
 };
 
-/// The pixels of a view that are compared.
+/// How the pixels of a view are compared.
 struct MaskedPhoto {
-    Span<const float> mask;  // [H W] of the view, 0 to 1; empty: all is inside
+    Span<const float> mask;  // [H W] of the view, 0 to 1; empty: all pixels are inside
     Behind background;
-    bool fills;             // the photograph has that where the mask says background
-    float coverage_weight;  // of a covered pixel there
+    bool fills;             // the photograph gets the background where the mask says background
+    float coverage_weight;  // cost of a covered pixel there
 
     TVSGS_HD bool inside(int i) const { return mask.empty() || is_inside(mask[i]); }
     TVSGS_HD bool filled(int i) const { return fills && is_background(mask[i]); }
 };
 
-/// The two images that are compared: alike (black) where nothing is.
+/// Writes the two images that are compared; both are black where nothing is compared.
 struct MaskPhotoBody {
     MaskedPhoto by;
     Span<const Vec3f> color;
     Span<const float> transmittance;
     const std::uint8_t* photo;
-    Span<Vec3f> compared_color;    // [H W] overwritten, as the next
-    std::uint8_t* compared_photo;  // [H W 3]
-    std::uint8_t background[3];    // as `by` has it
+    Span<Vec3f> compared_color;    // [H W] overwritten
+    std::uint8_t* compared_photo;  // [H W 3] overwritten
+    std::uint8_t background[3];    // as in `by`
 
     TVSGS_HD void operator()(int i) const {
         const bool inside = by.inside(i), shown = inside || by.filled(i);
@@ -101,15 +101,14 @@ struct MaskPhotoBody {
     }
 };
 
-/// From dL/d of the compared render to the render's; adds what coverage outside of the object
-/// costs.
+/// Maps dL/d of the compared render to the render; adds the cost of coverage outside of the object.
 struct MaskPhotoVjpBody {
     MaskedPhoto by;
     Span<const float> transmittance;
     Span<const Vec3f> dL_dcompared;
     Span<Vec3f> dL_dcolor;          // added to
-    Span<float> dL_dtransmittance;  // the same; empty where nothing goes by it
-    Span<float> pixel_loss;         // the same
+    Span<float> dL_dtransmittance;  // added to; empty where no cost depends on it
+    Span<float> pixel_loss;         // added to
 
     TVSGS_HD void operator()(int i) const {
         if (by.inside(i) || by.filled(i)) {

@@ -13,20 +13,21 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kWidth = 200;          // blocks, at most
-constexpr int kReach = 3;            // of a window of blocks
-constexpr int kOthers = 8;           // views that each is held against
-constexpr double kMove = 3;          // blocks by which far points move between two views at least
-constexpr double kFarPoints = 0.9;   // share of a view's points that are nearer
-constexpr double kLeastSeen = 0.01;  // share of the blocks that has to be comparable
-constexpr double kTextured = 0.02, kAlike = 0.85, kSame = 0.06;  // of grey levels from 0 to 1
+constexpr int kWidth = 200;  // blocks at most
+constexpr int kReach = 3;    // half width of a window, blocks
+constexpr int kOthers = 8;   // views that each view is compared with
+constexpr double kMove = 3;  // blocks by which far points must move between two compared views
+constexpr double kFarPoints = 0.9;   // quantile of a view's depths that counts as far
+constexpr double kLeastSeen = 0.01;  // smallest comparable share of the blocks
+// Smallest deviation, smallest correlation, largest difference of grey levels from 0 to 1.
+constexpr double kTextured = 0.02, kAlike = 0.85, kSame = 0.06;
 
-/// A view as it is compared: the means of blocks of pixels.
+/// A view reduced to the means of blocks of pixels.
 struct Small {
     int block = 1, width = 0, height = 0;
     Camera camera;                 // of the blocks
     std::vector<float> grey;       // 0 to 1
-    std::vector<std::uint8_t> is;  // whether it counts
+    std::vector<std::uint8_t> is;  // whether the block is used
 
     Small(const View& view, bool masks)
         : block((view.camera.width_px + kWidth - 1) / kWidth),
@@ -57,7 +58,7 @@ private:
     }
 };
 
-/// Sums over windows around places of an image, cut off at its edges.
+/// Sums over windows around places of an image, clipped at its edges.
 class WindowSums {
 public:
     WindowSums(int width, int height)
@@ -88,7 +89,7 @@ private:
     std::vector<double> sums_;
 };
 
-/// `other` as seen from `view`, were all infinitely far away; NaN: not in its image.
+/// `other` as seen from `view` if all pixels were infinitely far away; NaN: outside its image.
 std::vector<float> seen_far_away(const Small& view, const Small& other) {
     std::vector<float> grey(view.grey.size(), NAN);
     for (int y = 0; y < view.height; ++y)
@@ -115,7 +116,7 @@ std::vector<float> seen_far_away(const Small& view, const Small& other) {
     return grey;
 }
 
-/// What a view's blocks are, beside others.
+/// Compares a view with other views and labels its blocks.
 class Comparison {
 public:
     explicit Comparison(const Small& view)
@@ -168,7 +169,7 @@ public:
         });
     }
 
-    /// What is far by chance is not so around: takes it back.
+    /// Clears far blocks whose neighbours are not far: they match by chance.
     void drop_chance() {
         count_.fill([&](std::size_t i) { return 1.0 * (textured_[i] && seen_[i]); });
         a_.fill([&](std::size_t i) { return 1.0 * far_[i]; });
@@ -177,7 +178,7 @@ public:
         });
     }
 
-    /// `beside_point`: of each block.
+    /// `beside_point`: per block, whether a point lies in or beside it.
     FarPixels result(const std::vector<std::uint8_t>& beside_point) const {
         FarPixels out{view_.block, view_.width, view_.height, {}};
         out.labels.assign(far_.size(), FarPixels::unknown);
@@ -190,7 +191,8 @@ public:
         }
         return out;
     }
-    /// Blocks; those of them with texture that another view sees, were they far; that are.
+    /// Numbers of blocks: all; textured ones that another view would see if they were far; far
+    /// ones.
     std::array<std::ptrdiff_t, 3> counts() const {
         std::array<std::ptrdiff_t, 3> out{std::ssize(far_), 0, 0};
         for (std::size_t i = 0; i < far_.size(); ++i)
@@ -215,7 +217,7 @@ private:
     std::vector<std::uint8_t> seen_, same_, far_, textured_;  // of each block
 };
 
-/// The blocks that a point lies in, and those around.
+/// Blocks with a point in them or in a neighbouring block.
 std::vector<std::uint8_t> blocks_beside(const Small& view, const std::vector<Sighting>& seen) {
     std::vector<std::uint8_t> beside(view.grey.size());
     for (const Sighting& s : seen) {
@@ -227,7 +229,7 @@ std::vector<std::uint8_t> blocks_beside(const Small& view, const std::vector<Sig
     return beside;
 }
 
-/// The views nearest in direction of those that stand far enough away from `v`.
+/// The views with the most similar direction among the views far enough away from `v`.
 std::vector<std::size_t> others_of(std::size_t v, const std::vector<Small>& views, double depth) {
     std::vector<std::pair<double, std::size_t>> found;
     const Camera& own = views[v].camera;
@@ -245,14 +247,14 @@ std::vector<std::size_t> others_of(std::size_t v, const std::vector<Small>& view
     return others;
 }
 
-/// A colour times its weight, and the weight.
+/// A weighted colour and its weight.
 struct Texel {
     Vec3f color;
     float weight = 0;
 };
 
-/// Texels of less than the full weight get the rest from those around. [Gortler et al. 1996, The
-/// Lumigraph, 3.4]
+/// Fills texels below full weight from their neighbourhood. [Gortler et al. 1996, The Lumigraph,
+/// 3.4]
 void fill_gaps(std::vector<Texel>& texels, int size) {
     if (size == 1) return;
     const int half = size / 2;
@@ -275,7 +277,7 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
         for (int x = 0; x < size; ++x) {
             Texel& t = texels[static_cast<std::size_t>(y) * size + x];
             if (!(t.weight < 1)) continue;
-            // Three quarters of the parent's place, one quarter of its neighbours'.
+            // Three quarters of the texel of the parent, one quarter of its neighbours.
             Texel around;
             for (int i = 0; i < 4; ++i) {
                 const int u = x / 2 + (i % 2 ? (x % 2 ? 1 : -1) : 0),
@@ -290,7 +292,8 @@ void fill_gaps(std::vector<Texel>& texels, int size) {
     });
 }
 
-/// The power of two with at least a texel per pixel all around; bounded, as the map is kept whole.
+/// Size of the sky map: the smallest power of two with a texel per pixel; limited, as the whole map
+/// is in memory.
 int sky_size(const std::vector<View>& views) {
     constexpr int kLeast = 64, kMost = 2048;
     std::vector<double> focal;
@@ -336,7 +339,7 @@ std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
         const FarPixels& far = look.views[v];
         const int last_x = views[v].camera.width_px - 1, last_y = views[v].camera.height_px - 1;
         for (const Sighting& s : sightings(views[v].camera, points, 1)) {
-            const int reach = kReach * far.block_px;  // so far windows look across a silhouette
+            const int reach = kReach * far.block_px;  // far windows extend across silhouettes
             bool all = true;
             for (int j = -reach; j <= reach; j += reach)
                 for (int i = -reach; i <= reach; i += reach)
@@ -352,7 +355,7 @@ std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
 }
 
 ImageU8 make_sky(const std::vector<View>& views, const SkyLook& look) {
-    constexpr double kSamples = 5e7;  // pixels that are looked at
+    constexpr double kSamples = 5e7;  // number of pixels read
     const int size = sky_size(views);
     std::vector<Texel> texels(static_cast<std::size_t>(size) * size);
     double pixels = 0;

@@ -1,5 +1,5 @@
-// What lies infinitely far away behind a scene: found where views from different places see the
-// same in the same direction, and made into a map. [docs/method/sky.md]
+// Finds pixels infinitely far behind a scene, where views from different places see the same in the
+// same direction, and makes a map of them. [docs/method/sky.md]
 #pragma once
 
 #include <cstdint>
@@ -10,10 +10,10 @@
 
 namespace tvsgs {
 
-/// What is known of the pixels of a view, in blocks of them.
+/// Labels of the pixels of a view, in blocks.
 struct FarPixels {
-    /// far: another view sees the same in that direction. open: nothing speaks against that: no
-    /// point lies beside, and what other views see there, if any do, is as flat and as bright.
+    /// far: another view sees the same in that direction. open: may be far: no point lies beside
+    /// the block, and other views see it, if at all, as flat and as bright.
     enum Label : std::uint8_t { unknown, open, far };
 
     int block_px = 1, width = 0, height = 0;  // [height width] of blocks
@@ -28,25 +28,25 @@ struct FarPixels {
 };
 
 struct SkyLook {
-    std::vector<FarPixels> views;  // of the training views; empty: not looked for
-    /// Far blocks over those with texture that another view would see, were they far; NaN: hardly
-    /// any.
+    std::vector<FarPixels> views;  // of the training views; empty: not searched
+    /// Far blocks divided by textured blocks that another view would see if they were far; NaN: too
+    /// few of these.
     double share = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// `points`: of the scene; views are compared where they stand so far apart that even the far ones
-/// of them would move by some pixels. `masks`: what is outside of them does not count.
+/// Labels the pixels of all views. `points`: of the scene; compares views far enough apart to move
+/// even the most distant points by some pixels. `masks`: ignores pixels outside of masks.
 SkyLook look_for_sky(const std::vector<View>& views,
                      const std::vector<Vec3f>& points,
                      bool masks = false);
 
-/// Indices of the points that no view shows where its pixels are far, here and around.
+/// Indices of the points, without those that a view shows in the middle of a far area.
 std::vector<std::size_t> points_before_sky(const std::vector<View>& views,
                                            const SkyLook& look,
                                            const std::vector<Vec3f>& points);
 
-/// [size size 3] a SkyMap: the mean of far pixels; where there are none, of open ones; elsewhere
-/// what is around.
+/// Returns a SkyMap [size size 3]: the mean of far pixels; where there are none, of open pixels;
+/// elsewhere filled from neighbouring texels.
 ImageU8 make_sky(const std::vector<View>& views, const SkyLook& look);
 
 }  // namespace tvsgs

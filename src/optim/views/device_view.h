@@ -1,4 +1,4 @@
-// A training view as terms see it, and the names of the maps that they ask for.
+// A training view in device memory, and the names of the maps that terms use.
 #pragma once
 
 #include <algorithm>
@@ -13,7 +13,7 @@
 
 namespace tvsgs {
 
-/// Names of maps of a view, at most eight different ones.
+/// Set of map names of a view, at most eight.
 class MapNames {
 public:
     constexpr MapNames() = default;
@@ -38,7 +38,7 @@ template <class Device>
 struct DeviceMap {
     std::string_view name;
     int width_px = 0, height_px = 0, channels = 1;
-    Buffer<float, Device> values;  // [height width channels]; empty: this view has none
+    Buffer<float, Device> values;  // [height width channels]; empty: this view has no such map
 };
 
 /// A training view on the device.
@@ -47,12 +47,12 @@ struct DeviceView {
     int index = 0;  // among the training views
     Camera camera;
     Buffer<std::uint8_t, Device> photo;  // [H W 3]
-    float edge_min = 0, edge_max = 1;    // range of the photo's edge strength, for the normal loss
+    float edge_min = 0, edge_max = 1;    // range of edge_strength() in the photograph
     int grey_width = 0, grey_height = 0;
-    Buffer<std::uint8_t, Device> grey;    // [grey_height grey_width] for matching patches; or empty
-    std::vector<DeviceMap<Device>> maps;  // those that terms ask for
+    Buffer<std::uint8_t, Device> grey;    // [grey_height grey_width] for patch matching; or empty
+    std::vector<DeviceMap<Device>> maps;  // maps that terms use
 
-    /// Null where this view has no such map.
+    /// Returns null where this view has no such map.
     const DeviceMap<Device>* map(std::string_view name) const {
         for (const DeviceMap<Device>& m : maps)
             if (m.name == name) return m.values.empty() ? nullptr : &m;

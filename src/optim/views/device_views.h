@@ -1,4 +1,4 @@
-// The training views on the device; photographs that do not fit come from the host in time.
+// Training views in device memory; copies photographs from the host in time where not all fit.
 #pragma once
 
 #include <algorithm>
@@ -14,7 +14,7 @@
 
 namespace tvsgs {
 
-/// How many views one iteration and the next look at.
+/// Number of views that one iteration and the next use.
 inline int views_at_hand(const LossNeeds& needs) {
     return 2 * (1 + needs.other_views);
 }
@@ -36,9 +36,9 @@ struct GreyBody {
 
 }  // namespace detail
 
-/// All photographs and maps are on the device if they fit into `budget` bytes, or if that is 0.
-/// Otherwise those of views_at_hand() views at a time are, and change as get() asks for them. Which
-/// of the two it is does not depend on the device.
+/// Holds all photographs and maps on the device if they fit into `budget` bytes, or if `budget` is
+/// 0. Otherwise holds views_at_hand() views at a time and replaces them as get() requires. The
+/// choice does not depend on the device.
 template <class Device>
 class DeviceViews {
 public:
@@ -80,7 +80,7 @@ public:
         uploads_.resize(static_cast<std::size_t>(views_at_hand(needs)));
         for (Upload& upload : uploads_) {
             upload.memory.maps.resize(needs_maps(needs));
-            std::size_t raw = 0;  // of a mask
+            std::size_t raw = 0;  // bytes of a mask
             for (const Host& host : hosts_)
                 for (const Array& array : host.arrays)
                     if (array.how == How::unit_floats) raw = std::max(raw, array.bytes);
@@ -96,15 +96,15 @@ public:
 
     bool all_resident() const { return uploads_.empty(); }
 
-    /// For their cameras: only what get() returns is certain to have its photographs and maps.
+    /// Use only for cameras: photographs and maps are guaranteed only in the result of get().
     const std::vector<DeviceView<Device>>& views() const { return views_; }
 
     void set_cameras(const std::vector<Camera>& cameras) {
         for (std::size_t i = 0; i < views_.size(); ++i) views_[i].camera = cameras[i];
     }
 
-    /// The view with its photographs and maps. They are valid until as many other views have been
-    /// asked for as there are uploads (views_at_hand()).
+    /// Returns the view with its photographs and maps. They stay valid until get() or prefetch()
+    /// has been called for views_at_hand() other views.
     const DeviceView<Device>& get(int view) {
         if (!all_resident()) {
             Upload& upload = bring(view);
@@ -120,8 +120,8 @@ public:
     }
 
 private:
-    /// What is made of an array on the device: of bytes b b / 255; of the photograph its grey
-    /// levels. Made on the host they would be held for all views.
+    /// Processing of an array on the device: bytes b to b / 255, or a photograph to grey levels. On
+    /// the host the results of all views would take memory.
     enum class How { as_is, unit_floats, grey };
     struct Array {
         const void* data;
@@ -138,15 +138,15 @@ private:
         std::vector<Array> arrays;  // in the order of for_each_buffer()
     };
     struct Upload {
-        DeviceView<Device> memory;  // its buffers are with the view while it has one
+        DeviceView<Device> memory;  // swapped with the view while the view uses it
         std::vector<CopyLane<Device>> lanes;
         Buffer<std::uint8_t, Device> raw;  // the mask's bytes
         int view = -1;
         std::int64_t asked = 0;
-        bool finished = true;  // what is made on the device is there
+        bool finished = true;  // arrays computed on the device are ready
     };
 
-    /// `raw`: the mask's bytes.
+    /// `raw`: bytes of a mask.
     static void make(Span<const std::uint8_t> raw,
                      const DeviceView<Device>& /*view*/,
                      Buffer<float, Device>& out) {
@@ -160,7 +160,7 @@ private:
                      detail::GreyBody{view.photo.span(), out.span()});
     }
 
-    /// visit(number, buffer) for each buffer that comes from the host.
+    /// Calls visit(number, buffer) for each buffer that is filled from the host.
     template <class Visit>
     static void for_each_buffer(DeviceView<Device>& view, const Visit& visit) {
         std::size_t a = 0;
@@ -212,7 +212,7 @@ private:
         if (!given) host.arrays.back().how = How::grey;
     }
 
-    /// Nothing where the view has no such map.
+    /// Does nothing where the view has no such map.
     static void describe_map(const View& from,
                              std::string_view name,
                              DeviceView<Device>& to,
@@ -236,8 +236,8 @@ private:
         host.arrays.push_back(array_of(found->values));
     }
 
-    /// The upload that holds the view or is copying it. If there is none, the one that was asked
-    /// for longest ago starts to copy it.
+    /// Returns the upload that holds the view or is copying it. If there is none, reuses the least
+    /// recently used upload and starts the copy.
     Upload& bring(int view) {
         auto upload = std::find_if(uploads_.begin(), uploads_.end(),
                                    [view](const Upload& u) { return u.view == view; });
@@ -251,8 +251,7 @@ private:
             const Host& host = hosts_[static_cast<std::size_t>(view)];
             for_each_buffer(
                 views_[static_cast<std::size_t>(view)], [&](std::size_t a, auto& buffer) {
-                    // Shrinking keeps the memory, and no view's array is larger than
-                    // it.
+                    // Shrinking keeps the memory, and no view's array is larger.
                     const Array& from = host.arrays[a];
                     set_bytes(buffer, from.bytes_there());
                     if (from.how == How::grey) return;
@@ -266,7 +265,7 @@ private:
         return *upload;
     }
 
-    /// What is made on the device, once its copies are there.
+    /// Computes arrays on the device, once their copies have arrived.
     void finish(Upload& upload) {
         if (std::exchange(upload.finished, true)) return;
         DeviceView<Device>& view = views_[static_cast<std::size_t>(upload.view)];

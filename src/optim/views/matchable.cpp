@@ -46,7 +46,7 @@ Matchable::Matchable(const View& view,
                      const FarPixels* sky)
     : view_(view), masks_(masks && !view.mask.empty()), depth_(depth), sky_(sky) {
     if (!(depth > 0)) return;
-    // Of thousands of views few look at what this one sees.
+    // Of thousands of views only a few overlap this one.
     const Camera& own = view.camera;
     const Rigid3f world = inverse(own.camera_from_world);
     std::vector<Vec3f> corners;
@@ -72,8 +72,8 @@ bool Matchable::is_textured(int x, int y) const {
     constexpr double kFlat = 2;  // grey levels
     const int left = std::clamp(x - kBlocks, 0, view_.photo.width - 2 * kBlocks),
               top = std::clamp(y - kBlocks, 0, view_.photo.height - 2 * kBlocks);
-    if (left < 0 || top < 0) return true;     // too small an image to say
-    const auto block = [&](int bx, int by) {  // four times a grey level: the sum of 2 x 2
+    if (left < 0 || top < 0) return true;     // the image is too small to decide
+    const auto block = [&](int bx, int by) {  // sum over 2 x 2 pixels and 3 channels
         int sum = 0;
         for (int i = 0; i < 4; ++i)
             for (int c = 0; c < 3; ++c)
@@ -100,10 +100,10 @@ bool Matchable::is_elsewhere(int x, int y) const {
 
 namespace {
 
-/// A view in blocks of pixels.
+/// Open shares of a view, per block of pixels.
 class Blocks {
 public:
-    static constexpr int kSide = 8, kSamples = 2;  // pixels; samples along it
+    static constexpr int kSide = 8, kSamples = 2;  // pixels; samples along a side
 
     Blocks(const View& view, const std::vector<Sighting>& seen, const Matchable& could_match)
         : width_((view.camera.width_px + kSide - 1) / kSide),
@@ -124,10 +124,10 @@ public:
         for (const Sighting& s : seen) points[index(s)] += 1;
         for (std::size_t i = 0; i < points.size(); ++i)
             covered[i] = covered_share(points[i] / (kSide * kSide * std::max(matchable[i], 0.25)));
-        // What lies beside covered blocks may be the rim of a silhouette.
+        // Next to covered blocks may lie the edge of a silhouette.
         const std::vector<double> beside = largest_around(covered, 1);
         for (std::size_t i = 0; i < matchable.size(); ++i) matchable[i] *= 1 - beside[i];
-        // Those that lie beside a gap reach into it, across its rim.
+        // Points beside a gap grow into it, across its edge.
         open_ = largest_around(matchable, 2);
     }
 
@@ -138,7 +138,7 @@ private:
         return static_cast<std::size_t>(s.y / kSide * width_ + s.x / kSide);
     }
 
-    /// Of the blocks at most `reach` away.
+    /// Largest value among the blocks at most `reach` away, per block.
     std::vector<double> largest_around(const std::vector<double>& values, int reach) const {
         std::vector<double> out(values.size());
         for (int y = 0; y < height_; ++y)

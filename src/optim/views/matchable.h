@@ -1,4 +1,4 @@
-// What stereo could match, and what points leave open of it.
+// Finds pixels that stereo could match, and the areas among them that points leave open.
 #pragma once
 
 #include <vector>
@@ -8,39 +8,38 @@
 
 namespace tvsgs {
 
-/// Start points per pixel that stereo could match. Decisions that depend on how far the cloud
-/// covers the views change in proportion between these two bounds.
+/// Bounds of start points per matchable pixel. Decisions that depend on the coverage by the cloud
+/// change in proportion between them.
 inline constexpr double kSparseCloud = 0.02, kCoveringCloud = 0.1;
 inline double covered_share(double points_per_pixel) {
     const double share = (points_per_pixel - kSparseCloud) / (kCoveringCloud - kSparseCloud);
     return !(share > 0) ? 0 : share < 1 ? share : 1;
 }
 
-/// Of an even number the lower one, so that half of them at least are as large; NaN of none.
-/// Reorders them.
+/// Median; for an even count the lower of the two middle values; NaN if empty. Reorders `values`.
 double lower_median(std::vector<double>& values);
 
-/// Where a point is seen.
+/// A point as a view sees it.
 struct Sighting {
     int x, y;
     double depth;
     std::size_t point;
 };
-/// Of every `stride`-th point, those in front of the camera and inside its image.
+/// Every `stride`-th point that lies in front of the camera and inside its image.
 std::vector<Sighting> sightings(const Camera& camera,
                                 const std::vector<Vec3f>& points,
                                 std::size_t stride);
 
-/// Their median; NaN of none.
+/// Median depth; NaN if empty.
 double median_depth(const std::vector<Sighting>& seen);
 
-/// Which pixels of a view stereo could match: inside of the mask, not flat, and where another view
-/// looks. Flat is what differs by no more than noise over ten pixels, once blocks of four are one.
+/// Tells which pixels of a view stereo could match: inside the mask, textured, and inside another
+/// view's image. Textured: the means of 2 x 2 pixels vary by more than noise within ten pixels.
 /// [docs/method/masks.md#pixels-that-could-be-matched]
 class Matchable {
 public:
-    /// `depth`: of the view's surface, roughly; NaN: not known, and then the other views do not
-    /// count. `sky`: of this view, whose far pixels have no surface; null: none is known.
+    /// `depth`: rough depth of the view's surface; NaN: not known, then other views are not
+    /// considered. `sky`: of this view; its far pixels have no surface; may be null.
     Matchable(const View& view,
               const std::vector<View>& views,
               bool masks,
@@ -53,7 +52,7 @@ public:
         return is_textured(x, y) && is_elsewhere(x, y);
     }
 
-    /// Share of the pixels; of a sample.
+    /// Share of matchable pixels, estimated from a sample.
     double share() const;
 
     double pixels() const {
@@ -68,12 +67,12 @@ private:
     bool masks_;
     double depth_;
     const FarPixels* sky_;
-    std::vector<const Camera*> others_;  // those that may see something of that depth
+    std::vector<const Camera*> others_;  // cameras whose image may contain surface of that depth
 };
 
-/// How far points leave open what lies around each of them, 0 to 1: the share of the pixels of a
-/// block near it, in the view where that is largest, that stereo could match, and that no block
-/// beside covers; logs how many have any. [docs/guide/plan.md#growth-in-gaps]
+/// Open share around each point, 0 to 1: the share of pixels in a block near the point that stereo
+/// could match and that no neighbouring block covers; the maximum over all views. Logs how many
+/// points have a share above 0. [docs/guide/plan.md#growth-in-gaps]
 std::vector<float> open_shares(const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
                                bool masks);

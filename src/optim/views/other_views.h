@@ -1,4 +1,4 @@
-// Other views of the same Gaussians, for the terms that compare views.
+// Renders neighbour views of the current view, for terms that compare views.
 #pragma once
 
 #include <algorithm>
@@ -15,7 +15,7 @@
 
 namespace tvsgs {
 
-/// How far a pixel's surface is seen alike by both views.
+/// Compares the depth of a pixel in both views; weights pixels by their agreement.
 struct CompareBody {
     ViewPair<float> pair;
     Camera camera;  // of the reference
@@ -37,11 +37,11 @@ struct CountValid {
     TVSGS_HD int operator()(int i) const { return valid[i]; }
 };
 
-/// Turns the collected derivatives by log depth into those by depth.
+/// Converts the collected derivatives by log depth into derivatives by depth.
 struct ResolveDepthBody {
     Span<const std::int64_t> fixed;
     double unit;
-    const double* scale;  // divides
+    const double* scale;  // divisor
     Span<const float> depth;
     Span<float> dL_ddepth;  // added to
 
@@ -52,12 +52,12 @@ struct ResolveDepthBody {
     }
 };
 
-/// One of them. A rendered one takes the derivatives that losses hand back to its depth through a
-/// backward pass of its own.
+/// A neighbour view. If it is rendered, losses pass derivatives to its depth map, and it runs its
+/// own backward pass.
 template <class Device>
 class OtherView {
 public:
-    /// Without a backbone it is not rendered.
+    /// Without a backbone the view is not rendered.
     explicit OtherView(std::unique_ptr<Backbone<Device>> backbone)
         : backbone_(std::move(backbone)) {
         valid_count_.resize(1);
@@ -71,7 +71,7 @@ public:
         dL_dimages_.depth.resize(0);
     }
 
-    /// Fills weight() and valid() for the pixels of the reference, where this one is rendered.
+    /// Fills weight() and valid() for the pixels of the reference view, if this view is rendered.
     void compare(const RenderedImages<Device>& reference, float min_depth) {
         if (!rendered()) {
             pair_ = view_pair(reference.camera, view_->camera, min_depth);
@@ -90,22 +90,22 @@ public:
 
     const DeviceView<Device>& view() const { return *view_; }
     bool rendered() const { return backbone_ != nullptr; }
-    const ViewPair<float>& pair() const { return pair_; }  // on the rays of both depth maps
+    const ViewPair<float>& pair() const { return pair_; }  // for the rays of both depth maps
 
-    // Of a rendered one only:
+    // Only for a rendered view:
     const RenderedImages<Device>& images() const { return *images_; }
-    /// [H W] of the reference: exp(-reprojection distance in px), a constant of the losses that
-    /// fades out what this view sees otherwise; 0 where the views cannot be compared.
+    /// [H W] of the reference: exp(-reprojection distance in px); 0 where the views cannot be
+    /// compared. A constant of the losses that fades out pixels that this view sees differently.
     Span<const float> weight() const { return weight_.span(); }
     const Buffer<int, Device>& valid() const { return valid_; }        // [H W] 1 or 0
     const double* valid_count() const { return valid_count_.data(); }  // on the device
 
-    /// [H W] of this view, cleared by this call: a term adds kFixedUnit x its derivatives by the
-    /// logarithm of this view's depth, and has to call resolve_depth_gradients() before another
+    /// [H W] of this view, cleared by this call. A term adds kFixedUnit times its derivatives by
+    /// the logarithm of this view's depth, and has to call resolve_depth_gradients() before another
     /// term calls this. Several pixels of the reference fall between the same pixels of this view,
-    /// so they are added by atomics: of integers, whose sum has the same bits in any order. The
+    /// so they are added atomically, as integers, whose sum has the same bits in any order. The
     /// derivative by log depth is a distance in pixels, so one unit fits every scene: it resolves
-    /// 2^-32 px and has room for 2,000 pixels of 10^6 px each.
+    /// 2^-32 px and holds 2,000 pixels of 10^6 px each.
     Span<std::int64_t> depth_gradients() {
         const std::size_t pixels = images_->depth.size();
         fixed_.resize(pixels);
@@ -113,7 +113,7 @@ public:
         return fixed_.span();
     }
 
-    /// Adds depth_gradients() x weight / *count to those of the render.
+    /// Adds depth_gradients() x weight / *count to the depth gradients of this render.
     void resolve_depth_gradients(float weight, const double* count) {
         const std::size_t pixels = images_->depth.size();
         if (dL_dimages_.depth.empty()) {
@@ -127,7 +127,7 @@ public:
 
     const ImageGradients<Device>& dL_dimages() const { return dL_dimages_; }
 
-    /// Adds the gradients of the derivatives that losses have resolved; does nothing if none has.
+    /// Adds the gradients of all resolved derivatives; does nothing without any.
     void backward(const Gaussians<Device>& gaussians, Gaussians<Device>& dL_dgaussians) {
         if (!dL_dimages_.depth.empty()) backbone_->backward(gaussians, dL_dimages_, dL_dgaussians);
     }
@@ -146,14 +146,14 @@ private:
     ImageGradients<Device> dL_dimages_;
 };
 
-/// The other views of one step, drawn from those that its view is paired with; the first ones are
-/// rendered.
+/// The neighbour views of one step, drawn from the views paired with the current view; the first
+/// ones are rendered.
 template <class Device>
 class OtherViews {
 public:
-    static constexpr int kMost = 4;  // of one step: a draw of the generator has four numbers
+    static constexpr int kMost = 4;  // per step: one draw of the generator has four numbers
 
-    /// A view for each of `backbones`, at most kMost; null: that one is not rendered.
+    /// Makes one neighbour view per entry of `backbones`, at most kMost; null: it is not rendered.
     OtherViews(ViewPairs pairs,
                std::vector<std::unique_ptr<Backbone<Device>>> backbones,
                std::uint64_t seed)
@@ -161,8 +161,7 @@ public:
         for (auto& backbone : backbones) others_.emplace_back(std::move(backbone));
     }
 
-    /// Which views step `step` looks at beside `reference`, all different; fewer where it is paired
-    /// with fewer.
+    /// Neighbour views of `reference` at iteration `step`, all different, as far as it has pairs.
     std::vector<int> choose(int step, int reference) const {
         std::vector<int> left = pairs_.of_view[static_cast<std::size_t>(reference)], chosen;
         const Random4 draws =
@@ -177,7 +176,7 @@ public:
         return chosen;
     }
 
-    /// Takes those that choose() names, and renders them.
+    /// Renders the views that choose() returns.
     void begin(int step,
                int reference,
                const std::vector<DeviceView<Device>>& views,
@@ -196,7 +195,7 @@ public:
         for (int i = 0; i < count_; ++i) (*this)[i].backward(gaussians, dL_dgaussians);
     }
 
-    int count() const { return count_; }  // of this step
+    int count() const { return count_; }  // of the current step
     OtherView<Device>& operator[](int i) { return others_[static_cast<std::size_t>(i)]; }
 
 private:

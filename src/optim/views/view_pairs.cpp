@@ -14,8 +14,8 @@ struct Candidate {
     int view;
 };
 
-/// Median depth of the initial points inside the image; of those in front when none is inside; 0
-/// without any.
+/// Median depth of the initial points inside the image; without any, of the points in front of the
+/// camera; 0 without any.
 double median_depth_of(const View& view, const std::vector<Vec3f>& points) {
     const std::size_t stride = 1 + points.size() / 5000;  // enough for a median
     std::vector<double> inside, in_front;
@@ -44,8 +44,8 @@ struct Stand {
     Vec3d axis, centre;
 };
 
-/// The other views of a distance between `low` and `high`, the nearest first, and of all others the
-/// nearest, whose view is -1 where there is none. Of thousands of views few are that near.
+/// Other views at a distance between `low` and `high`, nearest first, and the nearest of all other
+/// views (view -1 if there is none). Of thousands of views only a few are that near.
 struct Others {
     std::vector<Candidate> within;
     Candidate nearest{INFINITY, INFINITY, -1};
@@ -58,8 +58,7 @@ struct Others {
             const double distance = norm(other.centre - own.centre) / unit;
             const bool candidate = distance > low && distance < high;
             if (!candidate && distance > nearest.distance) continue;
-            // The official code does not clamp, and loses parallel cameras to the arc cosine of 1 +
-            // eps.
+            // Without the clamp, as in the official code, acos(1 + eps) loses parallel cameras.
             const double cosine = std::clamp(dot(own.axis, other.axis), -1.0, 1.0);
             const Candidate c{distance, std::acos(cosine) * 180 / 3.14159265358979323846, j};
             if (candidate) within.push_back(c);
@@ -69,7 +68,7 @@ struct Others {
     }
 };
 
-/// The pairs, and what to say of the views that have none.
+/// The pairs, and statistics of views without a pair for the log.
 struct Found {
     ViewPairs result;
     int lonely = 0, without_depth = 0;
@@ -116,7 +115,7 @@ Found find_view_pairs(const Scene& scene, const ViewPairOptions& options) {
         found.most_angle = std::max(found.most_angle, nearest.angle_deg);
     }
     if (relative) {
-        // Officially 0.1, of depths of about 3.
+        // Officially 0.1, for depths of about 3.
         std::vector<double> known = depths;
         std::erase_if(known, [](double d) { return !(d > 0); });
         std::sort(known.begin(), known.end());

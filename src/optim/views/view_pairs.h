@@ -1,4 +1,4 @@
-// Which views are paired.  [PGSR, Section 3.3]
+// Selects pairs of training views that see the same surface.  [PGSR, Section 3.3]
 #pragma once
 
 #include <vector>
@@ -8,10 +8,9 @@
 
 namespace tvsgs {
 
-/// In what the limits of the distance between two cameras are given. The official ones are world
-/// units, which fit scenes as PGSR's authors normalise them; in millimetres or for few wide views
-/// they silently leave no pairs. Relative ones are multiples of the depth of what the view
-/// sees.
+/// Unit of the limits on the distance between two cameras. Official limits are world units, which
+/// fit scenes normalised as by PGSR's authors; in millimetres, or for few wide views, they silently
+/// leave no pairs. Relative limits are multiples of the view's median depth.
 enum class PairLimits { official, relative };
 
 struct ViewPairOptions {
@@ -41,18 +40,18 @@ struct ViewPairOptions {
 
 struct ViewPairs {
     std::vector<std::vector<int>> of_view;  // training views, nearest first
-    float min_depth =
-        0.1f;  // nearer to the other camera than this nothing is compared, world units
+    // Points nearer to the other camera are not compared, world units.
+    float min_depth = 0.1f;
 };
 
-/// Who is paired with every training view: within the limits, the nearest `count`; equal distances
-/// by angle. Logs which views have none, and why, unless `quiet`.
+/// Pairs every training view with at most `count` others within the limits, nearest first; equal
+/// distances by angle. Logs views without a pair and the reason, unless `quiet`.
 ViewPairs select_view_pairs(const Scene& scene, const ViewPairOptions& options, bool quiet = false);
 
-/// Where a camera looks, unit, in the world.
+/// Viewing direction of a camera: a unit vector in the world.
 Vec3d optical_axis(const Camera& camera);
 
-/// Share of the training views that have one; says nothing.
+/// Share of the training views that have a pair; logs nothing.
 double share_with_pair(const Scene& scene, const ViewPairOptions& options);
 
 }  // namespace tvsgs
