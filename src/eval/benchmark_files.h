@@ -1,4 +1,4 @@
-// What the benchmark evaluations read and write alike.
+// Reads predictions and truths, and writes error clouds, for the benchmark evaluations.
 #pragma once
 
 #include <string>
@@ -11,28 +11,27 @@
 
 namespace tvsgs {
 
-/// A mesh, cloud or splats (their centres), without vertices that are not finite.
+/// A mesh, a cloud, or the centres of splats; vertices that are not finite are removed.
 struct Prediction {
     PreciseMesh mesh;
     bool is_splats = false;
     std::size_t vertices = 0, faces = 0, dropped = 0, transparent = 0;  // as read; removed
 };
 
-/// Splats fainter than `min_opacity` are left out. Throws Error(ExitCode::input) when nothing is
-/// left.
+/// Drops splats fainter than `min_opacity`. Throws Error(ExitCode::input) when nothing remains.
 Prediction read_prediction(const std::string& path, double min_opacity);
 
-/// The finite points of a ground-truth file. `missing` says, where there is no such file, what was
-/// looked for and where the benchmark distributes it.
+/// Returns the finite points of a ground-truth file. `missing`: message if the file does not exist,
+/// with the expected file and where the benchmark distributes it.
 std::vector<Vec3d> read_truth(const std::string& path, const std::string& missing);
 
 /// Throws Error(ExitCode::input) with `missing` unless the file exists.
 void require_file(const std::string& path, const std::string& missing);
 
-/// Names as --palette takes them; `standard` for an empty name.
+/// Parses a name of --palette; returns `standard` for an empty name.
 ErrorPalette find_palette(const std::string& name, ErrorPalette standard);
 
-/// Points coloured by their errors; `full` is where the scale ends.
+/// Writes points coloured by their errors; `full` is the end of the colour scale.
 void write_error_cloud(const std::string& path,
                        const MeasuredPoints& points,
                        ErrorPalette palette,

@@ -17,7 +17,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Path of the truth below the evaluation set.
+/// Path of the truth relative to the evaluation set.
 std::string stl_name(int scan) {
     char name[40];
     std::snprintf(name, sizeof name, "Points/stl/stl%03d_total.ply", scan);
@@ -32,7 +32,7 @@ std::string distribution(int scan) {
                "https://roboimagedata.compute.dtu.dk/?page_id=36");
 }
 
-/// A file of the evaluation set, in one of the two places where people unpack it.
+/// Finds a file of the evaluation set in one of the two usual folder layouts.
 std::string find_in(const std::string& folder, int scan, const std::string& name) {
     for (const char* below : {"", "SampleSet/MVS Data"}) {
         const std::string path = (fs::path(folder) / below / name).string();
@@ -58,7 +58,7 @@ ObservationMask read_mask(const std::string& path) {
     out.seen.resize(mask.numbers.size());
     for (std::size_t i = 0; i < out.seen.size(); ++i) out.seen[i] = mask.numbers[i] != 0;
     for (int axis = 0; axis < 3; ++axis) {
-        // Column major; and rounded to float, as in the official code.
+        // Column major; rounded to float as in the official code.
         const auto at = 2 * static_cast<std::size_t>(axis);
         out.lower[axis] = static_cast<double>(static_cast<float>(box.numbers[at]));
         out.upper[axis] = static_cast<double>(static_cast<float>(box.numbers[at + 1]));
@@ -69,7 +69,7 @@ ObservationMask read_mask(const std::string& path) {
     return out;
 }
 
-/// Indices of the views whose masks cull: "all", "first:N" or a list.
+/// Indices of the views whose masks are used: "all", "first:N" or a list.
 std::vector<std::size_t> culling_views(const std::string& choice, std::size_t count) {
     std::vector<std::size_t> views;
     if (choice == "none") return views;

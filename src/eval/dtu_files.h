@@ -1,4 +1,4 @@
-// What the DTU evaluation reads, and what it does to a prediction before it measures.
+// Reads the files of the DTU evaluation, and prepares a prediction for it.
 #pragma once
 
 #include <string>
@@ -9,25 +9,26 @@
 
 namespace tvsgs {
 
-/// The truth of a scan from the folder of the evaluation set. Throws Error(ExitCode::input) with
-/// what is missing and where the benchmark distributes it.
+/// Reads the truth of a scan from the folder of the evaluation set. Throws Error(ExitCode::input),
+/// which names missing files and where the benchmark distributes them.
 DtuTruth read_dtu_truth(const std::string& folder, int scan);
 
-/// `cameras` if given; else cameras.npz, as the published evaluations read, or cameras_sphere.npz
-/// beside the masks; empty without masks.
+/// Returns `cameras` if given; else cameras.npz (read by the published evaluations) or
+/// cameras_sphere.npz in the folder of `masks` or beside it; empty without masks. Throws
+/// Error(ExitCode::input) where neither file exists.
 std::string find_dtu_cameras(const std::string& cameras, const std::string& masks);
 
 struct DtuCulling {
     std::string masks;          // folder; its sorted files belong to the cameras in order
-    std::string views = "all";  // whose masks cull: all, first:N, none or a list
+    std::string views = "all";  // whose masks are used: all, first:N, none or a list
     int dilate_px = 24;
 };
 
-/// Culls by masks; returns how many vertices went.
+/// Removes vertices outside of the masks; returns their number.
 std::size_t cull_dtu(PreciseMesh& mesh, const NpzCameras& cameras, const DtuCulling& culling);
 
-/// To millimetres; says whether the prediction was normalised. `units`: auto, mm or normalised;
-/// `cameras` may be null.
+/// Converts to millimetres; returns whether the prediction was normalised. `units`: auto, mm or
+/// normalised; `cameras` may be null.
 bool to_millimetres(PreciseMesh& mesh, const NpzCameras* cameras, const std::string& units);
 
 }  // namespace tvsgs

@@ -25,12 +25,12 @@ struct Lattice {
         const double l1 = norm(e1), l2 = norm(e2), twice_area = norm(cross(e1, e2));
         if (!(twice_area > 0 && std::isfinite(twice_area))) return;
         const double cell = spacing * std::sqrt(l1 * l2 / twice_area);
-        constexpr double kMost = 1e9;  // beyond, the count is an error anyway
+        constexpr double kMost = 1e9;  // larger counts fail anyway
         n1 = static_cast<std::int64_t>(std::min(std::floor(l1 / cell), kMost));
         n2 = static_cast<std::int64_t>(std::min(std::floor(l2 / cell), kMost));
         if (n1 == 0 || n2 == 0) n1 = n2 = 0;
     }
-    /// Calls visit(point) for the lattice points inside the face; the last row and column lie
+    /// Calls visit(point) for the lattice points inside the face. The last row and column lie
     /// outside, as in the official code.
     template <class Visit>
     void for_each(const Visit& visit) const {
@@ -68,7 +68,7 @@ struct Summary {
     std::int64_t outliers = 0;
 };
 
-/// Puts the distances of the points that are not excluded into place, and sums them up.
+/// Stores the distances of the points that are not excluded, and returns their statistics.
 Summary summarise(const std::vector<double>& distances, double limit, MeasuredPoints& points) {
     std::vector<double> inliers;
     std::size_t next = 0;
@@ -113,8 +113,8 @@ MeasuredPoints unmeasured(std::vector<Vec3d> points) {
 std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
                               const std::vector<Vec3i>& faces,
                               const DtuOptions& options) {
-    // 1. Half of each lattice's cells, before anything is made: background triangles of a wrong
-    // scale ask for billions.
+    // 1. Estimate the number of points (half of each lattice's cells) before allocating: background
+    // triangles of a wrong scale would need billions.
     double expected = static_cast<double>(vertices.size());
     for (const Vec3i face : faces) {
         const Lattice lattice(vertices, face, options.spacing);
@@ -128,7 +128,7 @@ std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
                 "; cut the background away (--cull-masks), check the units "
                 "(--mesh-units), or raise --max-samples"));
 
-    // 2. Each face writes to its own place.
+    // 2. Each face writes to its own range.
     std::vector<std::int64_t> begin(faces.size() + 1, static_cast<std::int64_t>(vertices.size()));
     parallel_for(Cpu{}, static_cast<int>(faces.size()), [&](int f) {
         std::int64_t count = 0;
@@ -161,7 +161,7 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
         thinned.push_back(samples[i]);
     m.thinned = static_cast<std::int64_t>(thinned.size());
     m.prediction = unmeasured(std::move(thinned));
-    std::vector<Vec3d> inside;  // what the truth is compared with, observed or not
+    std::vector<Vec3d> inside;  // the truth is compared with these, observed or not
     for (std::size_t i = 0; i < m.prediction.points.size(); ++i) {
         const Vec3d p = m.prediction.points[i];
         const bool in = !truth.mask || in_box(*truth.mask, options.patch, p);
@@ -192,8 +192,8 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
                                          : "";
     if (!m.undefined.empty()) return m;
 
-    // 3. Distances: observed prediction to all of the truth, truth above the plane to all of the
-    // prediction in the box.
+    // 3. Distances: from the observed prediction to the whole truth, and from the truth above the
+    // plane to the whole prediction in the box.
     const Summary accuracy =
         summarise(nearest_distances(observed, truth.points), options.max_distance, m.prediction);
     const Summary completeness =

@@ -1,4 +1,5 @@
-// The evaluation of the DTU benchmark, in millimetres and double precision.  [Jensen14; DTUeval]
+// The evaluation protocol of the DTU benchmark, in millimetres and double precision.  [Jensen14;
+// DTUeval]
 #pragma once
 
 #include <array>
@@ -11,39 +12,39 @@
 
 namespace tvsgs {
 
-/// Where a scan was observed.
+/// The volume of a scan that was observed.
 struct ObservationMask {
     int nx = 0, ny = 0, nz = 0;
     std::vector<std::uint8_t> seen;  // [nz, ny, nx], x fastest; 0: not observed
-    Vec3d lower, upper;              // BB, mm; rounded to float as the official code does
+    Vec3d lower, upper;              // BB, mm; rounded to float as in the official code
     double voxel = 1;                // Res, mm
 };
 
-/// What a scan is measured against.
+/// The truth of a scan.
 struct DtuTruth {
     std::vector<Vec3d> points;
-    std::optional<ObservationMask> mask;         // none: everything counts as observed
+    std::optional<ObservationMask> mask;         // absent: everything counts as observed
     std::optional<std::array<double, 4>> plane;  // points above: a x + b y + c z + d > 0
 };
 
 struct DtuOptions {
     double spacing = 0.2;      // mm: of the samples and of the thinning
-    double max_distance = 20;  // mm: distances from here on are outliers, left out of the means
-    double patch = 60;         // mm: around the box of the mask, twice that at its upper end
-    std::optional<std::uint64_t> seed = 0;  // of the thinning's order; none: order given
+    double max_distance = 20;  // mm: distances from here on are outliers, excluded from the means
+    double patch = 60;         // mm: margin around the box of the mask, twice that at its upper end
+    std::optional<std::uint64_t> seed = 0;  // of the order of thinning; absent: the given order
     std::int64_t max_samples = 100'000'000;
 };
 
-/// All vertices, then a lattice of about `spacing` inside each face with area. Throws
-/// Error(ExitCode::input), E_DTU_SAMPLES, when that were more than max_samples points.
+/// All vertices, and a lattice of spacing about `spacing` inside each face with area. Throws
+/// Error(ExitCode::input), E_DTU_SAMPLES, for more than max_samples points.
 std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
                               const std::vector<Vec3i>& faces,
                               const DtuOptions& options);
 
-/// What became of a point.
+/// Use of a point in the evaluation.
 enum class PointFate : std::uint8_t { measured, outlier, excluded };
 
-/// Points with the distances that went into a mean; NaN where excluded.
+/// Points with their distances, which are NaN where excluded.
 struct MeasuredPoints {
     std::vector<Vec3d> points;
     std::vector<double> distances;
@@ -55,7 +56,7 @@ struct DtuMetrics {
     double accuracy_median = 0, completeness_median = 0;
     std::int64_t sampled = 0, thinned = 0, in_box = 0, observed = 0;
     std::int64_t truth = 0, truth_above = 0, accuracy_outliers = 0, completeness_outliers = 0;
-    std::string undefined;                 // the step that left nothing to measure; empty: none
+    std::string undefined;                 // the step that left no points; empty: none
     MeasuredPoints prediction, reference;  // thinned prediction; truth
 };
 

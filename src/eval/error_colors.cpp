@@ -14,7 +14,7 @@ Vec3f hot(float x) {
     return {ramp(0, 0.365079f, 0.0416f), ramp(0.365079f, 0.746032f, 0), ramp(0.746032f, 1, 0)};
 }
 
-/// matplotlib's "cividis" at nine places, linear between.
+/// matplotlib's "cividis" at nine places, linear between them.
 Vec3f cividis(float x) {
     constexpr Vec3f kStops[] = {
         {0.0f, 0.135f, 0.305f},   {0.105f, 0.227f, 0.440f}, {0.263f, 0.307f, 0.424f},

@@ -1,4 +1,4 @@
-// Clouds coloured by their error.
+// Colours for points by their error.
 #pragma once
 
 #include <string>
@@ -12,11 +12,11 @@ namespace tvsgs {
 enum class ErrorPalette {
     dtu,   // white to red over 10 mm; green: outliers; blue: excluded
     tnt,   // matplotlib's "hot" reversed, over three thresholds
-    safe,  // cividis, told apart by colour-blind eyes too; orange: outliers; grey: excluded
+    safe,  // cividis, for colour-blind readers; orange: outliers; grey: excluded
 };
 
-/// RGB in [0, 1] for an error; `full` is where the scale ends. Outliers and excluded points are
-/// told apart by `dtu` and `safe`; `tnt` shows outliers at the end of its scale.
+/// RGB in [0, 1] for an error; `full` is the end of the scale. `dtu` and `safe` have separate
+/// colours for outliers and excluded points; `tnt` shows outliers at the end of its scale.
 Vec3f error_color(ErrorPalette palette, double error, double full, PointFate fate);
 
 }  // namespace tvsgs

@@ -41,10 +41,10 @@ FrameCheck check_frame(const std::vector<Vec3d>& prediction, const std::vector<V
         centre[s] = 0.5 * (check.upper[s] + check.lower[s]);
     }
     check.offset = centre[0] - centre[1];
-    // A single point, or a few, has no size to compare.
+    // A single point has no size to compare.
     if (size[0] > 0 && size[1] > 0) check.size_ratio = size[0] / size[1];
     for (int axis = 0; axis < 3; ++axis) {
-        // Surfaces can be flat along an axis: they get a tenth of the truth's size as thickness.
+        // Surfaces can be flat along an axis: allow a tenth of the truth's size.
         const double slack = 0.1 * size[1];
         check.apart |= check.lower[0][axis] > check.upper[1][axis] + slack ||
                        check.lower[1][axis] > check.upper[0][axis] + slack;

@@ -24,7 +24,7 @@ std::string box_text(const std::vector<Vec3f>& points, Vec3d origin) {
                upper.z, ")");
 }
 
-/// Says why nothing is left to measure from.
+/// Throws an error with the reason why no point is left to measure from.
 [[noreturn]] void refuse_empty(const std::string& kind,
                                const std::vector<Vec3f>& points,
                                const MeasureOptions& options) {
@@ -82,7 +82,7 @@ MeasuredSurface measured_points(const std::vector<Vec3f>& points,
                                 const Crop& crop) {
     const std::vector<Vec3f> inside = inside_of(crop, points, options.origin);
     if (inside.empty()) refuse_empty("points", points, options);
-    // Samples of a mesh as they are compared with: cut off at the crop, too.
+    // Compare with the same samples as measured from: cropped.
     return {all_points(inside), Surface(options.point_samples > 0 ? inside : points)};
 }
 

@@ -5,16 +5,16 @@
 
 namespace tvsgs {
 
-/// Mean over all pixels and channels; images of the same shape, 8-bit or with values in [0, 1].
-/// Infinite for equal images.
+/// PSNR from the mean over all pixels and channels; images of one shape, 8-bit or with values in
+/// [0, 1]. Infinite for equal images.
 double psnr(const ImageU8& a, const ImageU8& b);
 double psnr(const ImageF& a, const ImageF& b);
 
-/// 11x11 Gaussian window of sigma 1.5 per channel, zeros outside of the image, no sample
-/// correction.  [Wang04]
+/// SSIM with an 11x11 Gaussian window of sigma 1.5 per channel, zeros outside of the image, no
+/// sample correction.  [Wang04]
 struct Ssim {
-    double padded;  // mean over all pixels: the figure of 3DGS and its descendants
-    double valid;   // over those whose window lies inside; NaN for images below 11 pixels
+    double padded;  // mean over all pixels, as in 3DGS and its descendants
+    double valid;   // mean over windows inside; NaN for images below 11 pixels
 };
 Ssim ssim(const ImageU8& a, const ImageU8& b);
 Ssim ssim(const ImageF& a, const ImageF& b);

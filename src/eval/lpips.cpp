@@ -1,5 +1,5 @@
-// Strips of the image are the units of parallel work, so Eigen must not divide them further: its
-// sums would depend on the number of threads.
+// Work is parallel over strips of the image. Eigen must not use threads itself, as its sums would
+// depend on their number.
 #define EIGEN_DONT_PARALLELIZE
 #include "eval/lpips.h"
 
@@ -14,10 +14,11 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kStripPixels = 4096;  // of an output; their inputs fit into a cache of some MiB
+// Pixels of an output strip; its inputs fit into a cache of some MiB.
+constexpr int kStripPixels = 4096;
 constexpr double kEpsilon = 1e-10;  // added to norms, as in the authors' code
 
-/// Channels one after the other, rows from the top.
+/// Channel major; rows from the top.
 struct Features {
     int channels = 0, height = 0, width = 0;
     std::vector<float> values;
@@ -32,7 +33,7 @@ struct Features {
     float* row(int c, int y) { return const_cast<float*>(std::as_const(*this).row(c, y)); }
 };
 
-/// Colours less the means of ImageNet's, in its standard deviations.
+/// Normalises colours by the mean and standard deviation of ImageNet.
 Features network_input(const ImageF& image, LpipsRange range) {
     constexpr float kShift[] = {-0.030f, -0.088f, -0.188f}, kScale[] = {0.458f, 0.448f, 0.450f};
     Features out(3, image.height, image.width);
@@ -46,7 +47,7 @@ Features network_input(const ImageF& image, LpipsRange range) {
     return out;
 }
 
-/// Windows that would leave the image are dropped, as PyTorch does.
+/// Drops windows that would leave the image, as PyTorch does.
 Features max_pooled(const Features& in, int edge) {
     Features out(in.channels, (in.height - edge) / 2 + 1, (in.width - edge) / 2 + 1);
     parallel_for_heavy(Cpu{}, in.channels, [&](int c) {
@@ -64,8 +65,8 @@ Features max_pooled(const Features& in, int edge) {
 
 using Matrix = Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-/// What the kernel's weights are multiplied with for rows [first, last) of the output: one line per
-/// weight of one output channel, one column per pixel; zeros outside of the image.
+/// Collects the inputs of the kernel for rows [first, last) of the output: one row per weight of an
+/// output channel, one column per pixel; zeros outside of the image.
 void gather(
     const Features& in, const LpipsLayer& layer, int first, int last, int width, Matrix& columns) {
     columns.resize(layer.in * layer.kernel * layer.kernel, (last - first) * width);
@@ -87,7 +88,7 @@ void gather(
                 }
 }
 
-/// The convolution as products of matrices, and its ReLU.
+/// Convolution as matrix products, with ReLU.
 Features convolved(const Features& in,
                    const LpipsLayer& layer,
                    const std::vector<float>& kernel,
@@ -113,7 +114,7 @@ Features convolved(const Features& in,
     return out;
 }
 
-/// Mean over the pixels of the weighted squared differences of the unit feature vectors.
+/// Mean over the pixels of the weighted squared differences of unit feature vectors.
 double tap_distance(const Features& a, const Features& b, const std::vector<float>& linear) {
     std::vector<double> of_row(static_cast<std::size_t>(a.height));
     parallel_for_heavy(Cpu{}, a.height, [&](int y) {

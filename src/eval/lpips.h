@@ -1,5 +1,4 @@
-// LPIPS: how far two images are apart in the features of a network trained to recognise objects.
-// [Zhang18]
+// LPIPS: distance between two images in the features of a classification network. [Zhang18]
 #pragma once
 
 #include <vector>
@@ -12,9 +11,9 @@ enum class LpipsNet { vgg, alex };
 
 /// A convolution with its ReLU, and the max pooling before it.
 struct LpipsLayer {
-    int index;  // as torchvision numbers it: features.<index>
+    int index;  // as in torchvision: features.<index>
     int in, out, kernel, stride, padding;
-    int pool;  // edge of the pooling window, moved by 2; 0: none
+    int pool;  // edge of the pooling window, with stride 2; 0: none
     bool tap;  // its output is compared
 };
 const std::vector<LpipsLayer>& lpips_layers(LpipsNet net);
@@ -26,13 +25,13 @@ struct LpipsWeights {
     std::vector<std::vector<float>> linear;   // per tap [out], not negative
 };
 
-/// What the networks are given for a colour in [0, 1]: the colour itself, as 3DGS and its
-/// descendants do, or 2 c - 1, as the authors of LPIPS mean it.
+/// Input of the network for a colour in [0, 1]: the colour itself, as in 3DGS and its descendants,
+/// or 2 c - 1, as the authors of LPIPS specify.
 enum class LpipsRange { zero_one, minus_one_one };
 
-inline constexpr int kLpipsMinEdge = 32;  // px; four poolings leave 2 of them
+inline constexpr int kLpipsMinEdge = 32;  // px; four poolings leave 2 px
 
-/// RGB images of one shape with values in [0, 1]. NaN when an edge is shorter than kLpipsMinEdge.
+/// LPIPS of RGB images of one shape with values in [0, 1]; NaN for an edge below kLpipsMinEdge.
 double lpips(const ImageF& a, const ImageF& b, const LpipsWeights& weights, LpipsRange range);
 
 }  // namespace tvsgs

@@ -24,13 +24,13 @@ const NpyArray* find(const NpzArchive& archive, std::initializer_list<std::strin
     return nullptr;
 }
 
-/// Collects complaints, so that one call names them all.
+/// Reads tensors and collects all errors, so that one message names them all.
 class Reader {
 public:
     Reader(const NpzArchive& archive, const std::string& path) : archive_(archive), path_(path) {}
 
-    /// The tensor under the first of `names` that is there; empty, with a complaint, if it cannot
-    /// be used.
+    /// Returns the tensor under the first existing name of `names`; empty, with an error, if it
+    /// cannot be used.
     std::vector<float> read(std::initializer_list<std::string> names,
                             const Shape& shape,
                             bool may_be_negative = true) {
@@ -74,7 +74,7 @@ LpipsWeights read_lpips_weights(const std::string& path) {
         find(archive, {convolution(0, "weight"), "net." + convolution(0, "weight")});
     if (!first) reader.complain(convolution(0, "weight") + " is missing"), reader.finish();
     LpipsWeights weights;
-    // The kernels of AlexNet's first convolution are 11 wide, those of VGG 3.
+    // The kernels of the first convolution are 11 wide in AlexNet and 3 wide in VGG.
     weights.net =
         first->shape.size() == 4 && first->shape[3] == 11 ? LpipsNet::alex : LpipsNet::vgg;
     for (const LpipsLayer& layer : lpips_layers(weights.net)) {

@@ -1,4 +1,4 @@
-// The weights of LPIPS from the file that --lpips-weights names.
+// Reads the weights of LPIPS from the file of --lpips-weights.
 #pragma once
 
 #include <string>
@@ -7,9 +7,10 @@
 
 namespace tvsgs {
 
-/// A .safetensors or .npz file with features.N.weight and .bias as torchvision names them ("net."
-/// before is fine), and lin0.model.1.weight (or lin0.weight) to lin4; the first convolution tells
-/// the network. Throws Error(ExitCode::input), "E_LPIPS_WEIGHTS" with all that is missing or wrong.
+/// Reads a .safetensors or .npz file with features.N.weight and .bias, named as in torchvision (a
+/// prefix "net." is allowed), and lin0.model.1.weight (or lin0.weight) to lin4. The first
+/// convolution determines the network. Throws Error(ExitCode::input), "E_LPIPS_WEIGHTS", with all
+/// missing or wrong tensors.
 LpipsWeights read_lpips_weights(const std::string& path);
 
 }  // namespace tvsgs

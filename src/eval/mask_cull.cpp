@@ -35,7 +35,7 @@ std::size_t drop_non_finite(PreciseMesh& mesh) {
 
 ImageU8 dilated(const ImageU8& mask, int radius) {
     const int width = mask.width, height = mask.height, far = radius + 1;
-    // Distance along the row to the nearest pixel that is set, at most `far`.
+    // Distance along the row to the nearest set pixel, at most `far`.
     std::vector<int> along(static_cast<std::size_t>(width) * static_cast<std::size_t>(height));
     const auto at = [width](int x, int y) {
         return static_cast<std::size_t>(y) * static_cast<std::size_t>(width) +
@@ -77,7 +77,7 @@ std::vector<std::size_t> cull_by_masks(PreciseMesh& mesh,
             const double x = (dot(view.rows[0], p) + view.last.x) / (z + 1e-6),
                          y = (dot(view.rows[1], p) + view.last.y) / (z + 1e-6);
             const bool inside = z > 0 && x > 0 && x < mask.width - 1 && y > 0 &&
-                                y < mask.height - 1;  // behind the camera is outside
+                                y < mask.height - 1;  // false behind the camera
             on_mask[v] = !inside || mask.at(static_cast<int>(std::nearbyint(x)),
                                             static_cast<int>(std::nearbyint(y))) != 0;
         });

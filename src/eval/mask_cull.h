@@ -1,4 +1,4 @@
-// Vertices seen outside of the object masks, removed before a DTU evaluation.  [2DGS: eval_dtu]
+// Removes vertices that lie outside of the object masks, before a DTU evaluation.  [2DGS: eval_dtu]
 #pragma once
 
 #include <vector>
@@ -14,13 +14,13 @@ struct PreciseMesh {
     std::vector<Vec3i> faces;
 };
 
-/// Keeps the marked vertices and the faces all of whose corners stay.
+/// Keeps the marked vertices, and the faces whose corners are all kept.
 void keep_vertices(PreciseMesh& mesh, const std::vector<char>& keep);
 
-/// Removes vertices that are not finite and their faces; returns how many vertices.
+/// Removes vertices that are not finite, and their faces; returns the number of vertices.
 std::size_t drop_non_finite(PreciseMesh& mesh);
 
-/// A mask with the projection it belongs to: pixel ~ rows * world + last.
+/// A mask and its projection: pixel ~ rows * world + last.
 struct MaskView {
     Vec3d rows[3], last;
     ImageU8 mask;  // [H, W, 1], 0: background
@@ -29,8 +29,8 @@ struct MaskView {
 /// True where a pixel of `mask` that is not 0 lies within `radius` pixels.
 ImageU8 dilated(const ImageU8& mask, int radius);
 
-/// Keeps a vertex if every view has it outside of its image or on its mask, grown by `radius`
-/// pixels. Returns how many vertices each view alone would have removed.
+/// Keeps a vertex if in every view it lies outside of the image or inside the mask dilated by
+/// `radius` pixels. Returns per view the number of vertices that this view rejects.
 std::vector<std::size_t> cull_by_masks(PreciseMesh& mesh,
                                        const std::vector<MaskView>& views,
                                        int radius);

@@ -10,8 +10,8 @@
 namespace tvsgs {
 namespace {
 
-/// Of what was measured from each point of a sample: the mean, and its standard error by the
-/// variance between draws.
+/// Mean of the values measured from a sample's points, with the standard error from the variance
+/// between draws.
 struct Mean {
     double value, standard_error;
 };
@@ -58,8 +58,8 @@ std::vector<Vec3f> sample_surface(const TriangleMesh& mesh, std::size_t count, s
         const Random4 random = random4(seed, RandomStream::sampling, static_cast<std::uint64_t>(i));
         const double at =
             (i + static_cast<double>(uniform(random.v[0]))) / static_cast<double>(count) * total;
-        // The face whose share of the area `at` falls into; rounding at the very end stays on the
-        // last one with area.
+        // The face that contains the share `at` of the area. Rounding at the end selects the last
+        // face with area.
         auto next = std::upper_bound(area_before.begin(), area_before.end(), at);
         if (next == area_before.end())
             next = std::lower_bound(area_before.begin(), area_before.end(), total);

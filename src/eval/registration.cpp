@@ -14,7 +14,7 @@
 namespace tvsgs {
 namespace {
 
-/// Sums of K numbers per index, in a fixed order; term(i, sums) adds its own.
+/// Sums of K numbers over all indices, in a fixed order; term(i, sums) adds index i.
 template <std::size_t K, class Term>
 std::array<double, K> sums_of(std::size_t count, const Term& term) {
     std::array<std::array<double, K>, kSumBlocks> partial{};
@@ -34,7 +34,7 @@ std::array<double, K> sums_of(std::size_t count, const Term& term) {
     return total;
 }
 
-/// pair(i) gives a point and its partner.
+/// Fits a similarity; pair(i) returns a point and its partner.
 template <class Pair>
 std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
     if (count < 3) return std::nullopt;
@@ -60,7 +60,7 @@ std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
     const Eigen::JacobiSVD<Eigen::Matrix3d> svd(covariance,
                                                 Eigen::ComputeFullU | Eigen::ComputeFullV);
     const Eigen::Vector3d spread = svd.singularValues();
-    // Points in one line leave the rotation around it open.
+    // Collinear points do not determine the rotation around their line.
     if (!(spread(1) > 1e-12 * spread(0) && spread(0) > 0)) return std::nullopt;
     Eigen::Vector3d sign(1, 1, 1);
     if (svd.matrixU().determinant() * svd.matrixV().determinant() < 0) sign(2) = -1;
@@ -74,7 +74,7 @@ std::optional<Affine3d> fit(std::size_t count, const Pair& pair) {
     return T;
 }
 
-/// Inliers of T, and their squared error.
+/// Number of inliers of T, and their squared error.
 std::pair<int, double> count_inliers(const std::vector<Vec3d>& from,
                                      const std::vector<Vec3d>& to,
                                      const Affine3d& T,
@@ -89,7 +89,7 @@ std::pair<int, double> count_inliers(const std::vector<Vec3d>& from,
     return {inliers, squared};
 }
 
-/// The best of many similarities through six random pairs.
+/// The best similarity from many draws of six random pairs.
 Affine3d draw_alignment(const std::vector<Vec3d>& from,
                         const std::vector<Vec3d>& to,
                         double threshold,
@@ -144,7 +144,7 @@ CentreAlignment align_centres(const std::vector<Vec3d>& from,
         for (std::size_t i = 0; i < from.size(); ++i)
             if (norm(out.to_from_from * from[i] - to[i]) < threshold)
                 a.push_back(from[i]), b.push_back(to[i]);
-        // Six inliers are what chance gives; the fit to them is kept when it loses none.
+        // Six inliers are a result of chance. The refit is kept when it loses no inlier.
         if (const auto T = fit_similarity(a, b);
             a.size() > 6 && T && score(*T).first >= static_cast<int>(a.size()))
             out.to_from_from = *T, out.refined = true;
@@ -228,12 +228,12 @@ MotionDifference difference(const Affine3d& S, const Affine3d& T, Vec3d point) {
     MotionDifference out;
     const double s = scale_of(S), t = scale_of(T);
     out.scale = s / t;
-    // Trace of S's rotation times the inverse of T's.
+    // Trace of S's rotation times the inverse of T's rotation.
     double trace = 0;
     for (int r = 0; r < 3; ++r)
         for (int c = 0; c < 3; ++c) trace += S.A[r][c] * T.A[r][c] / (s * t);
     out.angle_rad = std::acos(std::clamp(0.5 * (trace - 1), -1.0, 1.0));
-    // Back by T, forth by S.
+    // Apply the inverse of T, then S.
     const Vec3d back = transpose_times(T.A, point - T.t) / (t * t);
     out.shift = norm(S * back - point);
     return out;

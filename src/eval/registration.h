@@ -1,4 +1,4 @@
-// Similarities that lay one set of points onto another.  [Umeyama91; Knapitsch17]
+// Aligns one set of points with another by a similarity transform.  [Umeyama91; Knapitsch17]
 #pragma once
 
 #include <cstdint>
@@ -11,23 +11,23 @@
 
 namespace tvsgs {
 
-/// The similarity with the least squared distances from T * from[i] to to[i]; none where the points
-/// do not determine it (all in one place).  [Umeyama91]
+/// The similarity T with the least squared distances from T * from[i] to to[i]; empty where the
+/// points do not determine it.  [Umeyama91]
 std::optional<Affine3d> fit_similarity(const std::vector<Vec3d>& from,
                                        const std::vector<Vec3d>& to);
 
-/// From matching camera centres.
+/// Result of align_centres().
 struct CentreAlignment {
     Affine3d to_from_from;
     int inliers = 0;
     double rmse = 0;             // of the inliers
-    double median_residual = 0;  // of all
-    bool refined = false;        // false: too few inliers to fit them anew
+    double median_residual = 0;  // of all pairs
+    bool refined = false;        // false: too few inliers to refit
 };
 
-/// RANSAC over six random pairs at a time (100,000 draws of `seed`), then a fit to the inliers,
-/// closer than `threshold`; a first fit to all pairs ends it when all are inliers. At least 6
-/// pairs. Throws Error(ExitCode::input), E_TNT_TRAJ, when no draw determines a similarity.
+/// Aligns matching camera centres, at least 6 pairs. First fits all pairs; unless all are inliers
+/// (closer than `threshold`), runs RANSAC with 100,000 draws of six pairs (`seed`) and refits to
+/// the inliers. Throws Error(ExitCode::input), E_TNT_TRAJ, when no draw determines a similarity.
 CentreAlignment align_centres(const std::vector<Vec3d>& from,
                               const std::vector<Vec3d>& to,
                               double threshold,
@@ -36,7 +36,7 @@ CentreAlignment align_centres(const std::vector<Vec3d>& from,
 struct IcpOptions {
     double max_distance = 0;
     int max_iterations = 30;
-    // Both changes must fall below these for the iterations to end.
+    // Iterations end when both changes fall below these.
     double fitness_change = 1e-6, rmse_change = 20;
 };
 
@@ -48,16 +48,16 @@ struct IcpResult {
     int iterations = 0;
 };
 
-/// Point to point, with scale.  [Open3D: RegistrationICP]
+/// Point-to-point ICP with scale.  [Open3D: RegistrationICP]
 IcpResult icp(const std::vector<Vec3d>& source,
               const std::vector<Vec3d>& target,
               const IcpOptions& options);
 
-/// T applied to every point; with a crop, only what it contains.
+/// Applies T to every point; returns the points inside the crop.
 std::vector<Vec3d> transformed(const std::vector<Vec3d>& points, const Affine3d& T);
 std::vector<Vec3d> cropped(const std::vector<Vec3d>& points, const Crop& crop);
 
-/// How far S is from T: ratio of the scales, angle between the rotations, and where `point` went.
+/// Difference of S and T: ratio of scales, angle between rotations, and displacement of `point`.
 struct MotionDifference {
     double scale = 1, angle_rad = 0, shift = 0;
 };

@@ -8,15 +8,15 @@
 namespace tvsgs {
 namespace {
 
-/// Indices by place, along a Morton curve of 2^10 cells a side: neighbours in space become
-/// neighbours in memory, which is most of the time of a search.
+/// Indices ordered along a Morton curve of 2^10 cells a side: points close in space are close in
+/// memory, which dominates the time of a search.
 std::vector<std::uint32_t> order_in_space(const std::vector<Vec3d>& points) {
     if (points.empty()) return {};
     Vec3d lower = points[0], upper = points[0];
     for (const auto& p : points)
         for (int a = 0; a < 3; ++a)
             lower[a] = std::min(lower[a], p[a]), upper[a] = std::max(upper[a], p[a]);
-    const auto spread = [](std::uint64_t x) {  // two zeros before each of ten bits
+    const auto spread = [](std::uint64_t x) {  // inserts two zero bits before each of ten bits
         x = (x | x << 16) & 0x30000FF;
         x = (x | x << 8) & 0x300F00F;
         x = (x | x << 4) & 0x30C30C3;
@@ -29,7 +29,7 @@ std::vector<std::uint32_t> order_in_space(const std::vector<Vec3d>& points) {
         for (int a = 0; a < 3; ++a) {
             const double size = upper[a] - lower[a];
             const double place = size > 0 ? 1023 * ((points[at][a] - lower[a]) / size) : 0;
-            key |= spread(place > 0 ? static_cast<std::uint64_t>(place) : 0) << a;  // NaN is 0
+            key |= spread(place > 0 ? static_cast<std::uint64_t>(place) : 0) << a;  // NaN becomes 0
         }
         keys[at] = key << 32 | static_cast<std::uint32_t>(i);
     });
@@ -59,12 +59,12 @@ std::vector<Vec3d> finite_points(const std::vector<Point>& points) {
 }  // namespace
 
 struct Surface::Cloud {
-    std::vector<Vec3d> points;  // near in space, near in memory: most of the time of a search
+    std::vector<Vec3d> points;  // ordered by order_in_space()
     PointTree<double, double> tree;
 
     explicit Cloud(const std::vector<Vec3d>& all)
         : points(in_order(all, order_in_space(all))), tree(points) {}
-    /// None where there are no points.
+    /// Returns null where there are no points.
     static std::unique_ptr<Cloud> of(const std::vector<Vec3d>& all) {
         return all.empty() ? nullptr : std::make_unique<Cloud>(all);
     }

@@ -1,4 +1,4 @@
-// Distances of points to a surface: to triangles, or to points.
+// Distances of points to a surface of triangles or points.
 #pragma once
 
 #include <limits>
@@ -10,13 +10,12 @@
 
 namespace tvsgs {
 
-/// What distances are measured to: the triangles of a mesh, exactly, or the points of a cloud where
-/// there is nothing better.
+/// A surface that distances are measured to: triangles of a mesh (exact), or points of a cloud.
 class Surface {
 public:
     Surface();
-    /// Vertices and points that are not finite are left out. Throws Error(ExitCode::input) for an
-    /// index out of range.
+    /// Drops vertices and points that are not finite. Throws Error(ExitCode::input) for an index
+    /// out of range.
     explicit Surface(const TriangleMesh& mesh);
     explicit Surface(const std::vector<Vec3f>& points);
     explicit Surface(const std::vector<Vec3d>& points);
@@ -24,12 +23,12 @@ public:
     Surface& operator=(Surface&&) noexcept;
     ~Surface();
 
-    /// No triangles and no points: distances to it are infinite.
+    /// True without triangles and points; then all distances are infinite.
     bool empty() const;
     /// The triangles; empty for a cloud.
     const TriangleTree& triangles() const;
 
-    /// Of each point, where that is below `limit`, else infinite.
+    /// Distance of each point, or infinity where it is not below `limit`.
     std::vector<double> distances(const std::vector<Vec3d>& points,
                                   double limit = std::numeric_limits<double>::infinity()) const;
 
@@ -39,7 +38,7 @@ private:
     std::unique_ptr<Cloud> cloud_;
 };
 
-/// All of the points, not a sample.
+/// All of the points as SamplePoints, without sampling.
 SamplePoints all_points(const std::vector<Vec3f>& points);
 
 /// Distance of each point to the nearest of `targets` (not empty).

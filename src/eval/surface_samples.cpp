@@ -13,19 +13,18 @@ namespace {
 constexpr std::size_t kMaxCells = 4096;
 constexpr int kMaxDepth = 20;
 constexpr std::int64_t kMaxLines = 100'000'000;
-constexpr std::int64_t kVainLines =
-    4'000'000;                            // so many in a row that cut nothing: there is nothing
-constexpr std::int64_t kRound = 1 << 16;  // lines between two looks at the error
+constexpr std::int64_t kVainLines = 4'000'000;  // gives up after so many lines without a hit
+constexpr std::int64_t kRound = 1 << 16;        // lines between two checks of the error
 
-/// One of the boxes that a cube-like grid of 2^depth cells a side cuts a box into.
+/// A cell of a grid that divides a box into 2^depth cells per side.
 struct Cell {
     std::array<std::uint32_t, 3> at;
 };
 
 struct Grid {
-    Vec3d lower, size;  // of all of it
+    Vec3d lower, size;  // of the whole grid
     int depth = 0;
-    std::vector<Cell> cells;  // those that the surface reaches into
+    std::vector<Cell> cells;  // cells that contain surface
 
     double edge(int axis) const { return size[axis] / std::exp2(depth); }
     Vec3d lower_of(const Cell& cell) const {
@@ -38,7 +37,7 @@ struct Grid {
         for (int axis = 0; axis < 3; ++axis) p[axis] += edge(axis);
         return p;
     }
-    /// Whether the point counts to the cell; on a side between two it counts to one of them.
+    /// Whether the cell contains the point; a point between two cells belongs to one of them.
     bool holds(const Cell& cell, Vec3d p) const {
         const double last = std::exp2(depth) - 1;
         for (int axis = 0; axis < 3; ++axis) {
@@ -52,7 +51,7 @@ struct Grid {
     double area() const { return static_cast<double>(cells.size()) * cell_area(); }
 };
 
-/// The box of the surface in the crop, in the frame of the mesh; empty() where they do not meet.
+/// Bounding box of the surface in the crop, in the mesh's frame; empty() without overlap.
 struct Box {
     Vec3d lower, upper;
     bool empty() const { return !(lower.x <= upper.x && lower.y <= upper.y && lower.z <= upper.z); }
@@ -92,13 +91,13 @@ Box common_box(const TriangleTree& tree, const Crop& crop, Vec3d origin) {
     return box;
 }
 
-/// The cells through which the fewest lines miss the surface. A far crumb must not make nearly all
-/// of them miss.
+/// Chooses the grid for which the fewest lines miss the surface. Without a grid, a distant fragment
+/// would make nearly all lines miss.
 Grid choose_grid(const TriangleTree& tree, Box box) {
     Vec3d size = box.upper - box.lower;
     const double longest = std::max({size.x, size.y, size.z});
-    // Larger by odd shares: what lies in a side of a cell counts to either of two by rounding. And
-    // a box without height is met by no line.
+    // Enlarge the box by odd shares: points on a side of a cell would belong to a cell by rounding,
+    // and no line meets a box without height.
     constexpr double kBefore = 0.00317, kAfter = 0.00411;
     for (int axis = 0; axis < 3; ++axis) {
         box.lower[axis] -= kBefore * longest;
@@ -126,12 +125,12 @@ double fraction(std::uint32_t bits) {
     return (static_cast<double>(bits) + 0.5) / 4294967296.0;
 }
 
-/// Uniform among the lines that meet the cell: even over its sides, and in the cosine of the angle
-/// to them.
+/// Draws a line uniformly among the lines that meet the cell: uniform over its sides, and in the
+/// cosine of the angle to them.
 Line line_through(const Grid& grid, const Cell& cell, std::uint64_t seed, std::uint64_t index) {
     const std::uint64_t key = (std::uint64_t(cell.at[0]) << 42) ^
                               (std::uint64_t(cell.at[1]) << 21) ^ std::uint64_t(cell.at[2]);
-    // One stream a cell: it is the seed's and the cell's.
+    // One random stream per cell, from the seed and the cell's place.
     const Random4 first =
                       random4(seed ^ key * 0x9E3779B97F4A7C15ull, RandomStream::lines, index, 0),
                   second =
@@ -176,11 +175,11 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
     const Box box = common_box(tree, crop, origin);
     if (box.empty() || !tree.meets(box.lower, box.upper)) return sample;
     const Grid grid = choose_grid(tree, box);
-    if (!(grid.cell_area() > 0)) return sample;  // all in a single point
+    if (!(grid.cell_area() > 0)) return sample;  // the whole surface is a single point
 
     const auto cells = static_cast<std::int64_t>(grid.cells.size());
     const std::int64_t per_cell = (kRound + cells - 1) / cells;
-    constexpr std::int64_t kChunk = 256;  // lines that one thread goes through
+    constexpr std::int64_t kChunk = 256;  // lines per thread
     std::int64_t lines = 0;
     double squares = 0;
     for (std::int64_t round = 0; lines < kMaxLines; ++round) {
@@ -219,7 +218,8 @@ SamplePoints sample_by_lines(const TriangleTree& tree,
         if (points == 0 && lines >= kVainLines) break;
         if (points > 0 && std::sqrt(squares) <= points * standard_error) break;
     }
-    // A line that meets a convex body of area A cuts a surface of area S inside 2 S / A times.
+    // A line that meets a convex body of area A intersects a surface of area S inside it 2 S / A
+    // times on average.
     sample.area =
         static_cast<double>(sample.points.size()) / static_cast<double>(lines) * 0.5 * grid.area();
     return sample;

@@ -1,4 +1,4 @@
-// Points spread evenly over a surface, however it is cut up into triangles.
+// Samples points evenly over a surface, independently of its triangulation.
 #pragma once
 
 #include <cstdint>
@@ -9,24 +9,24 @@
 
 namespace tvsgs {
 
-/// What distances are measured from.
+/// Points that distances are measured from.
 struct SamplePoints {
     std::vector<Vec3d> points;
-    /// Where the points of each draw begin; those of one draw are not independent of each other.
-    /// Empty: the points are not a sample, but all there is.
+    /// First point of each draw; the points of one draw depend on each other. Empty: `points` is no
+    /// sample but the whole set.
     std::vector<std::uint32_t> draws;
-    double area = 0;  // of the surface they were drawn from, estimated; 0: not drawn
+    double area = 0;  // estimated area of the sampled surface; 0: not sampled
 };
 
-/// A bound on the standard error of a share of the points, whatever share that is and however many
-/// points a draw has: of m points a draw moves it by m / n at most. 0 where they are no sample.
+/// Upper bound on the standard error of any share of the points, for any number of points per draw:
+/// a draw of m of n points changes a share by at most m / n. 0 for points that are not a sample.
 double worst_standard_error(const SamplePoints& sample);
 
-/// Uniform over the area of the surface that is inside of the crop: where straight lines cut it
-/// that are uniform among all lines that meet a box around it.  [Santalo76, Cauchy-Crofton] The
-/// points thus depend on the surface and not on its triangles. As many lines as make the worst
-/// standard error of a share `standard_error`, but no more than 10^8. `origin`: of the frame of the
-/// mesh in that of the crop. No points where no surface is inside.
+/// Samples the surface inside the crop uniformly by area: intersects it with lines that are uniform
+/// among all lines through a box around it.  [Santalo76, Cauchy-Crofton] The points depend on the
+/// surface and not on its triangles. Draws lines until the worst standard error of a share is
+/// `standard_error`, at most 10^8. `origin`: of the mesh's frame in the crop's frame. Returns no
+/// points where no surface lies inside.
 SamplePoints sample_by_lines(const TriangleTree& tree,
                              const Crop& crop,
                              Vec3d origin,

@@ -26,7 +26,7 @@ std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::
     std::vector<std::uint32_t> order(count);
     std::iota(order.begin(), order.end(), 0u);
     if (!seed) return order;
-    std::vector<std::uint64_t> key(count);  // drawn number above, index below: no ties
+    std::vector<std::uint64_t> key(count);  // random number above, index below: no ties
     parallel_for(Cpu{}, static_cast<int>(count), [&](int i) {
         const Random4 r = random4(*seed, RandomStream::thinning, static_cast<std::uint64_t>(i));
         key[static_cast<std::size_t>(i)] =
@@ -37,15 +37,15 @@ std::vector<std::uint32_t> visiting_order(std::size_t count, std::optional<std::
     return order;
 }
 
-/// Kept points by cell. Cells lie in blocks of 4x4x4, so that the 27 around a point are in few
-/// places of memory.
+/// Kept points by cell. Cells are stored in blocks of 4x4x4, so that the 27 cells around a point
+/// are in few places of memory.
 class KeptPoints {
 public:
     explicit KeptPoints(std::size_t count) : next_(count, kNone) {
         table_.assign(std::size_t{1} << 12, kNone);
     }
 
-    /// Calls is_near(index) for kept points of the 27 cells around until it returns true.
+    /// Calls is_near(index) for the kept points of the 27 surrounding cells until it returns true.
     template <class IsNear>
     bool any_around(const Cell& cell, const IsNear& is_near) const {
         std::array<std::int64_t, 3> first, last;
@@ -134,8 +134,8 @@ std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
     std::vector<std::uint32_t> kept;
     if (points.empty()) return kept;
     const Vec3d lower = lower_corner(points);
-    // A little more than the radius, so that rounding cannot put two points at just that distance
-    // two cells apart.
+    // Cells slightly larger than the radius, so that rounding cannot put two points at exactly that
+    // distance two cells apart.
     const double inverse = 1 / (radius * (1 + 1e-9));
     KeptPoints grid(points.size());
     for (const std::uint32_t i : visiting_order(points.size(), seed)) {

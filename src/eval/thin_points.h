@@ -1,4 +1,4 @@
-// Thinning of clouds: to a smallest distance, and to one mean per voxel.
+// Thins point clouds: to a minimum distance, or to one mean per voxel.
 #pragma once
 
 #include <cstdint>
@@ -9,16 +9,16 @@
 
 namespace tvsgs {
 
-/// Visits the points in an order drawn with `seed` (none: as given) and keeps each that has no kept
-/// one at a distance of `radius` or less. Returns the indices of the kept ones, ascending.
+/// Visits the points in random order by `seed` (absent: in the given order), and keeps a point
+/// unless a kept one lies within `radius`. Returns the indices of the kept points, ascending.
 /// [DTUeval: reducePts]
 std::vector<std::uint32_t> thin_points(const std::vector<Vec3d>& points,
                                        double radius,
                                        std::optional<std::uint64_t> seed);
 
-/// The mean of the points in each occupied voxel, in the order of the voxels (x, then y, then z).
-/// The grid starts half a voxel below the smallest coordinates, as Open3D's. Throws
-/// Error(ExitCode::input) where a side has more than 2^21 voxels.
+/// Mean of the points in each occupied voxel, ordered by voxel (x, then y, then z). The grid starts
+/// half a voxel below the smallest coordinates, as in Open3D. Throws Error(ExitCode::input) where a
+/// side has more than 2^21 voxels.
 std::vector<Vec3d> voxel_means(const std::vector<Vec3d>& points, double voxel);
 
 }  // namespace tvsgs

@@ -19,9 +19,9 @@ std::string lines(const std::vector<double>& values) {
     return text;
 }
 
-constexpr double kLeft = 60, kTop = 40, kWidth = 400, kHeight = 300;  // of the plot, px
+constexpr double kLeft = 60, kTop = 40, kWidth = 400, kHeight = 300;  // plot area, px
 
-/// Fractions over thresholds.
+/// Draws the fractions over the thresholds.
 std::string polyline(const std::vector<double>& edges,
                      const std::vector<double>& values,
                      const char* style) {
@@ -41,7 +41,7 @@ std::string svg(const std::string& scene, const TntMetrics& m, double tau) {
     char title[200];
     std::snprintf(title, sizeof title, "P %.4f, R %.4f, F1 %.4f at %g", m.precision, m.recall, m.f1,
                   tau);
-    std::string safe;  // the name may hold what means something in XML
+    std::string safe;  // the name without characters of XML
     for (const char c : scene) safe += c == '<' || c == '&' || c == '>' ? '_' : c;
     std::string text =
         str("<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 500 400\" "

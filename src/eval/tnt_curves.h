@@ -1,4 +1,4 @@
-// Precision and recall against the threshold, in the files that the official tool writes.
+// Writes precision and recall over the threshold, in the files of the official tool.
 #pragma once
 
 #include <string>
@@ -7,7 +7,8 @@
 
 namespace tvsgs {
 
-/// FOLDER/<scene>.precision.txt, .recall.txt, .prf_tau_plotstr.txt and PR_<scene>_@d_th_0_*.svg.
+/// Writes FOLDER/<scene>.precision.txt, .recall.txt, .prf_tau_plotstr.txt and
+/// PR_<scene>_@d_th_0_*.svg.
 void write_curves(const std::string& folder,
                   const std::string& scene,
                   const TntMetrics& metrics,

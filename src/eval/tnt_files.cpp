@@ -173,7 +173,7 @@ void check_tnt_overlap(const std::vector<Vec3d>& moved,
                        const std::string& name) {
     const std::vector<Vec3d> inside = cropped(moved, crop);
     const FrameCheck whole = check_frame(moved, truth_cropped);
-    // Far background may be there; what the crop leaves has to have the size of the scene.
+    // There may be a distant background; inside the crop the sizes must agree.
     if (!inside.empty() && !whole.apart && check_frame(inside, truth_cropped).plausible()) return;
     throw Error(ExitCode::input,
                 str("E_TNT_FRAME: ", name, " does not lie where the ground truth does: aligned, ",

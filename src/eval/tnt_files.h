@@ -1,5 +1,4 @@
-// What the evaluation of Tanks and Temples reads, and how it brings a prediction into the truth's
-// frame.
+// Reads the files of the Tanks and Temples evaluation, and aligns a prediction with the truth.
 #pragma once
 
 #include <cstdint>
@@ -21,10 +20,10 @@ struct TntFiles {
     std::string scene, cloud, crop, log, trans;
 };
 
-/// The scene that `scene_name` or the folder names, or the one whose log the folder holds.
+/// Finds the scene by `scene_name`, by the folder's name, or by the log file in the folder.
 TntFiles find_tnt_files(const std::string& scene_dir, const std::string& scene_name);
 
-/// The threshold of a scene unless one is `given` (above 0).
+/// Returns `given` if it is above 0, else the threshold of the scene.
 double find_tnt_tau(double given, const std::string& scene);
 
 struct TntAlignment {
@@ -33,9 +32,8 @@ struct TntAlignment {
     JsonValue json;
 };
 
-/// Where the prediction lies in the frame of the truth, by cameras: those of `trajectory`, or of
-/// the official log if that is empty. Throws Error(ExitCode::input) where few agree, unless
-/// `force`.
+/// Aligns the prediction with the truth by camera centres, from `trajectory` or, if empty, the
+/// official log. Throws Error(ExitCode::input) where too few centres agree, unless `force`.
 void align_by_cameras(const std::string& trajectory,
                       const TntFiles& files,
                       double threshold,
@@ -43,7 +41,7 @@ void align_by_cameras(const std::string& trajectory,
                       bool force,
                       TntAlignment& out);
 
-/// ICP, and how far it moved the prediction.
+/// Refines the alignment by ICP, and measures how far that moved the prediction.
 void refine_tnt(const std::vector<Vec3d>& points,
                 const std::vector<Vec3d>& truth_cropped,
                 const Crop& crop,
@@ -51,14 +49,14 @@ void refine_tnt(const std::vector<Vec3d>& points,
                 bool intended,
                 TntAlignment& out);
 
-/// The points of the prediction that count. `choice`: auto, vertices, vertices+centroids or area:N;
-/// `used` becomes what it stood for.
+/// Selects the points to evaluate. `choice`: auto, vertices, vertices+centroids or area:N; sets
+/// `used` to the resolved choice.
 std::vector<Vec3d> choose_tnt_points(const Prediction& in,
                                      const std::string& choice,
                                      std::uint64_t seed,
                                      std::string& used);
 
-/// Throws Error(ExitCode::input) unless the aligned points lie where the truth does. `name`: of the
+/// Throws Error(ExitCode::input) unless the aligned points overlap the truth. `name`: of the
 /// prediction, for the message.
 void check_tnt_overlap(const std::vector<Vec3d>& moved,
                        const std::vector<Vec3d>& truth_cropped,

@@ -33,7 +33,7 @@ double share_below(const std::vector<double>& distances, double tau) {
     return static_cast<double>(n) / static_cast<double>(distances.size());
 }
 
-/// Cumulative histogram over the edges; the last bin is closed, as NumPy's.
+/// Cumulative histogram over the edges; the last bin includes its end, as in NumPy.
 std::vector<double> curve(std::vector<double> distances, const std::vector<double>& edges) {
     std::sort(distances.begin(), distances.end());
     std::vector<double> out;

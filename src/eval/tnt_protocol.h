@@ -1,4 +1,4 @@
-// The evaluation of the Tanks and Temples benchmark, in double precision.  [Knapitsch17]
+// The evaluation protocol of the Tanks and Temples benchmark, in double precision.  [Knapitsch17]
 #pragma once
 
 #include <cstdint>
@@ -10,10 +10,10 @@
 
 namespace tvsgs {
 
-/// Three stages of ICP, each from the result of the one before: both clouds cropped and thinned to
-/// voxels of tau and tau / 2, then every k-th point of both so that at most about 4 million remain;
-/// partners within 80, 20 and 2 tau. `intended` uses the 20 iterations that the official script
-/// asks for in vain instead of those it gets.
+/// Refines in three stages of ICP, each from the last result: crops both clouds and thins them to
+/// voxels of tau, tau / 2, and then to every k-th point (at most about 4 million); partners within
+/// 80, 20 and 2 tau. `intended`: uses the 20 iterations that the official script specifies but does
+/// not get.
 struct IcpRefinement {
     Affine3d truth_from_prediction;
     std::vector<IcpResult> stages;
@@ -29,13 +29,13 @@ struct TntMetrics {
     double precision = 0, recall = 0, f1 = 0;  // fractions strictly closer than tau
     std::int64_t prediction_cropped = 0, truth_cropped = 0;
     MeasuredPoints prediction, truth;  // one mean per voxel
-    std::string undefined;             // what the crop left empty; empty: nothing
-    // Cumulative shares of the points at or below edges[i + 1], as the official plots show them.
+    std::string undefined;             // the cloud that the crop left empty; empty: none
+    // Cumulative shares of points at or below edges[i + 1], as in the official plots.
     std::vector<double> edges, precision_curve, recall_curve;
 };
 
-/// Both clouds in the frame of the truth. Crops, takes a mean per voxel (0: all points) and
-/// compares.
+/// Crops both clouds (in the frame of the truth), takes the mean per voxel (voxel 0: all points)
+/// and compares them.
 TntMetrics evaluate_tnt(const std::vector<Vec3d>& prediction,
                         const std::vector<Vec3d>& truth,
                         const Crop& crop,

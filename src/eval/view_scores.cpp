@@ -29,7 +29,7 @@ ImageScores score(const Image<T>& render, const Image<T>& photo, const ViewScori
     return scores;
 }
 
-/// PSNR over the object alone, the others over the object on white.  [FatesGS, metrics_dtu.py]
+/// PSNR over the object's pixels; other scores over the object on white.  [FatesGS, metrics_dtu.py]
 template <class T>
 ImageScores score_object(const Image<T>& render,
                          const Image<T>& photo,
@@ -47,14 +47,14 @@ ImageScores score_object(const Image<T>& render,
             masked_render.pixels[3 * i + c] = masked_photo.pixels[3 * i + c] = white;
     }
     ImageScores scores = score(masked_render, masked_photo, scoring);
-    // Outside both are white, so only the number of pixels differs.
+    // Both images are white outside, so only the number of pixels differs.
     scores.psnr +=
         10 * std::log10(static_cast<double>(inside) / static_cast<double>(mask.pixels.size()));
     if (inside == 0) scores.psnr = std::nan("");
     return scores;
 }
 
-/// Calls action(render, photo) on images of the type that the quantisation gives.
+/// Calls action(render, photo) on images of the type that the quantisation requires.
 template <class Action>
 ImageScores quantized(const ViewScoring& scoring,
                       const View& view,

@@ -1,4 +1,4 @@
-// Scores renders of views against their photographs.
+// Scores rendered views against their photographs.
 #pragma once
 
 #include <cmath>
@@ -12,12 +12,12 @@
 
 namespace tvsgs {
 
-/// How renders are scored; the default is what 3DGS does.
+/// Options of scoring; the defaults are those of 3DGS.
 struct ViewScoring {
     enum class Quantize { round, trunc, none };
-    Quantize quantize = Quantize::round;  // of renders to 8 bits
-    bool masked = false;                  // score the object on white as well
-    const LpipsWeights* lpips = nullptr;  // none: not computed
+    Quantize quantize = Quantize::round;  // rounding of renders to 8 bits
+    bool masked = false;                  // also score the object on white
+    const LpipsWeights* lpips = nullptr;  // null: not computed
     LpipsRange lpips_range = LpipsRange::zero_one;
 };
 
@@ -29,18 +29,18 @@ struct ImageScores {
 
 struct ViewScores {
     double mean_psnr = 0, mean_ssim = 0;
-    ImageScores mean, mean_masked;  // mean of psnr and ssim: the two above
+    ImageScores mean, mean_masked;  // mean of psnr and ssim of both
     JsonValue per_view;             // by name
 };
 
-/// Gathers the scores of views one by one; views equal to their photograph have an infinite PSNR
-/// and stay out of its mean.
+/// Collects the scores of views one by one. The mean PSNR excludes views equal to their photograph,
+/// which have an infinite PSNR.
 class ViewScorer {
 public:
     explicit ViewScorer(const ViewScoring& scoring) : scoring_(scoring) {}
 
-    /// `colors` [H W] as rendered, `render` the same in 8 bits. Throws Error(ExitCode::input) when
-    /// a mask is asked for and missing.
+    /// `colors` [H W] as rendered; `render`: the same in 8 bits. Throws Error(ExitCode::input) when
+    /// a mask is required and missing.
     void add(const View& view, const ImageU8& render, const std::vector<Vec3f>& colors);
     ViewScores scores() const;
 
@@ -50,11 +50,11 @@ private:
     JsonValue per_view_ = JsonValue::object();
 };
 
-/// "psnr", "ssim", "ssim_valid" (windows inside of the image only) and "lpips", each with `suffix`;
-/// null where not computed.
+/// Adds "psnr", "ssim", "ssim_valid" (only windows inside the image) and "lpips", each with
+/// `suffix`; null where not computed.
 void add_scores(JsonValue& line, const ImageScores& scores, const std::string& suffix = "");
 
-/// Means and scores per view as RUN/eval/nvs.json holds them.
+/// Means and scores per view, in the format of RUN/eval/nvs.json.
 JsonValue view_scores_json(const ViewScores& scores, std::size_t views, const ViewScoring& scoring);
 
 }  // namespace tvsgs
