@@ -10,15 +10,16 @@ namespace tvsgs {
 namespace {
 
 constexpr std::size_t kMaxSamples = 200'000;
-constexpr int kCells = 64;        // of a view, across its longer side
-constexpr float kOpaque = 0.5f;   // less opaque splats hide little
-constexpr float kBehind = 1.05f;  // as deep as the nearest of a cell: of a slanted surface, too
-constexpr double kLink = 0.1;     // views that share less are not joined
-constexpr double kOneSide = 0.6;  // share in one half that names it
+constexpr int kCells = 64;       // along the longer side of a view
+constexpr float kOpaque = 0.5f;  // splats below this opacity hide little
+// Relative depth tolerance to the nearest sample of a cell, for slanted surfaces.
+constexpr float kBehind = 1.05f;
+constexpr double kLink = 0.1;     // views that share less are not linked
+constexpr double kOneSide = 0.6;  // share in one half of the view that names that side
 
 struct Grid {
     int columns, rows;
-    std::vector<int> front;  // [rows columns] the nearest sample; -1: none
+    std::vector<int> front;  // [rows columns] index of the nearest sample; -1: none
 };
 
 std::vector<Vec3f> opaque_centres(const Gaussians<Cpu>& splats) {
@@ -26,7 +27,7 @@ std::vector<Vec3f> opaque_centres(const Gaussians<Cpu>& splats) {
     for (std::size_t i = 0; i < splats.means.size(); ++i)
         opacities.push_back(sigmoid(splats.opacity_logits[i]));
     if (opacities.empty()) return {};
-    // Splats of a short training are still pale: then the more opaque half.
+    // Splats of a short training are transparent: use the more opaque half.
     std::vector<float> sorted = opacities;
     const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
     std::nth_element(sorted.begin(), middle, sorted.end());
@@ -40,7 +41,7 @@ std::vector<Vec3f> opaque_centres(const Gaussians<Cpu>& splats) {
     return some;
 }
 
-/// The nearest samples of a view; `sees` is called with each that is not behind another.
+/// Finds the nearest samples of a view; calls `sees` with each sample that is not hidden.
 template <class Sees>
 Grid look(const Camera& camera, const std::vector<Vec3f>& samples, const Sees& sees) {
     const double scale = static_cast<double>(kCells) / std::max(camera.width_px, camera.height_px);
@@ -71,10 +72,10 @@ double angle_deg(Vec3f at, Vec3f a, Vec3f b) {
     return lengths > 0 ? std::acos(std::clamp(dot(u, v) / lengths, -1.0, 1.0)) * 180 / M_PI : 0;
 }
 
-/// Of two training views.
+/// Overlap of two training views.
 struct Pair {
-    int shared = 0;     // cells of the first whose sample the second sees
-    double angles = 0;  // their sum, degrees
+    int shared = 0;     // number of cells of the first view whose sample the second view sees
+    double angles = 0;  // sum of their angles, degrees
 };
 
 class Coverage {
@@ -158,7 +159,8 @@ private:
         return json;
     }
 
-    /// Prim's tree by the angles; views that share too little come last, by how little.
+    /// The weakest link of Prim's tree by angle. Views that share too little are linked last, by
+    /// their share.
     JsonValue gap_json() {
         const std::size_t n = train_.size();
         const auto angle = [&](std::size_t a, std::size_t b) {
@@ -221,10 +223,11 @@ private:
 
     std::vector<const ViewCamera*> train_, test_;
     std::vector<Vec3f> samples_;
-    std::vector<std::vector<int>> seen_by_;   // training views, by sample
-    std::vector<Pair> pairs_;                 // [n n]
-    std::vector<int> cells_;                  // of each training view, with a sample
-    std::vector<std::array<int, 5>> halves_;  // lone cells: left, right, upper, lower half, all
+    std::vector<std::vector<int>> seen_by_;  // training views, per sample
+    std::vector<Pair> pairs_;                // [n n]
+    std::vector<int> cells_;                 // cells with a sample, per training view
+    // Single-view cells: left, right, upper, lower half, all.
+    std::vector<std::array<int, 5>> halves_;
 };
 
 }  // namespace

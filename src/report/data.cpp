@@ -19,11 +19,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::size_t kMaxRows = 600;           // of the log, evenly thinned
-constexpr std::size_t kMaxViews = 8;            // with pictures
-constexpr int kPictureWidth = 400;              // px; two fit beside each other on a desk
-constexpr std::uintmax_t kMaxResult = 4 << 20;  // bytes of a file of RUN/eval
-constexpr std::size_t kViewBytes = 12'000'000;  // of the view in 3D: a page that opens at once
+constexpr std::size_t kMaxRows = 600;           // rows of the log, evenly thinned
+constexpr std::size_t kMaxViews = 8;            // views with pictures
+constexpr int kPictureWidth = 400;              // px; two pictures fit side by side on a desktop
+constexpr std::uintmax_t kMaxResult = 4 << 20;  // bytes of a file in RUN/eval
+constexpr std::size_t kViewBytes = 12'000'000;  // of the 3D view, so that the page opens at once
 constexpr std::size_t kViewFacesHere = 100'000;
 
 bool exists(const std::string& path) {
@@ -35,7 +35,7 @@ JsonValue read_json(const std::string& path) {
     return parse_json_value(read_bytes(path), path);
 }
 
-/// One list per column: shorter than one object per line, and what plots need.
+/// One list per column: shorter than an object per line, and ready for plots.
 JsonValue columns(const std::vector<const JsonValue*>& reports) {
     JsonValue table = JsonValue::object();
     const auto column = [&](auto&& value_of) {
@@ -94,7 +94,7 @@ void add_results(JsonValue& report, const std::string& run) {
         JsonValue result;
         try {
             result = read_json(file.string());
-        } catch (const Error& error) {  // somebody else's: the report does without
+        } catch (const Error& error) {  // a file of another program: leave it out
             spdlog::warn("{}; the report leaves it out", error.what());
             continue;
         }
@@ -119,7 +119,7 @@ void add_results(JsonValue& report, const std::string& run) {
     if (!results.members.empty()) report.set("results", std::move(results));
 }
 
-/// Renders beside their photographs, from the worst PSNR to the best.
+/// Renders beside their photographs, ordered from the worst PSNR to the best.
 JsonValue pictures(const std::string& run,
                    const JsonValue& views,
                    const std::vector<View>& photographs) {
@@ -157,7 +157,7 @@ JsonValue pictures(const std::string& run,
     return list;
 }
 
-/// report.json as it grows, and the page's view in 3D.
+/// Builds report.json and the page's 3D view.
 class Collector {
 public:
     Collector(const std::string& run, const Scene& scene, std::vector<std::string> missing)
@@ -207,7 +207,7 @@ private:
         report_.set("config", std::move(config));
     }
 
-    /// A run whose settings were pinned has no plan.
+    /// A run with fixed settings has no plan.
     void add_decisions() {
         const std::string plan = run_ + "/plan.json", memory = run_ + "/memory.json";
         part("the plan", [&] {
@@ -247,7 +247,8 @@ private:
         report_.set("coverage", coverage_json(run.splats, subject.cameras));
         if (!report_["coverage"] && static_cast<std::size_t>(training) <= kMaxCoverageViews)
             missing_.push_back("coverage: no training view sees a splat");
-        run.evaluations = {};  // the report has its own plots
+        // The report has its own plots.
+        run.evaluations = {};
         view_ = view_page(std::move(subject.runs), subject.cameras, {.max_bytes = kViewBytes});
     }
 
@@ -264,7 +265,7 @@ void write_report(const std::string& run, const Scene& scene, std::vector<std::s
     Collector collector(run, scene, std::move(missing));
     const std::string json = json_text(collector.collect());
     write_text_file(run + "/report.json", json + "\n");
-    // From what was written: but for the view, the page is a function of report.json.
+    // Reads the written file: except for the 3D view, the page depends on report.json only.
     write_text_file(run + "/report.html",
                     report_html(parse_json_value(json, run + "/report.json"), collector.view()));
 }

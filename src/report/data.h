@@ -1,4 +1,4 @@
-// What a report says: report.json, collected from a run folder.
+// Collects report.json from a run folder, and writes the report.
 #pragma once
 
 #include <string>
@@ -11,8 +11,8 @@
 
 namespace tvsgs {
 
-/// A part of a report, or of `whole`, that cannot be made is left out, with a warning that
-/// `missing` gets as well.
+/// Runs `action`, which makes `part` of the page `whole`. On an Error, warns that the part is
+/// missing, and adds the reason to `missing`.
 template <class Action>
 void if_possible(const char* part,
                  const Action& action,
@@ -26,15 +26,13 @@ void if_possible(const char* part,
     }
 }
 
-/// Writes RUN/report.json and RUN/report.html, with what has become of the run so far. `scene`: the
-/// run's, for the photographs beside the renders and in the view in 3D; may have no views. Throws
-/// Error(ExitCode::input) when `run` is no run folder. `missing`: what the report says that it
-/// lacks beside what is found to be missing here.
+/// Writes RUN/report.json and RUN/report.html from the present state of the run. `scene`: the run's
+/// scene, for photographs beside renders and in the 3D view; may have no views. `missing`: gaps to
+/// report besides those found here. Throws Error(ExitCode::input) when `run` is no run folder.
 ///
 /// Keys of report.json: format, run, config, plan (its decisions), memory, summary, reports
 /// (columns), stages, evaluations, views, nvs, curve, mesh_curve, results (RUN/eval/*.json),
-/// pictures, training_views, splats, coverage
-/// (report/coverage.h), mesh (faces), missing.
+/// pictures, training_views, splats, coverage (report/coverage.h), mesh (faces), missing.
 void write_report(const std::string& run,
                   const Scene& scene,
                   std::vector<std::string> missing = {});

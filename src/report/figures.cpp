@@ -11,7 +11,7 @@ namespace {
 
 constexpr std::size_t kTableRows = 60;
 
-/// Series over the same x, thinned.
+/// Table of series over the same x, thinned.
 std::string plot_table(const Plot& plot, const std::string& source) {
     std::vector<std::string> heads{plot.x_label};
     for (const Series& s : plot.series) heads.push_back(s.name);
@@ -73,7 +73,7 @@ std::string plot_figure(const Plot& plot, const std::string& id, const std::stri
 std::vector<Plot> plots_over_time(const JsonValue& evaluations) {
     const std::vector<JsonValue>& list = evaluations.items;
     if (list.size() < 2) return {};
-    /// One number of each evaluation, found by `find`.
+    /// One number per evaluation, selected by `find`.
     const auto of_each = [&](auto&& find) {
         std::vector<double> values;
         for (const JsonValue& item : list) {

@@ -1,4 +1,4 @@
-// Plots and tables as parts of a page.
+// Plots and tables as HTML parts of a page.
 #pragma once
 
 #include <string>
@@ -9,30 +9,30 @@
 
 namespace tvsgs {
 
-/// Of a list; what is no number becomes NaN.
+/// Numbers of a JSON list; NaN for other values.
 std::vector<double> numbers(const JsonValue& list);
 
 /// 1234567 as 1,234,567.
 std::string grouped(std::size_t value);
 
-/// `style`: attributes of the table, with a space before them.
+/// `style`: attributes of the table, with a leading space.
 std::string html_table(const std::string& caption,
                        const std::vector<std::string>& heads,
                        const std::vector<std::vector<std::string>>& rows,
                        const std::string& style = "");
 
-/// The plot with its table, unless it has nothing to show. `id` as in plot_svg(); `source`: the
-/// file that has all rows where the table has not.
+/// The plot with its data table; empty for a plot without data. `id` as in plot_svg(); `source`:
+/// the file with all rows where the table is thinned.
 std::string plot_figure(const Plot& plot, const std::string& id, const std::string& source);
 
-/// Distances, F1 and scores of the views by seconds of training: from "evaluations" of a
-/// report.json. Empty with fewer than two.
+/// Plots of distances, F1 and view scores over seconds of training, from "evaluations" of a
+/// report.json. Empty for fewer than two evaluations.
 std::vector<Plot> plots_over_time(const JsonValue& evaluations);
 
-/// What colours by error mean, from 0 to `full`.
+/// Legend of the error colours, from 0 to `full`.
 std::string error_scale(double full);
 
-/// The text of a script element of type application/json: it cannot end the element.
+/// Text for a script element of type application/json; escaped so that it cannot end the element.
 std::string json_for_page(const JsonValue& value);
 
 }  // namespace tvsgs

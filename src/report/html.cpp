@@ -109,7 +109,7 @@ private:
         if (!missing.empty()) sentences("What this report lacks", missing);
     }
 
-    /// What was decided, in the order of the decisions.
+    /// The plan's decisions, in their order.
     void plan() {
         std::vector<std::vector<std::string>> rows;
         for (const JsonValue& d : report_["plan"].items) {
@@ -304,7 +304,7 @@ private:
     }
 
     void picture(const JsonValue& image, const char* title, const std::string& view) {
-        // From our own encoder, or a page that somebody has changed: nothing else may be shown.
+        // Accept only data URIs: a file edited by others must not load anything else.
         if (!image || !image["src"].text.starts_with("data:image/")) return;
         body_ +=
             str("<figure><img src=\"", escaped(image["src"].text), "\" width=\"",
@@ -312,7 +312,7 @@ private:
                 " of view ", escaped(view), "\"><figcaption>", title, "</figcaption></figure>\n");
     }
 
-    /// The page of tvsgs-view, in a frame of its own once it is asked for.
+    /// The page of tvsgs-view, loaded into an iframe on request.
     void view() {
         if (!view_) return;
         heading("view", "View in 3D");
@@ -327,7 +327,7 @@ private:
                 json_for_page(JsonValue(view_->html)), "</script>\n");
     }
 
-    /// What `tvsgs-eval geometry|dtu|tnt` have written beside: their numbers.
+    /// Numbers from the result files of `tvsgs-eval geometry|dtu|tnt`.
     void results() {
         const auto& members = report_["results"].members;
         if (members.empty()) return;

@@ -1,3 +1,4 @@
+// Makes the HTML page of a report.
 #pragma once
 
 #include <optional>
@@ -8,8 +9,8 @@
 
 namespace tvsgs {
 
-/// The page of a report: one file, a function of report.json and of the page of tvsgs-view that it
-/// holds. Parts that a run does not have are left out.
+/// The HTML page of a report: one file, made from report.json and from the page of tvsgs-view that
+/// it embeds. Leaves out parts that the run lacks.
 std::string report_html(const JsonValue& report, const std::optional<ViewPage>& view = {});
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Style and script of report.html.
+// Style and scripts of report.html.
 #pragma once
 
 namespace tvsgs {
@@ -46,8 +46,8 @@ main,header,footer{max-width:none;padding:0}.plots{grid-template-columns:1fr 1fr
 figure,.facts div,.view{break-inside:avoid}h2,h3,main>p{break-after:avoid}}
 )";
 
-/// Puts the view in the place of its picture, in a frame: it has an address of its own, and its
-/// keys and styles stay there. Without script the picture stays.
+/// Replaces the picture of the 3D view by the view in an iframe: a document of its own, so that its
+/// keys and styles do not affect the report. Without scripts the picture stays.
 inline constexpr const char* kOpenViewScript = R"JS(
 const open = document.getElementById('open-view');
 open.addEventListener('click', () => {

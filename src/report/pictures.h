@@ -1,4 +1,4 @@
-// Pictures and points of a report, small enough to live inside of one page.
+// Makes pictures for a report, small enough to embed in a page.
 #pragma once
 
 #include <optional>
@@ -15,20 +15,21 @@ namespace tvsgs {
 
 std::string base64(const std::string& bytes);
 
-/// {"src": data URI, "width", "height"}; at most `width` wide. JPEG.
+/// {"src": data URI of a JPEG, "width", "height"}; at most `width` wide.
 JsonValue picture_json(const ImageU8& image, int width);
 
-/// How far two pictures of one size are apart, mean over the channels; a quarter of the range and
-/// more is the bright end.
+/// Difference of two pictures of one size, averaged over the channels; a quarter of the range or
+/// more is the brightest shade.
 ImageU8 difference_image(const ImageU8& a, const ImageU8& b);
 
-/// From dark (none) to bright (all): cividis without its darkest part, to be seen on black.
+/// Colours from dark (no error) to bright (full error): cividis without its darkest part, for a
+/// black background.
 struct Rgb {
     std::uint8_t r, g, b;
 };
 Rgb error_shade(double share);
 
-/// Where colours by error end: twice the largest threshold; 0: there is none.
+/// End of the error colour scale: twice the largest threshold; 0: no threshold.
 double full_error(const Truth& truth);
 
 }  // namespace tvsgs

@@ -13,10 +13,10 @@ namespace {
 
 constexpr double kWidth = 440, kPlotHeight = 240;  // px, of the viewBox
 constexpr double kLeft = 56, kRight = 14, kTop = 56, kBottom = 46;
-constexpr double kCharacter = 7.8;  // width, about, on a phone too
+constexpr double kCharacter = 7.8;  // approximate width of a character in px, also on a phone
 constexpr std::size_t kColors = 7;  // in kPlotStyle
 
-/// Colour and dashes of a series; those beyond the last colour have dashes of their own.
+/// Colour and dashes of a series; series beyond the last colour have other dashes.
 std::string class_of(std::size_t series) {
     return str("s", series % kColors, series < kColors ? "" : " again");
 }
@@ -44,7 +44,7 @@ std::string tick_label(double value) {
     return text;
 }
 
-/// Steps of 1, 2 or 5 times a power of ten; about five.
+/// About five steps of 1, 2 or 5 times a power of ten.
 std::vector<Tick> linear_ticks(double low, double high) {
     const double raw = (high - low) / 5, power = std::pow(10, std::floor(std::log10(raw)));
     const double share = raw / power;
@@ -55,7 +55,7 @@ std::vector<Tick> linear_ticks(double low, double high) {
     return ticks;
 }
 
-/// Powers of ten, with 2 and 5 times them where these are few.
+/// Powers of ten, and 2 and 5 times them where there are few.
 std::vector<Tick> log_ticks(double low, double high) {
     std::vector<Tick> ticks;
     const double decades = std::log10(high / low);
@@ -78,7 +78,7 @@ struct Axis {
     void include(double v) {
         if (has(v)) low = std::min(low, v), high = std::max(high, v);
     }
-    /// Some room at both ends, and never an empty range.
+    /// Adds a margin at both ends; the range is never empty.
     void settle(bool from_zero, double margin) {
         if (!(low <= high)) low = log ? 1 : 0, high = log ? 10 : 1;
         if (from_zero && !log) low = std::min(low, 0.0);
@@ -174,14 +174,13 @@ std::string series_svg(const Series& s, const Frame& frame, std::size_t index) {
         }
     }
     if (in_line == 1 && marks.empty())
-        marks = mark(path.substr(1), index);  // a line of one point cannot be seen
+        marks = mark(path.substr(1), index);  // a line of a single point is invisible
     std::string text = str("<g class=\"", class_of(index), "\">");
     if (!forth.empty()) text += str("<path class=\"band\" d=\"", forth, back, "Z\"/>");
     return text + str("<path class=\"line\" d=\"", path, "\"/>", marks, "</g>\n");
 }
 
-/// At most `longest` characters, about: the ends of names differ, so the front is cut, between two
-/// characters of UTF-8.
+/// Shortens to about `longest` characters of UTF-8. Cuts the front, as names differ at their ends.
 std::string fitting(const std::string& name, std::size_t longest) {
     if (name.size() <= longest) return name;
     std::size_t from = name.size() - longest + 1;
@@ -189,7 +188,7 @@ std::string fitting(const std::string& name, std::size_t longest) {
     return "\u2026" + name.substr(from);
 }
 
-/// Below the plot, as many rows as it takes; `y` becomes the next free row.
+/// Draws the legend below the plot, in as many rows as needed; sets `y` to the next free row.
 std::string legend_svg(const std::vector<Series>& series, double& y) {
     constexpr std::size_t kLongest = 50;
     if (series.size() < 2) return "";
@@ -272,7 +271,7 @@ std::string plot_svg(const Plot& plot, const std::string& id) {
                     kLeft - 6, "\" y=\"", at, "\" dy=\"4\" text-anchor=\"end\">", tick.label,
                     "</text>\n");
     }
-    double free_from = 0;  // labels of the x axis must not touch
+    double free_from = 0;  // where the next label of the x axis may begin without overlap
     for (const Tick& tick : frame.x.ticks()) {
         const double x = kLeft + (right - kLeft) * frame.x.share(tick.value);
         const double half = 0.5 * kCharacter * static_cast<double>(tick.label.size());

@@ -1,5 +1,5 @@
-// Plots as SVG text: no fonts, scripts or files from elsewhere. Colours come from the style below,
-// chosen for colour-blind readers; lines differ in dashes and marks, too.
+// Makes plots as SVG text, without external fonts, scripts or files. The colours in kPlotStyle suit
+// colour-blind readers; lines also differ in dashes and marks.
 #pragma once
 
 #include <string>
@@ -10,7 +10,7 @@ namespace tvsgs {
 struct Series {
     std::string name;
     std::vector<double> x, y;
-    std::vector<double> low, high;  // a band around y; empty: none
+    std::vector<double> low, high;  // a band around y; may be empty
     bool marks = false;             // a mark at each point
 };
 
@@ -19,11 +19,11 @@ struct Plot {
     bool log_x = false, log_y = false;
     bool y_from_zero = false;
     std::vector<Series> series;
-    std::string note;  // for those who do not see the plot
+    std::string note;  // text for screen readers
 };
 
-/// Values that have no place (not finite; not positive on a logarithmic axis) are left out; an
-/// axis with none that is positive becomes linear. `id` has to be unique on its page.
+/// Leaves out values that are not finite, or not positive on a logarithmic axis; an axis without
+/// positive values becomes linear. `id` has to be unique on its page.
 std::string plot_svg(const Plot& plot, const std::string& id);
 
 struct Bars {
@@ -33,16 +33,16 @@ struct Bars {
 };
 std::string bars_svg(const Bars& bars, const std::string& id);
 
-/// CSS of both, light and dark; a page holds it once.
+/// CSS of both kinds of plot, light and dark; a page needs it once.
 extern const char* const kPlotStyle;
 
-/// The same as a file of its own.
+/// The plot as a file of its own.
 std::string standalone_svg(std::string svg);
 
-/// & < > " ' become entities; control characters, which no page may hold, U+FFFD.
+/// Escapes & < > " ' as entities; replaces control characters, which HTML forbids, by U+FFFD.
 std::string escaped(const std::string& text);
 
-/// At most `digits` significant ones, no exponent where it can be avoided.
+/// Formats with at most `digits` significant digits, without an exponent where possible.
 std::string short_number(double value, int digits = 4);
 
 }  // namespace tvsgs

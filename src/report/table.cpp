@@ -17,7 +17,7 @@ void add_number(Metrics& metrics, const std::string& name, const JsonValue& valu
     if (value.is(JsonValue::Kind::number)) metrics[name] = value.number;
 }
 
-/// The layout of `tvsgs-eval geometry`, dtu and tnt.
+/// Reads the layout of `tvsgs-eval geometry`, dtu and tnt.
 void add_geometry(Metrics& metrics, const std::string& source, const JsonValue& result) {
     for (const char* key : {"accuracy", "completeness", "chamfer"})
         add_number(metrics, str(key, " (", source, ")"), result[key]);
@@ -27,12 +27,12 @@ void add_geometry(Metrics& metrics, const std::string& source, const JsonValue& 
                        at[key]);
     };
     for (const JsonValue& at : result["thresholds"].items) add_threshold(at);
-    // Of tnt: at the threshold of its scene, so that scenes can be averaged.
+    // For tnt: at the threshold of the scene, so that scenes can be averaged.
     for (const char* key : {"precision", "recall", "f1"})
         add_number(metrics, str(key, " (", source, ")"), result[key]);
 }
 
-/// In order of appearance.
+/// Distinct values in order of appearance.
 template <class Get>
 std::vector<std::string> distinct(const std::vector<TableRun>& runs, Get&& get) {
     std::vector<std::string> names;
@@ -48,7 +48,7 @@ std::vector<std::string> configurations_of(const std::vector<TableRun>& runs) {
     return distinct(runs, [](const TableRun& r) { return r.configuration; });
 }
 
-/// What Markdown would take for the end of a cell or for markup.
+/// Escapes characters that would end a cell or be read as markup in Markdown.
 std::string in_cell(const std::string& text) {
     std::string out;
     for (const char c : escaped(text)) {
@@ -68,7 +68,7 @@ std::string cell_text(const Cell& cell, int digits) {
 struct Column {
     std::string head, metric;
     std::string scene;  // empty: the mean over all scenes
-    int better = 0;     // +1 more, -1 less, 0 neither
+    int better = 0;     // +1: higher is better, -1: lower is better, 0: neither
     int digits = 4;
 };
 
@@ -129,7 +129,7 @@ private:
         int better, digits;
     };
 
-    /// What follows `prefix` in the names of the metrics: " (centres)", "0.02 (centres)".
+    /// Suffixes of the metric names with this prefix: " (centres)", "0.02 (centres)".
     std::vector<std::string> sources(const std::string& prefix) const {
         std::vector<std::string> found;
         for (const std::string& name : known_)
@@ -160,8 +160,8 @@ private:
         return columns;
     }
 
-    /// The mean over the scenes exists where each of them has a value; its spread is that of seeds
-    /// that are independent from scene to scene.
+    /// The mean over the scenes exists where each scene has a value. Its deviation assumes seeds
+    /// that are independent between scenes.
     Cell cell(const std::string& configuration, const Column& column) const {
         if (!column.scene.empty()) {
             const auto found = values_.find({column.scene, configuration, column.metric});
@@ -180,7 +180,7 @@ private:
         return {sum.mean / n, std::sqrt(sum.deviation) / n, sum.count};
     }
 
-    /// Without columns that no run has a value for; nothing without columns.
+    /// Skips columns without values; empty if no columns remain.
     std::string table(const std::string& title,
                       const std::string& unit,
                       std::vector<Column> columns) const {
@@ -233,7 +233,7 @@ private:
     std::set<std::string> known_;
 };
 
-/// One quality of the evaluations of a run over seconds.
+/// One metric of a run's evaluations over seconds.
 struct Trace {
     std::vector<double> seconds, values;
 
@@ -264,7 +264,7 @@ const JsonValue& part_of(const JsonValue& evaluation, const Quality& quality) {
     return *quality.source ? evaluation[quality.source] : evaluation;
 }
 
-/// The thresholds at which a run has that quality; one that means nothing where it needs none.
+/// Thresholds at which a run has that metric; a single 0 for a metric without thresholds.
 std::set<double> thresholds_of(const JsonValue& report, const Quality& quality) {
     if (std::string_view(quality.name) != "f1") return {0};
     std::set<double> found;
@@ -394,7 +394,7 @@ std::string tables_csv(const std::vector<TableRun>& runs) {
 
 namespace {
 
-/// False when no run was evaluated more than once.
+/// Returns false when no run has several evaluations.
 bool overlay_plot(const std::vector<TableRun>& runs,
                   const std::string& scene,
                   const Quality& quality,

@@ -10,8 +10,8 @@
 namespace tvsgs {
 
 struct TableRun {
-    std::string scene;          // with its views, where these are named: "scan24, train_3"
-    std::string configuration;  // as the user calls it, or empty
+    std::string scene;          // with its views, if named: "scan24, train_3"
+    std::string configuration;  // name given by the user, or empty
     double seed = 0;
     JsonValue report;
     std::string folder{};  // for messages
@@ -20,17 +20,17 @@ struct TableRun {
 /// All numbers of a run by name: "chamfer (centres)", "f1@0.02 (centres)", "psnr", "seconds", ...
 std::map<std::string, double> metrics_of(const JsonValue& report);
 
-/// Runs without a name get the keys in which the runs differ, "tv.enabled=false"; the seed does not
-/// count, nor what scenes have of their own. Runs of one name and scene that differ in what is
-/// trained or scored get the keys in which they do, "ours, scene.resolution=2": what remains in a
-/// row differs in its seed only.
+/// Names runs without a name by the keys in which they differ, "tv.enabled=false", except the seed
+/// and keys of the scene. To runs with the same name and scene that differ in training or scoring
+/// it appends the keys in which they differ, "ours, scene.resolution=2". Then runs of a row differ
+/// only in their seed.
 void name_configurations(std::vector<TableRun>& runs);
 
-/// A sentence for each seed that several runs of a named row have: their spread is not one of
-/// seeds.
+/// Warnings: one sentence per seed that several runs of a row share, as their spread does not show
+/// the effect of seeds.
 std::vector<std::string> equal_seeds(const std::vector<TableRun>& runs);
 
-/// A result that somebody else has published for the mean over `scenes`, named as ours are.
+/// A published result of another method: the mean over `scenes`, with the metric named as here.
 struct PublishedFigure {
     std::string method, source;
     std::vector<std::string> scenes;
@@ -38,30 +38,29 @@ struct PublishedFigure {
     double value = 0;
 };
 
-/// docs/published_figures.json says what they look like. Throws Error(ExitCode::input) naming
-/// `where`.
+/// Parses a file as in docs/published_figures.json. Throws Error(ExitCode::input) with `where`.
 std::vector<PublishedFigure> parse_published(const JsonValue& file, const std::string& where);
 
-/// Mean over seeds, and their standard deviation where there are several.
+/// Mean over seeds, and their standard deviation for several seeds.
 struct Cell {
     double mean = 0, deviation = 0;
     int count = 0;
 };
 Cell cell_of(const std::vector<double>& values);
 
-/// Markdown: distances per scene, precision, recall and F1, PSNR and SSIM, time and memory, and one
-/// row per configuration with the means over the scenes. The best of each column is bold. Published
-/// figures for the same scenes, or the mean over just these, are rows of their own.
+/// Markdown tables: distances per scene; precision, recall and F1; PSNR and SSIM; time and memory;
+/// and one row per configuration with the means over the scenes. The best value of a column is
+/// bold. Published figures for the same scenes, or the mean over exactly these, are separate rows.
 std::string tables_markdown(const std::vector<TableRun>& runs,
                             const std::vector<PublishedFigure>& published = {});
 
 /// scene,configuration,seed,metric,value
 std::string tables_csv(const std::vector<TableRun>& runs);
 
-/// One plot per scene and quality, a line per configuration, with a band from the lowest seed to
-/// the highest; empty where no run was evaluated more than once.
+/// One plot per scene and metric, with a line per configuration and a band from the lowest to the
+/// highest seed. Empty where no run has several evaluations.
 struct OverlayPlot {
-    std::string name, title, svg;  // name: for a file, [a-z0-9_-]
+    std::string name, title, svg;  // part of a file name, [a-z0-9_-]
 };
 std::vector<OverlayPlot> overlay_plots(const std::vector<TableRun>& runs);
 

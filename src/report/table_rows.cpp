@@ -1,4 +1,4 @@
-// Which runs share a row of a table: those that differ in their seed only.
+// Groups runs into rows of a table: the runs of a row differ only in their seed.
 #include <algorithm>
 #include <filesystem>
 #include <map>
@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 constexpr std::size_t kMaxKeys = 3;  // in the name of a configuration
 
-/// Leaves of the configuration as text.
+/// Flattens the configuration into keys and values as text.
 void flatten(const std::string& prefix,
              const JsonValue& value,
              std::map<std::string, std::string>& leaves) {
@@ -28,7 +28,7 @@ void flatten(const std::string& prefix,
 
 using Leaves = std::map<std::string, std::string>;
 
-/// However a path is spelled, and wherever the scene has been moved to.
+/// Text of a path that does not depend on its spelling or on the place of the scene.
 std::string path_text(const std::string& key, const std::string& path, const fs::path& scene) {
     const auto whole = [](const fs::path& p) {
         std::error_code code;
@@ -45,7 +45,7 @@ std::string path_text(const std::string& key, const std::string& path, const fs:
     return inside.empty() || *inside.begin() == ".." ? file.string() : inside.string();
 }
 
-/// What the run was trained and scored with, as text that can be compared.
+/// Settings of training and scoring, as comparable text.
 Leaves leaves_of(const JsonValue& config) {
     Leaves leaves;
     flatten("", config, leaves);
@@ -56,20 +56,20 @@ Leaves leaves_of(const JsonValue& config) {
                             "loss.photometric.exposure_from", "loss.photometric.sky_from"})
         if (const auto leaf = leaves.find(key); leaf != leaves.end())
             leaf->second = path_text(key, leaf->second, scene);
-    // Keys that are not in use.
+    // Remove unused keys.
     if (config["scene"]["eval"].number == 0) leaves.erase("scene.test_every");
     if (config["eval"]["gt"].text.empty())
         std::erase_if(leaves, [](const auto& leaf) { return leaf.first.starts_with("eval."); });
     return leaves;
 }
 
-/// Without a name runs are told apart by these, whatever their scenes.
+/// Whether the key can name a configuration: not the seed or a key of scene or evaluation.
 bool names_a_configuration(const std::string& key) {
     return key != "seed" && !key.starts_with("scene.") && !key.starts_with("eval.");
 }
 
-/// False for what a row may differ in: the seed, what the scene's column says, where and when
-/// things are kept and looked at, and what is documented to give the same results.
+/// False for keys in which the runs of a row may differ: the seed, keys of the scene's column,
+/// output and reporting, and keys documented not to change results.
 bool changes_results(const std::string& key) {
     static const std::set<std::string> kSame{"seed",
                                              "scene.path",
@@ -92,7 +92,7 @@ bool changes_results(const std::string& key) {
     return !kSame.contains(key);
 }
 
-/// What people look for comes first where a name does not hold all keys.
+/// Orders keys by interest, for names that cannot hold all of them.
 bool before(const std::string& a, const std::string& b) {
     const auto rank = [](const std::string& key) {
         return key == "iterations"         ? 0
@@ -104,7 +104,7 @@ bool before(const std::string& a, const std::string& b) {
 }
 using Keys = std::set<std::string, decltype(&before)>;
 
-/// What the plan set, and would have set to something else for another seed, machine or scene.
+/// Keys that the plan set; another seed, machine or scene may get other values.
 std::set<std::string> planned_keys(const JsonValue& report) {
     std::set<std::string> keys;
     for (const JsonValue& decision : report["plan"].items)
@@ -113,7 +113,7 @@ std::set<std::string> planned_keys(const JsonValue& report) {
     return keys;
 }
 
-/// The keys of some runs, and which values they have there.
+/// Keys of several runs, and their values.
 class KeyValues {
 public:
     void add(const Leaves& leaves, const std::set<std::string>& planned) {
@@ -122,7 +122,8 @@ public:
             if (!planned.contains(key)) asked_for_.insert(key);
         }
     }
-    /// Neither a key that all leave to the plan sets runs apart, nor one that a run lacks.
+    /// Adds keys with several values. Skips keys that the plan set in all runs, and keys rejected
+    /// by `counts`.
     template <class Counts>
     void add_differing(Keys& keys, const Counts& counts) const {
         for (const auto& [key, found] : values_)
@@ -137,7 +138,7 @@ private:
 }  // namespace
 
 void name_configurations(std::vector<TableRun>& runs) {
-    // 1. By which keys the runs of a name are told apart; those without one have one in common.
+    // 1. Find the keys in which the runs of a name differ; runs without a name are one group.
     std::vector<Leaves> leaves;
     KeyValues unnamed;
     std::map<std::string, std::map<std::string, KeyValues>> named;  // by name and scene
@@ -154,8 +155,8 @@ void name_configurations(std::vector<TableRun>& runs) {
         if (name.empty()) unnamed.add_differing(differing, names_a_configuration);
     }
 
-    // 2. Name, keys and values.
-    std::map<std::string, int> numbers;  // of names too long to be shown whole
+    // 2. Compose names from keys and values.
+    std::map<std::string, int> numbers;  // of names too long to show
     for (std::size_t i = 0; i < runs.size(); ++i) {
         std::string name = runs[i].configuration, whole;
         std::size_t count = 0;

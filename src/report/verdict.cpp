@@ -13,13 +13,13 @@
 namespace tvsgs {
 namespace {
 
-// Where a level begins. Conventions, not laws; the page says them beside what it calls so.
-constexpr double kGoodPsnr = 27, kFairPsnr = 20;  // dB, views that did not train
+// Thresholds of the levels: conventions, which the page shows beside the level.
+constexpr double kGoodPsnr = 27, kFairPsnr = 20;  // dB, on test views
 constexpr double kGoodF1 = 0.8, kFairF1 = 0.5;    // at the middle threshold
-constexpr double kMuchLone = 0.25;                // share of what is shown, seen by one view only
-constexpr double kFewShared = 0.2;                // share of a view that its best partner sees
-constexpr double kWideGapDeg = 30;                // between neighbours; stereo weakens from there
-constexpr std::size_t kNames = 3;                 // of views in a sentence
+constexpr double kMuchLone = 0.25;  // share of the visible surface that a single view sees
+constexpr double kFewShared = 0.2;  // share of a view that its best partner sees
+constexpr double kWideGapDeg = 30;  // between neighbour views; stereo weakens from there
+constexpr std::size_t kNames = 3;   // view names in a sentence
 
 std::string number(const JsonValue& value, int digits = 3) {
     return short_number(value.number_or(NAN), digits);
@@ -79,7 +79,8 @@ private:
         return str(text, ", on ", report_["run"]["device"].text_or("an unknown device"), ".");
     }
 
-    /// Of the mesh before the centres, of a measurement made later before that of the training.
+    /// The geometry of the mesh before the geometry of the centres; a later measurement before the
+    /// one of the training.
     const JsonValue& geometry(const char*& of) const {
         for (const auto& [found, name] :
              {std::pair(&report_["results"]["geometry"], "mesh"),
@@ -169,7 +170,7 @@ private:
         double angle, psnr;
     };
 
-    /// Test views beyond the angle at which another view is known to help, with their PSNR.
+    /// Test views more than kWideAngleDeg from every training view, with their PSNR.
     std::vector<FarView> far_views(std::vector<double>* near_psnr) const {
         std::vector<FarView> far;
         for (const JsonValue& test : coverage_["test"].items) {
@@ -201,7 +202,7 @@ private:
 
     void by_plan() {
         for (const JsonValue& d : report_["plan"].items) {
-            if (!d["kept"].members.empty()) continue;  // somebody else decided
+            if (!d["kept"].members.empty()) continue;  // not decided by the plan
             const std::string name = d["name"].text, choice = d["choice"].text,
                               reason = d["reason"].text;
             const bool below = d["measured"].number_or(0) < d["threshold"].number_or(0);
@@ -227,7 +228,7 @@ private:
     }
 
     void overtrained() {
-        // Where only the object was trained, only the object counts.
+        // Where only the object was trained, use the object's PSNR.
         const bool object = report_["config"]["loss"]["photometric"]["masks"].text == "object";
         const char* const key = object && summary_["psnr_masked"] ? "psnr_masked" : "psnr";
         const double end = summary_[key].number_or(NAN);

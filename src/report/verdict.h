@@ -1,5 +1,5 @@
-// What a report says first: what became of the photographs, how good it is, why it is no better,
-// and what to photograph next. Each sentence has the number it rests on.
+// Writes the first lines of a report: results, their quality, its limits, and which photographs to
+// take next. Each sentence gives the number that it is based on.
 #pragma once
 
 #include <string>
@@ -12,13 +12,13 @@ namespace tvsgs {
 struct RunVerdict {
     std::string what;                 // views, splats, iterations, seconds, device
     std::string level;                // "good", "fair" or "poor"; empty: not measured
-    std::string quality;              // the measurements, and where the levels begin
-    std::vector<std::string> limits;  // by what was measured; empty: nothing that was measured
+    std::string quality;              // the measurements, and the thresholds of the levels
+    std::vector<std::string> limits;  // measured reasons that limit the quality; may be empty
     std::vector<std::string> next;    // photographs to take
-    std::string left_out;             // by the plan; empty: there was none
+    std::string left_out;             // steps that the plan left out; empty: no plan
 };
 
-/// Of the tree of report.json, whatever it lacks.
+/// Reads the tree of report.json; all parts of it are optional.
 RunVerdict verdict_of(const JsonValue& report);
 
 }  // namespace tvsgs

@@ -1,10 +1,10 @@
-// The texts of src/report/view, which a page of tvsgs-view consists of.
+// Texts of the files in src/report/view, from which pages of tvsgs-view are made.
 #pragma once
 
 namespace tvsgs {
 
-extern const char* const kViewPage;    // page.html, with places to fill: {{name}}
+extern const char* const kViewPage;    // page.html, with placeholders {{name}}
 extern const char* const kViewStyle;   // page.css
-extern const char* const kViewScript;  // the scripts, in their order
+extern const char* const kViewScript;  // the scripts, in order
 
 }  // namespace tvsgs

@@ -17,7 +17,7 @@
 namespace tvsgs {
 namespace {
 
-const SpzOptions kFormat{.frame = SplatFrame::rdf};  // the page draws in the frame of the cameras
+const SpzOptions kFormat{.frame = SplatFrame::rdf};  // the page uses the frame of the cameras
 
 void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
     std::vector<int> order(g.means.size());
@@ -36,13 +36,13 @@ void keep_largest(Gaussians<Cpu>& g, std::size_t count) {
 }
 
 void lower_degree(Gaussians<Cpu>& g) {
-    --g.sh_degree;  // coefficient major: the first ones stay
+    --g.sh_degree;  // coefficient major: the first planes stay
     g.sh.resize(g.means.size() * static_cast<std::size_t>(sh_count(g.sh_degree)));
 }
 
-constexpr int kRuns = 20, kRun = 1000;  // of splats that stand for all
+constexpr int kRuns = 20, kRun = 1000;  // runs of neighbouring splats, as a sample
 
-/// Bytes that one takes when packed, by some of them, neighbours with neighbours.
+/// Bytes per packed splat, estimated from runs of neighbours.
 double bytes_per_splat(const Gaussians<Cpu>& g) {
     std::vector<int> some;
     for (int run = 0; run < kRuns; ++run)
@@ -52,9 +52,9 @@ double bytes_per_splat(const Gaussians<Cpu>& g) {
            (kRuns * kRun);
 }
 
-/// What would not nearly fit, so that not all of millions of splats are packed again and again.
+/// Drops most splats that cannot fit, to avoid packing millions of splats repeatedly.
 void leave_out_much(Gaussians<Cpu>& g, std::size_t max_bytes) {
-    constexpr double kFar = 1.25;  // by how much all may be packed better than some
+    constexpr double kFar = 1.25;  // packing may be this much better than the estimate
     if (g.size() < kRuns * kRun) return;
     const double most = kFar * static_cast<double>(max_bytes);
     double bytes = 0;
@@ -72,7 +72,7 @@ PackedSplats pack_splats(Gaussians<Cpu> g, std::size_t max_bytes, int max_splats
     PackedSplats packed;
     packed.of = g.size(), packed.of_degree = g.sh_degree;
     keep_largest(g, static_cast<std::size_t>(max_splats));
-    sort_by_place(g);  // neighbours are alike, which deflates well
+    sort_by_place(g);  // neighbours are similar, which compresses well
     leave_out_much(g, max_bytes);
     while (g.size() > 0) {
         packed.bytes = spz_bytes(g, kFormat, "the page's splats");

@@ -1,4 +1,4 @@
-// Splats and meshes as a page of tvsgs-view holds them.
+// Packs splats and meshes for a page of tvsgs-view.
 #pragma once
 
 #include <cstdint>
@@ -13,24 +13,24 @@
 namespace tvsgs {
 
 struct PackedSplats {
-    std::vector<std::uint8_t> bytes;  // SPZ 3 in our frame; empty: no splats
+    std::vector<std::uint8_t> bytes;  // SPZ 3 in our frame; may be empty
     Gaussians<Cpu> shown;             // as the page decodes them
-    int of = 0, of_degree = 0;        // splats that draw at all, and their degree, before
+    int of = 0, of_degree = 0;        // visible splats before packing, and their SH degree
 };
 
-/// At most `max_splats`, in at most `max_bytes`: of a lower degree where that is enough, else of
-/// degree 0 and only the largest, by alpha times the two largest scales. Those of at most
-/// kMinAlpha draw nothing and are left out.
+/// Packs at most `max_splats` splats in at most `max_bytes`. Lowers the SH degree as needed; if
+/// degree 0 is still too large, keeps only the largest by alpha times the two largest scales. Drops
+/// splats with an alpha of at most kMinAlpha, which are invisible.
 PackedSplats pack_splats(Gaussians<Cpu> splats, std::size_t max_bytes, int max_splats);
 
-/// Vertices in 16 bits of the mesh's box, colours, errors (a byte each, may be empty), indices.
+/// Vertices in 16 bits of the mesh's box, colours, errors (a byte each, may be empty), and indices.
 struct PackedMesh {
     JsonValue about;   // {"vertices", "faces", "low", "high", "colors", "errors"}
     std::string data;  // deflated
 };
 PackedMesh pack_mesh(const TriangleMesh& mesh, const std::vector<std::uint8_t>& errors);
 
-/// In the format of zlib.
+/// Compresses in the format of zlib.
 std::string deflated(const std::string& bytes);
 
 inline constexpr int kErrorLevels = 254;       // error_levels() of `full` and more

@@ -23,10 +23,10 @@ namespace {
 
 constexpr int kPhotoSide = 640, kPosterSide = 800;  // px
 constexpr std::size_t kPhotoBytes = 3'000'000;      // of all photographs
-constexpr std::size_t kPageBytes = 200'000;         // of texts, scripts and posters, about
+constexpr std::size_t kPageBytes = 200'000;         // of texts, scripts and posters, approximately
 constexpr double kBase64 = 4.0 / 3;                 // bytes of text for one of data
 
-/// The template with {{name}} replaced; each name has to be in `values`.
+/// Replaces each {{name}} in the template; `values` must have all names.
 std::string filled(const std::string& text, const std::map<std::string, std::string>& values) {
     std::string out;
     for (std::size_t at = 0; at < text.size();) {
@@ -52,8 +52,8 @@ std::string jpeg_source(const std::string& bytes) {
     return "data:image/jpeg;base64," + base64(bytes);
 }
 
-/// Of the cameras that have one: at most so many, evenly chosen, small enough together. Empty: it
-/// is not shown.
+/// Data URIs per camera: at most `count` photographs, evenly spaced among the cameras that have
+/// one, within kPhotoBytes. Empty: not shown.
 std::vector<std::string> photographs(const std::vector<ViewCamera>& cameras, int count) {
     std::vector<std::size_t> with;
     for (std::size_t i = 0; i < cameras.size(); ++i)
@@ -78,7 +78,7 @@ JsonValue list_of(Vec3d v) {
     return std::vector<double>{v.x, v.y, v.z};
 }
 
-/// What views turn around, and what sizes go by.
+/// Centre of rotation and reference sizes of the scene.
 JsonValue scene_json(const std::vector<ViewCamera>& cameras, const std::vector<ViewRun>& runs) {
     std::vector<Camera> all;
     Vec3d up{};
@@ -128,7 +128,7 @@ JsonValue camera_json(const ViewCamera& c, bool has_photo) {
     return camera;
 }
 
-/// What a browser without WebGL shows in the place of the view, and all of them before it is there.
+/// Picture that replaces the view in browsers without WebGL, and until the view has loaded.
 ImageU8 poster(Backbone<Cpu>& backbone, const Gaussians<Cpu>& splats, const Camera& camera) {
     const double scale = std::min(
         1.0, static_cast<double>(kPosterSide) / std::max(camera.width_px, camera.height_px));
@@ -146,7 +146,7 @@ std::string hold(const char* id, std::size_t index, const std::string& base64_te
                "</script>\n");
 }
 
-/// A page on its way.
+/// Builds a page step by step.
 class Builder {
 public:
     Builder(std::vector<ViewRun> runs,
@@ -159,7 +159,7 @@ public:
         for (const ViewRun& run : runs_)
             if (run.truth && full_ == 0) full_ = full_error(*run.truth);
         for (std::size_t i = 0; i < runs_.size(); ++i) add_mesh(i);
-        // What is left for the splats, at least a tenth: a page of a mesh alone is none of ours.
+        // Room for splats: the rest of the page, and at least a tenth of it beside large meshes.
         const std::size_t others = data_.size() + parts_.size() + kPageBytes;
         const std::size_t room = std::max(
             options_.max_bytes / 10, options_.max_bytes > others ? options_.max_bytes - others : 0);
@@ -362,7 +362,7 @@ private:
     std::vector<std::vector<std::string>> rows_;
     std::string poster_, panes_, overlays_, parts_, data_;
     std::vector<std::string> notes_;
-    double full_ = 0;  // where the colours by error end; 0: no truth
+    double full_ = 0;  // end of the error colour scale; 0: no truth
     bool has_photos_ = false;
 };
 

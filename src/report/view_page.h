@@ -1,4 +1,4 @@
-// A page to look at runs with: one file, which asks nobody for anything.
+// Makes a page that shows runs in 3D: one file that loads nothing from elsewhere.
 #pragma once
 
 #include <optional>
@@ -14,13 +14,13 @@
 
 namespace tvsgs {
 
-/// A run as it is shown; all runs of a page are in one frame.
+/// A run to show; all runs of a page are in one frame.
 struct ViewRun {
     std::string name;
-    Gaussians<Cpu> splats;       // may be none
-    TrainOptions train;          // what they are drawn with
-    TriangleMesh mesh;           // without faces: none
-    std::size_t mesh_faces = 0;  // before it was made small enough for a page
+    Gaussians<Cpu> splats;       // may be empty
+    TrainOptions train;          // its rendering options are used
+    TriangleMesh mesh;           // without faces: no mesh
+    std::size_t mesh_faces = 0;  // before it was simplified for the page
     std::optional<Truth> truth;
     JsonValue evaluations;  // of its report.json
 };
@@ -29,25 +29,25 @@ struct ViewCamera {
     std::string name;
     bool test = false;
     Camera camera;
-    ImageU8 photo;  // empty: not there
+    ImageU8 photo;  // may be empty
 };
 
 struct ViewPageOptions {
-    std::size_t max_bytes = 40'000'000;  // of the page, about
-    int max_splats = 50'000'000;         // of a run
+    std::size_t max_bytes = 40'000'000;  // of the page, approximately
+    int max_splats = 50'000'000;         // per run
     int max_photos = 60;
-    /// The page follows a training, by the server that it is from; where its frame lies in that of
-    /// the scene.
+    /// The page follows a running training through its server; the value is the origin of the
+    /// page's frame in the scene's frame.
     std::optional<Vec3d> follow{};
 };
 
 struct ViewPage {
     std::string html;
-    std::string poster;              // a picture of the first run: data URI
-    std::vector<std::string> notes;  // what does not fit, as the page says it
+    std::string poster;              // picture of the first run: data URI
+    std::vector<std::string> notes;  // parts left out for size, in words for the page
 };
 
-/// What pages with a view in them may do: nothing that leaves them.
+/// Content security policy of pages with a 3D view: no access to other hosts.
 inline constexpr const char* kViewPolicy =
     "default-src 'none'; img-src data: blob:; style-src 'unsafe-inline'; script-src "
     "'unsafe-inline'; worker-src blob:";

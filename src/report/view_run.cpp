@@ -15,7 +15,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kFewPhotos = 12;  // of a scene that was read for something else
+constexpr std::size_t kFewPhotos = 12;  // from a scene that was loaded for another purpose
 
 namespace fs = std::filesystem;
 
@@ -37,7 +37,7 @@ RunOptions options_of(const std::string& run) {
 /// An entry of cameras.json, in double.
 struct FileCamera {
     std::string name;
-    Camera camera;  // without its place
+    Camera camera;  // without its position
     Vec3d centre;
 };
 
@@ -106,7 +106,7 @@ void add_photographs(std::vector<ViewCamera>& cameras, Scene scene) {
                 }
 }
 
-/// Which cameras are those of test views, and a few photographs, evenly chosen.
+/// Marks test views, and adds a few evenly spaced photographs.
 void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) {
     const std::size_t n = cameras.size(), kept = std::min(n, kFewPhotos);
     std::vector<bool> chosen(n);
@@ -120,7 +120,7 @@ void add_some_photographs(std::vector<ViewCamera>& cameras, const Scene& scene) 
             }
 }
 
-/// What the run was measured against: by its training, or by tvsgs-eval run.
+/// The truth that the run was measured against, in training or by tvsgs-eval run.
 EvaluationOptions measured_against(const EvaluationOptions& of_run, const std::string& run) {
     if (!of_run.gt.empty()) return of_run;
     EvaluationOptions options = of_run;

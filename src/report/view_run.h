@@ -1,4 +1,4 @@
-// Runs as pages of tvsgs-view show them, read from their folders.
+// Reads runs from their folders for pages of tvsgs-view.
 #pragma once
 
 #include <string>
@@ -12,26 +12,26 @@ inline constexpr std::size_t kViewFaces = 500'000;
 
 struct ViewInput {
     std::vector<std::string> runs;  // folders, at least one
-    std::string scene;              // empty: that of the first run
-    std::string gt, crop;           // empty: what a run has been measured against
-    bool may_train = false;         // a run that has no splats yet is shown without
-    /// The first run's scene, where it has been read: a few of its photographs are shown.
+    std::string scene;              // empty: the scene of the first run
+    std::string gt, crop;           // empty: the truth that the run was measured against
+    bool may_train = false;         // a run without splats is allowed, as it still trains
+    /// The first run's scene, if loaded already; a few of its photographs are shown.
     const Scene* loaded = nullptr;
     std::size_t max_faces = kViewFaces;
-    const char* whole = "page";  // what warnings say does without a part
+    const char* whole = "page";  // word for the page in warnings about missing parts
 };
 
-/// What view_page() takes. The frame is that of the first run's cameras, moved near to zero.
+/// Input of view_page(). The frame is the frame of the first run's cameras, moved close to zero.
 struct ViewSubject {
     std::vector<ViewRun> runs;
     std::vector<ViewCamera> cameras;
-    Vec3d origin;                      // of the frame, in that of the scene
-    std::vector<std::string> missing;  // parts that were left out, and why
+    Vec3d origin;                      // of the frame, in the scene's frame
+    std::vector<std::string> missing;  // parts left out, with reasons
 };
 
-/// Photographs, meshes and truths that cannot be read are left out with a warning, but for a truth
-/// that `input` names. Meshes are simplified. Throws Error(ExitCode::input) for what
-/// is no run folder.
+/// Leaves out photographs, meshes and truths that cannot be read, with a warning; a truth that
+/// `input` names must be readable. Simplifies meshes. Throws Error(ExitCode::input) for a folder
+/// that is no run folder.
 ViewSubject read_view_subject(const ViewInput& input);
 
 }  // namespace tvsgs

@@ -1,6 +1,6 @@
-// Where one looks from. A view: `rows` of camera_from_world (right, down, forward), `centre`, the
-// `lens` of a picture {width, height, fx, fy, cx, cy} that is fitted into whatever is drawn to, the
-// `pivot` that turns go around and its `distance`.
+// Moves the camera. A view has: `rows` of camera_from_world (right, down, forward), `centre`, the
+// `lens` of a picture {width, height, fx, fy, cx, cy} that is fitted into the canvas, the `pivot`
+// of rotations, and its `distance`.
 'use strict';
 
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -16,7 +16,7 @@ function rotated(v, axis, angle) {
   return [0, 1, 2].map(i => c * v[i] + s * w[i] + along * axis[i]);
 }
 
-/** The picture as large as it fits, in the middle. */
+/** Scales and centres the picture so that it just fits. */
 function lensIn(view, width, height) {
   const l = view.lens, s = Math.min(width / l.width, height / l.height);
   return {
@@ -31,7 +31,7 @@ function withPivot(view, pivot) {
   return {...view, pivot, distance: norm(minus(pivot, view.centre))};
 }
 
-/** That of a camera; turns go around where its axis passes the scene's middle. */
+/** The view of a camera; its pivot is the point on its axis nearest to the middle of the scene. */
 function viewOf(camera, scene) {
   const view = {rows: camera.rows, centre: camera.centre, lens: camera};
   const ahead = dot(minus(scene.middle, camera.centre), camera.rows[2]);
@@ -47,7 +47,7 @@ function turned(view, up, yaw, pitch) {
   const round = about(view, up, yaw);
   const over = about(round, round.rows[0], pitch);
   const rise = v => Math.abs(dot(v.rows[2], up));
-  return rise(over) > 0.996 && rise(over) > rise(round) ? round : over;  // not over the pole
+  return rise(over) > 0.996 && rise(over) > rise(round) ? round : over;  // stops before the pole
 }
 
 function shifted(view, right, down) {
@@ -63,7 +63,7 @@ function zoomed(view, factor, scene) {
       view.pivot);
 }
 
-/** Between two views, at a share of the way. */
+/** Interpolates between two views. */
 function between(a, b, share) {
   const mix = (x, y) => x + (y - x) * share, lens = {};
   const mixed = (x, y) => x.map((_, i) => mix(x[i], y[i]));
@@ -77,13 +77,13 @@ function between(a, b, share) {
       mixed(a.pivot, b.pivot));
 }
 
-/** Homogeneous pixels of a place. */
+/** Homogeneous pixel coordinates of a point. */
 function projected(view, lens, place) {
   const d = minus(place, view.centre), [x, y, z] = view.rows.map(r => dot(r, d));
   return [lens.fx * x + lens.cx * z, lens.fy * y + lens.cy * z, z];
 }
 
-/** Of a camera's picture: the place that a pixel of it has `depth` before the camera. */
+/** The point at a pixel of a camera's picture, at `depth` in front of the camera. */
 function placeAt(camera, x, y, depth) {
   const ray = [(x - camera.cx) / camera.fx, (y - camera.cy) / camera.fy, 1];
   return [0, 1, 2].map(

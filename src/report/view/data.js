@@ -1,9 +1,9 @@
-// What the page holds: splats as SPZ version 3, meshes, pictures.
+// Decodes the data of the page: splats as SPZ version 3, meshes, pictures.
 'use strict';
 
 /**
- * Bytes of base64 text; where the browser (of before 2025) has only atob(), in slices: 50 MB at
- * once would take three times their memory.
+ * Decodes base64 text. Browsers of before 2025 have only atob(); it gets slices, as 50 MB at once
+ * would take three times the memory.
  */
 function decodeBase64(text) {
   text = text.trim();
@@ -17,7 +17,7 @@ function decodeBase64(text) {
   return bytes;
 }
 
-/** `format`: gzip, as SPZ has it, or deflate. */
+/** Decompresses; `format`: gzip (used by SPZ) or deflate. */
 async function inflate(bytes, format) {
   if (typeof DecompressionStream === 'undefined') throw Error('this browser cannot inflate data');
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream(format));
@@ -28,10 +28,10 @@ const kPerRow = 1024;  // splats in a row of a texture
 const noSplats = () => Uint8Array.of(0x4e, 0x47, 0x53, 0x50, 3, ...Array(11).fill(0));
 
 /**
- * SPZ version 3, as rows of textures: `places` has x, y, z as bits of floats, then the bytes of
- * colour and alpha; `shapes` the bytes of the logarithmic scales with that of the error, then the
- * rotation; `sh` the bytes of the coefficients, 16 to a texel, a layer after another.
- * The file's frame is that of the page.
+ * Unpacks SPZ version 3 into rows of textures. `places`: x, y, z as bits of floats, then the bytes
+ * of colour and alpha. `shapes`: the bytes of the log scales and of the error, then the rotation.
+ * `sh`: the bytes of the coefficients, 16 per texel, layer by layer.
+ * The file uses the frame of the page.
  * `errors`: bytes, one a splat, or null; `shift` is added to places.
  */
 function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
@@ -77,7 +77,7 @@ function unpackSplats(bytes, errors, shift = [0, 0, 0]) {
   };
 }
 
-/** A worker of that source. */
+/** Starts a worker from source text. */
 function workerOf(source) {
   const url = URL.createObjectURL(new Blob([source], {type: 'text/javascript'}));
   const worker = new Worker(url);
@@ -85,7 +85,7 @@ function workerOf(source) {
   return worker;
 }
 
-/** unpackSplats() in a worker, so that the page answers meanwhile; `bytes` are lost. */
+/** Runs unpackSplats() in a worker, so that the page stays responsive; takes over `bytes`. */
 function unpackSplatsAside(bytes, errors, shift) {
   const answer = ({data}) => {
     try {
@@ -108,7 +108,7 @@ function unpackSplatsAside(bytes, errors, shift) {
   });
 }
 
-/** Arrays of a mesh: positions u16, colours u8 (x3), errors u8, indices u32, one after another. */
+/** Unpacks a mesh: positions u16, colours u8 (x3), errors u8, indices u32, in this order. */
 function unpackMesh(bytes, about) {
   let at = 0;
   const take = n => bytes.slice(at, at += n);
@@ -129,18 +129,19 @@ function unpackMesh(bytes, about) {
 }
 
 /**
- * Runs in a worker: the order of splats from back to front by their depths, in 24 bits of what
- * depths can be, and while one moves, where it is soon out of date, in 16: that takes half the
- * time. As in the trainer, splats at one depth keep the order of their numbers.
+ * Runs in a worker: sorts splats by depth from back to front. Depths have 24 bits; 16 while the
+ * camera moves, which takes half the time. As in the trainer, splats at equal depth are ordered by
+ * index.
  */
 function sorter() {
   const counts = new Uint32Array(1 << 16), float = new Float32Array(1);
-  const bits = new Uint32Array(float.buffer);  // of positive floats, in their order
+  // Bit patterns of positive floats, which sort like the floats.
+  const bits = new Uint32Array(float.buffer);
   const bitsOf = z => {
     float[0] = z;
     return bits[0];
   };
-  /** From how many there are to where each begins; returns how many there are together. */
+  /** Replaces counts by offsets (exclusive prefix sum); returns the total. */
   const begin = bins => {
     let sum = 0;
     for (let b = 0; b < bins; ++b) {
@@ -175,7 +176,7 @@ function sorter() {
       close += Math.min(forward[a] * low[a], forward[a] * high[a]);
       far += Math.max(forward[a] * low[a], forward[a] * high[a]);
     }
-    const spare = 1e-5 * Math.abs(far - close);  // for what rounding adds
+    const spare = 1e-5 * Math.abs(far - close);  // margin for rounding
     const most = bitsOf(Math.max(far + spare, near)), least = bitsOf(Math.max(close - spare, near));
     const shift = Math.max(0, (exactly ? 8 : 16) - Math.clz32(most - least));
     const mask = exactly ? 0xfff : 0xffff;
@@ -184,7 +185,7 @@ function sorter() {
       const z = fx * positions[j] + fy * positions[j + 1] + fz * positions[j + 2] + offset;
       if (z > near) {
         depths[i] = z;
-        ++counts[most - keys[i] >>> shift & mask];  // the farthest first
+        ++counts[most - keys[i] >>> shift & mask];  // farthest first
       } else {
         keys[i] = 0;
       }

@@ -1,7 +1,7 @@
-// The page from its beginning: reads what it holds, follows a training, answers tests.
+// Starts the page: reads its data, follows a training, and answers tests.
 'use strict';
 
-/** 256 x RGBA: levels of the error; the last one is what was not measured. */
+/** 256 x RGBA: colours of the error levels; the last one marks unmeasured points. */
 function paletteOf(text) {
   const rgb = decodeBase64(text), palette = new Uint8Array(1024).fill(255);
   for (let i = 0; i < 256; ++i) palette.set(rgb.subarray(3 * i, 3 * i + 3), 4 * i);
@@ -22,9 +22,9 @@ async function readRun(run, index) {
   return {splats, mesh: mesh && unpackMesh(mesh, run.mesh)};
 }
 
-/** Asks the server that this page is from for newer splats while a training goes on. */
+/** Requests newer splats from the page's server while the training runs. */
 async function follow(viewer) {
-  // What it says every few seconds is not read aloud; that it has ended is.
+  // Screen readers announce only the end of the training, not its progress every few seconds.
   const run = viewer.renderer.runs[0], line = element('training'), note = (text, aloud) => {
     if (line.textContent === text) return;
     line.setAttribute('aria-live', aloud ? 'polite' : 'off');
@@ -61,8 +61,8 @@ async function follow(viewer) {
 }
 
 /**
- * For programs that let a page's clock run as fast as it can (?test, ?wait): no budget of it is
- *  used up while workers work.
+ * For test programs with a virtual clock (?test, ?wait): keeps the clock from running ahead while
+ * workers work.
  */
 async function patiently(promise) {
   let over = !query.has('test') && !query.has('wait'), sum = 0;
@@ -80,7 +80,7 @@ async function patiently(promise) {
   return promise;
 }
 
-/** ?test=CAMERA&width=W&height=H: the pixels of that camera's view as text, for a program. */
+/** ?test=CAMERA&width=W&height=H: writes the pixels of the camera's view as text, for tests. */
 async function test(viewer) {
   const renderer = viewer.renderer, gl = renderer.gl;
   const camera = about.cameras[Number(query.get('test'))];

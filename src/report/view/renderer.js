@@ -1,4 +1,4 @@
-// Draws runs: textures, the order of splats, targets.
+// Draws runs: textures, the order of splats, render targets.
 'use strict';
 
 class Renderer {
@@ -66,7 +66,7 @@ class Renderer {
             (() => gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, width, height, layout, type, data)));
   }
 
-  /** `about`: what the page says of the run; `palette`: 256 x RGBA of errors. */
+  /** `about`: the page's description of the run; `palette`: 256 x RGBA of errors. */
   addRun(about, splats, mesh, palette, onOrder) {
     const gl = this.gl, run = {about, onOrder};
     run.palette = this.flat(gl.RGBA8, 256, 1, gl.RGBA, gl.UNSIGNED_BYTE, palette);
@@ -76,7 +76,7 @@ class Renderer {
     return run;
   }
 
-  /** Splats on the device with the worker that sorts them; shown when it first has. */
+  /** Uploads splats and starts their sorting worker; they are shown after the first sort. */
   makeCloud(run, splats) {
     const gl = this.gl, {rows, layers} = splats;
     const cloud = {count: splats.count, drawn: 0, degree: splats.degree, rows, colorKey: ''};
@@ -149,7 +149,7 @@ class Renderer {
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, mesh.faces, gl.STATIC_DRAW);
   }
 
-  /** Has the splats of a cloud sorted for the view, unless they are, or about where that does. */
+  /** Requests sorting for the view, unless the present order is exact, or close enough. */
   sort(cloud, near, view, exactly) {
     const [fx, fy, fz] = view.rows[2], offset = -dot(view.rows[2], view.centre);
     const last = cloud.sortedFor;
@@ -204,7 +204,7 @@ class Renderer {
     gl.uniform1f(at.uNear, near);
   }
 
-  /** Where only the camera's place and the kind of colours count. */
+  /** Updates the splat colours; they depend only on the camera's centre and the kind of colours. */
   colorSplats(run, view, show) {
     const cloud = run.cloud,
           key = show.error ? 'error' :
@@ -229,7 +229,7 @@ class Renderer {
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  /** Blends a run into the target's lower left part; `width`, `height` at most the target's. */
+  /** Blends a run into the lower left part of the target; `width` and `height` must fit in it. */
   drawRun(run, view, width, height, show) {
     const gl = this.gl, lens = lensIn(view, width, height);
     if (show.splats || show.centres) this.colorSplats(run, view, show);
@@ -280,7 +280,7 @@ class Renderer {
     gl.disable(gl.BLEND);
   }
 
-  /** Copies what drawRun() has blended into a rectangle of `frame` (null: the canvas). */
+  /** Copies the result of drawRun() into a rectangle of `frame` (null: the canvas). */
   finish(frame, x, y, width, height, drawnWidth, drawnHeight) {
     const gl = this.gl, {handle, at} = this.programs.finish;
     gl.bindFramebuffer(gl.FRAMEBUFFER, frame);

@@ -1,5 +1,5 @@
-// Programs of the graphics unit. Formulas are those of projection_math.h, surfel_math.h, sh_math.h
-// and blend_math.h; tests compare the pictures.
+// WebGL shaders. Formulas as in projection_math.h, surfel_math.h, sh_math.h and blend_math.h; tests
+// compare the pictures.
 'use strict';
 
 const kVersion = '#version 300 es\nprecision highp float;\nprecision highp int;\n' +
@@ -13,7 +13,7 @@ vec4 bytesOf(uint word) {
 }
 `;
 
-/** A triangle that covers all. */
+/** A triangle that covers the whole image. */
 const kScreenVertex = kVersion + `
 out vec2 vAt;
 void main() {
@@ -21,7 +21,7 @@ void main() {
   gl_Position = vec4(vAt * 2. - 1., 0, 1);
 }`;
 
-/** Colours of all splats as seen from uCentre, once per place of the camera. */
+/** Computes the colours of all splats as seen from uCentre, once per camera position. */
 const kColorFragment = kVersion + kSplatSource + `
 uniform usampler2DArray uSh;
 uniform sampler2D uPalette;
@@ -62,7 +62,7 @@ void main() {
   color = vec4(max(sum, 0.), 1);
 }`;
 
-/** What both kinds of splats share: \`reach\` is where alpha falls to the least, in deviations. */
+/** Shared by both kinds of splats. \`reach\`: radius in deviations where alpha falls to uLeast. */
 const kSplatVertexHead = kVersion + kSplatSource + `
 uniform sampler2D uColors;
 uniform vec3 uRight, uDown, uForward, uOffset;  // camera_from_world
@@ -83,11 +83,11 @@ bool fetchSplat() {
   p = vec3(dot(uRight, place), dot(uDown, place), dot(uForward, place)) + uOffset;
   opacity = float(words.w >> 24) / 255.;
   vColor = vec4(texelFetch(uColors, cell, 0).rgb, opacity);
-  gl_Position = vec4(2, 2, 2, 1);  // nowhere
+  gl_Position = vec4(2, 2, 2, 1);  // outside of the image
   if (!(p.z > uNear) || !(opacity > uLeast)) return false;
   reach = sqrt(2. * log(opacity / uLeast));
   scales = exp(bytesOf(shape.x).xyz / 16. - 10.);
-  // The smallest three of (x, y, z, w), the last one first.
+  // The smallest three of (x, y, z, w), stored from the last one on.
   uint c = shape.y, largest = c >> 30;
   vec4 q;
   float sum = 0.;
@@ -108,7 +108,7 @@ bool fetchSplat() {
 }
 vec2 corner() { return vec2(gl_VertexID & 1, gl_VertexID >> 1) * 2. - 1.; }
 vec2 projected() { return uLens.xy * p.xy / p.z + uLens.zw; }
-/// At a place in px from the top left corner. The depth is that of meshes.
+/// Sets the vertex to px, counted from the top left corner, with the depth scale of meshes.
 void put(vec2 px) {
   gl_Position = vec4(2. * px.x / uSize.x - 1., 1. - 2. * px.y / uSize.y,
                      1. - 2. * uNear / p.z, 1);
@@ -139,7 +139,7 @@ bool dotted() {
 }
 `;
 
-/** Ellipses: vAt counts in standard deviations along the axes in the image. */
+/** Ellipses: vAt is in standard deviations along the image axes of the ellipse. */
 const kEllipseVertex = kSplatVertexHead + `
 void main() {
   if (!fetchSplat() || dotted()) return;
@@ -149,10 +149,10 @@ void main() {
   vec2 a = scales.x * vec2(dot(T0, axisX), dot(T1, axisX));
   vec2 b = scales.y * vec2(dot(T0, axisY), dot(T1, axisY));
   vec2 c = scales.z * vec2(dot(T0, axisZ), dot(T1, axisZ));
-  // The determinant as a sum of squares: as a difference it has no digits for needles.
+  // The determinant as a sum of squares; the difference has no precision for thin splats.
   vec3 areas = vec3(a.x * b.y - a.y * b.x, b.x * c.y - b.y * c.x, c.x * a.y - c.y * a.x);
   float det = uLowPass * (uLowPass + dot(a, a) + dot(b, b) + dot(c, c)) + dot(areas, areas);
-  if (!(det > 1e-6) || !(det < 1e30)) return;  // too small to be seen, or too large for floats
+  if (!(det > 1e-6) || !(det < 1e30)) return;  // too small to be visible, or too large for floats
   float xx = uLowPass + a.x * a.x + b.x * b.x + c.x * c.x;
   float yy = uLowPass + a.y * a.y + b.y * b.y + c.y * c.y;
   float xy = a.x * a.y + b.x * b.y + c.x * c.y;
@@ -167,10 +167,10 @@ void main() {
   if (!dotted()) blend(exp(-.5 * dot(vAt, vAt)));
 }`;
 
-/** Discs, where the ray meets their planes [2DGS]: vAt counts in px from the projected centre. */
+/** Discs, intersected by the ray [2DGS]: vAt is in px from the projected centre. */
 const kDiscVertex = kSplatVertexHead + `
 flat out vec4 vRows;   // u and v per px and unit of depth
-flat out vec3 vDepth;  // slope of the inverse depth, and that of the centre
+flat out vec3 vDepth;  // slope of the inverse depth, and its value at the centre
 flat out vec2 vDot;
 bool box(vec2 rx, vec2 ry, vec2 rz, float r, out vec2 middle, out vec2 extent) {
   float d0 = r * r * dot(rz, rz) - p.z * p.z;
@@ -189,7 +189,7 @@ void main() {
   vec2 ry = vec2(uLens.y * a.y - at.y * a.z, uLens.y * b.y - at.y * b.z);
   vec2 rz = vec2(a.z, b.z);
   float det = rx.x * ry.y - rx.y * ry.x;
-  if (!(det * det > 1e-12 * dot(rx, rx) * dot(ry, ry))) return;  // on edge
+  if (!(det * det > 1e-12 * dot(rx, rx) * dot(ry, ry))) return;  // seen from the edge
   vec2 u = vec2(ry.y, -rx.y) / det, v = vec2(-ry.x, rx.x) / det;
   vRows = vec4(u, v);
   vDepth = vec3(-(rz.x * u + rz.y * v) / p.z, 1. / p.z);
@@ -248,7 +248,7 @@ void main() {
   color = vec4(own * mix(.45, 1., facing), 1);
 }`;
 
-/** From the sums of a pane to the canvas, over black. */
+/** Draws the sums of a pane to the canvas, over black. */
 const kFinishFragment = kVersion + `
 uniform sampler2D uSums;
 uniform vec2 uShare;

@@ -1,4 +1,4 @@
-// What one sees and does: panes, keys, buttons, cameras, photographs.
+// The user interface: panes, keys, buttons, cameras, photographs.
 'use strict';
 
 const element = id => document.getElementById(id);
@@ -11,7 +11,7 @@ class Viewer {
     this.panes = [...document.querySelectorAll('.pane')];
     this.show =
         {splats: true, mesh: false, error: false, centres: false, cameras: true, photo: true};
-    this.camera = -1;  // whose photograph is shown
+    this.camera = -1;  // index of the camera whose photograph is shown
     this.selected = about.start;
     this.home = viewOf(about.cameras[about.start], about.scene);
     this.view = this.home;
@@ -22,7 +22,7 @@ class Viewer {
   async start() {
     for (const [i, run] of about.runs.entries()) {
       say(`Reading ${run.splats.toLocaleString('en')} splats of ${run.name} …`);
-      await new Promise(resolve => setTimeout(resolve));  // lets the page say so
+      await new Promise(resolve => setTimeout(resolve));  // lets the browser show the text
       const {splats, mesh} = await readRun(run, i);
       this.renderer.addRun(run, splats, mesh, paletteOf(about.palette), () => this.ask());
     }
@@ -44,7 +44,7 @@ class Viewer {
     this.ask();
   }
 
-  /** Names with spaces between them. */
+  /** Names separated by spaces. */
   showOnly(names) {
     for (const name of Object.keys(this.show)) this.show[name] = names.split(' ').includes(name);
   }
@@ -55,7 +55,7 @@ class Viewer {
     requestAnimationFrame(now => this.draw(now));
   }
 
-  /** Fewer pixels while it moves and the device cannot keep up. */
+  /** Reduces the resolution while the view moves and the device is too slow. */
   adapt(now) {
     const moving = now - this.movedAt < 200, gap = now - (this.lastFrame || now);
     this.lastFrame = now;
@@ -94,11 +94,11 @@ class Viewer {
           null, tall ? 0 : i * width, tall ? (n - 1 - i) * height : 0, width, height, ...drawn);
     });
     for (const pane of this.panes) this.drawOver(pane, width / ratio, height / ratio, ratio);
-    // Once more, with all pixels and the exact order, when all has come to rest.
+    // Draw once more, with all pixels and the exact order, when nothing moves.
     if (!resting) this.ask();
   }
 
-  /** Frusta, and the photograph where its camera has it. */
+  /** Draws camera frusta, and the photograph in the place that its camera shows. */
   drawOver(pane, width, height, ratio) {
     const canvas = pane.querySelector('canvas'), context = canvas.getContext('2d');
     const lens = lensIn(this.view, width, height);
@@ -138,7 +138,7 @@ class Viewer {
     if (photo.src !== source.src) photo.src = source.src;
     photo.style.opacity = element('opacity').value / 100;
     photo.width = across, photo.height = down;
-    // Its plane, as far away as what one looks at, by a homography.
+    // Projects the photograph onto a plane at the depth of the scene, by a homography.
     const depth = Math.max(dot(minus(about.scene.middle, camera.centre), camera.rows[2]), size);
     const corner = (x, y) =>
         projected(this.view, lens, placeAt(camera, x * camera.width, y * camera.height, depth));
@@ -209,7 +209,7 @@ class Viewer {
     this.ask();
   }
 
-  /** Buttons, list and scale say what is shown. */
+  /** Updates buttons, list and colour scale. */
   state() {
     for (const button of document.querySelectorAll('button[data-show]'))
       button.setAttribute('aria-pressed', String(this.show[button.dataset.show]));
@@ -223,7 +223,7 @@ class Viewer {
         button.setAttribute('aria-current', 'true');
       else
         button.removeAttribute('aria-current');
-      if (on && this.camera >= 0) {  // in its own list only: the page stays where it is
+      if (on && this.camera >= 0) {  // scroll only the list; the page stays in place
         const list = button.closest('ul');
         list.scrollLeft =
             button.offsetLeft - list.offsetLeft - 0.5 * (list.clientWidth - button.offsetWidth);
@@ -292,7 +292,7 @@ class Viewer {
     for (const button of document.querySelectorAll('button[data-camera]'))
       button.addEventListener('click', () => this.goTo(Number(button.dataset.camera)));
     element('opacity').addEventListener('input', () => this.ask());
-    canvas.addEventListener('wheel', event => {  // the page scrolls until the view has been chosen
+    canvas.addEventListener('wheel', event => {  // the page scrolls until the view has the focus
       if (document.activeElement !== canvas) return;
       event.preventDefault();
       const lines = event.deltaMode === 1 ? 30 : 1;
@@ -326,7 +326,7 @@ class Viewer {
       fingers.set(event.pointerId, {x: event.clientX, y: event.clientY});
       const after = middle(), dx = after.x - before.x, dy = after.y - before.y;
       walked += Math.abs(dx) + Math.abs(dy);
-      if (walked < 4) return;  // a click with a trembling hand
+      if (walked < 4) return;  // a click with a small movement
       const pane = this.panes[0].getBoundingClientRect(),
             lens = lensIn(this.view, pane.width, pane.height);
       let view = this.view;
