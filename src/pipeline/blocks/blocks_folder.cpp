@@ -38,7 +38,7 @@ JsonValue files_json(const std::vector<FileRecord>& files) {
     return list;
 }
 
-/// Reads the values of one of our files; every complaint names it and says what to do.
+/// Reads the values of one of our files; its errors name the file and the remedy.
 class Reader {
 public:
     Reader(std::string path, std::string remedy)
@@ -150,14 +150,14 @@ JsonValue manifest_json(const BlocksManifest& m) {
     root.set("near", std::move(near));
     root.set("margin", m.margin);
     JsonValue cells = JsonValue::list();
-    for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: no end
+    for (const GroundCell& cell : m.cells)  // [x0, x1, y0, y1]; null: infinite
         cells.items.push_back(
             JsonValue(std::vector<double>{cell.low[0], cell.high[0], cell.low[1], cell.high[1]}));
     root.set("cells", std::move(cells));
     return root;
 }
 
-/// Of the first that is wrong.
+/// Throws for the first damaged file.
 void require_files(const std::string& folder,
                    const std::vector<FileRecord>& files,
                    const std::string& whose,

@@ -14,14 +14,14 @@ double coordinate(Vec2<double> p, int axis) {
     return axis == 0 ? p.x : p.y;
 }
 
-/// Points of a cell on their way to smaller ones.
+/// A cell with its points, before further cuts.
 struct Part {
     GroundCell cell;
     std::vector<int> points;
     double weight = 0;
 };
 
-/// From the point where 1 % of them lie below to that where 99 % do: lonely ones do not count.
+/// Range from the 1 % to the 99 % quantile, so that outliers do not count.
 double spread(const std::vector<Vec2<double>>& points, const std::vector<int>& of, int axis) {
     std::vector<double> values;
     for (const int i : of) values.push_back(coordinate(points[static_cast<std::size_t>(i)], axis));
@@ -30,8 +30,8 @@ double spread(const std::vector<Vec2<double>>& points, const std::vector<int>& o
     return values[values.size() - 1 - skip] - values[skip];
 }
 
-/// Cuts `part` along `axis`, which keeps the lower half; false where all its points have one
-/// coordinate.
+/// Cuts `part` along `axis`; `part` keeps the lower half. Returns false where all points have the
+/// same coordinate.
 bool cut(const std::vector<Vec2<double>>& points,
          const std::vector<double>& weights,
          int axis,
@@ -45,7 +45,7 @@ bool cut(const std::vector<Vec2<double>>& points,
     while (median + 1 < order.size() &&
            below + weights[static_cast<std::size_t>(order[median])] <= 0.5 * part.weight)
         below += weights[static_cast<std::size_t>(order[median++])];
-    // Points at the cut belong above it; some have to lie below.
+    // Points at the cut belong above it; at least one must lie below.
     while (median < order.size() && !(at(order[median]) > at(order.front()))) ++median;
     if (median == order.size()) return false;
     const double place = at(order[median]);
@@ -73,7 +73,7 @@ GroundFrame ground_frame(Vec3d up) {
             R[0][axis == 0 ? 1 : 0] = 1, R[1][axis == 2 ? 1 : 2] = 1, R[2][axis] = 1;
             return frame;
         }
-    // The first ground axis is level with the world axis that is least upright.
+    // First ground axis: the projection of the world axis that is least upright.
     int least = 0;
     for (int axis = 1; axis < 3; ++axis)
         if (std::abs(up[axis]) < std::abs(up[least])) least = axis;

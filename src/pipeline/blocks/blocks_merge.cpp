@@ -14,10 +14,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr double kInvisible = 1.0 / 255;  // opacity that 8 bits show
+constexpr double kInvisible = 1.0 / 255;  // smallest opacity visible in 8 bits
 
-/// Standard deviations of a splat along the two ground axes, by its two larger axes: the smallest
-/// says nothing where splats are discs.
+/// Standard deviations of a splat along the two ground axes, from its two larger axes: the smallest
+/// axis is meaningless for discs.
 Vec2<double> reach_on_ground(const GroundFrame& frame, Quatf quat, Vec3f log_scales) {
     const Mat3<double> axes = rotation(normalize(quat_cast<double>(quat)));
     const int smallest = smallest_axis(log_scales);
@@ -34,7 +34,7 @@ Vec2<double> reach_on_ground(const GroundFrame& frame, Quatf quat, Vec3f log_sca
 }  // namespace
 
 double faded_logit(double logit, double share) {
-    // -log(1 - opacity), the optical depth; log(exp(x) - 1) = x where exp(x) is beyond doubles.
+    // -log(1 - opacity), the optical depth; log(exp(x) - 1) = x where exp(x) overflows.
     const double depth = share * (logit > 30 ? logit : std::log1p(std::exp(logit)));
     return depth > 30 ? depth : std::log(std::expm1(depth));
 }

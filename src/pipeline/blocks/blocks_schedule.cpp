@@ -17,10 +17,10 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kTick = 200;             // ms between looks at signals and processes
-constexpr std::size_t kLastLines = 3;  // of an error, in our message
+constexpr int kTick = 200;             // ms between checks of signals and processes
+constexpr std::size_t kLastLines = 3;  // last lines of a failed process that our message quotes
 
-/// The process of a block and what it has written.
+/// The process of a block and its output.
 class Run {
 public:
     Run(const BlockJob& job, const ChildProcess::Command& command)
@@ -33,7 +33,7 @@ public:
     const BlockJob& job() const { return job_; }
     ChildProcess& process() { return process_; }
 
-    /// Takes progress from what the process has written; other lines go to the log.
+    /// Reads progress lines from the process; copies other lines to the log.
     void read(const BlockSchedule& schedule) {
         process_.read_lines([&](std::string_view line) {
             if (read_report(line, schedule)) return;
@@ -64,7 +64,7 @@ private:
             pace_.add(steady_seconds() - begin_, iteration_);
             schedule.on_report(job_.block, report);
             return true;
-        } catch (const Error&) {  // the process ended within the line
+        } catch (const Error&) {  // the process ended within a line
             return false;
         }
     }
@@ -73,7 +73,7 @@ private:
     LineLog log_;
     double begin_, iteration_ = 0;
     Pace pace_;
-    std::vector<std::string> last_lines_;  // its error, or one line
+    std::vector<std::string> last_lines_;  // its error message, or one line
     ChildProcess process_;
 };
 
@@ -85,7 +85,7 @@ struct Place {
 
 struct Waiting {
     BlockJob job;
-    std::string failed_on;  // place of the first time
+    std::string failed_on;  // place of the first failure
 };
 
 std::string ending_text(int code) {
@@ -176,7 +176,7 @@ private:
             code = place.run->process().exit_code();
             place.run->read(schedule_);
             lines = place.run->last_lines();
-        } catch (const Error& error) {  // its log cannot be written
+        } catch (const Error& error) {  // the log cannot be written
             code = static_cast<int>(error.code()), lines = error.what();
         }
         if (!code) return;

@@ -1,4 +1,4 @@
-// Which block's process runs where and when.  [docs/guide/blocks.md]
+// Runs the training processes of blocks, several at a time.  [docs/guide/blocks.md]
 #pragma once
 
 #include <functional>
@@ -12,8 +12,8 @@ namespace tvsgs {
 
 struct BlockJob {
     int block = 0;
-    std::string log;        // file to which the messages of its process are added
-    double iterations = 0;  // at the end of its training
+    std::string log;        // file that receives the messages of its process
+    double iterations = 0;  // total number at the end of its training
 };
 
 /// A block in training.
@@ -21,8 +21,8 @@ struct BlockProgress {
     int block = 0;
     std::string place;
     double seconds = 0;  // since its process started
-    double share = 0;    // of its iterations
-    double left = 0;     // seconds; NaN: not known
+    double share = 0;    // finished share of its iterations
+    double left = 0;     // remaining seconds; NaN: unknown
 };
 
 /// A block whose process failed twice.
@@ -32,27 +32,26 @@ struct BlockFailure {
 };
 
 struct BlockSchedule {
-    /// "cuda:0", "cuda:1": each trains one block at a time.
+    /// Devices, "cuda:0", "cuda:1"; each trains one block at a time.
     std::vector<std::string> places;
 
-    /// The program that trains a block; `alone`: no other one runs beside it. It writes the lines
-    /// of `tvsgs-train --progress json`. May throw Error; the block counts as failed then.
+    /// The command that trains a block; `alone`: no other process runs. The program writes the
+    /// lines of `tvsgs-train --progress json`. May throw Error; the block then counts as failed.
     std::function<ChildProcess::Command(int block, const std::string& place, bool alone)> command;
 
-    /// Receives each line of progress.
+    /// Receives each progress line.
     std::function<void(int block, const JsonValue& report)> on_report = [](int, const JsonValue&) {
     };
 
-    /// Called several times a second with the blocks in training, in the order of their places.
+    /// Called several times a second with the running blocks, ordered by place.
     std::function<void(const std::vector<BlockProgress>& running, int done, int waiting)> show =
         [](const std::vector<BlockProgress>&, int, int) {};
 };
 
-/// Runs all jobs, each on the first place that is free. A failed one runs once more, alone, after
-/// all others, on another place where there is one. A place whose device was not usable
-/// (ExitCode::device) receives no further block while there is another place. Returns the blocks
-/// that failed twice. Sends a signal that ends a command on to all processes, once, and throws
-/// Stopped when they have ended.
+/// Runs all jobs, each on the first free place. Runs a failed job once more after all others,
+/// alone, on another place if possible. A place whose device was not usable (ExitCode::device) gets
+/// no further block while other places exist. Returns the blocks that failed twice. Forwards a
+/// terminating signal once to all processes, and throws Stopped when they have ended.
 std::vector<BlockFailure> run_blocks(const std::vector<BlockJob>& jobs,
                                      const BlockSchedule& schedule);
 

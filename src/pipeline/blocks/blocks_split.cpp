@@ -13,13 +13,13 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kSample = 2000;  // splats that distances are measured at
-constexpr double kFarBox = 1.5;        // times the box of 1 to 99 % of the coarse splats
-// Margins: of the shortest side of a cell, reaches of votes, voxels of the mesh (four truncations
-// of four).
+constexpr std::size_t kSample = 2000;  // splats at which distances are measured
+constexpr double kFarBox = 1.5;        // factor to the box of 1 to 99 % of the coarse splats
+// Margins: share of a cell's shortest side, number of vote reaches, number of mesh voxels (four
+// truncations of four voxels).
 constexpr double kMarginSides = 0.15, kMarginReaches = 3, kMarginVoxels = 16;
 
-/// Of `count` things evenly about `most`.
+/// About `most` of `count` indices, evenly spaced.
 std::vector<std::size_t> even_choice(std::size_t count, std::size_t most) {
     std::vector<std::size_t> chosen;
     const std::size_t step = std::max<std::size_t>(1, (count + most - 1) / most);
@@ -37,7 +37,7 @@ Box3d near_box(const GroundFrame& frame, const Gaussians<Cpu>& coarse) {
         const Vec3d p = frame.ground_from_world * mean_of(coarse, i);
         for (int axis = 0; axis < 3; ++axis) along[axis].push_back(p[axis]);
     }
-    // As much on all sides: towers are high where little is.
+    // The same margin on all sides: a tower may rise above a flat scene.
     Box3d box;
     double largest = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -49,7 +49,7 @@ Box3d near_box(const GroundFrame& frame, const Gaussians<Cpu>& coarse) {
     return box;
 }
 
-/// How many splats a coarse one may become: those of one pixel each on its area.
+/// Number of fine splats that may replace a coarse one: one per pixel of its area.
 double finer_splats(Vec3f log_scale, double pixel) {
     float l[3] = {log_scale.x, log_scale.y, log_scale.z};
     std::sort(l, l + 3);
@@ -57,7 +57,8 @@ double finer_splats(Vec3f log_scale, double pixel) {
     return std::clamp(area / (pixel * pixel), 1.0, 16.0);
 }
 
-/// 95 % of the splats vote no farther, by the coarse ones: as if there were `denser` times as many.
+/// Reach of a vote that 95 % of the splats do not exceed, estimated from coarse splats and scaled
+/// to `denser` times as many.
 double vote_reach(const std::vector<Vec3f>& means, int k, double denser) {
     const std::size_t wanted = std::min(means.size(), static_cast<std::size_t>(2 * k) + 1);
     const PointTree<float> tree(means);
@@ -80,11 +81,11 @@ double shortest_side(const GroundCell& cell, const Box3d& near) {
     return side;
 }
 
-/// Whether a ball may show in an image.
+/// Whether a sphere may appear in an image.
 bool may_show(const Camera& camera, Vec3f centre, float radius) {
     const Vec3f p = camera.camera_from_world * centre;
     if (!(p.z + radius > 0)) return false;
-    if (!(p.z > radius)) return true;  // about the camera
+    if (!(p.z > radius)) return true;  // the camera may be inside
     // Planes through the camera's centre and the image's edges.
     const auto outside = [&](float f, float c, float size, float at) {
         const float left = f * at + c * p.z, right = (size - c) * p.z - f * at;
@@ -144,7 +145,7 @@ void plan_cells(const Scene& scene,
     const double denser = std::max(1.0, expected / static_cast<double>(near.size()));
     const double reach = vote_reach(near_means, options.train.tv.k, denser);
 
-    // Margins count, and are not known before the cells: the cells shrink until they fit.
+    // Cells shrink until they fit with their margins, which depend on the cells.
     const auto margin_of = [&](const std::vector<GroundCell>& cells) {
         if (split.margin > 0) return split.margin;
         double margin = kMarginVoxels * manifest.voxel_size, side = GroundCell::kInfinite;
@@ -226,7 +227,7 @@ void look_with_view(const Gaussians<Cpu>& coarse,
             const int x = static_cast<int>(camera.fx_px * p.x / p.z + camera.cx_px),
                       y = static_cast<int>(camera.fy_px * p.y / p.z + camera.cy_px);
             const float z = depth[static_cast<std::size_t>(y) * camera.width_px + x];
-            // A splat lies within its own thickness of the surface that it makes.
+            // The splat is not hidden: it lies within its own thickness of the rendered surface.
             if (p.z < 1.05f * z) look.sees.push_back(static_cast<int>(k));
         }
     }
@@ -283,7 +284,8 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
             if (!all.normals.empty()) block.points.normals.push_back(all.normals[i]);
         }
         if (block.points.positions.size() >= kFewPoints) continue;
-        block.points = {};  // where the scene has hardly any: where the coarse run found surface
+        // The scene has hardly any points here: use the surface of the coarse run.
+        block.points = {};
         for (const int i : inside) {
             const auto at = static_cast<std::size_t>(i);
             block.points.positions.push_back(means[at]);

@@ -1,4 +1,4 @@
-// From a coarse run to blocks: what each trains on, sees and is surrounded by.
+// Splits a coarse run into blocks: chooses the views, start points and fixed splats of each.
 // [docs/guide/blocks.md]
 #pragma once
 
@@ -15,16 +15,17 @@
 namespace tvsgs {
 
 struct SplitOptions {
-    int blocks = 0;               // as many; 0: by max_splats
-    std::int64_t max_splats = 0;  // expected in a cell with its margin
-    double margin = 0;            // world units; 0: by cells, votes and voxels
-    std::optional<Vec3d> up;      // none: by the cameras
-    double least_share = 0.1;     // of the pixels of a view that is a block's
+    int blocks = 0;               // number of blocks; 0: by max_splats
+    std::int64_t max_splats = 0;  // expected splats in a cell with its margin
+    double margin = 0;            // world units; 0: from cells, votes and voxels
+    std::optional<Vec3d> up;      // absent: estimated from the cameras
+    double least_share = 0.1;     // of a view's pixels, to make it a view of the block
 };
 
-/// Cells, frame, near box, margin, voxel size and origin of `manifest`, by the splats of the coarse
-/// run. `finer`: training width of a view over that of `scene`. `expected`: splats of the whole.
-/// Throws Error(ExitCode::input) where the scene cannot be cut like that.
+/// Sets cells, frame, near box, margin, voxel size and origin of `manifest` from the splats of the
+/// coarse run. `finer`: training width of a view relative to its width in `scene`. `expected`:
+/// splats of the whole scene. Throws Error(ExitCode::input) where the scene cannot be cut like
+/// that.
 void plan_cells(const Scene& scene,
                 const Gaussians<Cpu>& coarse,
                 const RunOptions& options,
@@ -33,15 +34,15 @@ void plan_cells(const Scene& scene,
                 double expected,
                 BlocksManifest& manifest);
 
-/// What is looked for of a block.
+/// Inputs of a block.
 struct BlockContents {
-    std::vector<int> views;  // of scene.train
-    PointCloud points;       // to begin with, in cell and margin
-    std::vector<int> fixed;  // coarse splats outside of these that its views may see
-    double expected = 0;     // splats
+    std::vector<int> views;  // indices in scene.train
+    PointCloud points;       // start points, in cell and margin
+    std::vector<int> fixed;  // coarse splats outside of cell and margin that its views may see
+    double expected = 0;     // number of splats
 };
 
-/// Each block's, in their order. `looks`: of look_at_blocks().
+/// Returns the contents of each block, in order. `looks`: from look_at_blocks().
 std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        const Gaussians<Cpu>& coarse,
                                        const BlocksManifest& manifest,
@@ -49,12 +50,13 @@ std::vector<BlockContents> fill_blocks(const Scene& scene,
                                        double expected,
                                        const std::vector<std::vector<BlockView>>& looks);
 
-/// Coarse splats of each cell whose views are counted: evenly chosen, at most `most` of each.
+/// Samples the coarse splats of each cell evenly, at most `most` per cell, to count the views that
+/// see them.
 std::vector<std::vector<int>> counted_splats(const Gaussians<Cpu>& coarse,
                                              const BlocksManifest& manifest,
                                              std::size_t most = 20000);
 
-/// Adds what view `v` shows of each block: `depth` lies on the rays of `camera`.
+/// Adds to each block how much of it view `v` sees. `depth`: for the rays of `camera`.
 void look_with_view(const Gaussians<Cpu>& coarse,
                     const BlocksManifest& manifest,
                     const std::vector<std::vector<int>>& counted,
@@ -63,7 +65,8 @@ void look_with_view(const Gaussians<Cpu>& coarse,
                     std::size_t v,
                     std::vector<std::vector<BlockView>>& looks);
 
-/// [block][view]: renders the depth of the coarse splats in each training view.
+/// [block][view]: how much of each block each training view sees, by rendering the depth of the
+/// coarse splats.
 template <class Device>
 std::vector<std::vector<BlockView>> look_at_blocks(const Scene& scene,
                                                    const Gaussians<Cpu>& coarse,

@@ -1,5 +1,5 @@
-// Splats to mesh: renders the depth of views, lets a mesher make the surface, cleans it and
-// simplifies it. What tvsgs-extract-mesh and --eval-mesh share.
+// Extracts a mesh from splats: renders the depth of views, runs a mesher, cleans and simplifies.
+// Shared by tvsgs-extract-mesh and --eval-mesh.
 #pragma once
 
 #include <optional>
@@ -17,7 +17,7 @@
 
 namespace tvsgs {
 
-/// In the configuration, so that overlays can hold what the published codes use per benchmark.
+/// In the configuration, so that overlays can hold the published settings of a benchmark.
 struct MeshOptions {
     std::string method = "tsdf";
     MesherOptions meshers;
@@ -28,7 +28,7 @@ struct MeshOptions {
     bool masks = true, unbounded = false, evidence = true, watertight = false;
     std::string box, memory;
 
-    /// What is closed is what is near.
+    /// A watertight mesh ignores `unbounded`.
     bool meshes_background() const { return unbounded && !watertight; }
 
     template <class Visitor>
@@ -72,23 +72,22 @@ struct MeshOptions {
     }
 };
 
-/// The rules of the options; depth_max may be 0. `origin`: of the splats' frame in that of the box.
-/// Throws Error(ExitCode::usage).
+/// The depth rules of the options; depth_max may be 0. `origin`: of the splats' frame in the frame
+/// of the box. Throws Error(ExitCode::usage).
 DepthRules depth_rules(const MeshOptions& options, Vec3d origin = {});
 
-/// Error(ExitCode::usage) for what is wrong whatever the scene, to be said before hours of
-/// training.
+/// Throws Error(ExitCode::usage) for options that are wrong for every scene.
 void check_mesh_options(const MeshOptions& options);
 
 namespace detail {
 
 std::vector<Camera> cameras_of(const std::vector<View>& views);
-/// The region to mesh; sets rules.depth_max where it is 0. `focus` matters only if the scene is
-/// unbounded or there is no depth_max.
+/// The region to mesh; sets rules.depth_max if it is 0. Uses `focus` only for an unbounded mesh or
+/// without depth_max.
 MeshRegion mesh_region(const MeshOptions& options, const Focus& focus, DepthRules& rules);
-/// Bytes that a mesher may take where `free_bytes` are free.
+/// Bytes of memory that a mesher may use when `free_bytes` are free.
 std::int64_t memory_of_mesher(const MeshOptions& options, std::int64_t free_bytes);
-/// Why cleaning left nothing; empty if it left something, or there was nothing before.
+/// Cleans the mesh. Returns why no face remains; empty if faces remain, or there were none before.
 std::string clean_mesh(TriangleMesh& mesh,
                        const MeshOptions& options,
                        const EvidenceSource& evidence,
@@ -101,7 +100,7 @@ void mend_mesh(TriangleMesh& mesh,
                const EvidenceSource& evidence,
                spdlog::level::level_enum level);
 
-/// What the views look at, which comes with a warning where this is a guess.
+/// The point that the views look at; warns where it is a guess.
 template <class Device>
 Focus focus_of_scene(const std::vector<View>& views,
                      const Gaussians<Device>& gaussians,
@@ -125,10 +124,10 @@ Focus focus_of_scene(const std::vector<View>& views,
 
 }  // namespace detail
 
-/// The mesh that `views` see, by the backbone of `train` and the mesher of `options`; what all
-/// meshers have in common is here. What does not fit into the budget of memory is kept in
-/// `spill_folder` until this returns. Messages are logged at `level`. The reason for an empty mesh
-/// goes into `why_empty`; where that is null, it is logged as a warning. Throws Error.
+/// Extracts the mesh seen by `views`, with the backbone of `train` and the mesher of `options`.
+/// Data beyond the memory budget go to `spill_folder` until this returns. Logs messages at `level`.
+/// Stores the reason for an empty mesh in `why_empty`, or logs a warning if that is null. Throws
+/// Error.
 template <class Device>
 TriangleMesh extract_mesh(const std::vector<View>& views,
                           const Gaussians<Device>& all,

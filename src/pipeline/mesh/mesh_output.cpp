@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kLeastSide = 256, kMostSide = 8192;  // the least that all devices show
+constexpr int kLeastSide = 256, kMostSide = 8192;  // px; all devices can show the largest
 
 bool has_photographs(const std::vector<View>& views) {
     for (const View& view : views)

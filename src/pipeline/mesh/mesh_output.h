@@ -1,4 +1,4 @@
-// What becomes of an extracted mesh: its file, its texture, its axes.
+// Writes an extracted mesh: its file, its texture, its axes.
 #pragma once
 
 #include <string>
@@ -27,23 +27,23 @@ struct MeshOutputOptions {
     }
 };
 
-/// Pixels along a side at most; 0: no texture. Throws Error(ExitCode::usage).
+/// Largest number of pixels along a side; 0: no texture. Throws Error(ExitCode::usage).
 int texture_side(const MeshOutputOptions& options);
 
-/// Error(ExitCode::usage) unless a mesh called `out` may be written, with all files of it: to be
-/// said before work starts.
+/// Throws Error(ExitCode::usage) unless the mesh `out` and its other files may be written; called
+/// before work starts.
 void require_mesh_output(const std::string& out,
                          const MeshOutputOptions& options,
                          const SceneOptions& scene);
 
-/// The texture that `views` give the mesh; empty, and why is said, where there is to be none.
+/// Makes the mesh's texture from `views`; empty, with a logged reason, where there is none.
 MeshTexture texture_of(const TriangleMesh& mesh,
                        const std::vector<View>& views,
                        const MeshOutputOptions& options,
                        bool masks,
                        const std::string& out);
 
-/// How write_mesh writes it. `origin`: the scene's.
+/// Options of write_mesh(). `origin`: of the scene.
 MeshFileOptions file_options(const MeshOutputOptions& options,
                              const std::vector<View>& views,
                              Vec3d origin);

@@ -1,4 +1,4 @@
-// Prior depth: which reading, which scale and shift per view, and the maps that follow.
+// Reads prior depth: interprets its numbers, fits scale and shift per view, and makes maps.
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -17,7 +17,7 @@ namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-/// The file's numbers with their scale and shift, NaN for none.
+/// Reads a file with its scale and shift; NaN for unknown.
 PlacedMap read_depth(const DepthSource& source, const PriorFile& file, const PriorView& view) {
     PlacedMap placed = read_placed(source, file, view, 1);
     const bool positive = source.convention.alignment == PriorAlignment::metric ||
@@ -45,7 +45,7 @@ PriorSamples samples_of(const PlacedMap& placed, const PriorView& view) {
     return samples;
 }
 
-/// What becomes of a view's map.
+/// Samples, interpretation and fit of a view's map.
 struct FittedView {
     const PriorFile* file = nullptr;
     PriorSamples samples;
@@ -54,7 +54,7 @@ struct FittedView {
     bool left_out = false;
 };
 
-/// Depths that a shift was fitted for are not to be trusted far from the points that gave it.
+/// Fitted depths are only valid near the depths of the points that determined the shift.
 struct DepthRange {
     double near = 0, far = std::numeric_limits<double>::infinity();
 };
@@ -68,8 +68,8 @@ DepthRange range_of(const FittedView& fitted) {
     return {depths[rare] / kBeyond, depths[depths.size() - 1 - rare] * kBeyond};
 }
 
-/// Stretched so that the 2nd and 98th percentiles are 0 and 1, both 0 where all are alike; false
-/// where there are none.
+/// Maps the 2nd and 98th percentiles to 0 and 1; sets all values to 0 if they are equal. Returns
+/// false without values.
 bool stretch(std::vector<float>& values) {
     std::vector<float> sorted;
     std::copy_if(values.begin(), values.end(), std::back_inserter(sorted),
@@ -113,7 +113,7 @@ void make_maps(const PriorInputs& in, const FittedView& fitted, PriorView& prior
         const double cosine = 1 / norm(vec_cast<double>(pixel_ray(view.camera, x, y)));
         const double z = prior_depth(value, fitted.fit, reading, cosine);
         if (z >= range.near && z <= range.far && z > 0) depth[i] = static_cast<float>(z);
-        // Inverse depths below 0 are farther than anything.
+        // Inverse depths below 0 are farther than all others.
         const double known = z > 0                                              ? z
                              : reading.quantity == PriorQuantity::inverse_depth ? range.far
                                                                                 : range.near;
@@ -145,19 +145,19 @@ const char* text_of(PriorAlignment alignment) {
                                                  : "order of";
 }
 
-/// The fit of one view.
+/// Fits one view.
 void fit_view(const ReadingChoice& choice, float max_residual, FittedView& view) {
     view.reading = choice.reading;
     if (view.file->unreliable) view.reading.alignment = PriorAlignment::affine;
     if (view.reading.alignment == PriorAlignment::rank) return;
     view.fit = fit_prior(view.samples, view.reading);
     if (view.reading.alignment == PriorAlignment::metric && !view.fit.found)
-        view.fit = {true, 1, 0, 0};  // its numbers are depths, though nothing tests them
+        view.fit = {true, 1, 0, 0};  // its numbers are depths, although no points confirm it
     view.left_out = tells_nothing(view.fit) ||
                     (view.fit.found && !(view.fit.residual <= static_cast<double>(max_residual)));
 }
 
-/// Says which views are without depth, and why.
+/// Logs the views without depth, and the reason.
 void warn_of_views(const std::vector<FittedView>& fitted, const std::vector<PriorView>& views) {
     std::vector<std::string> bad, few;
     for (std::size_t i = 0; i < fitted.size(); ++i) {
@@ -191,7 +191,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
         convention.quantity = in.options.quantity, convention.declared_by = "priors.quantity";
     const int count = static_cast<int>(views.size());
 
-    // 1. What the maps have where points are.
+    // 1. Sample the maps at the scene's points.
     std::vector<FittedView> fitted(views.size());
     parallel_for_throwing(count, [&](int i) {
         FittedView& view = fitted[static_cast<std::size_t>(i)];
@@ -200,7 +200,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
         if (view.file) view.samples = samples_of(read_depth(source, *view.file, from), from);
     });
 
-    // 2. What the numbers are, and scale and shift of each view.
+    // 2. Choose the interpretation, and fit scale and shift of each view.
     std::vector<PriorSamples> reliable;
     for (const FittedView& view : fitted)
         if (view.file && !view.file->unreliable) reliable.push_back(view.samples);
@@ -211,7 +211,7 @@ std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views) {
         if (view.file) fit_view(choice, in.options.max_residual, view);
     });
 
-    // 3. The maps.
+    // 3. Compute the maps.
     parallel_for_throwing(count, [&](int i) {
         const FittedView& view = fitted[static_cast<std::size_t>(i)];
         if (view.file && !view.left_out) make_maps(in, view, views[static_cast<std::size_t>(i)]);

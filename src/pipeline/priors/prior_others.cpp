@@ -1,4 +1,4 @@
-// Prior confidences, normals and features.
+// Reads prior confidences, normals and features.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -16,7 +16,7 @@ namespace {
 
 constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-/// The files of the views, with the views.
+/// The views that have a file, with that file.
 struct WithFile {
     PriorView* view;
     const PriorFile* file;
@@ -50,7 +50,7 @@ ImageF at_photo_size(const PlacedMap& placed, const View& view) {
                         MapBlend::linear);
 }
 
-/// Unit normals as in the file, whatever their frame; NaN for none.
+/// Reads unit normals in the frame of the file; NaN for unknown.
 PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const PriorView& view) {
     PlacedMap placed = read_placed(source, file, view, 3);
     std::vector<float>& numbers = placed.map.pixels;
@@ -65,7 +65,7 @@ PlacedMap read_normals(const NormalSource& source, const PriorFile& file, const 
         Vec3f n{numbers[i] / top, numbers[i + 1] / top, numbers[i + 2] / top};
         if (unit) n = 2.f * n - Vec3f{1, 1, 1};
         const float length = norm(n);
-        // Black pixels of a picture would be (-1, -1, -1): nothing is known there.
+        // Black pixels of a picture decode to (-1, -1, -1): unknown.
         const bool known = length > 0.3f && length < 1.5f;
         if (known) lengths.push_back(length);
         for (std::size_t c = 0; c < 3; ++c)
@@ -173,7 +173,7 @@ std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views) {
                                         static_cast<int>(at) / sized.width);
             const float length = norm(n);
             const bool is_sky = !sky.empty() && sky[at] != 0;
-            // What faces away cannot be seen: an error of the map, as beside edges.
+            // A surface that faces away is invisible: an error of the map, usually at edges.
             const bool known = length > 0.3f && dot(n, ray) < 0 && !is_sky;
             for (int c = 0; c < 3; ++c) pixel[c] = known ? n[c] / length : 0;
         }

@@ -1,4 +1,4 @@
-// What the parts of read_priors() share: pipeline/priors/priors.cpp calls one for each kind of map.
+// Functions of read_priors(), one per kind of map; called by pipeline/priors/priors.cpp.
 #pragma once
 
 #include <optional>
@@ -11,10 +11,10 @@
 
 namespace tvsgs {
 
-/// A training view with what the priors are compared with.
+/// A training view, and the visible scene points that its priors are compared with.
 struct PriorView {
     View* view;
-    std::optional<Intrinsics> camera;  // of the photograph's file, where it was undistorted
+    std::optional<Intrinsics> camera;  // of the original photograph, if it was undistorted
     std::vector<VisiblePoint> points;
 };
 
@@ -22,19 +22,19 @@ struct PriorInputs {
     const PriorOptions& options;
     const PriorSources& sources;
     const std::vector<Vec3f>& points;
-    bool depth, order, normal, confidence, features, coarse_features;  // what is wanted
+    bool depth, order, normal, confidence, features, coarse_features;  // the maps to read
 };
 
-// Each fills maps and returns what it found, for the one line; views without a file stay without.
+// Each function fills its maps and returns a text for the log; views without a file get no map.
 std::string fill_depth(const PriorInputs& in, std::vector<PriorView>& views);
 std::string fill_confidence(const PriorInputs& in, std::vector<PriorView>& views);
 std::string fill_normals(const PriorInputs& in, std::vector<PriorView>& views);
 std::string fill_features(const PriorInputs& in, std::vector<PriorView>& views);
 
-/// The file of a view; null: there is none.
+/// Returns null if the view has no file.
 const PriorFile* file_of(const PriorFiles& files, const PriorView& view);
 
-/// A map as it is in its file, with NaN for what is not finite, and where it lies.
+/// A map as in its file, with NaN for values that are not finite, and its placement in the view.
 struct PlacedMap {
     ImageF map;
     MapPlacement placement;
@@ -44,13 +44,13 @@ PlacedMap read_placed(const PriorFiles& source,
                       const PriorView& view,
                       int channels);
 
-/// [H W] of the photo: 1 where the sky is; empty: this view has no mask of the sky.
+/// [H W] of the photograph: 1 for sky; empty: the view has no sky mask.
 std::vector<std::uint8_t> sky_of(const PriorInputs& in, const PriorView& view);
 
-/// A map of the photo's size.
+/// Adds a map of the photograph's size.
 void add_map(View& view, std::string_view name, int channels, std::vector<float> values);
 
-/// Names with a remark each, the first five; for messages.
+/// The first five names, each with a remark; for messages.
 std::string listed(const std::vector<std::string>& names);
 
 }  // namespace tvsgs

@@ -40,7 +40,7 @@ std::vector<std::uint8_t> sky_of(const PriorInputs& in, const PriorView& view) {
     const ImageU8& photo = view.view->photo;
     const ImageF sized = resample_map(mask.map, mask.placement, *view.view, photo.width,
                                       photo.height, MapBlend::nearest);
-    // Pictures have 255, arrays may have 1.
+    // Pictures use 255, arrays may use 1.
     float top = 0;
     for (const float value : mask.map.pixels)
         if (value > top) top = value;
@@ -64,7 +64,7 @@ std::string listed(const std::vector<std::string>& names) {
 
 namespace {
 
-/// Of photographs that loading undistorted: a prior shows them as they were.
+/// Cameras of photographs that loading undistorts; priors match the original photographs.
 std::map<std::string, Intrinsics> distorted_cameras(const SceneOptions& options) {
     const SceneLayout layout = read_layout(options);
     std::map<std::string, Intrinsics> cameras;
@@ -88,7 +88,7 @@ std::vector<PriorView> views_of(const SceneOptions& options, Scene& scene) {
     return views;
 }
 
-/// That wanted maps are nowhere is an error where files have to be there.
+/// Throws where files are required and a wanted map has none.
 void require_files(const PriorOptions& options,
                    const PriorQuery& query,
                    const std::string& lacks,

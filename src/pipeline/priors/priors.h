@@ -1,5 +1,5 @@
-// Maps that come from outside with a scene: found, understood, fitted and put into the views.
-// [docs/guide/priors.md]
+// Reads maps that come with a scene (depth, normals, confidence, features): finds, interprets and
+// fits them, and adds them to the views. [docs/guide/priors.md]
 #pragma once
 
 #include <string>
@@ -31,9 +31,9 @@ struct PriorOptions {
     }
 };
 
-/// Fills View::maps of the training views with the maps of core/scene/prior_maps.h among `wanted`
-/// that lie on disk, if options.source says so. Scale and shift are fitted to Scene::points. One
-/// line says what was found. Throws Error(ExitCode::input).
+/// Fills View::maps of the training views with the maps of core/scene/prior_maps.h that are in
+/// `wanted` and on disk, if options.source allows. Fits scale and shift to Scene::points. Logs a
+/// line with the result. Throws Error(ExitCode::input).
 void read_priors(const PriorOptions& options,
                  const MapNames& wanted,
                  const SceneOptions& scene_options,

@@ -17,10 +17,10 @@ namespace {
 constexpr std::string_view kMade[] = {prior_map::kDepth, prior_map::kDepthOrder,
                                       prior_map::kConfidence, prior_map::kNormal};
 
-/// Cosine: planes seen flatter bridge the step from one surface to another, mostly.
+/// Cosine of the angle to the ray: planes at grazing angles mostly bridge a depth step.
 constexpr float kLeastFacing = 0.3f;
 
-/// Confidence and order are those of the depth.
+/// Order and confidence belong to the depth.
 bool lacks(const View& view, std::string_view name) {
     return std::none_of(view.maps.begin(), view.maps.end(), [&](const ViewMap& map) {
         return name == prior_map::kNormal
@@ -38,7 +38,7 @@ MapNames to_make(const View& view, const MapNames& wanted) {
     return made;
 }
 
-/// The photograph's value at each pixel's centre, in another size.
+/// Resamples the grey photograph to the size of `camera`, at pixel centres.
 std::vector<float> grey_at(const View& view, const Camera& camera) {
     const ImageU8 grey = grey_of(view.photo);
     std::vector<float> out;
@@ -60,8 +60,7 @@ std::vector<std::uint8_t> mask_at(const View& view, const Camera& camera) {
     return out;
 }
 
-/// Normals that stereo found one by one are noisy: means over 5 x 5 pixels of the same surface and
-/// colour.
+/// Smooths the noisy stereo normals: mean over 5 x 5 pixels of similar depth and colour.
 std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<float>& grey) {
     const int w = maps.camera.width_px, h = maps.camera.height_px;
     std::vector<Vec3f> out(maps.normals.size());
@@ -83,8 +82,7 @@ std::vector<Vec3f> smoothed_normals(const StereoMaps& maps, const std::vector<fl
     return out;
 }
 
-/// What stereo found, its confidences raised above those of what it did not find, and the rest
-/// filled in.
+/// Raises the confidences of measured pixels above kPlanarConfidence, and fills the other pixels.
 StereoMaps completed(const StereoMaps& maps, const View& view) {
     const std::vector<float> grey = grey_at(view, maps.camera);
     const std::vector<std::uint8_t> mask = mask_at(view, maps.camera);
@@ -93,7 +91,7 @@ StereoMaps completed(const StereoMaps& maps, const View& view) {
     std::vector<float> costs(maps.depth.size(), kWorstCost);
     for (std::size_t i = 0; i < maps.depth.size(); ++i) {
         if (!(maps.depth[i] > 0)) continue;
-        costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below what planar_prior() trusts
+        costs[i] = 0.09f * (1 - maps.confidence[i]);  // all below the limit of planar_prior()
         out.confidence[i] =
             kPlanarConfidence + (1 - kPlanarConfidence) * std::max(maps.confidence[i], 0.01f);
     }
@@ -116,15 +114,15 @@ StereoMaps completed(const StereoMaps& maps, const View& view) {
     const std::vector<float> filled = complete_depth(
         {maps.camera.width_px, maps.camera.height_px, out.depth, out.confidence, grey, mask});
     for (std::size_t i = 0; i < filled.size(); ++i) {
-        if (maps.depth[i] > 0) continue;  // what is measured stays as it is
+        if (maps.depth[i] > 0) continue;  // keep measured depths
         out.depth[i] = filled[i];
         if (!(out.confidence[i] > 0) && filled[i] > 0) out.confidence[i] = kFillConfidence;
     }
     return out;
 }
 
-/// Of the photograph's size: each pixel's depth is on the plane that the nearest pixel of stereo
-/// holds, so surfaces have no steps.
+/// Resamples to the photograph's size: each depth lies on the plane of the nearest stereo pixel, so
+/// surfaces have no steps.
 StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
     const int w = camera.width_px, h = camera.height_px;
     if (w == maps.camera.width_px && h == maps.camera.height_px) return maps;
@@ -137,14 +135,14 @@ StereoMaps resized(const StereoMaps& maps, const Camera& camera) {
             const SurfacePlane plane{maps.normals[from], maps.depth[from]};
             const float depth =
                 depth_on_ray(plane, pixel_ray(maps.camera, u, v), pixel_ray(camera, x, y));
-            out.depth.push_back(depth > 0 ? depth : plane.depth);  // filled in: without a normal
+            out.depth.push_back(depth > 0 ? depth : plane.depth);  // filled pixels have no normal
             out.normals.push_back(plane.normal);
             out.confidence.push_back(maps.confidence[from]);
         }
     return out;
 }
 
-/// Stretched so that the 2nd and 98th percentiles of what is measured are 0 and 1; NaN: none.
+/// Maps the 2nd and 98th percentiles of the measured depths to 0 and 1; NaN: no depth.
 std::vector<float> order_of(const StereoMaps& maps) {
     std::vector<float> measured;
     for (std::size_t i = 0; i < maps.depth.size(); ++i)
@@ -156,7 +154,7 @@ std::vector<float> order_of(const StereoMaps& maps) {
         return *at;
     };
     const float low = percentile(2), high = percentile(98);
-    // A wall that is met head on has no range.
+    // A wall seen frontally has no depth range.
     const float range = std::max(high - low, 1e-4f * low);
     std::vector<float> order;
     for (const float depth : maps.depth)
@@ -178,7 +176,7 @@ void add_stereo_priors(const std::vector<StereoMaps>& stereo,
             std::none_of(depth.begin(), depth.end(), [](float d) { return d > 0; }))
             continue;
         StereoMaps maps = resized(completed(stereo[v], view), view.camera);
-        // A confidence that came without the depth is of something else.
+        // A confidence without its depth belongs to other data.
         if (lacks(view, prior_map::kDepth))
             std::erase_if(view.maps,
                           [](const ViewMap& map) { return map.name == prior_map::kConfidence; });

@@ -1,4 +1,4 @@
-// Depth, order, normals and confidence of our own stereo as the priors that terms ask for.
+// Makes depth, order, normals and confidence priors from our stereo.
 // [docs/method/vggs.md#priors-of-stereo]
 #pragma once
 
@@ -11,26 +11,26 @@
 
 namespace tvsgs {
 
-// Confidences: measured pixels have more than planes between them, these more than the rest.
+// Measured pixels have higher confidences; planes between them have more than filled pixels.
 inline constexpr float kPlanarConfidence = 0.1f, kFillConfidence = 0.05f;
 
-/// Fills View::maps of the views with those maps of core/scene/prior_maps.h that are `wanted`, of
-/// the photographs' size; `stereo` is of the same views. Depth is measured (confidence above
-/// kPlanarConfidence), on a plane between measured pixels (that confidence), or filled in
-/// (kFillConfidence, without a normal). A view keeps what it came with, depth with its order
-/// and confidence, and normals; a view without a measured pixel gets none.
+/// Fills View::maps with the `wanted` maps of core/scene/prior_maps.h, at the size of the
+/// photographs. `stereo`: maps of the same views. Depth is measured (confidence above
+/// kPlanarConfidence), on a plane between measured pixels (kPlanarConfidence), or filled in
+/// (kFillConfidence, without a normal). Keeps maps that a view already has: depth together with its
+/// order and confidence, and normals. A view without a measured pixel gets none.
 void add_stereo_priors(const std::vector<StereoMaps>& stereo,
                        const MapNames& wanted,
                        std::vector<View>& views);
 
-/// What stereo went by, and what it found; without maps it has not run yet.
+/// Points that stereo started from, and its maps; without maps it has not run yet.
 struct StereoStart {
     std::vector<Vec3f> points;
-    std::vector<StereoMaps> maps;  // of the training views
+    std::vector<StereoMaps> maps;  // per training view
 };
 
-/// add_stereo_priors() of what is `wanted`, where a view came without. Throws
-/// Error(ExitCode::input) where there is no stereo to be had.
+/// Calls add_stereo_priors() for the `wanted` maps that views lack. Runs stereo if `start` has no
+/// maps. Throws Error(ExitCode::input) where stereo fails.
 void make_stereo_priors(const DeviceChoice& device,
                         const StereoOptions& stereo,
                         const MapNames& wanted,

@@ -52,7 +52,7 @@ void complete_maps(const LossOptions& options,
                         "to 0"));
     }
     if (!describe) return;
-    // Coarse ones without fine ones would be of another kind.
+    // Coarse features without fine ones would be of another kind.
     for (View& view : views)
         std::erase_if(view.maps,
                       [](const ViewMap& map) { return map.name == prior_map::kCoarseFeatures; });

@@ -60,7 +60,7 @@ T value_of(const State& state, const char* name) {
     return value;
 }
 
-/// Removes all but the newest.
+/// Removes all but the newest checkpoints.
 void keep_newest(const std::string& run) {
     const auto all = checkpoints_of(run);
     std::error_code code;
@@ -90,7 +90,7 @@ std::uint32_t views_id(const Scene& scene) {
 }
 
 std::uint32_t photos_id(const Scene& scene) {
-    // Every 16th row is enough to tell photographs apart, and costs nothing.
+    // Every 16th row distinguishes photographs at little cost.
     std::uint32_t id = 0;
     for (const View& view : scene.train) {
         const std::size_t row = static_cast<std::size_t>(view.photo.width) * 3;
@@ -182,7 +182,7 @@ void CheckpointWriter::save(int done, double seconds, const SharedState& state) 
     writing_ = std::async(std::launch::async,
                           [about = std::shared_ptr<const State>(std::move(about)), whole = state,
                            file = file_, run = run_]() mutable -> std::string {
-                              // Frees the state once it is written, not at the next checkpoint.
+                              // Frees the state after the write, not at the next checkpoint.
                               const auto values = std::move(about), splats = std::move(whole);
                               try {
                                   write_checkpoint(file, {values.get(), splats.get()});

@@ -1,4 +1,4 @@
-// RUN/checkpoints/: what a run saves of itself, and how it goes on from there.
+// Writes and reads checkpoints in RUN/checkpoints/.
 #pragma once
 
 #include <future>
@@ -13,43 +13,43 @@
 
 namespace tvsgs {
 
-/// A checkpoint, read.
+/// A checkpoint in memory.
 struct ResumePoint {
     std::string file;
-    std::string run;  // folder of the run it lies in; empty: it was given by itself
+    std::string run;  // its run folder; empty: the checkpoint file was given directly
     SharedState state;
-    int done = 0;        // iterations
+    int done = 0;        // iterations done
     double seconds = 0;  // of training
     std::string config;  // resolved, as JSON
 };
 
-/// `place`: a run folder, whose newest good checkpoint is taken, or a checkpoint. Nothing when the
-/// folder has none. Throws Error(ExitCode::input) when there are some but none is good.
+/// Opens a checkpoint. `place`: a checkpoint, or a run folder, whose newest valid checkpoint is
+/// used. Returns nothing when the folder has none. Throws Error(ExitCode::input) when all of its
+/// checkpoints are invalid.
 std::optional<ResumePoint> open_checkpoint(const std::string& place);
 
-/// Gives the scene the initial points and the extent of the checkpoint's. Throws
-/// Error(ExitCode::input) when its training views are others; warns when its photographs are.
+/// Gives the scene the initial points and extent of the checkpoint. Throws Error(ExitCode::input)
+/// when the training views differ; warns when the photographs differ.
 void adopt_scene(const ResumePoint& point, Scene& scene);
 
-/// Checksums of a scene: names and poses of its training views, which keep them at any resolution;
-/// their photographs; its initial points.
+/// Checksums of a scene: names and poses of its training views, independent of the resolution;
+/// photographs; initial points.
 std::uint32_t views_id(const Scene& scene);
 std::uint32_t photos_id(const Scene& scene);
 std::uint32_t points_id(const Scene& scene);
 
-/// Removes the run's checkpoints of more than `done` iterations, which open_checkpoint() would take
-/// for the newest.
+/// Removes checkpoints beyond iteration `done`, which open_checkpoint() would take for the newest.
 void remove_checkpoints_after(const std::string& run, int done);
 
-/// Key and value of every option, in the table's order.
+/// Key and value of every option, in the order of the table.
 std::vector<std::pair<std::string, std::string>> config_values(const OptionTable& table);
-/// The keys whose value differs from `before`, which is config_values() of an earlier moment, as a
-/// JSON object {"key": "before -> now"}.
+/// Keys whose value differs from `before` (earlier result of config_values()), as a JSON object
+/// {"key": "before -> now"}.
 JsonValue changed_values(const std::vector<std::pair<std::string, std::string>>& before,
                          const OptionTable& table);
 
-/// Writes checkpoints in the background and keeps the newest two of a run. A checkpoint that cannot
-/// be written is a warning: the older ones stay, and the training goes on.
+/// Writes checkpoints in the background and keeps the newest two of a run. A failed write only
+/// warns: older checkpoints stay, and the training continues.
 class CheckpointWriter {
 public:
     /// `scene` must outlive it.
@@ -61,13 +61,13 @@ public:
 
     void save(int done, double seconds, const SharedState& state);
 
-    /// `config`: stored in the checkpoints from here on.
+    /// Sets the text to store in later checkpoints.
     void set_config(std::string config) { config_ = std::move(config); }
 
-    /// Waits for the last one; its file, or nothing when it could not be written.
+    /// Waits for the last write; returns its file, or nothing when it failed.
     std::optional<std::string> finish();
 
-    /// Why the last one could not be written.
+    /// Why the last write failed.
     const std::string& failure() const { return failure_; }
 
 private:
@@ -75,7 +75,7 @@ private:
     const Scene& scene_;
     std::optional<std::uint32_t> photos_;
     std::string file_, failure_;
-    std::future<std::string> writing_;  // the failure
+    std::future<std::string> writing_;  // returns the error of the write
 };
 
 }  // namespace tvsgs

@@ -18,7 +18,7 @@ Error system_error(const std::string& what) {
     return Error(ExitCode::io, str(what, ": ", std::strerror(errno)));
 }
 
-/// In the child: only calls that are safe between fork and exec.
+/// Runs in the child: only calls that are safe between fork and exec.
 [[noreturn]] void become(
     char* const* words, char* const* environment, int output, pid_t parent, bool own_group) {
     if (own_group) setpgid(0, 0);
@@ -39,7 +39,7 @@ std::vector<char*> pointers_to(std::vector<std::string>& texts) {
     return pointers;
 }
 
-/// This process's variables, some replaced.
+/// The variables of this process, with replacements.
 std::vector<std::string> environment_with(const std::vector<std::string>& replaced) {
     std::vector<std::string> all = replaced;
     for (char** variable = environ; *variable; ++variable) {

@@ -1,4 +1,4 @@
-// Other programs: started, read line by line, told to stop.
+// Runs another program: starts it, reads its output line by line, and sends signals.
 #pragma once
 
 #include <sys/types.h>
@@ -11,32 +11,32 @@
 
 namespace tvsgs {
 
-/// A program that runs beside this one, without input. Its standard output and standard error are
-/// one pipe. It receives SIGTERM when this process dies.
+/// A program that runs beside this one, without input. Standard output and standard error share a
+/// pipe. It receives SIGTERM when this process dies.
 class ChildProcess {
 public:
     struct Command {
-        std::vector<std::string> words;        // the first one is the path of the program
-        std::vector<std::string> environment;  // "NAME=value", replaces variables of that name
-        bool own_group = false;  // signals of the terminal, such as Ctrl-C, do not reach it
+        std::vector<std::string> words;        // first: path of the program
+        std::vector<std::string> environment;  // "NAME=value"; replaces variables of that name
+        bool own_group = false;  // shields it from signals of the terminal, such as Ctrl-C
     };
 
-    /// Throws Error(ExitCode::io) where no process can be made. A program that cannot be started
-    /// ends with 127.
+    /// Throws Error(ExitCode::io) where no process can be created. A program that cannot be started
+    /// exits with 127.
     explicit ChildProcess(const Command& command);
     ChildProcess(const ChildProcess&) = delete;
     ChildProcess& operator=(const ChildProcess&) = delete;
     /// Kills the program if it still runs.
     ~ChildProcess();
 
-    /// The pipe to poll; -1 after its end.
+    /// File descriptor of the pipe for polling; -1 after its end.
     int output() const { return output_; }
 
-    /// Calls `on_line` for each line that has been written since the last call; does not wait.
-    /// Lines end at '\n' or '\r'.
+    /// Calls `on_line` for each line written since the last call, without waiting. Lines end at
+    /// '\n' or '\r'.
     void read_lines(const std::function<void(std::string_view)>& on_line);
 
-    /// The exit code, 128 + N after signal N; nothing while it runs. Lines may still be unread.
+    /// Exit code, or 128 + N after signal N; nothing while it runs. Lines may still be unread.
     std::optional<int> exit_code();
 
     void send(int signal) const;
@@ -44,11 +44,11 @@ public:
 private:
     pid_t pid_ = 0;
     int output_ = -1;
-    std::string line_;  // begun, without its end
+    std::string line_;  // incomplete last line
     std::optional<int> code_;
 };
 
-/// Lines added to the end of a file. Throws Error(ExitCode::io) where it cannot be written.
+/// Appends lines to a file. Throws Error(ExitCode::io) where it cannot be written.
 class LineLog {
 public:
     explicit LineLog(std::string path);

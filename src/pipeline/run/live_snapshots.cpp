@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-/// As files have it: scales and opacities under the filter.
+/// Applies the smoothing filter to scales and opacities, as in files.
 void apply_filter(Gaussians<Cpu>& g) {
     if (g.filter.empty()) return;
     for (std::size_t i = 0; i < g.means.size(); ++i) {
@@ -31,7 +31,7 @@ void apply_filter(Gaussians<Cpu>& g) {
 void write_snapshot(const std::string& folder, const std::string& state, Gaussians<Cpu>& g) {
     apply_filter(g);
     g.sh_degree = 0;
-    g.sh.resize(g.means.size());  // coefficient major: the first ones stay
+    g.sh.resize(g.means.size());  // coefficient major: keeps the base colours
     write_spz(folder + "/splats.spz", g, {.frame = SplatFrame::rdf});
     write_text_file(folder + "/state.json", state + "\n");
 }

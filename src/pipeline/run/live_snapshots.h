@@ -1,4 +1,4 @@
-// RUN/live/: a training on its way, for whoever looks on.
+// Writes snapshots of a running training to RUN/live/, for viewers.
 #pragma once
 
 #include <chrono>
@@ -9,14 +9,14 @@
 
 namespace tvsgs {
 
-/// Writes splats.spz (in our frame, without harmonics) and then state.json: {"iteration",
-/// "iterations", "seconds", "gaussians", "origin"}. Files appear whole. On a thread of its own, so
-/// the training waits for a copy of the splats only. What cannot be written is one warning, and the
-/// end of the snapshots.
+/// Writes splats.spz (in our frame, base colours only) and then state.json: {"iteration",
+/// "iterations", "seconds", "gaussians", "origin"}. Replaces files atomically. Writes on its own
+/// thread, so the training only waits for a copy of the splats. A failed write warns once and ends
+/// the snapshots.
 class LiveSnapshots {
 public:
-    /// `every`: seconds between two, at least; 0: none. `origin`: the scene's.
-    /// Removes what a training that was killed has left: the run is this one's.
+    /// `every`: smallest number of seconds between snapshots; 0: none. `origin`: of the scene.
+    /// Removes files that a killed training left in the folder.
     LiveSnapshots(std::string run, Vec3d origin, double every)
         : run_(std::move(run)), origin_(origin), every_(every) {
         remove_files();
@@ -25,11 +25,11 @@ public:
     LiveSnapshots& operator=(const LiveSnapshots&) = delete;
     ~LiveSnapshots() { finish(); }
 
-    /// Time for one, and the last one is written.
+    /// Whether it is time for a snapshot and the last one is written.
     bool due();
     void write(int iteration, int iterations, double seconds, Gaussians<Cpu>&& splats);
 
-    /// Waits, and removes the files: whoever looks on then sees the results.
+    /// Waits and removes the files: viewers then show the results.
     void finish();
 
 private:
@@ -42,7 +42,7 @@ private:
     double every_;
     Clock::time_point last_ = Clock::now();
     std::future<void> writing_;
-    bool written_ = false;  // there is something to remove
+    bool written_ = false;  // there are files to remove
 };
 
 }  // namespace tvsgs

@@ -37,7 +37,7 @@ double TrainProgress::seconds() const {
 }
 
 void TrainProgress::pause() {
-    end_progress_line();  // others write messages now
+    end_progress_line();  // other code logs messages now
     if (paused_at_ < 0) paused_at_ = steady_seconds();
 }
 
@@ -89,7 +89,7 @@ void TrainProgress::show(const TrainReport& report) {
         std::fprintf(stderr, "%s\n", json_text(json(report)).c_str());
         return;
     }
-    const std::string line = text(report);  // the pace goes by every report
+    const std::string line = text(report);  // every report updates the pace
     const bool plain = style == ProgressStyle::plain || isatty(STDERR_FILENO) == 0;
     if (plain && seconds() - last_plain_ < 10 && report.step != iterations_) return;
     last_plain_ = seconds();

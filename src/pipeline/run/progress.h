@@ -1,4 +1,4 @@
-// The progress of a training for a person at a terminal, for a log, or for a program.
+// Shows the progress of a training on a terminal, in a log, or as JSON for a program.
 #pragma once
 
 #include <string>
@@ -12,36 +12,36 @@ namespace tvsgs {
 
 class TrainProgress {
 public:
-    /// A run that goes on has `seconds` behind it.
+    /// `seconds`: training time before the run was resumed.
     explicit TrainProgress(const TrainOptions& options, double seconds = 0);
 
-    /// Another schedule.
+    /// Continues with another schedule.
     void set_schedule(const TrainOptions& options);
 
-    /// Seconds of training: since the start, without pauses.
+    /// Training time without pauses, in seconds.
     double seconds() const;
 
-    /// From here to resume() the clock stands still.
+    /// Stops the clock until resume().
     void pause();
     void resume();
 
-    /// The line of log.jsonl.
+    /// The line for log.jsonl.
     JsonValue json(const TrainReport& report) const;
 
-    /// As progress_style() says; with json the line of log.jsonl.
+    /// Prints as progress_style() requires; as JSON: the line of log.jsonl.
     void show(const TrainReport& report);
 
 private:
     std::string text(const TrainReport& report);
 
     int iterations_ = 0;
-    std::vector<int> phases_;  // iterations from which on an iteration takes longer, ascending
-    int last_ = 0;             // iteration that was shown
+    std::vector<int> phases_;  // iterations from which on iterations take longer, ascending
+    int last_ = 0;             // last iteration shown
     Pace pace_;
-    double begin_, last_plain_ = -1e9, paused_at_ = -1;  // paused_at_ < 0: it runs
+    double begin_, last_plain_ = -1e9, paused_at_ = -1;  // paused_at_ < 0: the clock runs
 };
 
-/// Where terms of the loss and votes set in, ascending, without the first iteration.
+/// Iterations at which loss terms and votes begin, ascending, without the first iteration.
 std::vector<int> phases_of(const TrainOptions& options);
 
 }  // namespace tvsgs

@@ -30,7 +30,7 @@ void write_refined_cameras(const std::string& run, const Scene& scene) {
     for (const View& view : scene.train) {
         const Camera& c = view.camera;
         const Quat<double> q = quaternion(mat_cast<double>(c.camera_from_world.R));
-        // By the rotation that is written: of an origin far away rounding would be metres.
+        // Uses the rotation as written: with a distant origin its rounding would cost metres.
         const Vec3d t = vec_cast<double>(c.camera_from_world.t) - rotation(q) * scene.origin;
         cameras << ++id << " PINHOLE " << c.width_px << ' ' << c.height_px << ' ' << c.fx_px << ' '
                 << c.fy_px << ' ' << c.cx_px << ' ' << c.cy_px << '\n';

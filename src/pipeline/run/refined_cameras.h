@@ -1,4 +1,4 @@
-// RUN/cameras/: the training views of a run as it refined them, a COLMAP text model.
+// Writes and reads RUN/cameras/: the refined training views of a run, as a COLMAP text model.
 #pragma once
 
 #include <string>
@@ -9,18 +9,17 @@
 
 namespace tvsgs {
 
-/// Writes the training views of `scene`, which are pinholes at the size they train at.
+/// Writes the training views of `scene`: pinhole cameras at training size.
 void write_refined_cameras(const std::string& run, const Scene& scene);
 
-/// Gives the training views of the run's scene their refined poses, by name; those that the run has
-/// not refined stay as they are. Nothing where a run has refined none.
-/// Throws Error(ExitCode::input).
+/// Sets the refined poses of the run on the scene's training views, by name; keeps other views.
+/// Does nothing where the run has no refined poses. Throws Error(ExitCode::input).
 void adopt_refined_cameras(const std::string& run, Scene& scene);
 
-/// How far each view moved, for the log: {"views": {NAME: {"turn_px": ...}}}.
+/// Motion of each view, for the log: {"views": {NAME: {"turn_px": ...}}}.
 JsonValue camera_moves_json(const Scene& scene, const CameraRefinement& refined);
 
-/// The same for people, in one line.
+/// Summary of the motion in one line.
 std::string camera_moves_text(const CameraRefinement& refined);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// --resume: the run that goes on, and from where.  docs/develop/reliability.md
+// Resumes a run from a checkpoint (--resume).  docs/develop/reliability.md
 #pragma once
 
 #include <optional>
@@ -14,38 +14,38 @@ namespace tvsgs {
 
 struct Resume {
     bool asked = false;                // --resume was given
-    bool same_run = false;             // the run folder is the checkpoint's
-    std::optional<ResumePoint> point;  // nothing: no checkpoint yet, so from the beginning
-    std::vector<std::pair<std::string, std::string>> configured;  // what the checkpoint ran with
+    bool same_run = false;             // the checkpoint lies in the run folder
+    std::optional<ResumePoint> point;  // absent: no checkpoint yet, so start from the beginning
+    std::vector<std::pair<std::string, std::string>> configured;  // configuration of the checkpoint
 
-    /// Whether the run goes on in its own folder, whose files are kept.
+    /// Whether the run continues in its own folder, whose files are kept.
     bool in_place() const { return asked && same_run; }
 
-    // What the run has behind it.
+    // Work done before this call.
     int done() const { return point ? point->done : 0; }  // iterations
     double seconds() const { return point ? point->seconds : 0; }
 };
 
-/// Finds the checkpoint: `given` is a run folder or a checkpoint, or empty for the folder `out`,
-/// which becomes the checkpoint's run where it is empty. What the run was configured as goes into
-/// `table`. Throws Error.
+/// Finds the checkpoint. `given`: a run folder or a checkpoint; empty: the folder `out`. Sets an
+/// empty `out` to the checkpoint's run. Reads the configuration of the run into `table`. Throws
+/// Error.
 Resume open_resume(const std::string& given, std::string& out, OptionTable& table);
 
-/// Whether open_resume() found what the run in `out` was configured as.
+/// Whether open_resume() found a configuration of the run in `out`.
 bool is_configured(const Resume& resume, const std::string& out);
 
-/// Throws Error(ExitCode::usage) where --resume has found no checkpoint in a run that has splats,
-/// which starting anew would remove. `out`: its folder.
+/// Throws Error(ExitCode::usage) where --resume found no checkpoint in a run with splats, as a new
+/// start would remove them. `out`: the run's folder.
 void require_nothing_lost(const Resume& resume, const std::string& out);
 
-/// Throws Error(ExitCode::usage) unless the checkpoint leaves some of so many iterations to do.
+/// Throws Error(ExitCode::usage) if the checkpoint has done `iterations` already.
 void require_iterations_left(const Resume& resume, int iterations);
 
-/// Throws Error(ExitCode::usage) where the checkpoint's splats are another rasteriser's.
+/// Throws Error(ExitCode::usage) if the checkpoint's splats belong to another rasteriser.
 void require_same_backbone(const Resume& resume, const std::string& backbone);
 
-/// Says and logs where the run goes on. `changed`: of the configuration, see changed_values().
-/// Checkpoints of iterations that are done anew are removed.
+/// Logs where the run resumes. `changed`: changed options, see changed_values(). Removes
+/// checkpoints of iterations that are done again.
 void log_resume(const Resume& resume, const JsonValue& changed, RunFolder& run);
 
 }  // namespace tvsgs

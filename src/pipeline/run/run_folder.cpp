@@ -31,8 +31,8 @@ constexpr std::string_view kEntries[] = {
     "cameras.json", "cameras",       "point_cloud", "checkpoints", "mesh",        "eval",
     "test",         "live",          "report.json", "report.html"};
 
-/// Whether there is a file with something in it, there or below. (A run that is killed before it
-/// has a configuration leaves an empty log.)
+/// Whether there is a file with contents, there or below. (A run killed before it has a
+/// configuration leaves an empty log.)
 bool holds_work(const fs::path& path) {
     std::error_code code;
     if (fs::is_regular_file(path, code)) return !fs::is_empty(path, code);
@@ -86,7 +86,7 @@ void require_output(const std::string& out,
     require_outside_of_pictures(out, scene);
     require_replaceable(out);
     require_no_record(out);
-    // What would come up after all the work otherwise.
+    // Check now: these errors would otherwise appear after all the work.
     std::error_code code;
     fs::path folder = fs::absolute(out, code).lexically_normal().parent_path();
     while (!fs::exists(folder, code) && folder != folder.parent_path())
@@ -130,7 +130,7 @@ void require_free_run_folder(const std::string& path,
                     str(path,
                         ": holds another run (config.json); expected an empty or new folder; "
                         "name another with --out, or replace that run with --overwrite"));
-    // What is overwritten is removed: never the work of another program.
+    // Overwriting removes files: never those of another program.
     if (read_bytes(config).find("\"version\": \"tvsgs") == std::string::npos)
         throw Error(ExitCode::usage, str(config,
                                          ": was not written by tvsgs-train, so its folder is not "
@@ -144,7 +144,7 @@ void require_free_run_folder(const std::string& path,
 
 namespace {
 
-/// What a process that was killed has left half written; what is not ours stays.
+/// Removes half-written files of a killed process; keeps other files.
 void remove_leftovers(const fs::path& folder) {
     std::error_code code;
     std::vector<fs::path> found;
@@ -161,7 +161,7 @@ void remove_leftovers(const fs::path& folder) {
     for (const fs::path& file : found) fs::remove(file, code);
 }
 
-/// Of a line of the log; 0: it has none.
+/// Iteration of a line of the log; 0: it has none.
 int iteration_of(std::string_view line) {
     constexpr std::string_view key = "\"iteration\": ";
     const std::size_t at = line.find(key);
@@ -171,7 +171,7 @@ int iteration_of(std::string_view line) {
     return iteration;
 }
 
-/// The lines of a log up to an iteration; one that was cut off is dropped.
+/// The lines of a log up to an iteration; drops a truncated line.
 std::string log_up_to(const fs::path& log, int done) {
     std::error_code code;
     if (!fs::is_regular_file(log, code)) return {};
@@ -280,7 +280,7 @@ void RunFolder::remove_splats_of_stops(int last) const {
 
 namespace {
 
-/// The largest iteration that has splats in a run folder; -1: none has.
+/// The largest iteration with splats in a run folder; -1: none.
 int newest_splats(const std::string& run) {
     std::error_code code;
     const fs::path folder = fs::path(run) / "point_cloud";
@@ -315,7 +315,7 @@ std::string find_splats(const std::string& path) {
 
 namespace {
 
-/// Discs that a file holds with three scales: nearly all are thinner than a hundredth.
+/// Whether a file with three scales holds discs: nearly all are a hundredth as thick as wide.
 bool are_thin(const Gaussians<Cpu>& splats) {
     int thin = 0;
     for (const Vec3f l : splats.log_scales.span())
@@ -381,7 +381,7 @@ void require_scene_of_run(const std::string& run, const Scene& scene) {
     for (const JsonValue& camera : cameras.items)
         if (const std::vector<JsonValue>& at = camera["position"].items; at.size() == 3)
             centres[camera["img_name"].text_or("")] = {at[0].number, at[1].number, at[2].number};
-    // Refined poses are a little off those of the scene, and float rounds.
+    // Refined poses differ a little from the scene's, and float rounds.
     const double shift = 0.05 * static_cast<double>(scene.extent);
     constexpr double kRounding = 1e-5;
     std::ptrdiff_t same = 0, elsewhere = 0;

@@ -1,4 +1,4 @@
-// What a run's config.json holds: read by every command that takes a run folder.
+// All options of a run, as stored in its config.json.
 #pragma once
 
 #include "io/config/config.h"
@@ -29,17 +29,17 @@ struct OutputOptions {
 struct RunOptions {
     SceneOptions scene;
     TrainOptions train;
-    StereoOptions stereo;  // for a scene with few points
+    StereoOptions stereo;  // used for a scene with few points
     DescriptorOptions descriptors;
     PriorOptions priors;
     MeshOptions mesh;
-    MeshOutputOptions mesh_output;  // with the keys of `mesh`
+    MeshOutputOptions mesh_output;  // under the key `mesh`
     EvaluationOptions eval;
     MemoryOptions memory;
     PlanOptions plan;
     OutputOptions output;
 
-    /// The table refers to this object.
+    /// Adds all options to the table, which then refers to this object.
     void add_to(OptionTable& table) {
         table.add("", train);
         table.add("scene", scene);

@@ -12,7 +12,7 @@ constexpr int kEndingSignals[] = {SIGINT, SIGTERM, SIGHUP};
 
 constexpr double kOneRequest = 0.1;  // seconds: `timeout` sends its signal twice at once
 volatile std::sig_atomic_t first_signal = 0;
-double first_at = 0;  // seconds since some moment
+double first_at = 0;  // seconds on the monotonic clock
 
 extern "C" void end_at_once(int signal) {
     remove_temporary_files();
@@ -20,7 +20,7 @@ extern "C" void end_at_once(int signal) {
     std::raise(signal);
 }
 
-/// A second signal asks not to wait for what is saved.
+/// A second signal ends the command without waiting for the save.
 extern "C" void note_signal(int signal) {
     timespec now{};
     clock_gettime(CLOCK_MONOTONIC, &now);
@@ -33,7 +33,7 @@ extern "C" void note_signal(int signal) {
     first_signal = signal;
 }
 
-/// Under nohup, SIGHUP stays ignored.
+/// Keeps SIGHUP ignored under nohup.
 void on_ending_signals(void (*handler)(int)) {
     for (const int signal : kEndingSignals) {
         struct sigaction now {};
@@ -42,7 +42,7 @@ void on_ending_signals(void (*handler)(int)) {
             continue;
         struct sigaction action {};
         action.sa_handler = handler;
-        action.sa_flags = SA_RESTART;  // a write that is interrupted goes on
+        action.sa_flags = SA_RESTART;  // an interrupted write continues
         sigaction(signal, &action, nullptr);
     }
 }

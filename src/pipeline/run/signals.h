@@ -1,19 +1,19 @@
-// Signals that ask a command to end.
+// Handles signals that end a command.
 #pragma once
 
 namespace tvsgs {
 
-/// Thrown where a command gives way to a signal.
+/// Thrown when a command ends because of a signal.
 struct Stopped {
     int signal;
 };
 
-/// From here on they end the command at once, without leaving temporary files.
+/// Makes these signals end the command at once, and removes temporary files.
 void end_on_signals();
 
-/// While it lives, the signals that ask a command to end (SIGINT, SIGTERM, SIGHUP) are only noted,
-/// so that it can save its work; a second one, 0.1 s later or more, ends it at once, as the first
-/// does otherwise, without leaving temporary files.
+/// While it lives, terminating signals (SIGINT, SIGTERM, SIGHUP) are only recorded, so that the
+/// command can save its work. A second one, at least 0.1 s later, ends the command at once and
+/// removes temporary files.
 class SignalGuard {
 public:
     SignalGuard();
@@ -23,8 +23,8 @@ public:
 
     static int received();  ///< the first signal; 0: none
 
-    /// Ends the command with the signal's exit code if one has arrived. To be called where nothing
-    /// is half done.
+    /// Ends the command with the signal's exit code if one has arrived. Call it where no work is
+    /// half done.
     static void check();
 };
 

@@ -13,7 +13,7 @@
 namespace tvsgs {
 namespace {
 
-/// Drops the places of which `is_out` is true; returns how many.
+/// Drops the indices for which is_out is true; returns their number.
 template <class IsOut>
 std::int64_t drop(std::vector<int>& places, const IsOut& is_out) {
     return static_cast<std::int64_t>(

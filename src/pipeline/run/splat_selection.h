@@ -1,4 +1,4 @@
-// Which splats of a run go into a file for viewers, and what that costs.
+// Selects splats of a run for a smaller file, and measures the loss of quality.
 #pragma once
 
 #include <cstdint>
@@ -16,13 +16,13 @@
 
 namespace tvsgs {
 
-/// The weights with which a splat is blended, summed over all pixels of all cameras: 0 for what
-/// none sees. As the backbone of `options` draws; Gaussians::filter is not looked at.
+/// Blending weight of each splat, summed over all pixels of all cameras; 0 for a splat that no
+/// camera sees. Renders with the backbone of `options`; ignores Gaussians::filter.
 template <class Device>
 std::vector<double> light_of_splats(const Gaussians<Cpu>& gaussians,
                                     const std::vector<Camera>& cameras,
                                     const TrainOptions& options) {
-    // An image is the sum of weights times colours: what it gains by a splat's colour is the sum
+    // An image is the sum of weights times colours, so its gradient by a splat's colour is the sum
     // of its weights. All splats are grey, so that no colour is clamped.
     Gaussians<Cpu> grey_host;
     copy(gaussians, grey_host);
@@ -45,33 +45,32 @@ std::vector<double> light_of_splats(const Gaussians<Cpu>& gaussians,
     return light;
 }
 
-/// How much a splat matters where nothing is known of views: opacity times the two larger standard
-/// deviations.
+/// Importance of each splat without views: opacity times the two larger standard deviations.
 std::vector<double> size_of_splats(const Gaussians<Cpu>& gaussians);
 
 struct SplatSelection {
-    std::optional<Box3d> box;      // of centres, in the frame of the splats
-    bool drop_invisible = false;   // opacities that 8 bits round to 0
-    bool drop_unseen = false;      // of no light
-    std::int64_t max_splats = 0;   // the brightest, or the largest; 0: all
-    bool sort = false;             // in Morton order, which packs better
-    std::optional<int> sh_degree;  // at most
+    std::optional<Box3d> box;      // keeps centres inside, in the frame of the splats
+    bool drop_invisible = false;   // drops opacities that 8 bits round to 0
+    bool drop_unseen = false;      // drops splats without light
+    std::int64_t max_splats = 0;   // keeps those with most light, or the largest; 0: all
+    bool sort = false;             // in Morton order, which compresses better
+    std::optional<int> sh_degree;  // upper limit
 };
 
 struct SelectionReport {
     std::int64_t outside = 0, invisible = 0, unseen = 0, beyond_most = 0;
 };
 
-/// Takes them out. `light`: of light_of_splats, or empty, where `drop_unseen` has to be off. Of
-/// equals the first stay.
+/// Removes splats as selected. `light`: from light_of_splats(), or empty, which requires
+/// `drop_unseen` = false. Of equal splats the first are kept.
 SelectionReport select_splats(const SplatSelection& selection,
                               const std::vector<double>& light,
                               Gaussians<Cpu>& gaussians);
 
-/// Mean PSNR over views; those without any difference stay out, NaN: all do.
+/// Mean PSNR over views. Views without any difference are excluded; NaN: all are excluded.
 struct RenderScores {
-    double before = 0, after = 0;  // against the photographs, of renders in 8 bits
-    double between = 0;            // of the two renders
+    double before = 0, after = 0;  // against the photographs, of 8-bit renders
+    double between = 0;            // between the two renders
 };
 
 namespace detail {
@@ -86,8 +85,7 @@ RenderScores mean_scores(const std::vector<RenderScores>& views);
 
 }  // namespace detail
 
-/// Renders both as the backbone of `options` does, before the background of its run; those of views
-/// that have a photograph.
+/// Renders both with the backbone and background of `options`, in the views with a photograph.
 template <class Device>
 RenderScores compare_renders(const Gaussians<Cpu>& before,
                              const Gaussians<Cpu>& after,

@@ -41,7 +41,7 @@ EvaluationSchedule::EvaluationSchedule(const EvaluationOptions& options, double 
                     str("--eval-at ", options.at,
                         ": expected increasing seconds such as 5,10,20, two or more before '...'"));
     if (goes_on) ratio_ = at_.back() / at_[at_.size() - 2];
-    due(0, seconds);  // these marks are passed
+    due(0, seconds);  // skips times that have passed
 }
 
 bool EvaluationSchedule::due(int step, double seconds) {
@@ -76,7 +76,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
         const double size = diagonal(truth.surface.from.points);
         for (const double share : {0.005, 0.01, 0.02})
             if (const double tau = rounded(share * size, 2); tau > 0)
-                truth.taus.push_back(tau);  // two digits, so that they can be said and given again
+                truth.taus.push_back(tau);  // two digits, to be printed and entered again
     } else {
         truth.taus = parse_numbers("--tau", options.taus);
     }
@@ -85,7 +85,7 @@ std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin) 
 
 namespace {
 
-/// `make`: what is measured; it may throw what the scores then say.
+/// `make` returns the prediction; its errors go into the scores.
 template <class Make>
 PointScores score(const Make& make, const Truth& truth, bool curve) {
     PointScores scores;

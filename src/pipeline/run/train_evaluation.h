@@ -1,4 +1,4 @@
-// Evaluation while training: when, against what, and what it says in log.jsonl.
+// Evaluates a running training on schedule, for log.jsonl.
 #pragma once
 
 #include <cmath>
@@ -14,7 +14,7 @@
 
 namespace tvsgs {
 
-/// In the configuration, so that a run can be repeated and its report made again.
+/// In the configuration, so that a run can be repeated and its report rewritten.
 struct EvaluationOptions {
     std::string at, gt, visible_gt, crop, taus;
     int every = 0;
@@ -42,22 +42,22 @@ struct EvaluationOptions {
     }
 };
 
-/// Which steps are evaluated. Only a step after which `due` is asked can be.
+/// Selects the steps to evaluate; `due` must be called after each candidate step.
 class EvaluationSchedule {
 public:
-    /// A run that goes on has `seconds` behind it. Throws Error(ExitCode::usage).
+    /// `seconds`: training time before the run was resumed. Throws Error(ExitCode::usage).
     explicit EvaluationSchedule(const EvaluationOptions& options, double seconds = 0);
 
-    /// `seconds` of training have passed at the end of `step`.
+    /// Call at the end of `step`, after `seconds` of training.
     bool due(int step, double seconds);
 
 private:
-    std::vector<double> at_;  // not yet reached, increasing
-    double ratio_ = 0;        // at_ goes on by it; 0: it ends
+    std::vector<double> at_;  // times not yet reached, increasing
+    double ratio_ = 0;        // factor that continues at_; 0: at_ ends
     int every_;
 };
 
-/// The true surface, ready to measure against.
+/// The true surface, prepared for measurements.
 struct Truth {
     MeasureOptions measure;
     MeasuredSurface surface;
@@ -67,12 +67,12 @@ struct Truth {
     double max_distance = 0;
 };
 
-/// Nothing without eval.gt. Throws Error.
+/// Empty without eval.gt. Throws Error.
 std::optional<Truth> read_truth(const EvaluationOptions& options, Vec3d origin);
 
-/// Distances of the splats' centres, or of the mesh, as `tvsgs-eval geometry` writes them, or
-/// {"error": ...} when nothing of it is in the crop. With `curve`, precision and recall at 41
-/// thresholds up to twice the largest tau, under "curve".
+/// Distances of the splats' centres, or of the mesh, as written by `tvsgs-eval geometry`; only
+/// "error" when nothing lies in the crop. With a curve: precision and recall at 41 thresholds up to
+/// twice the largest tau, under "curve".
 struct PointScores {
     JsonValue json;
     double chamfer = 0, f1 = 0, tau = 0;  // at the middle tau
@@ -80,8 +80,8 @@ struct PointScores {
 PointScores score_points(const std::vector<Vec3f>& points, const Truth& truth, bool curve);
 PointScores score_mesh(const TriangleMesh& mesh, const Truth& truth, bool curve);
 
-/// Writes RUN/eval/centres.json, with the curve, and adds the scores to the line of the end; the
-/// same for RUN/eval/mesh.json.
+/// Writes RUN/eval/centres.json, or RUN/eval/mesh.json, with the curve, and adds the scores to the
+/// last line of the log.
 void add_centres(JsonValue& line,
                  const std::vector<Vec3f>& centres,
                  const Truth& truth,
@@ -91,19 +91,19 @@ void add_mesh(JsonValue& line,
               const Truth& truth,
               const std::string& run);
 
-/// What an evaluation of the mesh needs besides the splats.
+/// Inputs of a mesh evaluation besides the splats.
 struct MeshSource {
     const std::vector<View>& views;
     const MeshOptions& options;
     std::string spill_folder;
-    Vec3d origin{};  // see depth_rules
+    Vec3d origin{};  // see depth_rules()
 };
 
-/// A run that ends by more than that below its best has been trained for too long.
+/// A run whose final score is worse than its best by more than this has trained too long.
 inline constexpr double kClearlyWorse = 0.5;  // dB of PSNR
 
-/// Mean over the views, inside of object masks that are trained with, as what they leave out is
-/// not. Of the whole images where no view's mask has a pixel of the object.
+/// Mean PSNR over the views. Inside of object masks if training uses them, as the outside is not
+/// trained; over whole images if no mask has a pixel of the object.
 inline double psnr_trained(const ViewScores& scores, const TrainOptions& options) {
     const double inside = scores.mean_masked.psnr;
     return options.loss.photometric.masks == MaskUse::object && std::isfinite(inside)
@@ -111,9 +111,9 @@ inline double psnr_trained(const ViewScores& scores, const TrainOptions& options
                : scores.mean_psnr;
 }
 
-/// An evaluation during training, of the splats as `drawn`: with fixed ones after them.
+/// An evaluation during training, of the trained splats followed by fixed ones (`drawn`).
 struct Evaluation {
-    JsonValue line;   // of log.jsonl
+    JsonValue line;   // for log.jsonl
     double psnr = 0;  // psnr_trained() of the test views
 };
 template <class Device>
@@ -155,11 +155,11 @@ Evaluation evaluate(int step,
     return result;
 }
 
-/// Says when more training no longer pays: when the best score is older than half the time that it
-/// took to reach.
+/// Detects when training longer is no longer worthwhile: when the time since the best score exceeds
+/// half the time that it took to reach it.
 class Convergence {
 public:
-    /// The score on views that do not train, after `seconds`.
+    /// Adds the score on validation views after `seconds`.
     void add(double seconds, double psnr) {
         if (psnr > best_ + kStep) best_ = psnr, best_at_ = seconds;
         over_ = best_at_ > 0 && seconds > 1.5 * best_at_;
@@ -169,33 +169,33 @@ public:
     double best_at() const { return best_at_; }
 
 private:
-    static constexpr double kStep = 0.02;  // dB; less is the noise from one view to the next
+    static constexpr double kStep = 0.02;  // dB; smaller changes are noise between views
     double best_ = -1e300, best_at_ = 0;
     bool over_ = false;
 };
 
-/// Follows how good a training is on its way: when to ask, the best answer, whether they improve.
+/// Tracks the scores of a training: when to evaluate, the best score, and convergence.
 class ScoreWatch {
 public:
-    /// Asks as `options` say and, `until_converged`, often enough to see when that is. A run that
-    /// goes on has `seconds` behind it.
+    /// Evaluates as `options` say and, for `until_converged`, often enough to detect convergence.
+    /// `seconds`: training time before the run was resumed.
     ScoreWatch(const EvaluationOptions& options, bool until_converged, double seconds)
         : schedule_(options, seconds), validations_(validation(until_converged), seconds) {}
 
-    /// `seconds` of training have passed at the end of `step`.
+    /// Call at the end of `step`, after `seconds` of training.
     bool due(int step, double seconds) {
         step_ = step, seconds_ = seconds;
         validates_ = validations_.due(step, seconds);
         return schedule_.due(step, seconds) || validates_;
     }
 
-    /// The score on views that do not train, where one was due last.
+    /// Adds the score on validation views at the last step that was due.
     void add(double psnr) {
         if (psnr > best_psnr_) best_psnr_ = psnr, best_step_ = step_;
         if (validates_) convergence_.add(seconds_, psnr);
     }
 
-    double best_psnr() const { return best_psnr_; }  // 0: none yet
+    double best_psnr() const { return best_psnr_; }  // 0: no score yet
     int best_step() const { return best_step_; }
     const Convergence& convergence() const { return convergence_; }
 
@@ -206,11 +206,11 @@ private:
         return options;
     }
 
-    EvaluationSchedule schedule_, validations_;  // asked for; to see when it has converged
+    EvaluationSchedule schedule_, validations_;  // scheduled by the user; for convergence
     Convergence convergence_;
     double best_psnr_ = 0;
     int best_step_ = 0;
-    // Of the last due():
+    // Results of the last due():
     int step_ = 0;
     double seconds_ = 0;
     bool validates_ = false;

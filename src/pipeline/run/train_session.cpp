@@ -29,7 +29,7 @@ public:
     void run();
 
 private:
-    // While it trains.
+    // During the training.
     Gaussians<Device> train_or_explain();
     Gaussians<Device> train_in_budget();
     TrainCallbacks callbacks();
@@ -43,7 +43,7 @@ private:
     void place_cameras(const std::vector<Camera>& cameras) const;
     void fit_to_budget();
 
-    // When it has ended, after `seconds`.
+    // After its end, at `seconds`.
     void settle_budget(double seconds);
     void warn_of_few(int splats) const;
     void say_how_it_ended(double seconds);
@@ -52,27 +52,28 @@ private:
     void say_what_is_scored() const;
     void score_test_views(const Gaussians<Device>& drawn, JsonValue& summary) const;
 
-    /// Of this call: what the run took before it was resumed is past.
+    /// Seconds of this call, without the time before the run was resumed.
     double own_seconds() const { return progress_.seconds() - in_.resume.seconds(); }
     MeshSource mesh_source() const {
         return {in_.scene.train, in_.options.mesh, run_.path() + "/mesh", in_.scene.origin};
     }
 
-    const SignalGuard signals_;  // there is work to save from here on
+    // There is work to save from here on.
+    const SignalGuard signals_;
     const SessionInputs& in_;
     RunFolder& run_;
-    TrainOptions training_;  // in_.training with the schedule that it goes by now
+    TrainOptions training_;  // in_.training with the current schedule
     TrainProgress progress_;
     CheckpointWriter checkpoints_;
     LiveSnapshots live_;
     TimeBudget budget_;
-    ScoreWatch scores_;                        // of evaluations on the way
-    FixedSplats<Device> fixed_;                // drawn beside those that are trained
-    std::optional<CameraRefinement> refined_;  // where the cameras are now; none: as given
-    HeldExposures exposures_;                  // of the training views; empty: none
-    int done_;                                 // iterations
-    SharedState state_;                        // where the next training begins; null: as a new one
-    bool fit_now_ = false;                     // the training pauses for a new schedule
+    ScoreWatch scores_;                        // of evaluations during training
+    FixedSplats<Device> fixed_;                // rendered with the trained splats
+    std::optional<CameraRefinement> refined_;  // current cameras; absent: as given
+    HeldExposures exposures_;                  // of the training views; may be empty
+    int done_;                                 // iterations done
+    SharedState state_;                        // start of the next training; null: from the scene
+    bool fit_now_ = false;                     // pauses the training to fit the schedule
 };
 
 template <class Device>
@@ -235,7 +236,8 @@ void TrainSession<Device>::evaluate_now(int step, const Gaussians<Device>& splat
     const Evaluation evaluation =
         evaluate(step, progress_.seconds(), splats, fixed_.join(splats), in_.scene.test, training_,
                  in_.truth, in_.options.eval.mesh ? &mesh : nullptr);
-    place_cameras(given);  // what training starts from, should it start again
+    // Restore the given cameras: a training that restarts begins with them.
+    place_cameras(given);
     run_.log(evaluation.line);
     scores_.add(evaluation.psnr);
 }
@@ -271,7 +273,7 @@ void TrainSession<Device>::settle_budget(double seconds) {
             "that its first seconds let foresee; give it more time, or smaller images "
             "(-r)",
             took, asked, done_);
-    // What was run, for whoever runs it again.
+    // The configuration as run, so that it can be repeated.
     in_.options.plan.time_budget = 0;
     run_.save_config(in_.config());
 }

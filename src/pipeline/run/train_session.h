@@ -1,4 +1,4 @@
-// A training with its run folder: progress, checkpoints, evaluations on the way, the results.
+// Runs a training with its run folder: progress, checkpoints, evaluations, results.
 #pragma once
 
 #include <functional>
@@ -13,7 +13,7 @@
 
 namespace tvsgs {
 
-/// How much a session says and saves on its way; no part of the configuration.
+/// Frequency of output of a session; not part of the configuration.
 struct SessionOptions {
     int report_every = 50;        // iterations between lines of log.jsonl
     int checkpoint_every = 5000;  // iterations; 0: only when the run is stopped
@@ -21,22 +21,22 @@ struct SessionOptions {
     double live_every = 0;        // seconds between snapshots for tvsgs-view; 0: none
 };
 
-/// What a session is of. References must outlive it.
+/// Inputs of a session; referenced objects must outlive it.
 struct SessionInputs {
-    Scene& scene;           // in the end with refined cameras, where they are refined
-    TrainOptions training;  // what trains: growth may stop earlier than configured
-    RunOptions& options;    // the configuration; takes over the schedule that fits --time-budget
+    Scene& scene;           // receives the refined cameras at the end
+    TrainOptions training;  // training options; growth may stop earlier than configured
+    RunOptions& options;    // the configuration; receives the schedule fitted to --time-budget
     SessionOptions session;
     const Resume& resume;
     const std::optional<Truth>& truth;
-    std::function<std::string()> config;  // the text of config.json, of `options` as they are
-    std::function<void()> write_report;   // when all that it tells of is in the run folder
+    std::function<std::string()> config;  // text of config.json for the present `options`
+    std::function<void()> write_report;   // called when all other results are written
 };
 
-/// Trains, and leaves in `run` what docs/guide/commands.md lists; its first files are there. Where
-/// the training is stopped, the splats so far and a checkpoint are saved. Throws Error, and Stopped
-/// after a signal. `start`: what a resumed training goes on from; given away, it is held no longer
-/// than it is needed.
+/// Trains, and writes to `run` the files listed in docs/guide/commands.md, except its first files,
+/// which exist already. When stopped, saves the splats so far and a checkpoint. Throws Error, and
+/// Stopped after a signal. `start`: state of a resumed training; passed by value, so that it is
+/// freed early.
 void run_session(const DeviceChoice& device,
                  const SessionInputs& inputs,
                  SharedState start,

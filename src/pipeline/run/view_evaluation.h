@@ -1,4 +1,4 @@
-// Renders views, scores them against their photographs, and leaves pictures a person can look at.
+// Renders views, scores them against their photographs, and writes pictures.
 #pragma once
 
 #include <algorithm>
@@ -19,13 +19,13 @@
 
 namespace tvsgs {
 
-/// Whether renders can be scored inside of the views' masks.
+/// Whether all views have masks, so that renders can be scored inside of them.
 inline bool have_masks(const std::vector<View>& views) {
     const auto lacks = [](const View& view) { return view.mask.empty(); };
     return !views.empty() && std::none_of(views.begin(), views.end(), lacks);
 }
 
-/// Whether a mask has a pixel of the object.
+/// Whether any mask has a pixel of the object.
 inline bool has_object(const std::vector<View>& views) {
     return std::any_of(views.begin(), views.end(), [](const View& view) {
         return std::any_of(view.mask.pixels.begin(), view.mask.pixels.end(),
@@ -33,7 +33,7 @@ inline bool has_object(const std::vector<View>& views) {
     });
 }
 
-/// `on_render(view, render, images)` is called after each view.
+/// Calls `on_render(view, render, images)` after each view.
 template <class Device, class OnRender>
 ViewScores score_views(const Gaussians<Device>& gaussians,
                        const std::vector<View>& views,
@@ -56,13 +56,13 @@ ViewScores score_views(const Gaussians<Device>& gaussians,
     return scorer.scores();
 }
 
-/// Where the render of a view is, without the suffix.
+/// Path of a view's render, without the suffix.
 inline std::string render_stem(const std::string& run, const std::string& view_name) {
     return run + "/test/" + std::filesystem::path(view_name).replace_extension().string();
 }
 
-/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view and RUN/eval/nvs.json.
-/// Gives way to a signal between views.
+/// Writes RUN/test/NAME.png, NAME_normal.png and NAME_depth.png per view, and RUN/eval/nvs.json.
+/// Checks for signals between views.
 template <class Device>
 ViewScores evaluate_views(const Gaussians<Device>& gaussians,
                           const std::vector<View>& views,

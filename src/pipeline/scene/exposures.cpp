@@ -23,7 +23,7 @@ std::string file_of(const std::string& run) {
     return run + "/exposure.json";
 }
 
-/// False where these are no numbers that a fit can have.
+/// Returns false for values that no fit produces.
 bool read_values(const JsonValue& of_view, HeldExposures::value_type& values) {
     if (of_view.items.size() != values.size()) return false;
     for (std::size_t k = 0; k < values.size(); ++k)

@@ -1,4 +1,4 @@
-// RUN/exposure.json: what a run has fitted of each photograph's exposure, for others to hold.
+// Writes and reads RUN/exposure.json: the fitted exposure of each photograph.
 #pragma once
 
 #include <string>
@@ -9,14 +9,15 @@
 
 namespace tvsgs {
 
-/// Whether a run has left any.
+/// Whether a run has fitted exposures.
 bool has_exposures(const std::string& run);
 
-/// `values`: of scene.train.
+/// `values`: per view of scene.train.
 void write_exposures(const std::string& run, const Scene& scene, const HeldExposures& values);
 
-/// Fills options.held with those of options.exposure_from for the training views, by name. Nothing
-/// where that is empty. Throws Error(ExitCode::input) where the run has none, or not of a view.
+/// Fills options.held with the exposures of the run options.exposure_from for the training views,
+/// by name. Does nothing if exposure_from is empty. Throws Error(ExitCode::input) where the run has
+/// no exposures, or lacks a view.
 void read_exposures(PhotometricOptions& options, const std::vector<View>& train);
 
 }  // namespace tvsgs

@@ -19,9 +19,9 @@
 namespace tvsgs {
 namespace {
 
-constexpr std::size_t kSample = 1000;  // tells a share to three percent
+constexpr std::size_t kSample = 1000;  // gives a share to three percent
 constexpr double kPixels = 2, kSpacings = 2;
-constexpr double kCoarse = 0.05;  // of the depth: beyond that agreement says nothing
+constexpr double kCoarse = 0.05;  // of the depth: coarser tolerances are meaningless
 
 std::vector<Vec3f> sampled(const std::vector<Vec3f>& points) {
     std::vector<Vec3f> some;
@@ -38,7 +38,7 @@ double median(std::vector<double> values) {
     return *middle;
 }
 
-/// Of a similarity, which may mirror.
+/// Inverse of a similarity, which may mirror.
 Affine3d inverse_of(const Affine3d& T) {
     Affine3d inverse;
     const double squared = dot(column(T.A, 0), column(T.A, 0));
@@ -48,11 +48,11 @@ Affine3d inverse_of(const Affine3d& T) {
     return inverse;
 }
 
-/// Points with what finding the nearest of them takes.
+/// Points with a tree and a sample, for nearest-point searches.
 struct Searchable {
     std::vector<Vec3f> points, sample;
     PointTree<float> tree;
-    double spacing;  // median distance to the nearest other
+    double spacing;  // median distance to the nearest other point
 
     explicit Searchable(const std::vector<Vec3f>& all)
         : points(finite(all)), sample(sampled(points)), tree(points) {
@@ -99,19 +99,19 @@ public:
 
     struct Score {
         int compared = 0;
-        double agreeing = 0, tolerance_px = 0;  // 0 px: nothing can be told
+        double agreeing = 0, tolerance_px = 0;  // 0 px: too few points
         bool meets = false;                     // a tenth of the points can be compared
     };
 
-    /// Were the measured points moved by T: the worse of how they lie to the initial cloud and it
-    /// to them, where the other's spacing lets that be told.
+    /// Score after moving the measured points by T: the worse of both directions of comparison,
+    /// where spacings are fine enough.
     Score of(const Affine3d& scene_from_file) const {
         const auto onto = one_way(scene_from_file, true), back = one_way(scene_from_file, false);
         if (!onto || !back) return onto ? *onto : back.value_or(Score{});
         return back->agreeing < onto->agreeing ? *back : *onto;
     }
 
-    /// Where nearest points pull the measured ones: first from afar, then from near.
+    /// Aligns the measured points with the initial cloud by ICP, first with a large reach.
     Affine3d pulled() const {
         const bool onto_initial = fixed_.spacing > initial_.spacing;
         std::vector<Vec3d> from, to;
@@ -133,7 +133,7 @@ public:
     }
 
 private:
-    /// Nothing where the spacing is so large beside the depth that it would say nothing.
+    /// Returns nothing where the spacing is too coarse for the depth.
     std::optional<Score> one_way(const Affine3d& scene_from_file, bool onto_initial) const {
         const double scale = norm(column(scene_from_file.A, 0));
         const double slack = kSpacings * (onto_initial ? initial_.spacing : scale * fixed_.spacing);
@@ -166,8 +166,8 @@ private:
         return score;
     }
 
-    static constexpr std::size_t kLeast = 20;  // points compared, for a share of them
-    static constexpr double kReach = 0.1;      // of the depth
+    static constexpr std::size_t kLeast = 20;  // smallest number of points for a share
+    static constexpr double kReach = 0.1;      // relative to the depth
 
     bool in_two_views(Vec3f p) const {
         int seen = 0;
@@ -192,7 +192,8 @@ struct Frame {
     Affine3d scene_from_file;
 };
 
-/// Axes swapped, turned and mirrored, and other units. `origin`: of the scene's frame, see Scene.
+/// Frames with swapped, rotated and mirrored axes, and other units. `origin`: of the scene's frame,
+/// see Scene.
 std::vector<Frame> usual_frames(Vec3d origin) {
     std::vector<Frame> frames;
     const auto add = [&](std::string words, const Mat3<double>& A) {
@@ -235,7 +236,7 @@ void read_fixed_points(const RunOptions& options, Scene& scene) {
                                          ": measured points vote, but tv.enabled is false; set it "
                                          "to true, or leave out --fixed-points"));
     scene.fixed_voters = read_mesh(tv.fixed_voters, scene.origin, false).points;
-    // Complaints come before there is a run, and number the points as the file does.
+    // Validate before the run exists, and with the file's point numbers.
     make_fixed_voters(scene.fixed_voters, tv);
     if (drop_unusable(scene.fixed_voters, tv.fixed_voters) > 0)
         make_fixed_voters(scene.fixed_voters, tv);
@@ -258,7 +259,7 @@ FixedPointsLook look_at_fixed_points(const Scene& scene) {
                          here.tolerance_px,           here.agreeing, ""};
     const auto consider = [&](Frame frame, double margin) {
         const double scale = norm(column(frame.scene_from_file.A, 0));
-        // Where half of them agree the unit is right: shrunk, any house lies on the ground.
+        // Where half of them agree, the unit is right: a shrunk cloud always fits onto the ground.
         if (look.agreeing >= 0.5 && std::abs(std::log(scale)) > 0.2) return;
         const Frames::Score score = frames.of(frame.scene_from_file);
         if (score.meets && score.agreeing > look.better + margin)

@@ -1,4 +1,4 @@
-// The points that training starts from.
+// Prepares the points that training starts from.
 #pragma once
 
 #include "core/device/device_choice.h"
@@ -9,16 +9,16 @@
 
 namespace tvsgs {
 
-/// Whether the cloud of the scene gives way to one by stereo.
+/// Whether stereo replaces the cloud of the scene.
 inline bool needs_stereo(const RunOptions& options, const Scene& scene) {
     return options.scene.init_ply.empty() &&
            scene.points.positions.size() < static_cast<std::size_t>(options.train.init.min_points);
 }
 
-/// A cloud from outside is checked and thinned; a cloud that is too small gives way to one by
-/// stereo, if that finds more. `scene` has no points outside of object masks (keep_to_object()),
-/// nor does the cloud by stereo. Measured points are held against it and fill its gaps. Returns
-/// what stereo found, of which priors can be made.
+/// Checks and thins a cloud from a file (scene.init_ply); replaces a cloud that is too small by a
+/// stereo cloud, if that has more points. Expects a scene without points outside of object masks
+/// (keep_to_object()), and removes such points from the stereo cloud. Compares measured points with
+/// the cloud and fills its gaps with them. Returns the stereo maps, from which priors can be made.
 inline StereoStart prepare_points(const DeviceChoice& device,
                                   const RunOptions& options,
                                   Scene& scene) {
@@ -61,7 +61,7 @@ inline StereoStart prepare_points(const DeviceChoice& device,
     return stereo;
 }
 
-/// The near plane's default suits scenes some units deep; in smaller ones it would hide them.
+/// Scales the default near plane, which suits scenes some units deep, to smaller scenes.
 inline void fit_near_plane(const Scene& scene, BackboneOptions& render) {
     const float usual = BackboneOptions{}.near, unit = guard_unit(scene);
     if (render.near != usual || unit >= 1) return;

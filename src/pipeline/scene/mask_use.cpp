@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// A margin for the mask's edge: all pixels around are background as well.
+/// Whether a point shows on the background, also in all neighbouring pixels.
 bool is_background_at(const View& view, Vec3f point) {
     const Camera& c = view.camera;
     if (view.mask.empty() || !is_in_view(c, point)) return false;

@@ -1,4 +1,4 @@
-// Renders as a run has them scored: with its background behind the splats.
+// Composites renders over the background of a run.
 #pragma once
 
 #include <vector>
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// [H W] The colours of `images` of that camera, which have a transmittance; a random background
-/// counts as black.
+/// [H W] The colours of `images`, which have a transmittance, over the background; a random
+/// background counts as black.
 template <class Images>
 std::vector<Vec3f> colors_before(const PhotometricOptions& options,
                                  const Camera& camera,

@@ -14,7 +14,7 @@ std::string file_of(const std::string& run) {
     return run + "/sky.png";
 }
 
-/// Not beside object masks, which say more, nor where the user has a background in mind.
+/// Whether the plan may choose a sky: not with object masks or a background set by the user.
 bool may_plan(const PhotometricOptions& options, const RunPlan* plan) {
     return plan != nullptr && options.masks != MaskUse::object &&
            !plan->pinned("loss.photometric.background");

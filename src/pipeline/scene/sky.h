@@ -1,4 +1,4 @@
-// The sky behind a scene, and RUN/sky.png: where it is found, drawn, and kept. [docs/method/sky.md]
+// Detects the sky of a scene, and writes and reads its map RUN/sky.png. [docs/method/sky.md]
 #pragma once
 
 #include <string>
@@ -13,19 +13,19 @@ inline bool has_sky(const PhotometricOptions& options) {
     return parse_background(options.background).kind == PhotoBackground::Kind::sky;
 }
 
-/// Looks for a sky, lets `plan` decide, if there is one and masks or the user have not, and makes
-/// the map of it where the run is to have one: of the photographs, or as options.sky_from has it.
-/// The points of the scene that lie in it are dropped then. Returns what was seen, nothing where
-/// there is no sky. Throws Error(ExitCode::input).
+/// Detects a sky and makes its map where the run uses one, from the photographs or from
+/// options.sky_from. `plan` (may be null) decides, unless masks or the user have decided. Removes
+/// points of the scene in the sky. Returns the detected pixels; empty without a sky. Throws
+/// Error(ExitCode::input).
 SkyLook provide_sky(RunOptions& options, Scene& scene, RunPlan* plan);
 
-/// Whether a run has left one.
+/// Whether a run has a sky map.
 bool has_sky_file(const std::string& run);
 
-/// Where the options have a map.
+/// Writes the map if the options have one.
 void write_sky(const std::string& run, const PhotometricOptions& options);
 
-/// The map of the run, where the background is a sky. Throws Error(ExitCode::input) without one.
+/// Reads the run's map if the background is a sky. Throws Error(ExitCode::input) if it is missing.
 void read_sky(PhotometricOptions& options, const std::string& run);
 
 }  // namespace tvsgs

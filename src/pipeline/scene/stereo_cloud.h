@@ -1,4 +1,4 @@
-// From views to an initial cloud by stereo: what tvsgs-init and tvsgs-train do alike.
+// Makes an initial cloud from views by stereo; shared by tvsgs-init and tvsgs-train.
 #pragma once
 
 #include <algorithm>
@@ -13,15 +13,15 @@
 
 namespace tvsgs {
 
-inline constexpr std::size_t kFewStereoPoints = 2000;  // less than that hardly shows a surface
+inline constexpr std::size_t kFewStereoPoints = 2000;  // fewer points hardly show a surface
 
-/// `max_points` of an option that says 0 for any number.
+/// Converts an option whose 0 means no limit.
 inline std::size_t stereo_cap(std::int64_t max_points) {
     return max_points > 0 ? static_cast<std::size_t>(max_points) : std::size_t{1} << 40;
 }
 
-/// reconstruct_stereo() on the device; throws Error(ExitCode::usage) as well, where more views
-/// would have to confirm a depth than there are.
+/// Runs reconstruct_stereo() on the device. Throws Error(ExitCode::usage) if it requires more views
+/// to confirm a depth than there are.
 inline StereoResult run_stereo(const DeviceChoice& device,
                                const std::vector<View>& views,
                                const std::vector<Vec3f>& points,
@@ -35,8 +35,8 @@ inline StereoResult run_stereo(const DeviceChoice& device,
                      [&](auto tag) { return reconstruct_stereo(tag, views, points, options); });
 }
 
-/// Stereo, then one point per two pixels (of the masks, where they are used) and at most
-/// `max_points`, without outliers. The cloud replaces the result's.
+/// Runs stereo, and reduces its cloud to one point per two pixels (inside masks, if used), at most
+/// `max_points`, without outliers.
 inline StereoResult stereo_cloud(const DeviceChoice& device,
                                  const std::vector<View>& views,
                                  const std::vector<Vec3f>& points,
