@@ -1,4 +1,4 @@
-// A view with another one, and the term that fits its prior to what they agree on, over some steps.
+// Two views made up by a test, and the anchored depth term evaluated on them over several steps.
 #pragma once
 
 #include "multiview_case.h"
@@ -7,22 +7,22 @@ namespace tvsgs::test {
 
 struct AnchoredCase {
     ViewMaps reference, other;
-    std::vector<float> order, confidence;  // maps of the reference; empty: it has none
+    std::vector<float> order, confidence;  // maps of the reference view; empty: it has none
     AnchoredDepthOptions options;
     float length_unit = 1;
-    bool alone = false;                             // the reference is paired with no view
-    std::vector<int> steps;                         // at which the term acts
+    bool alone = false;                             // the reference has no neighbour view
+    std::vector<int> steps;                         // steps at which the term acts
     std::vector<float> depth_scales, order_scales;  // of render and prior at each step; empty: 1
 };
 
 struct AnchoredResult {
-    std::vector<double> values;       // of the steps
+    std::vector<double> values;       // of each step
     std::vector<float> dL_ddepth;     // of the last step
-    std::vector<float> target;        // after it
-    std::vector<float> first_target;  // after the first one
+    std::vector<float> target;        // after the last step
+    std::vector<float> first_target;  // after the first step
 };
 
-/// `resume_before`: before that one of the steps, the term gives way to a new one with its state.
+/// `resume_before`: before this step (index) a new term with the saved state replaces the term.
 template <class Device>
 AnchoredResult evaluate(const AnchoredCase& c, std::size_t resume_before = 1000) {
     const auto make = [&] {

@@ -1,4 +1,4 @@
-// A growth, an Adam step and a trim with reset on either device, from the same random numbers.
+// Runs growth, an Adam step and a trim with reset on either device, with the same random numbers.
 #pragma once
 
 #include "optim/growth/densify.h"
@@ -11,7 +11,7 @@ struct DensifyResult {
     std::vector<int> parents;
 };
 
-/// By rule `quantile` the splats have a filter, too.
+/// With the rule `quantile` the splats also have a filter.
 template <class Device>
 DensifyResult densify_case(GrowthRule rule, float spare_covered) {
     const int n = 1000;

@@ -8,8 +8,8 @@ namespace tvsgs::test {
 
 inline constexpr float kLogSmall = -3, kLogLarge = -1;
 
-/// A model of equal round splats in a row, so that new ones stay next to their parents, its
-/// optimiser with moments of 1, and what the last view showed.
+/// A row of equal round splats, so that new splats stay next to their parents; an optimiser with
+/// moments of 1; and the statistics of the last view.
 struct Model {
     explicit Model(int count) : g(random_gaussians(count, 1, 0.1, 1)), adam({}, g) {
         const auto n = static_cast<std::size_t>(count);
@@ -28,7 +28,7 @@ struct Model {
         show();
     }
 
-    /// Sizes the statistics to the splats: all seen in front, radius 5, no gradient.
+    /// Sizes the statistics to the splats: all visible in front, radius 5, no gradient.
     void show() {
         const std::size_t n = g.means.size();
         screen.radii_px.resize(n), screen.dL_dmeans2d.resize(n);
@@ -45,7 +45,7 @@ struct Model {
     ScreenStatistics<Cpu> screen;
 };
 
-/// Clones up to between the two sizes at extent 1; no trim.
+/// Clones splats up to a size between the two at extent 1; no trim.
 inline DensifyOptions options_without_trim() {
     DensifyOptions o;
     o.percent_dense = std::exp(-2.0f);

@@ -1,5 +1,4 @@
-// A view with priors and other views beside it, made up by the test, and what a term makes of it on
-// either device.
+// A view with priors and neighbour views, and a term evaluated on it on either device.
 #pragma once
 
 #include "core/scene/prior_maps.h"
@@ -18,8 +17,8 @@ struct FatesCase {
     FatesView view;
     std::vector<float> depth, transmittance;  // [H W]
     std::vector<std::uint8_t> photo;          // [H W 3]
-    std::vector<FatesView> others;            // at most two
-    LossOptions options;                      // one term has a weight
+    std::vector<FatesView> others;            // neighbour views, at most two
+    LossOptions options;                      // exactly one term has a weight
     float length_unit = 1, min_depth = 0.1f;
     int step = 1;
 };
@@ -40,7 +39,7 @@ DeviceView<Device> upload_view(const FatesView& v, int index) {
     return view;
 }
 
-/// What the term adds to an objective that already holds something: 2, and 3 for each pixel.
+/// Result of adding the term to an objective that is not empty: 2, and 3 per pixel.
 template <class Device>
 FatesResult evaluate(const FatesCase& c) {
     LossContext context;
@@ -63,7 +62,7 @@ FatesResult evaluate(const FatesCase& c) {
     images.camera = c.view.camera;
     copy(c.depth, images.depth);
     copy(c.transmittance, images.transmittance);
-    std::vector<std::unique_ptr<Backbone<Device>>> backbones(2);  // none is rendered
+    std::vector<std::unique_ptr<Backbone<Device>>> backbones(2);  // no neighbour view is rendered
     OtherViews<Device> others({{pairs}, c.min_depth}, std::move(backbones), 5);
     others.begin(c.step, 0, views, gaussians);
     others.compare(images);

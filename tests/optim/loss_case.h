@@ -1,4 +1,4 @@
-// Inputs of one loss evaluation on the host, and the evaluation on either device.
+// Inputs of a loss on the host, and its evaluation on either device.
 #pragma once
 
 #include "optim/losses/losses_list.h"
@@ -11,7 +11,7 @@ struct LossCase {
     std::vector<float> radii_px;                // [N]
     std::vector<Vec3f> voted_normals, targets;  // [N]
     std::vector<std::uint8_t> flags;            // [N]; empty: no voting event yet
-    Camera camera;                              // the rest is for terms over images
+    Camera camera;                              // camera and images are for terms over images
     std::vector<Vec3f> normal;                  // [H W]
     std::vector<float> transmittance, depth, expected_depth, distortion;
     std::vector<std::uint8_t> photo;  // [H W 3]
@@ -23,7 +23,7 @@ enum class Term {
     flatten,
     normal,
     normal_consistency,
-    two_depths,  // normal_consistency of both depth maps, whatever the coverage
+    two_depths,  // normal_consistency of both depth maps, for any coverage
     distortion,
     tv_normal,
     tv_position
@@ -36,7 +36,7 @@ struct LossResult {
     std::vector<float> dL_ddepth, dL_dexpected_depth, dL_ddistortion;
 };
 
-/// What a term adds to an objective that already holds something.
+/// Result of adding a term to an objective that is not empty.
 template <class Device>
 LossResult evaluate(const LossCase& c, Loss<Device>& loss, int step = 1) {
     Gaussians<Device> gaussians;
@@ -121,7 +121,7 @@ LossResult evaluate(const LossCase& c, Term term, float weight, Reduction reduct
     return evaluate(c, *loss);
 }
 
-/// The one term that has a weight.
+/// Evaluates the only term with a weight.
 template <class Device>
 LossResult evaluate(const LossCase& c,
                     const LossOptions& options,

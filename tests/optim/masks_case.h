@@ -1,4 +1,4 @@
-// A photometric term with masks and a background, on either device.
+// Inputs of the photometric term with masks and a background, and its evaluation on either device.
 #pragma once
 
 #include "optim/losses/loss_photometric.h"
@@ -18,7 +18,7 @@ struct MaskResult {
     double value = 0;
     std::vector<Vec3f> dL_dcolor;
     std::vector<float> dL_dtransmittance;
-    std::vector<float> exposure;  // moments of its first step; empty: none is fitted
+    std::vector<float> exposure;  // moments of its first step; empty: no exposure
 };
 
 template <class Device>

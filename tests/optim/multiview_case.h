@@ -1,5 +1,5 @@
-// Inputs of the multi-view losses on the host, and their evaluation on either device. The two views
-// are images made up by the test: a backbone that hands them out takes the place of a renderer.
+// Inputs of the multi-view losses on the host, and their evaluation on either device. The images of
+// both views are made up: a test backbone returns them instead of rendering.
 #pragma once
 
 #include "optim/losses/losses_list.h"
@@ -24,8 +24,8 @@ struct ViewMaps {
 
 inline constexpr int kPlaneWidth = 40, kPlaneHeight = 30;
 
-/// Maps of the plane n . X = 0.1, n facing the cameras, disturbed a little and blended with a
-/// varying coverage; the grey photograph, finer by `fineness`, shows a texture on the plane.
+/// Maps of the plane n . X = 0.1, with n towards the cameras, some noise, and varying coverage. The
+/// grey photograph shows a texture on the plane at `fineness` times the resolution.
 inline ViewMaps plane_view(float angle, unsigned seed, double noise, int fineness) {
     Random random(seed);
     ViewMaps v;
@@ -44,7 +44,7 @@ inline ViewMaps plane_view(float angle, unsigned seed, double noise, int finenes
             const double coverage = random.uniform(0.6, 1);
             v.normal.push_back(
                 vec_cast<float>(coverage * normalize(n_camera + noise * random.normal3())));
-            // The noise of the depth: the plane goes through a point near the true one.
+            // Noise of the depth: the plane passes through a point near the true one.
             const double depth = -distance / dot(n_camera, ray(x + 0.5, y + 0.5)) *
                                  (1 + 0.1 * noise * random.normal());
             v.depth.push_back(static_cast<float>(depth));
@@ -71,7 +71,7 @@ struct MultiViewResult {
     double value = 0, valid = 0;
     std::vector<float> weight;
     std::vector<Vec3f> dL_dnormal;
-    std::vector<float> dL_ddepth, dL_dother_depth;  // of the other view: may be empty
+    std::vector<float> dL_ddepth, dL_dother_depth;  // may be empty
 };
 
 template <class Device>
@@ -114,8 +114,8 @@ DeviceView<Device> upload_view(const ViewMaps& v, int index) {
     return view;
 }
 
-/// What `terms` times the geometric (or else the photometric) term add to an objective that already
-/// holds something.
+/// Result of adding the geometric (or else the photometric) term `terms` times to an objective that
+/// is not empty.
 template <class Device>
 MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, int terms = 1) {
     const ScheduledOptions options{weight, 1};
@@ -166,7 +166,7 @@ MultiViewResult evaluate(const MultiViewCase& c, bool geometry, float weight, in
 /// evaluate<Cuda>, compiled by nvcc.
 MultiViewResult evaluate_cuda(const MultiViewCase& c, bool geometry, float weight);
 
-/// A photometric term with exposure, looked at `steps` times with the same render.
+/// A photometric term with exposure, evaluated `steps` times with the same render.
 struct ExposureCase {
     int width = 16, height = 12;
     std::vector<Vec3f> color;
@@ -177,7 +177,7 @@ struct ExposureCase {
 struct ExposureResult {
     double first_value = 0, last_value = 0;
     std::vector<ExposureState> states;
-    std::vector<Vec3f> dL_dcolor;  // of the last look
+    std::vector<Vec3f> dL_dcolor;  // of the last step
 };
 
 template <class Device>

@@ -1,4 +1,4 @@
-// Scenes that the plan looks at, and what it decides of them.
+// Makes scenes for tests of the plan, and reads its decisions.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -14,7 +14,7 @@
 namespace tvsgs::test {
 inline constexpr double kDegree = 3.14159265358979 / 180;
 
-/// What a camera sees of the plane z = 0; `gain` scales it.
+/// A photograph of the textured plane z = 0; `gain` scales it.
 inline ImageU8 photo_of_plane(const Camera& camera, double gain = 1) {
     ImageU8 photo(camera.width_px, camera.height_px, 3);
     const Vec3f from = camera_centre(camera);
@@ -29,8 +29,8 @@ inline ImageU8 photo_of_plane(const Camera& camera, double gain = 1) {
     return photo;
 }
 
-/// Cameras on an arc around a textured plane that faces them, `step_deg` apart and 5 units away;
-/// `points` points on it, seen by all.
+/// Cameras on an arc in front of a textured plane, `step_deg` apart at a distance of 5 units;
+/// `points` points on the plane, visible in all views.
 inline Scene patch_scene(int views, double step_deg, int points) {
     Scene scene;
     for (int v = 0; v < views; ++v) {
@@ -38,7 +38,7 @@ inline Scene patch_scene(int views, double step_deg, int points) {
         const double angle = (v - 0.5 * (views - 1)) * step_deg * kDegree;
         const auto c = static_cast<float>(std::cos(angle)), s = static_cast<float>(std::sin(angle));
         view.camera = {100, 80, 200, 200, 50, 40, {}};
-        // The axes of a camera at (5 s, 0, -5 c) that looks at the origin.
+        // Axes of a camera at (5 s, 0, -5 c) that looks at the origin.
         view.camera.camera_from_world.R = {{{c, 0, s}, {0, 1, 0}, {-s, 0, c}}};
         view.camera.camera_from_world.t = {0, 0, 5};
         view.photo = photo_of_plane(view.camera);

@@ -9,7 +9,7 @@ namespace {
 
 using test::close;
 
-/// Gradients of all the same shape as `g`, one number everywhere.
+/// Gradients in the shape of `g`, all with the same value.
 Gaussians<Cpu> constant_like(const Gaussians<Cpu>& g, float value) {
     Gaussians<Cpu> out;
     copy(g, out);
@@ -28,7 +28,7 @@ TEST(Adam, FirstStepMovesEveryGroupByItsRate) {
     Adam<Cpu> adam(options, g);
     // m / correction1 = g and v / correction2 = g^2 at the first step, so it is rate * sign(g).
     adam.step(1, 2.0f, 1, constant_like(g, -0.3f), g, true);
-    const double r = 1e-5;  // a rounding of values of order 1 is 1e-7, the least rate 1.25e-4
+    const double r = 1e-5;  // rounding of values near 1 is 1e-7, the smallest rate 1.25e-4
     for (std::size_t i = 0; i < 5; ++i) {
         EXPECT_NEAR(g.means[i].x - before.means[i].x, position_rate(options, 1, 2), r);
         EXPECT_NEAR(g.log_scales[i].y - before.log_scales[i].y, options.scale, r);
@@ -59,7 +59,7 @@ TEST(Adam, TenStepsOnAQuadratic) {
                     (std::sqrt(v[i] / (1 - std::pow(0.999, t))) + 1e-15);
         }
     }
-    // Ten steps of roundings of values up to 8.
+    // Rounding of ten steps with values up to 8.
     for (std::size_t i = 0; i < 12; ++i)
         EXPECT_NEAR(g.log_scales[i / 3][static_cast<int>(i % 3)], x[i], 4e-6) << i;
 }

@@ -1,5 +1,4 @@
-// Poses that training improves: the frame that stays, bounds, what goes on from a saved state, and
-// trainings that find noisy cameras again.
+// Camera refinement: frame, bounds, saved states, and trainings that correct noisy poses.
 #include <cstring>
 
 #include "core/error.h"
@@ -23,7 +22,7 @@ std::vector<double> random_gradients(int views, Random& random) {
     return g;
 }
 
-/// The camera that sees of the world before a similarity what `camera` sees of it after.
+/// The camera that sees the original world as `camera` sees the transformed world.
 Camera seen_through(Camera camera, int direction, double by) {
     Rigid3d T{mat_cast<double>(camera.camera_from_world.R),
               vec_cast<double>(camera.camera_from_world.t)};
@@ -36,7 +35,7 @@ Camera seen_through(Camera camera, int direction, double by) {
     return camera;
 }
 
-/// Where a camera sees the scene's points.
+/// Image positions of the scene's points.
 std::vector<Vec2f> images_of(const Scene& scene, const Camera& c) {
     std::vector<Vec2f> images;
     for (const Vec3f point : scene.points.positions) {
@@ -46,7 +45,7 @@ std::vector<Vec2f> images_of(const Scene& scene, const Camera& c) {
     return images;
 }
 
-/// What the views have done to the images of points is orthogonal to what similarities do.
+/// The image motion by refinement is orthogonal to the image motion by similarities.
 TEST(CameraRefinement, TheFrameStays) {
     const Scene scene = rendered_scene();
     CameraRefinement refined(scene, refining());
@@ -66,7 +65,7 @@ TEST(CameraRefinement, TheFrameStays) {
             }
         }
         EXPECT_GT(by_step, 1);
-        // The points are no even grid of pixels.
+        // Approximate, as the points are not an even grid of pixels.
         EXPECT_LT(std::abs(along), 0.15 * std::sqrt(by_step * by_frame)) << direction;
     }
 }
@@ -168,7 +167,7 @@ bool same_bits(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
     return same;
 }
 
-/// Root of the mean squared distance between where true and found cameras see points, px.
+/// Root mean square distance between the image points of true and refined cameras, px.
 double pixels_off(const std::vector<View>& truth, const std::vector<Camera>& found) {
     double sum = 0, count = 0;
     for (std::size_t i = 0; i < truth.size(); ++i)
@@ -190,7 +189,7 @@ std::vector<Camera> cameras_of(const Scene& scene) {
     return cameras;
 }
 
-/// The noise is orthogonal to the frame, which no training can know: a step along it is removed.
+/// Noise without a component along similarities, which no training can correct.
 Scene with_noise(Scene scene, double px) {
     CameraRefinement noise(scene, refining());
     Random random(8);
@@ -226,7 +225,7 @@ TEST(RefinedTraining, FindsNoisyCamerasAgain) {
 TEST(RefinedTraining, WithoutStepsNothingChangesABit) {
     const Scene scene = rendered_scene();
     TrainOptions options = test::everything_on(35);
-    options.densify.max_gaussians = 200;  // for the time of the test
+    options.densify.max_gaussians = 200;  // for a short test
     const Outcome off = run(scene, options);
     EXPECT_FALSE(off.cameras);
     for (const auto& [done, state] : off.saved) EXPECT_EQ(state->find("cameras.numbers"), nullptr);
@@ -237,7 +236,7 @@ TEST(RefinedTraining, WithoutStepsNothingChangesABit) {
     EXPECT_FALSE(same_bits(off.splats, run(scene, options).splats));
 }
 
-/// Rounds have three iterations, states are saved in their middle, growth changes splats.
+/// Rounds have three iterations; states are saved within a round; growth changes splats.
 template <class Device>
 void resumes() {
     const Scene scene = with_noise(rendered_scene(), 1);

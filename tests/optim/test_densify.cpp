@@ -26,7 +26,7 @@ TEST(Densify, GradientIsTheMeanOverTheViewsThatSeeTheSplat) {
     Model model(2);
     const float t = DensifyOptions{}.gradient_threshold;
     Densifier<Cpu> densifier(options_without_trim(), 1, 0);
-    // 1.5 t, then 0.7 t: 1.1 t on average. Splat 1 is not seen at first: 0.7 t alone.
+    // 1.5 t, then 0.7 t: 1.1 t on average. Splat 1 is invisible at first: 0.7 t.
     model.screen.dL_dmeans2d[0] = model.screen.dL_dmeans2d[1] = {1.5f * t, 0};
     model.screen.radii_px[1] = 0;
     EXPECT_FALSE(
@@ -35,7 +35,7 @@ TEST(Densify, GradientIsTheMeanOverTheViewsThatSeeTheSplat) {
     model.screen.radii_px[1] = 5;
     densifier.step(600, model.screen, model.g, model.adam, kNoViews);
     EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 0, 1}));
-    // Sums start anew: without gradients nothing grows at the next event.
+    // Growth resets the sums: without new gradients nothing grows at the next event.
     model.show();
     densifier.step(700, model.screen, model.g, model.adam, kNoViews);
     EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 2}));
@@ -70,7 +70,7 @@ TEST(Densify, ClonesStayOrMove) {
         EXPECT_EQ(model.g.log_scales[clone].x, kLogSmall);
         EXPECT_EQ(model.g.sh[0].x, model.g.sh[1].x);
         EXPECT_EQ(model.g.sh[2].z, model.g.sh[3].z) << "the second coefficient of both";
-        // The original keeps its moments, the clone starts at rest.
+        // The original keeps its moments, those of the clone are 0.
         EXPECT_EQ(model.adam.first_moments().means[old].x, 1);
         EXPECT_EQ(model.adam.first_moments().means[clone].x, 0);
         EXPECT_EQ(model.adam.second_moments().quats[old].w, 1);
@@ -122,7 +122,8 @@ TEST(Densify, ChildrenAreDrawnFromTheSplat) {
     }
     const double deviation[3] = {std::exp(-1), std::exp(-2), std::exp(-4)};
     for (int k = 0; k < 3; ++k) {
-        // 8000 draws: the mean is known to 1/89 deviations, the deviation to 0.8%; four of those.
+        // 8000 draws: the mean has a standard error of 1/89 deviations, the deviation of 0.8 %;
+        // allow four.
         EXPECT_NEAR(sum[k] / (2 * n), 0, 4 * deviation[k] / 89);
         EXPECT_NEAR(std::sqrt(squares[k] / (2 * n)), deviation[k], 0.032 * deviation[k]);
     }
@@ -138,7 +139,7 @@ TEST(Densify, AbsoluteGradientSplitsLargeSplatsOnly) {
     }
     model.screen.radii_px[1] = 20;                                   // not above 20
     model.screen.abs_dL_dmeans2d[2] = {0, std::nextafter(t, 0.0f)};  // below the threshold
-    model.screen.front_pixels[4] = 0;  // behind others: its radius does not count
+    model.screen.front_pixels[4] = 0;  // hidden by others: its radius does not count
     EXPECT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 0, 1, 2, 3, 4, 5, 5}));
 }
 
@@ -163,7 +164,7 @@ TEST(Densify, TransparentSplatsArePruned) {
     model.g.opacity_logits[1] = least - 1e-4f;
     model.g.opacity_logits[2] = least + 1e-4f;
     model.g.opacity_logits[3] = -9;
-    model.screen.dL_dmeans2d[3] = {1, 0};  // growing does not save it
+    model.screen.dL_dmeans2d[3] = {1, 0};  // growth does not save it
     EXPECT_EQ(grow_once(model, options_without_trim()), (std::vector<int>{0, 2}));
     EXPECT_EQ(model.adam.first_moments().means[1].x, 1);
 }
@@ -217,7 +218,7 @@ TEST(Densify, OpacityReset) {
     }
 }
 
-/// With a filter it is the opacity as drawn that comes down to 0.01.
+/// With a filter, the rendered opacity is lowered to 0.01.
 TEST(Densify, OpacityResetUnderAFilter) {
     Model model(4);
     const float scale = std::exp(kLogSmall);
@@ -243,7 +244,7 @@ TEST(Densify, TrimKeepsSplatsInFrontInEnoughViews) {
     model.screen.dL_dmeans2d[1] = {1, 0};  // splat 1 is cloned first: 0 1 1 2 3
     DensifyOptions o = options_without_trim();
     o.trim_min_views = 2;
-    o.jitter_clones = false;  // in the same place the clone comes second
+    o.jitter_clones = false;  // at the same place, so the clone is sorted second
     Densifier<Cpu> densifier(o, 1, 0);
     const auto observe = [&](const auto& count_view) {
         ASSERT_EQ(model.g.size(), 5) << "views are observed after growing";
@@ -256,7 +257,7 @@ TEST(Densify, TrimKeepsSplatsInFrontInEnoughViews) {
     };
     const auto event = densifier.step(1000, model.screen, model.g, model.adam, observe);
     EXPECT_TRUE(event.structure_changed);
-    // Of 0 1 1' 2 3 those seen twice: 0, the clone 1', 3, by their numbers before the step.
+    // Of 0 1 1' 2 3, those seen twice: 0, the clone 1', and 3, numbered as before the step.
     EXPECT_EQ(parents_of(densifier), (std::vector<int>{0, 1, 3}));
     EXPECT_EQ(model.g.size(), 3);
     EXPECT_EQ(model.adam.first_moments().means[0].x, 1);
@@ -268,7 +269,7 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
     Model model(3), before(3);
     for (std::size_t i = 0; i < 3; ++i) model.g.opacity_logits[i] = -9;
     DensifyOptions o = options_without_trim();
-    o.trim_min_views = 2;  // and nobody is seen at iteration 1000
+    o.trim_min_views = 2;  // no splat is seen at iteration 1000
     Densifier<Cpu> densifier(o, 1, 0);
     for (int step : {600, 1000}) {
         const auto event = densifier.step(step, model.screen, model.g, model.adam, kNoViews);
@@ -279,7 +280,7 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
             EXPECT_EQ(model.adam.first_moments().means[i].x, 1);
         }
     }
-    // Growth succeeds, the trim that follows would remove all: the growth alone is reported.
+    // Growth succeeds, and the following trim would remove all splats: only growth is reported.
     Model grown(2);
     grown.screen.dL_dmeans2d[1] = {1, 0};
     Densifier<Cpu> other(o, 1, 0);
@@ -287,7 +288,7 @@ TEST(Densify, WhenNothingWouldBeLeftNothingChanges) {
     EXPECT_EQ(parents_of(other), (std::vector<int>{0, 1, 1}));
 }
 
-/// Every array of a splat says whose it is.
+/// Writes the splat's index into every array.
 void mark(Gaussians<Cpu>& g) {
     for (std::size_t i = 0; i < g.means.size(); ++i) {
         const auto f = static_cast<float>(i);
@@ -403,7 +404,7 @@ void expect_same(const Buffer<T, Cpu>& cpu, const Buffer<T, Cpu>& cuda) {
     ASSERT_EQ(cpu.size(), cuda.size());
     const auto* a = reinterpret_cast<const float*>(cpu.data());
     const auto* b = reinterpret_cast<const float*>(cuda.data());
-    // Exponentials and draws differ by roundings: a few 1e-7 of positions and logits up to 5.
+    // Exponentials and draws differ by rounding: a few 1e-7 of positions and logits up to 5.
     for (std::size_t i = 0; i < cpu.size() * sizeof(T) / sizeof(float); ++i)
         ASSERT_NEAR(a[i], b[i], 1e-5) << i;
 }

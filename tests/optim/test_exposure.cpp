@@ -1,4 +1,4 @@
-// A gain and an offset per photograph: derivatives. Fits are in test_multiview_losses.cpp.
+// Derivatives of the exposure formula. test_multiview_losses.cpp tests the fit.
 #include <gtest/gtest.h>
 
 #include "optim/photo/exposure.h"

@@ -1,5 +1,5 @@
-// The term that compares descriptors of views: against its definition in double, and where a plane
-// with a texture lies.
+// The loss on descriptors: compared with its definition in double, and minimal at the depth of a
+// textured plane.
 #include <map>
 #include <numbers>
 
@@ -40,7 +40,7 @@ Vec3d plane_point(const Camera& c, double x, double y) {
     return transpose_times(R, p);
 }
 
-/// Descriptors that belong to places of the plane, disturbed by noise.
+/// Descriptors as a function of the point on the plane, with noise.
 ViewMap plane_features(
     const Camera& c, std::string_view name, int width, int height, double noise, unsigned seed) {
     test::Random random(seed);
@@ -77,7 +77,7 @@ void set_depth(FatesCase& c, double scale, double noise = 0) {
     c.transmittance.assign(c.depth.size(), 0);
 }
 
-/// Two other views of different sizes; depths and descriptors are off by a little.
+/// Two neighbour views of different sizes; depths and descriptors have some noise.
 FatesCase plane_case() {
     FatesCase c;
     c.view = plane_view(0, 40, 30, 1, 0.2);
@@ -108,7 +108,7 @@ FeatureMap feature_map(const ViewMap& m) {
     return {m.values.data(), m.width_px, m.height_px, m.channels};
 }
 
-/// One comparison of a pixel that counts, and what it costs at a depth.
+/// One compared pair of a pixel, and its cost as a function of depth.
 struct Sample {
     ViewPair<double> pair;
     Vec3d ray;
@@ -124,7 +124,7 @@ struct Sample {
     }
 };
 
-/// Of the pixels that are the nearest in their pixel of the other view, in the order of the depths.
+/// Whether each pixel is the nearest in its pixel of the other view.
 std::vector<bool> visible(const FatesCase& c, const FatesView& other) {
     const Camera& camera = c.view.camera;
     const auto pair = view_pair(camera, other.camera, c.min_depth);
@@ -144,7 +144,7 @@ std::vector<bool> visible(const FatesCase& c, const FatesView& other) {
     return result;
 }
 
-/// What counts, pixel by pixel.
+/// All compared pairs, per pixel.
 std::vector<std::vector<Sample>> samples_of(const FatesCase& c) {
     std::vector<std::vector<Sample>> samples(c.depth.size());
     const Camera& camera = c.view.camera;
@@ -210,9 +210,10 @@ void expect_sum_and_slopes(const FatesCase& c) {
             continue;
         }
         const double expected = central_difference(around, 1e-5);
-        if (std::abs(expected - central_difference(around, 3e-6)) > 1e-7) continue;  // a cell ends
+        // At the edge of a cell.
+        if (std::abs(expected - central_difference(around, 3e-6)) > 1e-7) continue;
         ++checked;
-        // To the roundings of the 3 that stood there before, and of the sums in a cosine.
+        // Tolerance: rounding of the 3 that was there before, and of the sums in a cosine.
         ASSERT_NEAR(r.dL_ddepth[i], expected, 2e-6) << i;
     }
     EXPECT_TRUE(close(r.value, sum, 1e-4));
@@ -226,11 +227,11 @@ TEST(FeatureLoss, ValueAndGradient) {
 
 TEST(FeatureLoss, OneResolutionAloneCountsFully) {
     FatesCase c = plane_case();
-    c.others[0].maps.pop_back();  // of this pair alone
+    c.others[0].maps.pop_back();  // only of this pair
     expect_sum_and_slopes(c);
     c.view.maps.pop_back();
     expect_sum_and_slopes(c);
-    // A view without descriptors is not compared with, and does not dilute the mean.
+    // A view without descriptors is not compared, and does not count in the mean.
     c.others[1].maps.clear();
     expect_sum_and_slopes(c);
 }
@@ -238,8 +239,8 @@ TEST(FeatureLoss, OneResolutionAloneCountsFully) {
 TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
     const FatesCase c = occluded_case();
     expect_sum_and_slopes(c);
-    // Points of the plane that the block hides from the other view, by geometry alone: the ray from
-    // its camera meets the block first.
+    // Points of the plane that the block hides from the other view, found by geometry: the ray from
+    // the other camera meets the block first.
     const Camera& a = c.view.camera;
     int hidden = 0, removed = 0;
     FatesCase one = c, open = plane_case();  // without the block
@@ -252,7 +253,7 @@ TEST(FeatureLoss, WhatABlockHidesDoesNotCount) {
             if (!(c.depth[i] > 2.9f)) continue;
             const Vec3d there =
                 pair.other_from_reference * (double{c.depth[i]} * ray_d(a, x + 0.5, y + 0.5));
-            // Along the ray to the other camera, where it is 2.8 deep in the reference.
+            // The ray to the other camera at the block's depth of 2.8 in the reference.
             const Vec3d back = transpose_times(pair.other_from_reference.R,
                                                there - pair.other_from_reference.t),
                         eye = transpose_times(pair.other_from_reference.R,
@@ -279,7 +280,7 @@ TEST(FeatureLoss, OfEquallyNearPointsOneIsSeen) {
         return ViewMap{std::string(prior_map::kFeatures), 2, 2, 2, values};
     };
     c.view.maps = {map({1, 0})};
-    // All points come into its one pixel; the four in the middle are as near as each other.
+    // All points project to its single pixel; the four in the middle are equally near.
     c.others = {{scaled_camera(c.view.camera, 1, 1), {map({0.8f, 0.6f})}}};  // a cosine of 0.8
     c.depth.assign(64, 2), c.transmittance.assign(64, 0);
     c.options.photometric.weight = 0;
@@ -299,7 +300,7 @@ TEST(FeatureLoss, IsLeastWhereThePlaneIs) {
             slope += double{r.dL_ddepth[i]} * double{c.depth[i]} / scale;
         return slope;
     };
-    // What a tenth of a pixel is along the rays, of the whole scale.
+    // Change of the depth scale that moves the projection by a tenth of a pixel.
     const auto pair = view_pair<double>(c.view.camera, c.others[0].camera, 0.1);
     const Vec3d ray = ray_d(c.view.camera, 20, 15);
     const double z = plane_depth(c.view.camera, 20, 15);
@@ -352,7 +353,7 @@ TEST(FeatureLoss, OurDescriptorsFindThePlane) {
         const double z = plane_depth(c.view.camera, 80, 60);
         const Vec2d moved = seen_point(pair, ray, 1.01 * z).point - seen_point(pair, ray, z).point;
         const double pixel = 1 / (100 * std::sqrt(dot(moved, moved)));
-        // They are at half the size: a tenth of their pixel.
+        // Descriptors have half the resolution: the steps are tenths of their pixel.
         for (const double off : {0.2, 0.5, 1.0}) {
             EXPECT_LT(slope_at(1 - off * pixel), 0) << off;
             EXPECT_GT(slope_at(1 + off * pixel), 0) << off;
@@ -402,7 +403,7 @@ TEST(FeatureLoss, WhereNothingCanBeComparedItAddsNothing) {
     c = full;
     for (ViewMap& map : c.view.maps) std::fill(map.values.begin(), map.values.end(), 0.0f);
     expect_nothing(c, "descriptors of nothing");
-    c = full;  // descriptors of something else: a few are alike by chance
+    c = full;  // descriptors of something else: a few are similar by chance
     for (ViewMap& map : c.view.maps)
         for (float& value : map.values) value = -value;
     EXPECT_LT(evaluate<Cpu>(c).value, 0.05 * evaluate<Cpu>(full).value);
@@ -427,7 +428,7 @@ TEST(FatesTwins, Features) {
         for (const FatesCase& c : {plane_case(), occluded_case()}) {
             const FatesResult a = evaluate<Cpu>(c), b = test::evaluate_cuda(c),
                               again = test::evaluate_cuda(c);
-            // Roundings may decide otherwise who is nearest in a pixel, or beyond the most error.
+            // Rounding may change which pixel is nearest, or whether an error exceeds the limit.
             EXPECT_TRUE(close(a.value, b.value, 5e-3));
             EXPECT_EQ(b.value, again.value);
             int differ = 0;

@@ -1,4 +1,4 @@
-// The formulas of FatesGS' terms: pairs, patches, points in other views, descriptors.
+// Formulas of FatesGS' losses: pairs, patches, points in other views, descriptors.
 #include <set>
 
 #include "optim/losses/depth_order_math.h"
@@ -13,22 +13,22 @@ using test::central_difference;
 using test::close;
 using Vec2d = Vec2<double>;
 
-/// Of two pixels with a prior each.
+/// Penalty of two pixels with priors ma, mb and depths a, b.
 Penalty<double> rank_pair(double ma, double mb, double a, double b, double margin) {
     return order_hinge(order_sign(ma, mb, 0.0), b - a, margin);
 }
 
 TEST(RankPair, CostsWhatIsOutOfOrder) {
-    // The prior has a behind b; by the render b is 0.3 behind a.
+    // The prior has a behind b; the render has b behind a by 0.3.
     EXPECT_DOUBLE_EQ(rank_pair(0.8, 0.2, 1.0, 1.3, 0.01).value, 0.31);
     EXPECT_DOUBLE_EQ(rank_pair(0.8, 0.2, 1.0, 1.3, 0.01).slope, 1);
     EXPECT_DOUBLE_EQ(rank_pair(0.2, 0.8, 1.3, 1.0, 0.01).value, 0.31);
     EXPECT_DOUBLE_EQ(rank_pair(0.2, 0.8, 1.3, 1.0, 0.01).slope, -1);
-    // In order by more than the margin, and by less.
+    // Correct order by more than the margin, and by less.
     EXPECT_EQ(rank_pair(0.2, 0.8, 1.0, 1.3, 0.01).value, 0);
     EXPECT_EQ(rank_pair(0.2, 0.8, 1.0, 1.3, 0.01).slope, 0);
     EXPECT_NEAR(rank_pair(0.2, 0.8, 1.0, 1.004, 0.01).value, 0.006, 1e-12);
-    // Equal priors: the margin, and no pull.
+    // Equal priors: cost of the margin, no gradient.
     EXPECT_EQ(rank_pair(0.5, 0.5, 1.0, 9.0, 0.01).value, 0.01);
     EXPECT_EQ(rank_pair(0.5, 0.5, 1.0, 9.0, 0.01).slope, 0);
 }
@@ -38,7 +38,7 @@ TEST(DepthPairs, SlopesAreDerivatives) {
     for (int trial = 0; trial < 50; ++trial) {
         const double ma = random.uniform(0, 1), mb = random.uniform(0, 1), a = random.uniform(1, 2),
                      b = random.uniform(1, 2), margin = 0.1;
-        if (std::abs(std::abs(a - b) - margin) < 1e-3) continue;  // the kink
+        if (std::abs(std::abs(a - b) - margin) < 1e-3) continue;  // near the kink
         const auto by = [&](const auto& value) { return central_difference(value, 1e-5); };
         EXPECT_NEAR(rank_pair(ma, mb, a, b, margin).slope,
                     by([&](double h) { return rank_pair(ma, mb, a, b + h, margin).value; }), 1e-8);
@@ -90,7 +90,7 @@ TEST(PatchGrid, EachPixelIsInOnePairOfItsPatch) {
                   by = b / width - grid.top;
         EXPECT_EQ(ax / 32, bx / 32);
         EXPECT_EQ(ay / 32, by / 32);
-        if (i >= kRankPairs) {  // all patches alike
+        if (i >= kRankPairs) {  // the same permutation in all patches
             const auto first = pixel_pair(grid, width, i % kRankPairs, key);
             EXPECT_EQ((ay % 32) * width + ax % 32, first.a - grid.top * width - grid.left);
             continue;
@@ -99,7 +99,7 @@ TEST(PatchGrid, EachPixelIsInOnePairOfItsPatch) {
         distance += std::hypot(bx - ax, by - ay) / kRankPairs;
     }
     EXPECT_EQ(seen.size(), std::size_t{64 * 64});
-    // Of two pixels at random in a square: 0.5214 of its side.
+    // Mean distance of two random pixels in a square: 0.5214 of its side.
     EXPECT_NEAR(distance, 0.5214 * 32, 2);
     EXPECT_GT(offsets.size(), 300u) << "pairs are no draws: they repeat few offsets";
     const auto other = pixel_pair(grid, width, 7, random4(1, RandomStream::test, 3)),
@@ -122,7 +122,7 @@ TEST(PatchGrid, PairsAreFarApartAsDrawsAre) {
         for (int axis : {0, 1})
             sum[axis] += mean[axis] / keys, squares[axis] += mean[axis] * mean[axis] / keys;
     }
-    for (int axis : {0, 1}) {  // 10.66 +- 0.33 for one key, a seventeenth of that for all
+    for (int axis : {0, 1}) {  // 10.66 +- 0.33 for one key, a seventeenth of that for all keys
         EXPECT_NEAR(sum[axis], 32 / 3.0 - 1 / 96.0, 0.08);
         EXPECT_LT(std::sqrt(squares[axis] - sum[axis] * sum[axis]), 0.4);
     }
@@ -185,7 +185,7 @@ TEST(FeatureMatch, ErrorAndSlope) {
         Vec2d q{random.uniform(0.6, 8.4), random.uniform(0.6, 6.4)};
         const auto match = feature_match(m.first(), p, m.second(), q, 3.0);
         ASSERT_TRUE(match.valid);
-        // By the definition, sampled by hand.
+        // The definition, sampled by hand.
         const auto sample = [](const std::vector<float>& values, Vec2d at, int channel) {
             double sum = 0;
             for (int y = 0; y < Maps::kH; ++y)
@@ -203,7 +203,7 @@ TEST(FeatureMatch, ErrorAndSlope) {
         }
         EXPECT_TRUE(close(match.error, std::abs(1 - ab / std::sqrt(aa * bb)), 1e-10));
         const auto near = [](double x) { return std::abs(x - std::floor(x) - 0.5) < 1e-3; };
-        if (near(q.x) || near(q.y)) continue;  // the kink between two cells
+        if (near(q.x) || near(q.y)) continue;  // near the kink between two cells
         for (int axis = 0; axis < 2; ++axis) {
             double& coordinate = axis ? q.y : q.x;
             const double kept = coordinate;
@@ -224,7 +224,7 @@ TEST(FeatureMatch, SaysNothingWhereItCannot) {
     Maps m(1);
     const Vec2d p{3.2, 4.1};
     EXPECT_TRUE(feature_match(m.first(), p, m.second(), p, 3.0).valid);
-    // From the centres of the outermost pixels on; a hair outside nothing is mixed in.
+    // Valid from the centres of the outermost pixels on; invalid slightly outside.
     for (const Vec2d inside : {Vec2d{0.5, 0.5}, Vec2d{8.5, 6.5}})
         EXPECT_TRUE(feature_match(m.first(), p, m.second(), inside, 3.0).valid);
     for (const Vec2d out : {Vec2d{0.499, 3}, Vec2d{8.501, 3}, Vec2d{3, 0.499}, Vec2d{3, 6.501},
@@ -232,7 +232,7 @@ TEST(FeatureMatch, SaysNothingWhereItCannot) {
         EXPECT_FALSE(feature_match(m.first(), p, m.second(), out, 3.0).valid);
         EXPECT_FALSE(feature_match(m.first(), out, m.second(), p, 3.0).valid);
     }
-    // On the border itself, as just inside.
+    // On the border the result is that just inside.
     for (const Vec2d end : {Vec2d{8.5, 3.2}, Vec2d{3.2, 6.5}}) {
         const auto on = feature_match(m.first(), p, m.second(), end, 3.0),
                    in = feature_match(m.first(), p, m.second(), end - Vec2d{1e-9, 1e-9}, 3.0);

@@ -1,4 +1,4 @@
-// The terms that go by the order of a prior's depths, against their definition in double.
+// The losses on the order of a prior's depths, compared with their definition in double.
 #include <limits>
 
 #include "fates_case.h"
@@ -23,7 +23,7 @@ std::vector<float>& map_of(FatesCase& c, std::string_view name) {
     return map.values;
 }
 
-/// Depths, priors and colours at random, with holes of each kind.
+/// Random depths, priors and colours, with holes of each kind.
 FatesCase random_case() {
     test::Random random(8);
     FatesCase c;
@@ -59,7 +59,7 @@ FatesCase rank_case() {
 
 FatesCase smooth_case() {
     FatesCase c = random_case();
-    // Most steps between neighbours are no edges.
+    // Makes most steps between neighbours smaller than an edge.
     for (float& m : map_of(c, prior_map::kDepthOrder)) m *= 0.025f;
     c.options.photometric.weight = 0;
     c.options.depth_smooth = {.weight = kWeight};
@@ -72,10 +72,10 @@ bool known(FatesCase& c, std::size_t i) {
            map_of(c, prior_map::kConfidence)[i] > 0;
 }
 
-/// A part of a term: its two depths, what it costs by the first and the second.
+/// A pair of depths in a term, and its cost.
 struct Part {
     std::size_t a, b;
-    double sign;  // of the depths' difference; 0: its absolute value
+    double sign;  // sign of the depth difference; 0: its absolute value
     double add, weight;
 
     double cost(const std::vector<double>& depth) const {
@@ -143,8 +143,9 @@ void expect_sum_and_slopes(FatesCase c, const std::vector<Part>& parts) {
             return cost;
         };
         const double expected = central_difference(around, 1e-6);
-        if (std::abs(expected - central_difference(around, 3e-7)) > 1e-3 * scale) continue;  // kink
-        // To a few roundings of the 3 that stood there before.
+        // Near the kink.
+        if (std::abs(expected - central_difference(around, 3e-7)) > 1e-3 * scale) continue;
+        // Tolerance: some rounding of the 3 that was there before.
         ASSERT_NEAR(r.dL_ddepth[i], expected, 1e-6) << i;
         pulled += expected != 0;
     }
@@ -154,7 +155,7 @@ void expect_sum_and_slopes(FatesCase c, const std::vector<Part>& parts) {
 TEST(DepthRankLoss, ValueAndGradient) {
     FatesCase c = rank_case();
     const auto parts = rank_parts(c);
-    // Pairs whose both members are known: holes are about a seventh of the pixels.
+    // Pairs in which both pixels are known: holes are about a seventh of the pixels.
     EXPECT_GT(parts.size(), 1500u);
     EXPECT_LT(parts.size(), 2300u);
     expect_sum_and_slopes(c, parts);
@@ -182,7 +183,7 @@ TEST(DepthRankLoss, ARampInOrderCostsMarginsAloneAndTurnedRoundItsSteps) {
             const auto [a, b] = pixel_pair(grid, 64, i, key);
             const double step = std::abs(a % 64 - b % 64) / 64.0;
             in_order += std::max(0.0, margin - step) / grid.pairs();
-            // Of equal ones the margin counts, either way.
+            // Equal priors cost the margin in both cases.
             turned += (step + margin) / grid.pairs();
         }
     }
@@ -194,9 +195,9 @@ TEST(DepthRankLoss, ARampInOrderCostsMarginsAloneAndTurnedRoundItsSteps) {
     for (const float m : ramp) c.depth.push_back(3 - m);
     const FatesResult r = evaluate<Cpu>(c);
     EXPECT_TRUE(close(r.value, turned, 1e-5));
-    // The mean step of two draws out of 32: a third of 32, less 1 / (3 32).
+    // Mean step between two draws out of 32: a third of 32, less 1 / (3 32).
     EXPECT_NEAR(r.value, 2 * ((32 / 3.0 - 1 / 96.0) / 64 + margin), 0.05);
-    // Pulled down where the prior is near and up where it is far, in sum by nothing.
+    // Gradients lower near depths and raise far ones; their sum is 0.
     double sum = 0, first = 0, last = 0;
     for (int i = 0; i < 64 * 64; ++i) {
         const float g = r.dL_ddepth[static_cast<std::size_t>(i)];
@@ -238,7 +239,7 @@ TEST(DepthSmoothLoss, EachAxisHasAMeanOfItsOwn) {
     c.options.photometric.weight = 0;
     c.options.depth_smooth = {.weight = 1};
     c.depth = {1, 1, 4, 1, 1, 1, 1, 1, 1, 1};
-    // Two of 8 steps across and one of 5 down, of 3 each.
+    // Two of 8 steps across and one of 5 down have a size of 3.
     const FatesResult r = evaluate<Cpu>(c);
     EXPECT_NEAR(r.value, (3 - 1e-4) * (2 / 8.0 + 1 / 5.0), 1e-6);
     EXPECT_NEAR(r.dL_ddepth[2], 2 / 8.0 + 1 / 5.0, 1e-6);

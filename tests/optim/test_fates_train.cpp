@@ -1,5 +1,5 @@
-// FatesGS' configurations: what they need, what takes the place of what is missing, and that a
-// training lowers each term.
+// FatesGS' configurations: their needs, substitutes for missing inputs, and trainings that lower
+// each term.
 #include <map>
 
 #include "core/scene/prior_maps.h"
@@ -22,8 +22,8 @@ RunOptions options_of(const std::string& config) {
 
 constexpr int kWidth = 72, kHeight = 64;
 
-/// Three views of a textured plane in front of which nothing is, with a prior that knows the order
-/// of its depths; the initial points are off the plane by 3 % of their depth.
+/// Three views of a textured plane, with a prior of its depth order; the initial points are off the
+/// plane by 3 % of their depth.
 Scene plane_scene() {
     test::Random random(22);
     const Vec3d n = normalize(Vec3d{0.25, -0.2, -1});
@@ -60,7 +60,7 @@ Scene plane_scene() {
 TEST(FatesTraining, LowersEachOfItsTerms) {
     RunOptions options = options_of("fates_gs");
     options.train.iterations = 121;
-    // Of the dense cloud that it is made for more than the usual tenth is opaque.
+    // More opaque than the default, for the dense cloud that the configuration expects.
     options.train.init.opacity = 0.7f;
     options.train.loss.normal_consistency.start = options.train.loss.distortion.start = 1;
     Scene scene = plane_scene();
@@ -78,7 +78,7 @@ TEST(FatesTraining, LowersEachOfItsTerms) {
             return of_step[first] + of_step[first + 1] + of_step[first + 2];
         };
         EXPECT_GT(round(0), 0) << name;
-        // Descriptors of these small photographs differ by their borders at the end as well.
+        // Descriptors near the borders of these small photographs still differ at the end.
         EXPECT_LT(round(117), (name == "features" ? 0.97 : 0.75) * round(0)) << name;
     }
 }
@@ -88,7 +88,7 @@ TEST(FatesConfigurations, HoldWhatTheirAuthorsHave) {
         const RunOptions options = options_of(config);
         EXPECT_NO_THROW(check_consistency(options.train));
         const DensifyOptions& d = options.train.densify;
-        // What has gained no opacity since the start or the last reset stays, what has lost goes.
+        // Pruning keeps splats that gained no opacity, and removes splats that lost opacity.
         const auto logit = [](float o) { return std::log(o / (1 - o)); };
         EXPECT_LT(logit(d.min_opacity), logit(options.train.init.opacity));
         EXPECT_LT(logit(d.min_opacity), logit(d.reset_opacity));
@@ -131,7 +131,7 @@ TEST(ViewMaps, DescriptorsTakeThePlaceOfFeaturesAndNothingElseOfAnything) {
         EXPECT_EQ(view.maps[2].height_px, kHeight / 4);
     }
     const auto before = scene.train[0].maps[1].values;
-    complete_maps(loss, {Descriptor::census}, scene.train);  // they have some
+    complete_maps(loss, {Descriptor::census}, scene.train);  // their features exist already
     EXPECT_EQ(scene.train[0].maps.size(), 3u);
     EXPECT_EQ(scene.train[0].maps[1].values, before);
 
@@ -161,7 +161,7 @@ TEST(MemoryPlan, CountsMapsWhetherAllOrFewAreOnTheDevice) {
         const std::int64_t bytes = add_descriptors(Descriptor::orient, larger.train);
         const auto before = estimate_memory(scene, options, 100, true),
                    after = estimate_memory(larger, options, 100, true);
-        // All three views, or as many as two steps look at with two other views each.
+        // All three views, or the views of two steps with two neighbour views each.
         EXPECT_EQ(after.buffers.fixed - before.buffers.fixed, budget == 0 ? bytes : bytes / 3 * 6);
         EXPECT_EQ(after.host.fixed - before.host.fixed, bytes);
     }

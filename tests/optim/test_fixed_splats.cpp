@@ -1,4 +1,4 @@
-// Splats that are drawn with those that train and stay as they are.
+// Fixed splats (init.fixed_splats): rendered with the trained ones, unchanged by training.
 #include <cstring>
 
 #include "optim/growth/fixed_splats.h"
@@ -59,7 +59,7 @@ TEST(FixedSplats, AreJoinedPlaneByPlaneAndPartedAgain) {
         const auto given = shared(test::random_gaussians(11, 2, 0.05, fixed_degree));
         const Gaussians<Cpu>& fixed = *given;
         FixedSplats<Cpu> splats(given, 2);
-        for (int round = 0; round < 2; ++round) {  // the second with other trained ones
+        for (int round = 0; round < 2; ++round) {  // the second round has other trained splats
             if (round == 1) own = test::random_gaussians(37, 3, 0.05, 2);
             const Gaussians<Cpu>& all = splats.join(own);
             ASSERT_EQ(all.size(), 48);
@@ -121,8 +121,8 @@ TEST(FixedSplats, WithoutAnyTheTrainedOnesThemselvesAreDrawn) {
     EXPECT_EQ(&none.join(own), &own);
 }
 
-// A scene's photographs are what half of its splats and the fixed other half show: nothing is left
-// for the trained ones to explain of these, and what they do is what they do in the whole.
+// The photographs are renders of trained and fixed splats together. The trained half gets the same
+// gradients as if all splats were trained.
 TEST(FixedSplats, GradientsAreThoseOfTheWhole) {
     const Scene scene = test::rendered_scene();
     TrainOptions options;
@@ -169,8 +169,8 @@ TEST(FixedSplats, GradientsAreThoseOfTheWhole) {
     EXPECT_GT(largest, 0);
 }
 
-// With growth, trims, votes, other views and checkpoints: the fixed ones are not among the result,
-// have changed it, and a run that goes on ends with the same bits.
+// With growth, trims, votes, neighbour views and checkpoints: the result excludes the fixed splats
+// but depends on them, and a resumed run gives the same bits.
 TEST(FixedSplats, TrainingGrowsAndResumesBesideThem) {
     Scene scene = test::rendered_scene();
     const TrainOptions options = quick(60);

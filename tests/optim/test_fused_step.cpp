@@ -1,4 +1,4 @@
-// The fused step gives the bits of the plain step, for every rasteriser and set of maps.
+// The fused step gives the same bits as the plain step, for every rasteriser and set of maps.
 #include <algorithm>
 #include <cstring>
 #include <functional>
@@ -14,7 +14,7 @@ namespace {
 
 using test::close;
 
-/// Three cameras, of which none sees all splats.
+/// Three cameras; none sees all splats.
 Camera narrow_camera(int view) {
     Camera c = test::test_camera(24, 16, 0.5f * static_cast<float>(view));
     c.fx_px *= 3, c.fy_px *= 3;
@@ -25,7 +25,7 @@ std::vector<Camera> narrow_cameras() {
     return {narrow_camera(0), narrow_camera(1), narrow_camera(2)};
 }
 
-/// What is left after steps on given image gradients.
+/// State after steps along given image gradients.
 struct Stepped {
     Gaussians<Cpu> g, m, v;
     std::vector<Vec2f> by_ndc, abs_by_ndc;  // statistics of the last step
@@ -35,7 +35,7 @@ struct Stepped {
 
 enum class Way { in_memory, fused };
 
-/// A rasteriser that makes `maps`, and depth as `depth` says.
+/// A rasteriser, the maps that it renders, and its kind of depth.
 struct Drawn {
     std::string backbone;
     SurfaceDepth depth;
@@ -46,7 +46,7 @@ std::string text(const Drawn& d) {
            names_of(d.maps);
 }
 
-/// Everything that each of ours makes.
+/// All combinations of our rasterisers.
 std::vector<Drawn> all_drawn() {
     std::vector<Drawn> all;
     std::istringstream names(backbones_of(true) + ", " + backbones_of(false));
@@ -70,7 +70,7 @@ std::vector<Drawn> all_drawn() {
     return all;
 }
 
-/// Gradients by `maps` of what was rendered.
+/// Random gradients of the rendered `maps`.
 template <class Device>
 ImageGradients<Device> noise_for(const RenderedImages<Device>& images, Maps maps, unsigned seed) {
     ImageGradients<Device> dL;
@@ -92,7 +92,7 @@ ImageGradients<Device> noise_for(const RenderedImages<Device>& images, Maps maps
     return dL;
 }
 
-/// A view after the other. `without_map`: it has no gradient.
+/// Steps through the views. `without_map`: this map has no gradient.
 template <class Device>
 Stepped step_views(
     Way way, int steps, const Drawn& drawn, bool with_extra = true, Maps without_map = Maps::none) {
@@ -103,7 +103,7 @@ Stepped step_views(
     const auto backbone = make_backbone<Device>(drawn.backbone, render);
     backbone->prepare(0, true, narrow_cameras(), g);
     AdamOptions options;
-    options.scale = 1e-4f;  // noise for gradients: splats must not grow over the image
+    options.scale = 1e-4f;  // noise as gradients: splats must not grow over the image
     Adam<Device> adam(options, g);
     for (int t = 1; t <= steps; ++t) {
         const int degree = std::min(3, t / 8);
@@ -242,7 +242,7 @@ TEST(FusedStep, AHaltedStepChangesNothing) {
     }
 }
 
-/// All but a few of the first moments are the same to a thousandth of their middle size.
+/// All but a few first moments agree to a thousandth of their median magnitude.
 template <class T>
 void expect_few_differ(const Buffer<T, Cpu>& a, const Buffer<T, Cpu>& b, const std::string& what) {
     ASSERT_EQ(a.size(), b.size()) << what;
@@ -271,8 +271,8 @@ void expect_few_differ(const Stepped& a, const Stepped& b, const std::string& wh
     expect_few_differ(a.m.sh, b.m.sh, what + ", sh");
 }
 
-/// One step from the same start; later ones part, as Adam takes the full step whatever is left of a
-/// gradient after rounding.
+/// A single step from the same start: later steps diverge, as Adam takes full steps even along
+/// rounding errors.
 TEST(AdamTwins, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {
@@ -280,7 +280,7 @@ TEST(AdamTwins, CpuAgainstCuda) {
         const Stepped a = step_views<Cpu>(Way::fused, 1, colors, false),
                       b = step_views<Cuda>(Way::fused, 1, colors, false);
         for (std::size_t i = 0; i < 120; ++i) {
-            // Gradients are sums over pixels whose alphas differ by 1e-6 of themselves.
+            // Gradients are sums over pixels whose alphas differ by a relative 1e-6.
             EXPECT_TRUE(close(a.m.means[i].x, b.m.means[i].x, 1e-3, 1e-4)) << i;
             EXPECT_TRUE(close(a.m.opacity_logits[i], b.m.opacity_logits[i], 1e-3, 1e-4)) << i;
             EXPECT_TRUE(close(a.m.sh[i].y, b.m.sh[i].y, 1e-3, 1e-4)) << i;
@@ -289,8 +289,8 @@ TEST(AdamTwins, CpuAgainstCuda) {
     }
 }
 
-/// The sums over pixels are the same bits both ways; what differs is how the compiler rounds the
-/// rest. The second step finds splats out of view, and gradients of losses.
+/// The sums over pixels have the same bits in both modes; the compiler rounds later operations
+/// differently. The second step has splats out of view, and gradients of losses.
 TEST(AdamTwins, FusedOnAGpuIsAsInMemory) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {

@@ -1,4 +1,4 @@
-// Where a cloud leaves photographs open, and growth that keeps to such places.
+// Open shares of a cloud, and growth that is limited to open places.
 #include <array>
 
 #include "densify_case.h"
@@ -14,7 +14,7 @@ using test::Model;
 using test::options_without_trim;
 using test::parents_of;
 
-/// Two views of the plane z = 0 from nearly the same place, textured but for x > `flat_from`; one
+/// Two views of the plane z = 0 from nearly the same place, textured except for x > `flat_from`; a
 /// pixel is 0.02 units there.
 std::vector<View> views_of_a_plane(int flat_from = 200) {
     std::vector<View> views(2);
@@ -30,8 +30,7 @@ std::vector<View> views_of_a_plane(int flat_from = 200) {
     return views;
 }
 
-/// A point for every `step`-th pixel each way, from x = 0 to `to` px, but for those that `hole`
-/// takes out.
+/// Points at every `step`-th pixel along both axes, from x = 0 to `to` px, except inside `hole`.
 template <class Hole>
 std::vector<Vec3f> plane_points(int step, int to, const Hole& hole) {
     std::vector<Vec3f> points;
@@ -51,12 +50,12 @@ int y_of(Vec3f point) {
 }
 
 TEST(OpenShares, AreNoneWhereTheCloudCoversAndAllWhereItDoesNot) {
-    // A point a pixel; one in 25, which is 0.04 per pixel.
+    // A point per pixel; then one per 25 pixels, 0.04 per pixel.
     for (const float open : open_shares(views_of_a_plane(), plane_points(1, 200, kNoHole), false))
         ASSERT_EQ(open, 0);
     const auto sparse = plane_points(10, 200, kNoHole);
     for (const float open : open_shares(views_of_a_plane(), sparse, false)) ASSERT_EQ(open, 1);
-    // One in 16: 17 of 32 of the way from 0.02 to 0.1.
+    // One per 16 pixels: 17 of 32 of the way from 0.02 to 0.1.
     for (const float open : open_shares(views_of_a_plane(), plane_points(4, 200, kNoHole), false))
         ASSERT_NEAR(open, 15 / 32., 1e-6);
 }
@@ -80,7 +79,7 @@ TEST(OpenShares, AreThoseOfTheSplatsAroundAGap) {
     for (std::size_t i = 0; i < points.size(); ++i) {
         const int x = x_of(points[i]), y = y_of(points[i]);
         const int away = std::max({80 - x, x - 127, 64 - y, y - 111});
-        // Blocks beside the gap look across its rim, which they cover; those behind do not.
+        // Blocks beside the gap include its covered edge; blocks behind these do not.
         around += away <= 8;
         if (away <= 8)
             EXPECT_EQ(open[i], 1) << x << " " << y;
@@ -91,7 +90,7 @@ TEST(OpenShares, AreThoseOfTheSplatsAroundAGap) {
 }
 
 TEST(OpenShares, NeitherFlatPlacesNorRimsNorWhatMasksLeaveOutAreOpen) {
-    // Texture and cloud end at the same place: five pixels beside it count as textured.
+    // Texture and cloud end at the same place: five pixels beyond still count as textured.
     for (const int edge : {96, 99, 102})
         for (const float open :
              open_shares(views_of_a_plane(edge), plane_points(1, edge, kNoHole), false))
@@ -156,7 +155,7 @@ TEST(GrowthInGaps, WeighsWhatDecidesAboutEachSplat) {
 
 TEST(GrowthInGaps, TrimsAndResetsByDegrees) {
     DensifyOptions o = options_without_trim();
-    o.spare_covered = 0.5f, o.trim_min_views = 2;  // in front in 1, 1.25, 1.5, 1.5 views
+    o.spare_covered = 0.5f, o.trim_min_views = 2;  // times the weights: 1, 1.25, 1.5, 1.5 views
     Model model(4);
     for (std::size_t i = 0; i < 4; ++i) model.g.opacity_logits[i] = 3;
     Densifier<Cpu> densifier(o, 1, 0);
@@ -204,7 +203,7 @@ TEST(GrowthInGaps, ChildrenInheritWhatIsOpen) {
     EXPECT_FALSE(covered.may_change_structure(600) || covered.resets_opacity(3000));
 }
 
-/// Splats after a training with everything on, of so many initial points.
+/// Splats after a training from these initial points, with everything on.
 std::vector<Vec3f> trained(const Scene& scene, bool grows, float spare_covered) {
     TrainOptions o = test::everything_on(34);
     o.densify.enabled = grows, o.densify.spare_covered = spare_covered;

@@ -27,8 +27,8 @@ TEST(Densify, AQuantileLiesBetweenTwoValues) {
     EXPECT_EQ(quantile(none, 0.3), 0);
 }
 
-/// A hundred of a thousand are above the threshold; of the absolute gradients the upper tenth grows
-/// as well: above the quantile, 899.1 thousandths, and these are other splats.
+/// A hundred of a thousand splats are above the threshold. The tenth with the largest absolute
+/// gradients, other splats, grows too: the quantile is 899.1 thousandths.
 TEST(Densify, AsManyAgainGrowByTheAbsoluteGradient) {
     Model model(1000);
     const float t = DensifyOptions{}.gradient_threshold;
@@ -44,7 +44,7 @@ TEST(Densify, AsManyAgainGrowByTheAbsoluteGradient) {
     for (std::size_t i = 0; i < 1000; ++i) ASSERT_EQ(copies[i], i < 100 || i >= 900 ? 2 : 1) << i;
 }
 
-/// Splat 0 has the largest sum of both, splat 1 the largest vector of both.
+/// Splat 0 has the largest sum of components, splat 1 the largest vector.
 TEST(Densify, AbsoluteGradientsAreSumsByQuantileAndLengthsByThresholds) {
     EXPECT_EQ(abs_gradient_of_view(GrowthRule::thresholds, {3, 4}), 5);
     EXPECT_EQ(abs_gradient_of_view(GrowthRule::quantile, {3, 4}), 7);

@@ -1,4 +1,4 @@
-// The first Gaussians of a point cloud.
+// The first Gaussians from a point cloud.
 #include <algorithm>
 
 #include "core/error.h"
@@ -53,7 +53,7 @@ TEST(NeighbourDistance, PartsFindWhatOneTreeDoes) {
     const PointTree<float> tree(points);
     std::vector<int> seen(points.size());
     const std::vector<float> expected_means = mean_squared_neighbour_distance(points, 3);
-    points.push_back({NAN, 0, 0});  // is left out
+    points.push_back({NAN, 0, 0});  // is dropped
     const std::vector<float> with_none = mean_squared_neighbour_distance(points, 3);
     EXPECT_TRUE(std::equal(expected_means.begin(), expected_means.end(), with_none.begin()));
     PointForest(points).for_each(4, [&](std::size_t i, const float* squared, std::size_t found) {
@@ -101,7 +101,7 @@ TEST(InitGaussians, Values) {
     EXPECT_NEAR(std::exp(2 * g.log_scales[50].x), 1e-7, 1e-11) << "duplicates get the least size";
 }
 
-/// Axes at random favour no direction: their mean outer product is a third of the identity.
+/// Random axes have no preferred direction: their mean outer product is a third of the identity.
 TEST(InitGaussians, RotationsAtRandomWhereThereIsNoNormal) {
     const int n = 4000;
     Scene scene = scene_of(random_points(n, 3));
@@ -124,13 +124,14 @@ TEST(InitGaussians, RotationsAtRandomWhereThereIsNoNormal) {
 }
 
 TEST(InitGaussians, NoneVeilsAPhotograph) {
-    // Two cameras at the origin that look the same way, the second with four times the field of
-    // view; an upright photograph (1 wide, 1.5 high at depth 1), its middle at x = 0.25, y = -0.25.
+    // Two cameras at the origin with the same direction; the second has four times the field of
+    // view. Photographs are upright (1 wide, 1.5 high at depth 1), with the middle at x = 0.25, y =
+    // -0.25.
     Scene scene = scene_of({{0.25f, -0.25f, 1},   // in the middle of both
-                            {1.1f, -0.25f, 1},    // beside the first on the right
-                            {-0.65f, -0.25f, 1},  // on the left
-                            {0.25f, 1.1f, 1},     // below
-                            {1.4f, -0.25f, 1},    // too far beside the first, in the second
+                            {1.1f, -0.25f, 1},    // right of the first
+                            {-0.65f, -0.25f, 1},  // left of it
+                            {0.25f, 1.1f, 1},     // below it
+                            {1.4f, -0.25f, 1},    // too far beside the first, inside the second
                             {0.25f, 1.4f, 1},
                             {100, 0, 1},  // in neither
                             {0, 0, -5}});

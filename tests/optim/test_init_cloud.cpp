@@ -1,4 +1,4 @@
-// Clouds from outside: thinning, cap, outliers, and whether they belong to the scene.
+// Clouds from files: thinning, size limit, outliers, and whether they belong to the scene.
 #include <spdlog/sinks/ostream_sink.h>
 
 #include <algorithm>
@@ -178,7 +178,7 @@ TEST(FixedVoters, NormalsRadiiAndWeightsOfAnyCloud) {
     const FixedVoters voters = make_fixed_voters(cloud, options);
     ASSERT_EQ(voters.size(), 400);
     for (std::size_t i = 0; i < 400; ++i) {
-        EXPECT_NEAR(std::abs(voters.normals[i].z), 1, 1e-6);  // the points lie in one plane exactly
+        EXPECT_NEAR(std::abs(voters.normals[i].z), 1, 1e-6);  // the points lie exactly in one plane
         EXPECT_GT(voters.scales[i], 0);
         EXPECT_LT(voters.scales[i], 0.5f);
         EXPECT_EQ(voters.weights[i], 4 * cloud.confidences[i]);

@@ -1,5 +1,5 @@
-// Every loss against its definition, written down again here in double, and its derivatives against
-// differences of that.
+// Every loss compared with its definition, written again in double, and its derivatives with
+// difference quotients.
 #include "loss_case.h"
 
 namespace tvsgs {
@@ -12,7 +12,7 @@ using test::LossCase;
 using test::LossResult;
 using test::Term;
 
-// Single precision in, a few operations on numbers of order 1: 1e-5 is ten roundings or so.
+// Single precision input, and a few operations on numbers near 1: 1e-5 is about ten roundings.
 constexpr double kRelative = 1e-5;
 constexpr float kWeight = 0.7f;
 
@@ -42,7 +42,7 @@ double divisor(const LossCase& c, Reduction reduction, std::uint8_t flag) {
     return count;
 }
 
-/// Expects that a gradient has no entry but zeros.
+/// Expects a gradient of zeros.
 template <class T>
 void expect_zero(const std::vector<T>& gradient) {
     const auto* numbers = reinterpret_cast<const float*>(gradient.data());
@@ -112,7 +112,8 @@ TEST_P(TvLosses, NormalValueAndGradient) {
                 part ? kWeight / count *
                            central_difference([&](double h) { return disagreement(i, e, h); }, 1e-4)
                      : 0;
-            // Scale 0.01: the entries of one quaternion come of cancelling terms of about that.
+            // Scale 0.01: the entries of a quaternion's gradient are differences of terms of that
+            // size.
             EXPECT_TRUE(close(entries[e], expected, kRelative, 0.01)) << i << ' ' << e;
         }
     }
@@ -123,7 +124,7 @@ TEST_P(TvLosses, NormalValueAndGradient) {
 
 TEST_P(TvLosses, PositionValueAndGradient) {
     LossCase c = splat_case();
-    c.gaussians.means[7].y = c.targets[7].y;  // neither above nor below: no pull
+    c.gaussians.means[7].y = c.targets[7].y;  // equal coordinates: no gradient
     const double count = divisor(c, GetParam(), kPositionValid);
     const LossResult r = evaluate<Cpu>(c, Term::tv_position, kWeight, GetParam());
     double sum = 0;
@@ -146,9 +147,9 @@ TEST_P(TvLosses, PositionValueAndGradient) {
 }
 
 TEST_P(TvLosses, NothingTakesPart) {
-    LossCase none = splat_case();  // flags say that nothing is valid
+    LossCase none = splat_case();  // flags mark all votes as invalid
     std::fill(none.flags.begin(), none.flags.end(), std::uint8_t{kHasTensor});
-    LossCase before = splat_case();  // no voting event has been held yet
+    LossCase before = splat_case();  // no voting event yet
     before.flags.clear(), before.voted_normals.clear(), before.targets.clear();
     LossCase hidden = splat_case();
     std::fill(hidden.radii_px.begin(), hidden.radii_px.end(), 0.0f);
@@ -207,7 +208,7 @@ std::size_t index(int x, int y) {
     return static_cast<std::size_t>(y * kWidth + x);
 }
 
-/// The normal of a depth map at (x, y); zero where it has none.
+/// Normal of a depth map at (x, y); zero where it has none.
 Vec3d normal_of(const LossCase& c, const std::vector<double>& depth, int x, int y) {
     if (x < 1 || y < 1 || x > kWidth - 2 || y > kHeight - 2) return {};
     for (std::size_t q : {index(x - 1, y), index(x + 1, y), index(x, y - 1), index(x, y + 1)})
@@ -220,8 +221,8 @@ Vec3d normal_of(const LossCase& c, const std::vector<double>& depth, int x, int 
     return normalize(cross(point(x + 1, y) - point(x - 1, y), point(x, y - 1) - point(x, y + 1)));
 }
 
-/// A term of pixel (x, y), times the number of pixels, from the definition. Sets *kink where an
-/// absolute value is within reach of a difference.
+/// The term of pixel (x, y) times the number of pixels, from the definition. Sets *kink where an
+/// absolute value is too close to 0 for a difference quotient.
 using PixelTerm = double (*)(const LossCase&, const DoubleImages&, int x, int y, bool* kink);
 
 double normal_term(const LossCase& c, const DoubleImages& images, int x, int y, bool* kink) {
@@ -277,7 +278,7 @@ TEST_P(NormalTerms, ValueAndGradient) {
     bool any = false;
     const LossResult r = evaluate<Cpu>(c, GetParam().term, kWeight, Reduction::mean);
     EXPECT_GT(r.value, 0.01);
-    // Normals come of differences of close points: they lose an order of magnitude.
+    // Normals are differences of close points and lose a digit.
     EXPECT_TRUE(close(r.value, loss_around(0, 0, kWidth, &any), 10 * kRelative));
     int checked = 0;
     const auto check = [&](double& number, float got, int x, int y) {
@@ -300,7 +301,7 @@ TEST_P(NormalTerms, ValueAndGradient) {
             const std::size_t at = index(x, y);
             for (int entry = 0; entry < 3; ++entry)
                 check(images.normal[at][entry], r.dL_dnormal[at][entry], x, y);
-            // A depth of 0 is none, whatever is around it.
+            // A depth of 0 means no depth.
             if (images.depth[at] > 0) check(images.depth[at], r.dL_ddepth[at], x, y);
             check(images.expected_depth[at], r.dL_dexpected_depth[at], x, y);
         }
@@ -411,7 +412,7 @@ TEST(LossTwins, CpuAgainstCuda) {
                 const LossResult a = evaluate<Cpu>(c, term, kWeight, reduction);
                 const LossResult b = test::evaluate_cuda(c, term, kWeight, reduction);
                 EXPECT_TRUE(close(a.value, b.value, kRelative));
-                // The same formulas; the devices fuse and round differently.
+                // The same formulas; the devices fuse and round operations differently.
                 expect_same(a.dL_dmeans, b.dL_dmeans, kRelative);
                 expect_same(a.dL_dlog_scales, b.dL_dlog_scales, kRelative);
                 expect_same(a.dL_dquats, b.dL_dquats, 10 * kRelative);

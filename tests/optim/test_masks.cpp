@@ -42,7 +42,7 @@ MaskCase mask_case(MaskUse use, const std::string& background) {
     return c;
 }
 
-/// What lies behind pixel `p`.
+/// Background at pixel `p`.
 Vec3d behind_of(const MaskCase& c, std::size_t p) {
     const PhotometricOptions& o = c.options;
     const int i = static_cast<int>(p);
@@ -53,8 +53,7 @@ Vec3d behind_of(const MaskCase& c, std::size_t p) {
     return {b.color[0] / 255.0, b.color[1] / 255.0, b.color[2] / 255.0};
 }
 
-/// The term without SSIM, in double; `by` is added to channel `k` of pixel `i`, 3: the
-/// transmittance.
+/// The term without SSIM, in double; adds `by` to channel `k` of pixel `i` (3: transmittance).
 double definition(const MaskCase& c, std::size_t i, int k, double by) {
     const PhotometricOptions& o = c.options;
     const double n = static_cast<double>(c.color.size());
@@ -168,7 +167,7 @@ TEST(Background, IsNamedOrThreeNumbers) {
     EXPECT_THROW(PhotometricLoss<Cpu>(options, 1, 0), Error);
 }
 
-/// Sum of w T over the pixels, w different at each.
+/// Weight of a pixel in the sum of w T.
 float weight_of(std::size_t pixel) {
     return 0.2f + static_cast<float>(pixel % 13) / 13;
 }
@@ -245,7 +244,7 @@ TEST(MaskedTraining, GoesOnWithTheSameBits) {
                              whole.means.size() * sizeof(Vec3f)));
 }
 
-/// Coverage outside of the object after training with object masks, and without.
+/// Compares the coverage outside of the object after training with and without object masks.
 TEST(MaskedTraining, LeavesTheBackgroundEmpty) {
     const Scene scene = masked_scene();
     TrainOptions options;

@@ -1,5 +1,5 @@
-// The multi-view terms and the exposures as losses: values and derivatives against their definition
-// in double, over whole images, and the twins against each other.
+// The multi-view losses and the exposures: values and derivatives over whole images compared with
+// their definition in double, and CPU with CUDA.
 #include <cstring>
 
 #include "multiview_case.h"
@@ -43,7 +43,7 @@ double depth_of(const ViewMaps& v, const MapsD& m, int at) {
     return v.depth[i] == 0 ? 0 : m.depth[i];
 }
 
-/// The geometric term in double, its weights frozen.
+/// The geometric term in double, with constant weights.
 double geometry_in_double(const MultiViewCase& c,
                           const MapsD& a,
                           const MapsD& b,
@@ -60,7 +60,7 @@ double geometry_in_double(const MultiViewCase& c,
     return kWeight * sum / r.valid;
 }
 
-/// The photometric term in double with every comparable pixel a patch.
+/// The photometric term in double, with a patch at every comparable pixel.
 double ncc_in_double(const MultiViewCase& c, const MapsD& a, const MultiViewResult& r) {
     const auto grey = [](const ViewMaps& v) {
         return GreyBytes{v.grey.data(), v.grey_width, v.grey_height};
@@ -90,7 +90,7 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
     MapsD a = maps_of(c.reference), b = maps_of(c.other);
     EXPECT_GT(r.valid, 0.4 * kWidth * kHeight);
     EXPECT_GT(r.value, 0.001);
-    // Distances of a tenth of a pixel at coordinates of tens: five digits of seven are left.
+    // Distances of a tenth of a pixel at coordinates of tens: five of seven digits remain.
     EXPECT_TRUE(close(r.value, geometry_in_double(c, a, b, r), 1e-4));
     test::Random random(6);
     int checked = 0;
@@ -106,7 +106,7 @@ TEST(MultiViewGeometryLoss, ValueAndGradient) {
             number = middle;
             return loss;
         };
-        // Two step sizes that disagree tell of a kink in between (a sample that crosses a pixel).
+        // Two step sizes disagree near a kink (a sample that crosses a pixel).
         const double expected = central_difference(around, 1e-6),
                      check = central_difference(around, 3e-7);
         if (std::abs(expected - check) > 1e-6) continue;
@@ -159,7 +159,7 @@ TEST_P(MultiViewNcc, ValueAndGradient) {
         const MultiViewResult r = evaluate<Cpu>(c, false, kWeight);
         MapsD a = maps_of(c.reference);
         EXPECT_GT(r.value, 1e-4);
-        // Intensities are float either way; errors down to 1e-3 come of 1 - NCC^2.
+        // Intensities are float in both; errors down to 1e-3 are differences 1 - NCC^2.
         EXPECT_TRUE(close(r.value, ncc_in_double(c, a, r), 1e-3));
         EXPECT_TRUE(r.dL_dother_depth.empty());
         test::Random random(6);
@@ -175,7 +175,7 @@ TEST_P(MultiViewNcc, ValueAndGradient) {
                 number = middle;
                 return loss;
             };
-            // Intensities are single precision: smaller steps would drown.
+            // Intensities are single precision: smaller steps would vanish in rounding.
             const double expected = central_difference(around, 1e-4),
                          check = central_difference(around, 3e-5);
             const float got = entry < 3 ? r.dL_dnormal[at][entry] : r.dL_ddepth[at];
@@ -199,14 +199,13 @@ TEST(MultiViewNccLoss, FewerSamplesAreDistinctPixelsOfTheSame) {
         EXPECT_NE(all.dL_ddepth[i], 0) << i;
     }
     EXPECT_LE(hit, 100);
-    EXPECT_GT(hit, 80);  // few patches fail or stand still
-    // A sample of 100 of errors that scatter by about their mean.
+    EXPECT_GT(hit, 80);  // few patches fail or have no gradient
+    // A sample of 100 errors with a standard deviation near their mean.
     EXPECT_NEAR(some.value, all.value, 0.5 * all.value);
 }
 
 TEST(MultiViewNccLoss, RisesAwayFromTheTruth) {
-    // Patches that an image border cuts off do not match, truth or not: without depth there they
-    // are not compared.
+    // Patches cut off by an image border cannot match: without depth there they are not compared.
     MultiViewCase c = plane_case(0, 2);
     for (auto* v : {&c.reference, &c.other})
         for (int at = 0; at < kWidth * kHeight; ++at)
@@ -243,7 +242,7 @@ TEST(MultiViewLosses, TheSameBitsTwice) {
 Gaussians<Cpu> plane_of_discs(double offset) {
     const Vec3d n = normalize(Vec3d{0.3, -0.2, -1}), u = normalize(cross(n, Vec3d{0, 1, 0})),
                 v = cross(n, u);
-    // The rotation that takes z to n: half-way between them.
+    // The rotation from z to n, by the half-way vector.
     const Vec3d half = normalize(n + Vec3d{0, 0, 1}), axis = cross(Vec3d{0, 0, 1}, half);
     const Quatf q = quat_cast<float>(Quat<double>{half.z, axis.x, axis.y, axis.z});
     Gaussians<Cpu> g;
@@ -261,7 +260,7 @@ Gaussians<Cpu> plane_of_discs(double offset) {
     return g;
 }
 
-/// Mean distance of the discs that take part from the plane, and their mean tilt as 1 - cosine.
+/// Mean distance of the discs in the middle from the plane, and their mean tilt as 1 - cosine.
 struct Off {
     double distance = 0, tilt = 0;
 };
@@ -271,7 +270,7 @@ Off off_plane(const Gaussians<Cpu>& g) {
     int count = 0;
     for (std::size_t i = 0; i < g.means.size(); ++i) {
         const Vec3d p = vec_cast<double>(g.means[i]);
-        if (norm(p) > 0.8) continue;  // seen by all views, away from the borders
+        if (norm(p) > 0.8) continue;  // visible in all views, away from the borders
         off.distance += std::abs(dot(n, p) - 0.1);
         off.tilt +=
             1 - std::abs(dot(n, column(rotation(normalize(quat_cast<double>(g.quats[i]))), 2)));
@@ -282,7 +281,7 @@ Off off_plane(const Gaussians<Cpu>& g) {
 }
 
 TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
-    // Through both renders and back to the discs; the renderer is the real one.
+    // Gradients through both renders to the discs, with the real renderer.
     std::vector<DeviceView<Cpu>> views;
     int index = 0;
     for (float angle : {-0.15f, 0.0f, 0.15f})
@@ -326,12 +325,12 @@ TEST(MultiViewLosses, PullDiscsOntoTheSurface) {
         others.backward(g, objective.dL_dgaussians);
         adam.step(step, 1, 0, objective.dL_dgaussians, g, true);
     }
-    // Adam's last steps are as long as its first: 0.002. A tenth of the way may be left beside.
+    // Adam's last steps are as long as its first: 0.002. A tenth of the distance may remain.
     EXPECT_LT(off_plane(g).distance, 0.007);
     EXPECT_LT(off_plane(g).tilt, 0.005);
 }
 
-/// A photograph of the render at another exposure: photo = gain x render + offset.
+/// A photograph with another exposure than the render: photo = gain x render + offset.
 test::ExposureCase exposure_case(double gain, double offset) {
     test::ExposureCase c;
     test::Random random(9);
@@ -351,7 +350,7 @@ TEST(Exposure, FindsGainAndOffset) {
     // The photograph is rounded to 1/255 = 0.004, and steps are of 1e-3.
     EXPECT_NEAR(std::exp(r.states[1].value[0]), 1.2, 0.01);
     EXPECT_NEAR(r.states[1].value[1], 0.05, 0.005);
-    EXPECT_EQ(r.states[0].value[0], 0);  // the other photograph was never looked at
+    EXPECT_EQ(r.states[0].value[0], 0);  // the other photograph was never used
     EXPECT_LT(r.last_value, 0.5 * r.first_value);
 }
 
@@ -363,7 +362,7 @@ TEST(Exposure, FirstStepIsTheSignOfTheDerivative) {
 }
 
 TEST(Exposure, DerivativeOfTheRender) {
-    // With exposure 0 the L1 term is the ordinary one.
+    // With exposure 0 the L1 term is the plain one.
     const test::ExposureCase c = exposure_case(1.2, 0.05);
     const auto r = test::evaluate_exposure<Cpu>(c, 1);
     PhotometricScratch<Cpu> scratch;
@@ -378,7 +377,7 @@ TEST(Exposure, DerivativeOfTheRender) {
     EXPECT_TRUE(close(r.first_value, sum, 1e-5));
     for (std::size_t i = 0; i < g.size(); ++i)
         for (int k = 0; k < 3; ++k) EXPECT_TRUE(close(r.dL_dcolor[i][k], g[i][k], 1e-4, 1e-4));
-    // Later the L1 part counts e^A times.
+    // Later the L1 part is multiplied by e^A.
     const auto later = test::evaluate_exposure<Cpu>(c, 50);
     const float gain = std::exp(test::evaluate_exposure<Cpu>(c, 49).states[1].value[0]);
     const float per_value = 0.8f / (3 * static_cast<float>(g.size()));
@@ -404,7 +403,7 @@ TEST(MultiViewTwins, CpuAgainstCuda) {
                 const MultiViewResult a = evaluate<Cpu>(c, geometry, kWeight),
                                       b = test::evaluate_cuda(c, geometry, kWeight),
                                       again = test::evaluate_cuda(c, geometry, kWeight);
-                // Roundings of 1e-5 px: a pixel at the limit of one pixel may fall on either side.
+                // Rounding of 1e-5 px: a pixel at the limit of one pixel may be on either side.
                 EXPECT_NEAR(a.valid, b.valid, 2);
                 EXPECT_TRUE(close(a.value, b.value, 5e-3));
                 double difference = 0, size = 0;
@@ -419,7 +418,7 @@ TEST(MultiViewTwins, CpuAgainstCuda) {
                 compare(a.dL_dnormal, b.dL_dnormal);
                 compare(a.dL_ddepth, b.dL_ddepth);
                 compare(a.dL_dother_depth, b.dL_dother_depth);
-                // As a whole: single pixels near an error of 0 have no direction to agree on.
+                // Compared as a whole: single pixels with an error near 0 have no stable direction.
                 EXPECT_LT(std::sqrt(difference / size), 0.02);
                 EXPECT_TRUE(same_bits(b.dL_dnormal, again.dL_dnormal));
                 EXPECT_TRUE(same_bits(b.dL_dother_depth, again.dL_dother_depth));
@@ -434,7 +433,7 @@ TEST(MultiViewTwins, Exposure) {
         const auto a = test::evaluate_exposure<Cpu>(c, 500),
                    b = test::evaluate_exposure_cuda(c, 500);
         EXPECT_TRUE(close(a.first_value, b.first_value, 1e-5));
-        // Five hundred steps of 1e-3; near the optimum signs may differ for some.
+        // Five hundred steps of 1e-3; near the optimum some signs may differ.
         for (int k = 0; k < 2; ++k) EXPECT_NEAR(a.states[1].value[k], b.states[1].value[k], 5e-3);
         const auto again = test::evaluate_exposure_cuda(c, 500);
         for (int k = 0; k < kExposureValues; ++k)

@@ -1,5 +1,5 @@
-// The two multi-view terms one pixel at a time: derivatives against differences in double, and
-// surfaces that are known in closed form.
+// The two multi-view terms at single pixels: derivatives compared with differences in double, and
+// surfaces known in closed form.
 #include <functional>
 #include <set>
 
@@ -93,7 +93,7 @@ struct Errors {
     int count = 0;
 };
 
-/// Reprojection distances where the other view's depth is known around the sample.
+/// Reprojection distances of pixels whose sample has depth in the other view.
 Errors reprojection_errors(const Surface& seen_by_reference, const Surface& seen_by_other) {
     const Camera a = view_camera(0), b = view_camera(0.25f);
     const auto pair = view_pair<double>(a, b, 0.1);
@@ -113,18 +113,18 @@ Errors reprojection_errors(const Surface& seen_by_reference, const Surface& seen
 
 TEST(Reprojection, APlaneComesBackToWhereItStarted) {
     const Errors truth = reprojection_errors(plane(), plane());
-    // Bilinear depth is not exact on a slanted plane, whose inverse depth is linear: the second
-    // derivative of depth, below 0.002 units / px^2 here, an eighth of it, times f b / z^2 of 5
-    // px per unit. Off the border, where samples are clamped.
+    // Bilinear depth is not exact on a slanted plane, whose inverse depth is linear. The error is
+    // an eighth of the second derivative of depth (below 0.002 units / px^2 here) times f b / z^2
+    // (5 px per unit). Excludes the border, where samples are clamped.
     EXPECT_LT(truth.mean, 2e-3);
     EXPECT_GT(truth.count, kWidth * kHeight / 2);
-    // One percent of the depth is 4 cm of 4 m: with a baseline of 1 m and f = 70 px, 0.15 px or so.
+    // One percent of the depth is 4 cm of 4 m: about 0.15 px with a baseline of 1 m and f = 70 px.
     EXPECT_GT(reprojection_errors(plane(), plane(1.01)).mean, 20 * truth.mean);
     EXPECT_GT(reprojection_errors(plane(1.01), plane()).mean, 20 * truth.mean);
 }
 
 TEST(Reprojection, AFrontalPlaneIsExact) {
-    // Without slant depth is constant in each of two parallel cameras, and bilinear samples too.
+    // Without slant, depth is constant in two parallel cameras, and bilinear samples are exact.
     Camera a = view_camera(0), b = a;
     b.camera_from_world.t.x -= 0.5f;
     const auto pair = view_pair<double>(a, b, 0.1);
@@ -142,7 +142,7 @@ TEST(Reprojection, AFrontalPlaneIsExact) {
 TEST(Reprojection, ASphereComesBackAndAnotherDoesNot) {
     const Errors truth = reprojection_errors(sphere(), sphere());
     EXPECT_GT(truth.count, 300);
-    // Bilinear depth of a curved surface: worse towards the rim, where most pixels are not.
+    // Bilinear depth of a curved surface: worse near its outline, where few pixels are.
     EXPECT_LT(truth.mean, 0.02);
     EXPECT_GT(reprojection_errors(sphere(), sphere(1.01)).mean, 5 * truth.mean);
 }
@@ -176,7 +176,8 @@ TEST(Reprojection, DerivativesAgreeWithDifferences) {
     const std::vector<double> da = depth_map(a, plane());
     std::vector<double> db = depth_map(b, plane());
     Random random(3);
-    for (double& d : db) d *= 1 + random.uniform(-0.02, 0.02);  // so that samples have a slope
+    // Noise, so that samples have a slope.
+    for (double& d : db) d *= 1 + random.uniform(-0.02, 0.02);
     int checked = 0;
     for (int at = 0; at < kWidth * kHeight; at += 17) {
         const Vec3d ray = pixel_ray_d(a, at % kWidth, at / kWidth);
@@ -200,7 +201,7 @@ TEST(Reprojection, DerivativesAgreeWithDifferences) {
                                  }).distance;
                 },
                 1e-6);
-            double share = 0;  // at the border a pixel may be there twice
+            double share = 0;  // at the border a pixel may occur twice
             for (int j = 0; j < 4; ++j)
                 if (r.at[j] == r.at[k]) share += r.share[j];
             EXPECT_TRUE(close(share * g.dL_dother_depth, by_there, 1e-5, 1)) << at << ' ' << k;
@@ -209,7 +210,7 @@ TEST(Reprojection, DerivativesAgreeWithDifferences) {
     EXPECT_GT(checked, 30);
 }
 
-/// The plane of a pixel in its camera's frame: n . X = -d.
+/// Plane of a pixel in its camera's frame: n . X = -d.
 struct CameraPlaneD {
     Vec3d normal;
     double distance;
@@ -247,12 +248,12 @@ TEST(PatchScore, IsZeroOnATexturedPlaneAndRisesAwayFromIt) {
         for (int x = 20; x < 44; x += 4) {
             const auto truth = scene.score(x, y);
             ASSERT_TRUE(truth.valid);
-            // Bilinear reading of a texture of 10 px and more per period.
+            // Bilinear samples of a texture with at least 10 px per period.
             EXPECT_LT(truth.error, 1e-3) << x << ' ' << y;
             const auto farther = scene.score(x, y, 1.02), nearer = scene.score(x, y, 0.98);
             EXPECT_GT(farther.error, 3 * truth.error) << x << ' ' << y;
             EXPECT_GT(nearer.error, 3 * truth.error) << x << ' ' << y;
-            EXPECT_GT(farther.derror_ddistance, 0);  // going on raises it: descent restores
+            EXPECT_GT(farther.derror_ddistance, 0);  // the gradient points away from the true plane
             EXPECT_LT(nearer.derror_ddistance, 0);
             const Vec3d tilted = normalize(scene.plane.normal + Vec3d{0.4, 0, 0});
             const Vec3d ray = pixel_ray_d(scene.a, x, y);
@@ -276,7 +277,7 @@ TEST(PatchScore, TangentPlanesMatchOnASphere) {
             const Vec3d n = normalize(p - vec_cast<double>(scene.a.camera_from_world.t));
             const auto truth = scene.score(x, y, n, -dot(n, p));
             ASSERT_TRUE(truth.valid);
-            // A patch of 7 px spans 0.2 units of a radius of 1.5: the tangent plane leaves it by 3
+            // A patch of 7 px spans 0.2 units at a radius of 1.5: the tangent plane deviates by 3
             // mm, a tenth of a pixel.
             EXPECT_LT(truth.error, 0.02) << x << ' ' << y;
             EXPECT_GT(scene.score(x, y, n, -1.03 * dot(n, p)).error, truth.error);
@@ -297,8 +298,8 @@ TEST(PatchScore, DerivativesAgreeWithDifferences) {
         const auto s = scene.score(x, y, n, d);
         if (!s.valid || s.error < 1e-3) continue;
         ++checked;
-        // The bilinear surface has kinks between pixels; steps of 1e-7 hardly ever meet one, and
-        // leave seven digits.
+        // The bilinear surface has kinks between pixels; steps of 1e-7 rarely cross one, and leave
+        // seven digits.
         for (int k = 0; k < 3; ++k)
             EXPECT_TRUE(close(s.derror_dnormal[k],
                               central_difference(
@@ -324,7 +325,7 @@ TEST(PatchScore, OnlyTheQuotientOfNormalAndDistanceCounts) {
     const auto one = scene.score(30, 20, 1.01),
                half = scene.score(30, 20, 0.5 * scene.plane.normal, 0.505 * scene.plane.distance);
     EXPECT_NEAR(one.error, half.error, 1e-12);
-    // No change along (normal, distance) itself.
+    // No change when (normal, distance) is scaled.
     EXPECT_NEAR(dot(one.derror_dnormal, scene.plane.normal) +
                     one.derror_ddistance * 1.01 * scene.plane.distance,
                 0, 1e-9);
@@ -334,8 +335,7 @@ TEST(PatchScore, InvertedMatchesFlatDoesNot) {
     PatchScene scene;
     const double error = scene.score(30, 20).error;
     for (double& v : scene.photo_b.pixels) v = 0.9 - 0.5 * v;
-    // The square of NCC does not see gain, offset or sign; the 1e-8 below the fraction shifts it a
-    // little.
+    // NCC^2 is invariant to gain, offset and sign, except for the 1e-8 in its denominator.
     EXPECT_NEAR(scene.score(30, 20).error, error, 1e-5);
     std::fill(scene.photo_b.pixels.begin(), scene.photo_b.pixels.end(), 0.5);
     EXPECT_FALSE(scene.score(30, 20).valid);
@@ -344,7 +344,7 @@ TEST(PatchScore, InvertedMatchesFlatDoesNot) {
 }
 
 TEST(PatchScore, FinerImagesAgreeToo) {
-    // A grey image of twice the size: lenses scale, the plane does not.
+    // A grey image of twice the size: the lenses scale, the plane does not.
     const PatchScene scene;
     Camera a = scaled_camera(scene.a, 2 * kWidth, 2 * kHeight);
     EXPECT_FLOAT_EQ(a.cx_px, 2 * scene.a.cx_px);
@@ -366,7 +366,7 @@ TEST(Permuted, VisitsEveryPlaceOnce) {
 
 TEST(Permuted, ASampleSpreadsOverTheWhole) {
     // 2,000 of 100,000 under 50 keys: the mean place has a standard deviation of 0.289 / sqrt(2000)
-    // = 0.0065; five of them are allowed. Each tenth gets 200 +- 13.4.
+    // = 0.0065; allow five. Each tenth gets 200 +- 13.4.
     for (std::uint64_t k = 0; k < 50; ++k) {
         const Random4 key = random4(k, RandomStream::test, 1);
         double sum = 0;

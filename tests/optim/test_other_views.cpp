@@ -1,4 +1,4 @@
-// Which other views a step looks at, and that only those that terms want rendered are.
+// Selection of neighbour views per step; only the required ones are rendered.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// Counts what it is asked to render.
+/// Counts its renders.
 class CountingBackbone final : public Backbone<Cpu> {
 public:
     explicit CountingBackbone(int& forwards) : forwards_(forwards) {}
@@ -32,7 +32,7 @@ private:
     ScreenStatistics<Cpu> statistics_;
 };
 
-/// Three asked for, the first of them rendered; views are paired with four, one and no others.
+/// Three neighbour views, the first one rendered; views are paired with four, one and no others.
 TEST(OtherViews, AreDifferentAndOnlyRenderedWhereAsked) {
     std::vector<DeviceView<Cpu>> views(5);
     for (int i = 0; i < 5; ++i) {

@@ -1,4 +1,4 @@
-// The plan: what it measures, and what it decides on either side of each threshold.
+// The plan: its measurements, and its decisions on both sides of each threshold.
 #include <gtest/gtest.h>
 
 #include <utility>
@@ -22,7 +22,7 @@ TEST(PlanLook, MeasuresWhatTheSceneWasMadeWith) {
 }
 
 TEST(PlanLook, AFewThousandPointsStandForMany) {
-    // Every fourth of 12,800 is looked at, all of which lie in all views.
+    // Uses every fourth of 12,800 points, which are all visible in all views.
     EXPECT_NEAR(look_of(patch_scene(2, 6, 12800)).points_per_pixel, 12800 / 8000., 0.04);
 }
 
@@ -87,11 +87,11 @@ TEST(Plan, SaysWhereTheFullSizeWouldDecideOtherwise) {
 
 TEST(Plan, StereoWhereTheCloudDoesNotCoverInFull) {
     for (const bool covering : {false, true}) {
-        // On 8,000 pixels, of which 3,200 are 0.4.
+        // 3,200 points on 8,000 pixels are 0.4 per pixel.
         const SceneLook look = look_of(patch_scene(3, 10, covering ? 3300 : 3100));
         const Decision cloud = plan_cloud(look, false);
         EXPECT_EQ(cloud.choice, covering ? "the model's" : "stereo");
-        // The key says the same: stereo makes a cloud where there are fewer points.
+        // The option makes the same choice: stereo makes a cloud where there are fewer points.
         EXPECT_EQ(std::stod(cloud.settings.at(0).second) > static_cast<double>(look.points),
                   !covering);
     }
@@ -106,7 +106,7 @@ TEST(Plan, CoverageByDegrees) {
     EXPECT_EQ(covered_share(std::nan("")), 0) << "not known";
 }
 
-/// What hangs on the cloud, by its points per pixel.
+/// Settings that depend on the points per pixel of the cloud.
 Settings by_cloud(double points_per_pixel) {
     SceneLook look;
     look.train_views = 3, look.points = 1000, look.pixels = 8000;
@@ -122,18 +122,18 @@ Settings by_cloud(double points_per_pixel) {
         all.insert(all.end(), decision.settings.begin(), decision.settings.end());
     return all;
 }
-/// A number that is set, else `unset`.
+/// The value of a setting, or `unset`.
 double value_of(const Settings& settings, const std::string& key, double unset) {
     double value = unset;
     for (const auto& [name, text] : settings)
-        if (name == key) value = std::stod(text);  // the last word
+        if (name == key) value = std::stod(text);  // the last setting counts
     return value;
 }
 
 struct Slope {
     const char* key;
     double bare, covered;  // below 0.02 points per pixel, from 0.1 on
-    double step;           // most by a 300th of the way
+    double step;           // largest change for a 300th of the range
 };
 
 TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
@@ -163,7 +163,7 @@ TEST(Plan, WhatHangsOnTheCloudChangesByDegrees) {
     const Settings full = by_cloud(0.1);
     EXPECT_TRUE(sets(full, "densify.enabled", "false"));
     EXPECT_EQ(value_of(full, "densify.spare_covered", -1), -1) << "growth on request is whole";
-    // A limit: from none that any splat reaches to 16 pixels.
+    // The limit decreases from infinity to 16 pixels.
     double before = 0;
     for (int i = 1; i <= 301; ++i) {
         const double now =
@@ -275,7 +275,7 @@ TEST(Plan, OneOfManyViewsIsTrustedFurther) {
     expect(6, "0.31623");
     expect(9, "1");
     expect(20, "1");
-    look.points_per_pixel = 0.07;  // five eighths of what covers
+    look.points_per_pixel = 0.07;  // five eighths of the way to a covering cloud
     expect(9, "0.5946");
     expect(3, "0.141");
     look.points_per_pixel = 0.02;
@@ -349,7 +349,7 @@ TEST(Plan, IterationsByTheNumberOfViews) {
 }
 
 TEST(Plan, MultiViewLossesWhereAViewHasAnother) {
-    // Between optical axes: 30 degrees, or up to 37 for those that have no other.
+    // Angle of optical axes: 30 degrees, or up to 37 for views without another pair.
     for (const auto& [step_deg, on] : {std::pair(29.0, true), {36.0, true}, {38.0, false}}) {
         const auto plan = plan_of(look_of(patch_scene(3, step_deg, 3600)));
         EXPECT_EQ(choice(plan, "multi-view"), on ? "100 %" : "off");
@@ -357,7 +357,7 @@ TEST(Plan, MultiViewLossesWhereAViewHasAnother) {
         EXPECT_TRUE(
             sets(settings(plan, "multi-view"), "loss.multi_view_ncc.weight", on ? "0.5" : "0"));
     }
-    // One pair of five views is enough: the others are without.
+    // One pair is enough; the other views of five have none.
     Scene scene = patch_scene(5, 50, 3600);
     scene.train[0].camera.camera_from_world = scene.train[1].camera.camera_from_world;
     scene.train[0].camera.camera_from_world.t.x += 0.3f;
@@ -371,11 +371,11 @@ TEST(Plan, ExposureByTheBrightnessOfSharedPoints) {
         Scene scene = patch_scene(4, 10, 1600);
         scene.train[0].photo = photo_of_plane(scene.train[0].camera, gain);
         const SceneLook look = look_of(scene);
-        // Grey levels are whole numbers, and pixels of two views lie apart by up to half a pixel.
+        // Grey levels are integers, and pixels of two views differ by up to half a pixel.
         EXPECT_NEAR(look.exposure_drift, gain - 1, 0.015);
         EXPECT_EQ(choice(plan_of(look), "exposure"), gain < 1.15 ? "off" : "fitted");
     }
-    // Points that something else hides tell nothing: here the second view shows another texture.
+    // Hidden points are ignored: here the second view shows another texture.
     Scene hidden = patch_scene(2, 10, 1600);
     ImageU8& photo = hidden.train[1].photo;
     for (int y = 0; y < photo.height; ++y)
@@ -415,7 +415,7 @@ TEST(WhatIsOff, IsNeitherRunNorAllocated) {
     bare.loss.photometric.exposure = false;
     bare.loss.tv_normal.weight = bare.loss.tv_position.weight = bare.loss.normal.weight = 0;
     bare.loss.multi_view_geometry.weight = bare.loss.multi_view_ncc.weight = 0;
-    // First, as peaks are those of the program so far.
+    // First, as peaks count from the start of the program.
     const auto [off, state_off, peak_off] = train_now(bare);
     for (const char* name : parts) EXPECT_FALSE(has(off, name)) << name;
     EXPECT_EQ(bytes(state_off, "tv.tensors"), 0u);

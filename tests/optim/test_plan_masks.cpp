@@ -1,4 +1,4 @@
-// The plan: masks, what stereo could match, and backgrounds of one colour.
+// The plan: masks, matchable pixels, and backgrounds of a single colour.
 #include <gtest/gtest.h>
 
 #include "plan_scene.h"
@@ -8,7 +8,7 @@ namespace {
 
 using namespace test;
 
-/// With masks of the left half of each image; what is outside is 0.
+/// A scene with masks of the left half of each image; pixels outside are 0.
 Scene half_masked(int points) {
     Scene scene = patch_scene(3, 10, points);
     for (View& view : scene.train) {
@@ -36,7 +36,7 @@ TEST(PlanLook, CountsWhatStereoCouldMatch) {
     EXPECT_LT(flat.matchable, 0.6);
     EXPECT_GT(flat.matchable, 0.45);
     EXPECT_LT(look_at(scene, ViewPairOptions{}, true).matchable, 0.05) << "beside the edge only";
-    // A view that looks elsewhere sees nothing that the others see.
+    // A view that shows another place shares nothing with the others.
     Scene apart = patch_scene(2, 10, 1600);
     apart.train[1].camera.camera_from_world.t = {50, 0, 5};
     EXPECT_EQ(look_of(apart).matchable, 1) << "nothing could be matched: all counts";
@@ -81,7 +81,7 @@ TEST(PlanLook, SeesWhatMasksLeaveOut) {
     EXPECT_EQ(look.masked, 2);
     EXPECT_EQ(look.empty, "1");
     EXPECT_EQ(look.matched, 0);
-    // All white: nothing is outside.
+    // All white: no pixel is outside.
     for (View& view : scene.train) view.mask = ImageU8(100, 80, 1, 255);
     EXPECT_EQ(choice(plan_masks(look_at_masks(scene.train, {})), "masks"), "ignore");
 }
@@ -100,7 +100,7 @@ TEST(Plan, ABackgroundOfOneColour) {
     EXPECT_LT(look.background_points, 0.05);
     auto plan = plan_of(look);
     EXPECT_TRUE(sets(settings(plan, "background"), "loss.photometric.background", "240,245,250"));
-    // What a lens did not see is black, and neither a border nor outside of a mask.
+    // Pixels outside of a lens are black; they are neither a border nor outside of a mask.
     Scene lens = scene;
     for (View& view : lens.train) {
         view.mask = ImageU8(100, 80, 1, 255);

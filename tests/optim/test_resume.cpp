@@ -1,5 +1,5 @@
-// Saved states: a training that goes on from one ends with the same bits, and numbers that leave
-// the finite are found, named and rolled back.
+// Saved states: a resumed training gives the same bits, and numbers that are not finite are found,
+// reported and rolled back.
 #include <algorithm>
 #include <cstring>
 
@@ -14,7 +14,7 @@ using test::rendered_scene;
 
 TrainOptions everything_on(int iterations) {
     TrainOptions options = test::everything_on(iterations);
-    options.densify.max_gaussians = 250;  // for the time of the tests
+    options.densify.max_gaussians = 250;  // for short tests
     options.densify.spare_covered = 0.5f;
     return options;
 }
@@ -79,8 +79,8 @@ auto after(int done) {
     return [done](int now) { return now == done; };
 }
 
-/// Growth at 10, 20, ...; trims at 20, 40, ...; voting every 10 and searches every 20 iterations;
-/// exposure from 11 on; resets at 30, 60, ...
+/// Growth at 10, 20, ...; trims at 20, 40, ...; voting every 10 and neighbour searches every 20
+/// iterations; exposure from 11 on; resets at 30, 60, ...
 template <class Device>
 void resumes_from_anywhere() {
     const Scene scene = rendered_scene();
@@ -102,13 +102,13 @@ TEST(Resume, TheSameBitsFromAnyIteration) {
     resumes_from_anywhere<Cpu>();
 }
 
-/// Growth, trims, resets, voting, looks of the guard: nothing of it depends on anything but the
-/// seed.
+/// Growth, trims, resets, voting and checks of the guard depend only on the seed.
 template <class Device>
 void repeats_itself() {
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(300);
-    options.loss.multi_view_ncc.weight = options.loss.multi_view_geometry.weight = 0;  // for time
+    // For a short test.
+    options.loss.multi_view_ncc.weight = options.loss.multi_view_geometry.weight = 0;
     const Outcome once = run<Device>(scene, options), twice = run<Device>(scene, options);
     EXPECT_EQ(once.end, 300);
     EXPECT_TRUE(same_bits(once.gaussians, twice.gaussians));
@@ -118,11 +118,11 @@ TEST(Repeat, ThreeHundredIterationsGiveTheSameBits) {
     repeats_itself<Cpu>();
 }
 
-/// With no photographs on the device but those of two iterations.
+/// The device holds only the photographs of two iterations.
 template <class Device>
 void photographs_from_the_host_change_nothing() {
     Scene scene = rendered_scene();
-    for (std::size_t i = 0; i < 4; ++i) {  // each of its own, as only seven do not fit
+    for (std::size_t i = 0; i < 4; ++i) {  // six views fit: with these there are seven
         View view = scene.train[i % 3];
         for (std::size_t p = 0; p < view.photo.pixels.size(); ++p)
             view.photo.pixels[p] = static_cast<std::uint8_t>(view.photo.pixels[p] / 2 + 20 * i);
@@ -181,7 +181,7 @@ TEST(Resume, AnotherDegreeIsRefused) {
     }
 }
 
-/// What a faulty writer might leave behind a right checksum.
+/// States of a faulty writer with a valid checksum.
 TEST(Resume, StatesThatDoNotFitAreRefused) {
     const Scene scene = rendered_scene();
     const TrainOptions options = everything_on(15);
@@ -199,7 +199,7 @@ TEST(Resume, StatesThatDoNotFitAreRefused) {
                     bad->add(from.name, from.element_bytes, from.count() - less, from.real);
                 std::copy_n(from.bytes.data(), to.bytes.size(), to.bytes.data());
             }
-            if (good.arrays[spoilt].name == "exposure") continue;  // then it starts anew
+            if (good.arrays[spoilt].name == "exposure") continue;  // exposures then start again
             EXPECT_THROW(train<Cpu>(scene, options, {}, {}, bad), Error)
                 << good.arrays[spoilt].name << (missing ? " missing" : " short");
         }
@@ -265,7 +265,7 @@ void losses_are_watched() {
             << once.rollbacks[0];
         EXPECT_EQ(once.end, 17);
         plan.fault.times = 2;
-        plan.save = {};  // nothing was saved: back to the start, and that is handed over
+        plan.save = {};  // nothing was saved: training restarts, and the start is handed over
         const Outcome twice = run<Device>(scene, options, plan);
         EXPECT_EQ(twice.error.find(says), 0u) << twice.error;
         ASSERT_EQ(twice.saved.size(), 1u);
@@ -282,7 +282,7 @@ TEST(Guard, LossesAreWatched) {
 }
 
 TEST(Guard, ARollbackIsTheSameRunAtALowerRate) {
-    // From iteration 12 on the rate of the opacities is a tenth; nothing else is left of the fault.
+    // From iteration 12 on the rate of the opacities is a tenth; otherwise the fault has no effect.
     const Scene scene = rendered_scene();
     TrainOptions options = everything_on(30);
     options.loss.multi_view_ncc.weight = 0;

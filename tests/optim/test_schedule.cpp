@@ -1,4 +1,4 @@
-// Schedules: shortened, stretched, and fitted into a time.
+// Schedules: shortened, stretched, and fitted to a time budget.
 #include <gtest/gtest.h>
 
 #include <set>
@@ -23,14 +23,14 @@ TEST(Schedule, FitsInProportion) {
     EXPECT_EQ(o.densify.trim_every, 500);
     EXPECT_EQ(o.loss.tv_normal.start, 1) << "the start stays the start";
     EXPECT_EQ(o.tv.vote_every, TvOptions{}.vote_every) << "votes follow the splats";
-    // From 1,000 on, which is 900 now, another time half as long.
+    // From iteration 1,000, which is now 900, the rest is stretched by half.
     const TrainOptions original = o;
     fit_schedule(original, 1000, o, 900, 2900);
     EXPECT_EQ(o.iterations, 2900);
     EXPECT_EQ(o.loss.normal.start, 1567);
     EXPECT_EQ(o.densify.from, 167) << "is past";
     EXPECT_EQ(o.loss.tv_normal.start, 1);
-    // Longer: what starts at once still does.
+    // Longer: terms that start at once still do.
     fit_schedule(o, 29000);
     EXPECT_EQ(o.loss.tv_normal.start, 1);
 }
@@ -53,7 +53,7 @@ TEST(Schedule, GrowthIsLeftOutWhereThereIsNoTimeForIt) {
         EXPECT_LE(o.densify.until, o.densify.from) << iterations;
         EXPECT_EQ(o.densify.until, 0) << "no reset and no trim either, at " << iterations;
     }
-    // A schedule of one's own that is closer keeps its distances, not ours.
+    // A configured schedule with shorter intervals keeps them.
     TrainOptions close;
     close.iterations = 4000, close.densify.every = 10, close.densify.opacity_reset_every = 300;
     close.densify.until = 2000;
@@ -61,7 +61,7 @@ TEST(Schedule, GrowthIsLeftOutWhereThereIsNoTimeForIt) {
     EXPECT_EQ(close.densify.every, 10);
     EXPECT_EQ(close.densify.opacity_reset_every, 300);
     EXPECT_EQ(close.densify.until, 1500);
-    // Squeezed in mid-run: the end is near, so nothing grows any more.
+    // Squeezed during the run: the end is near, so growth stops.
     TrainOptions original, squeezed;
     original.iterations = squeezed.iterations = 15000;
     fit_schedule(original, 6000, squeezed, 6000, 6800);
@@ -72,7 +72,7 @@ TEST(Schedule, NamesEveryOptionThatCountsIterations) {
     TrainOptions o;
     OptionTable table;
     table.add("", o);
-    // Votes and targets follow the splats; samples are counted per iteration.
+    // Votes and targets follow the splats; samples are per iteration.
     std::set<std::string> named{"tv.vote_every", "tv.refresh_every", "loss.multi_view.samples",
                                 "loss.anchored_depth.refresh_every"};
     visit_schedule(o, [&](const std::string& key, int, Counts) { named.insert(key); });
@@ -95,8 +95,8 @@ TEST(Schedule, NeverStaysNever) {
     EXPECT_EQ(o.loss.normal.start, kNever) << "no overflow";
 }
 
-/// Iterations and seconds that a training takes whose iterations cost `cost(share done)` seconds,
-/// with a tenth of a second to get under way again after every look.
+/// Iterations and seconds of a training whose iterations cost `cost(share done)` seconds, plus a
+/// tenth of a second after every fit.
 template <class Cost>
 std::pair<int, double> run_within(double seconds, const Cost& cost, int iterations = 10000) {
     TrainOptions o;
@@ -113,7 +113,7 @@ std::pair<int, double> run_within(double seconds, const Cost& cost, int iteratio
 }
 
 TEST(TimeBudgetTest, EndsOnTime) {
-    // Three times as slow at its end: the last look, at 88 %, leaves an error of that part only.
+    // Three times as slow at its end: after the last fit at 88 % only an error of the rest remains.
     const auto [slower, slower_s] = run_within(30, [](double p) { return 0.01 * (1 + 2 * p); });
     EXPECT_NEAR(slower_s, 30, 1.5);
     EXPECT_LT(slower, 3000);
@@ -128,7 +128,7 @@ TEST(TimeBudgetTest, AShortOneIsKeptToo) {
 }
 
 TEST(TimeBudgetTest, SlowIterationsAreSeenAtOnce) {
-    // One takes an eighth of the time; what the looks cost is most of the rest.
+    // One iteration takes an eighth of the budget; most of the rest goes to the fits.
     const auto [done, seconds] = run_within(2, [](double) { return 0.25; });
     EXPECT_LE(seconds, 2.5);
     EXPECT_GE(done, 5);

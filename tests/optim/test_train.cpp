@@ -1,4 +1,4 @@
-// The whole loop on a scene of a few pixels.
+// The whole training loop on a scene of a few pixels.
 #include <omp.h>
 
 #include <cstring>
@@ -63,7 +63,7 @@ TEST(Train, SixtyIterationsLowerTheLoss) {
     const Training r = run<Cpu>(rendered_scene(), options);
     ASSERT_EQ(r.reports.size(), 60u);
     EXPECT_EQ(r.reports.back().step, 60);
-    // Twenty looks at each view, from grey splats at a tenth of full opacity: 0.60 was seen.
+    // Twenty steps per view, from grey splats at a tenth of full opacity; measured ratio: 0.60.
     EXPECT_LT(photometric(r.reports, 57), 0.7 * photometric(r.reports, 0));
     for (const TrainReport& report : r.reports) EXPECT_EQ(report.gaussians, 150);
 }
@@ -137,7 +137,7 @@ TEST(Train, StopsWhenAsked) {
     options.iterations = 1000000;
     const Training stopped = run<Cpu>(scene, options, 5);
     EXPECT_EQ(stopped.reports.size(), 5u);
-    // The last of a run's iterations makes no step, so the sixth of six changes nothing.
+    // The last iteration of a run makes no step, so the sixth of six changes nothing.
     options.iterations = 6;
     EXPECT_TRUE(same_bits(stopped.gaussians, run<Cpu>(scene, options).gaussians));
 }
@@ -165,8 +165,8 @@ TEST(TrainTwins, CpuAgainstCuda) {
         options.densify.enabled = false;
         const Training cpu = run<Cpu>(scene, options), cuda = run<Cuda>(scene, options);
         EXPECT_TRUE(test::close(cpu.reports[0].loss, cuda.reports[0].loss, 1e-4));
-        // Where a gradient is a rounding error, Adam steps by the full rate either way: the paths
-        // part, the losses hardly.
+        // Where a gradient is a rounding error, Adam still takes a full step: parameters diverge,
+        // losses hardly.
         EXPECT_TRUE(test::close(photometric(cpu.reports, 17), photometric(cuda.reports, 17), 0.02));
     }
 }

@@ -1,5 +1,5 @@
-// Trainings with the backbone `rade`: they learn, keep their filter through growth, go on from any
-// state with the same bits, and do the same on either device.
+// Trainings with the backbone `rade`: they learn, keep their filter through growth, resume from any
+// state with the same bits, and agree on both devices.
 #include <cstring>
 
 #include "training_scene.h"
@@ -7,7 +7,7 @@
 namespace tvsgs {
 namespace {
 
-/// Growth by the quantile, resets, votes and normals all within 50 iterations.
+/// Growth by quantile, resets, votes and normals, all within 50 iterations.
 TrainOptions all_of_it(int iterations) {
     TrainOptions o;
     o.iterations = iterations;
@@ -76,7 +76,7 @@ TEST(TrainRade, SplatsKeepAFilterOfTheirOwn) {
     const Outcome o = run<Cpu>(all_of_it(45));
     ASSERT_GT(o.splats.size(), 150);
     ASSERT_EQ(o.splats.filter.size(), o.splats.means.size());
-    // The last change was at 40: the filter is that of where splats were then.
+    // The last change was at 40: the filter belongs to the splats' positions then.
     Gaussians<Cpu> now;
     copy(o.splats, now);
     std::vector<Camera> cameras;
@@ -108,7 +108,7 @@ TEST(TrainRadeTwins, GoesOnWithTheSameBits) {
     if constexpr (kHasCuda) resumes_with_the_same_bits<Cuda>();
 }
 
-/// Roundings grow with every step; until the first growth they have not come far.
+/// Rounding errors grow with every step; until the first growth they are small.
 TEST(TrainRadeTwins, CpuAgainstCuda) {
     if (!test::no_cuda().empty()) GTEST_SKIP() << test::no_cuda();
     if constexpr (kHasCuda) {

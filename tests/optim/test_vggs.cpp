@@ -1,5 +1,5 @@
-// The terms that compare a render with priors against their definition, written down again here in
-// double, and their derivatives against differences of that.
+// The losses that compare a render with priors: compared with their definition, written again in
+// double, and their derivatives with difference quotients.
 #include "loss_case.h"
 
 namespace tvsgs {
@@ -29,7 +29,7 @@ void drop(LossCase& c, std::string_view name) {
     std::erase_if(c.maps, [&](const ViewMap& m) { return m.name == name; });
 }
 
-/// A bumpy surface about 4 units away, priors that differ from it, and holes in each.
+/// A bumpy surface about 4 units away, priors that differ from it, and holes in both.
 LossCase prior_case() {
     test::Random random(11);
     LossCase c;
@@ -66,8 +66,8 @@ LossResult run(const LossCase& c, const LossOptions& options, int step = 1, floa
     return evaluate<Cpu>(c, options, {.length_unit = unit, .seed = 5}, step);
 }
 
-/// The derivative of `loss(depths)` against what the term gives, pixel by pixel, where two step
-/// sizes agree: between them there is no kink.
+/// Compares the derivative of `loss(depths)` with the term's, for pixels where two step sizes
+/// agree: where they do not there is a kink.
 template <class Loss>
 void expect_gradient(const LossCase& c, const LossResult& r, const Loss& loss, int least) {
     std::vector<double> depth(c.depth.begin(), c.depth.end());
@@ -157,7 +157,7 @@ TEST(RelativeDepthLoss, AViewWithoutConfidenceIsSureEverywhere) {
     EXPECT_GT(run(none, relative_depth()).value, 0);
 }
 
-/// Ramps of 64 x 64, by hand.
+/// Ramps of 64 x 64 pixels, with values by hand.
 TEST(RelativeDepthLoss, Ramps) {
     constexpr int n = 64;
     const float slope = 0.01f, margin = kOrderMargin;
@@ -308,7 +308,7 @@ TEST(PriorDepthLoss, FallsTowardsItsEnd) {
     o.end = 0;
     EXPECT_TRUE(PriorDepthLoss<Cpu>(o).active(1000000));
     EXPECT_FLOAT_EQ(PriorDepthLoss<Cpu>(o).weight_at(1000000), 2);
-    // The weight of the step is the one that counts.
+    // The weight at the step is used.
     LossCase c = prior_case();
     LossOptions options = prior_depth();
     options.prior_depth.end = 101, options.prior_depth.last_share = 0.25f;

@@ -1,5 +1,6 @@
-// The term that fits a prior to what views agree on: its targets on a plane whose depth is known,
-// value and derivative against their definition, when targets are made, and when they are not.
+// The loss that fits a prior to depths confirmed by two views: its targets on a plane of known
+// depth, value and derivative compared with their definition, and the steps at which targets are
+// made.
 #include <set>
 
 #include "anchored_case.h"
@@ -16,9 +17,9 @@ using test::evaluate;
 
 constexpr int kWidth = test::kPlaneWidth, kHeight = test::kPlaneHeight, kPixels = kWidth * kHeight;
 constexpr float kWeight = 0.5f;
-constexpr int kHole = 11 * kWidth + 13;  // of the render
+constexpr int kHole = 11 * kWidth + 13;  // in the render
 
-/// Whether the render is wrong there: the right 30 % of the pixels.
+/// Whether the render is wrong at a pixel: the right 30 % of the image.
 bool corrupted(int at) {
     return at % kWidth >= 28;
 }
@@ -42,7 +43,7 @@ float true_depth(const AnchoredCase& c, int at) {
 /// exp(-e) (1 + NCC^2) / 2, with e and NCC in double.
 TEST(AnchorConfidence, IsAgreementTimesResemblance) {
     AnchoredCase c = plane_case();
-    c.reference = test::plane_view(0, 1, 0.05, 2);  // off by a little
+    c.reference = test::plane_view(0, 1, 0.05, 2);  // with some noise
     for (std::size_t i = 0; i < kPixels; ++i) c.confidence.push_back(i % 3 == 0 ? 0.3f : 0.9f);
     c.order[500] = std::nanf("");
     Gaussians<Cpu> gaussians;
@@ -109,7 +110,7 @@ TEST(Anchors, ReplaceWhatIsWrongAndKeepTheRest) {
     ASSERT_EQ(r.target.size(), static_cast<std::size_t>(kPixels));
     for (int at = 0; at < kPixels; ++at) {
         const auto i = static_cast<std::size_t>(at);
-        if (at == kHole) continue;  // its prior is of a depth of 0
+        if (at == kHole) continue;  // its prior belongs to a depth of 0
         if (!corrupted(at)) {
             EXPECT_EQ(r.target[i], c.reference.depth[i]) << at;
         }
@@ -125,7 +126,7 @@ TEST(AnchoredDepthLoss, ValueAndGradient) {
     c.options.min_confidence = 0.25f;
     c.length_unit = 2;
     c.steps = {1000, 1001};
-    c.depth_scales = {1, 1.01f};  // away from the target, where |D - target| has its tip
+    c.depth_scales = {1, 1.01f};  // away from the target, where |D - target| has its kink
     const AnchoredResult r = evaluate<Cpu>(c);
     const auto compared = [&](std::size_t i) {
         return c.confidence[i] > 0.25f && r.target[i] > 0 && c.reference.depth[i] > 0;
@@ -191,7 +192,7 @@ TEST(AnchoredDepthLoss, EveryViewIsDueOnceInEachRound) {
             if (views <= 20) {
                 EXPECT_LT(step % 500, 2 * views - 1);
             }
-            // Without a prior nothing is made, and the view is not due again all the same.
+            // Without a prior no target is made; still the view is not due again.
             here.index = view;
             loss.add_to(objective, nullptr, {gaussians, images, here, field, {}, step});
             EXPECT_FALSE(loss.due(step, view));
@@ -231,7 +232,7 @@ TEST(AnchoredDepthLoss, NoAgreementMakesNoTarget) {
 TEST(AnchoredDepthLoss, AFailedFitKeepsTheTarget) {
     AnchoredCase c = plane_case();
     c.steps = {1000, 1500};
-    c.depth_scales = {1, 1.2f};  // far off: views agree nowhere
+    c.depth_scales = {1, 1.2f};  // far off: the views agree nowhere
     const AnchoredResult r = evaluate<Cpu>(c);
     EXPECT_EQ(r.target, r.first_target);
     EXPECT_GT(r.values[1], r.values[0]);
@@ -245,7 +246,7 @@ TEST(AnchoredDepthLoss, AJumpOfTheSlopeIsBelievedTheSecondTime) {
     c.steps = {1000, 1500, 2000};
     c.order_scales = {1, 0.05f, 0.05f};
     const AnchoredResult r = evaluate<Cpu>(c);
-    // The order's rounding weighs twenty times as much now.
+    // The rounding of the order weighs twenty times as much now.
     for (int at = 0; at < kPixels; at += 3)
         if (corrupted(at)) {
             EXPECT_NEAR(r.target[static_cast<std::size_t>(at)], true_depth(c, at), 1e-4);
@@ -259,7 +260,7 @@ TEST(AnchoredDepthLoss, AJumpOfTheSlopeIsBelievedTheSecondTime) {
 TEST(AnchoredDepthLoss, NoSurePixelToCompareCostsNothing) {
     AnchoredCase c = plane_case();
     c.confidence.assign(kPixels, 0.5f);
-    c.options.min_confidence = 0.5f;  // anchors may be, pixels to compare may not
+    c.options.min_confidence = 0.5f;  // for pixels to compare; anchors may have less
     const AnchoredResult r = evaluate<Cpu>(c);
     EXPECT_FALSE(r.target.empty());
     EXPECT_EQ(r.values[0], 0);
@@ -298,7 +299,7 @@ TEST(AnchoredDepthLoss, CpuAgainstCuda) {
                              again = test::evaluate_cuda(c, 2);
         for (std::size_t i = 0; i < c.steps.size(); ++i)
             EXPECT_TRUE(close(a.values[i], b.values[i], 1e-3)) << i;
-        // Which of nearly equal pixels are anchors may differ; the plane does not.
+        // Devices may choose other anchors among nearly equal pixels; the plane is the same.
         for (std::size_t i = 0; i < a.target.size(); ++i)
             if (static_cast<int>(i) != kHole) {
                 EXPECT_NEAR(a.target[i], b.target[i], 1e-4) << i;

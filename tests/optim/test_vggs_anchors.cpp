@@ -1,4 +1,4 @@
-// Where priors are fitted, and the fit: the choice against a plain one, degenerate input.
+// Choice of anchors, compared with a plain version, and the fit of priors, with degenerate input.
 #include <algorithm>
 #include <set>
 
@@ -27,9 +27,9 @@ TEST(ChooseAnchors, TwentyOfTheBestThirty) {
     std::vector<float> sorted = confidence;
     std::sort(sorted.rbegin(), sorted.rend());
     for (std::size_t i = 0; i < 15; ++i) EXPECT_EQ(of(anchors[i]), sorted[i]) << i;
-    EXPECT_EQ(of(anchors[15]), sorted[15]);  // the best of the next fifteen begins
+    EXPECT_EQ(of(anchors[15]), sorted[15]);  // the best of the next fifteen is first
     for (std::size_t i = 16; i < 20; ++i) EXPECT_GE(of(anchors[i]), sorted[29]);
-    // Each of the five is as far from those before as any of the fifteen could be.
+    // Each of the five is the farthest of the fifteen from those chosen before.
     std::vector<int> next;
     for (std::size_t r = 15; r < 30; ++r)
         next.push_back(static_cast<int>(std::find(confidence.begin(), confidence.end(), sorted[r]) -
@@ -54,7 +54,7 @@ TEST(ChooseAnchors, EqualConfidencesGoByPlace) {
 }
 
 TEST(ChooseAnchors, TooFewAreNone) {
-    std::vector<float> confidence(kWidth * kHeight, 0.2f);  // not above the least
+    std::vector<float> confidence(kWidth * kHeight, 0.2f);  // not above the minimum
     std::fill_n(confidence.begin() + 100, 29, 0.9f);
     EXPECT_TRUE(choose_anchors(kWidth, confidence).empty());
     confidence[900] = 0.21f;

@@ -1,4 +1,4 @@
-// Formulas of the terms that compare depth with priors: values by hand, slopes against differences.
+// Formulas of the losses that compare depth with priors: values by hand, slopes by differences.
 #include "optim/losses/depth_prior_math.h"
 #include "support/numeric.h"
 
@@ -14,16 +14,16 @@ TEST(OrderHinge, ValuesByHand) {
     EXPECT_EQ(order_sign(2.0, 2.1, 0.2), 0);
     EXPECT_EQ(order_sign(2.0, 2.3, 0.2), -1);
     EXPECT_EQ(order_sign(2.0, std::nan(""), 0.0), 0);
-    // p is farther by the prior and nearer by the render: out of order by 0.5 and the margin.
+    // p is farther in the prior and nearer in the render: wrong order by 0.5 plus the margin.
     EXPECT_DOUBLE_EQ(order_hinge(1.0, 0.5, 0.1).value, 0.6);
     EXPECT_EQ(order_hinge(1.0, 0.5, 0.1).slope, 1);
     EXPECT_DOUBLE_EQ(order_hinge(-1.0, -0.5, 0.1).value, 0.6);
     EXPECT_EQ(order_hinge(-1.0, -0.5, 0.1).slope, -1);
-    // In order by less than the margin, and by more.
+    // Correct order by less than the margin, and by more.
     EXPECT_DOUBLE_EQ(order_hinge(1.0, -0.04, 0.1).value, 0.06);
     EXPECT_EQ(order_hinge(1.0, -0.2, 0.1).value, 0);
     EXPECT_EQ(order_hinge(1.0, -0.2, 0.1).slope, 0);
-    // Equal priors: the margin, and no pull.
+    // Equal priors: cost of the margin, no gradient.
     EXPECT_DOUBLE_EQ(order_hinge(0.0, 0.7, 0.1).value, 0.1);
     EXPECT_EQ(order_hinge(0.0, 0.7, 0.1).slope, 0);
     EXPECT_EQ(order_hinge(1.0, std::nan(""), 0.1).value, 0);

@@ -1,3 +1,4 @@
+// The order in which training draws views.
 #include <set>
 
 #include "optim/loop/train_loop.h"

@@ -1,4 +1,4 @@
-// A scene that the rasteriser can explain exactly: its photographs are renders.
+// A scene whose photographs are renders of splats, so that training can reproduce them exactly.
 #pragma once
 
 #include "optim/loop/train.h"
@@ -6,7 +6,7 @@
 
 namespace tvsgs::test {
 
-/// Three views of 40 x 30 of 150 splats; the initial points are the splats' centres, displaced.
+/// Three views of 40 x 30 pixels of 150 splats; the initial points are the displaced centres.
 inline Scene rendered_scene() {
     const Gaussians<Cpu> truth = random_gaussians(150, 21, 0.15, 0);
     Scene scene;
@@ -29,7 +29,7 @@ inline Scene rendered_scene() {
     return scene;
 }
 
-/// Losses, voting, growth and trims all within `iterations`.
+/// Options with all losses, voting, growth and trims within `iterations`.
 inline TrainOptions everything_on(int iterations) {
     TrainOptions o;
     o.iterations = iterations;
