@@ -1,4 +1,4 @@
-// What the tests of tvsgs-eval share: a folder, little PLY files, running the command.
+// Fixture of the tests of tvsgs-eval: a folder, small PLY files, and running the command.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -42,7 +42,7 @@ protected:
         std::ofstream(folder / name, std::ios::binary) << text;
         return path(name);
     }
-    /// Vertices and faces as the lines of an ASCII file.
+    /// Writes vertices and faces as lines of an ASCII file.
     std::string write_ply(const std::string& name,
                           const std::string& vertices,
                           const std::string& faces = "") const {
@@ -66,7 +66,7 @@ protected:
         fs::permissions(folder / to, fs::perms::owner_all);
     }
 
-    /// Exit code; standard output goes to `output`, messages to `messages`.
+    /// Returns the exit code; standard output goes to `output`, messages to `messages`.
     int eval(const std::string& arguments) {
         const std::string command = std::string(TVSGS_BIN_DIR) + "/tvsgs-eval " + arguments + " >" +
                                     path("out") + " 2>" + path("err");

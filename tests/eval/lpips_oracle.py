@@ -1,5 +1,5 @@
-"""LPIPS of two made-up images with made-up weights, by NumPy in double precision: the expected
-numbers of test_lpips.cpp. Run: python3 lpips_oracle.py"""
+"""Computes the expected numbers of test_lpips.cpp: LPIPS of generated images and weights, with NumPy in
+double precision. Run: python3 lpips_oracle.py"""
 import numpy as np
 
 VGG = [(0, 3, 64), (2, 64, 64), (5, 64, 128), (7, 128, 128), (10, 128, 256), (12, 256, 256), (14, 256, 256),

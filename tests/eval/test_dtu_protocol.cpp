@@ -1,5 +1,4 @@
-// The protocol against cases by hand.  io-mesh-eval 7.1; the stored results of the oracle are in
-// test_eval_dtu.cpp.
+// The DTU protocol on cases by hand. test_eval_dtu.cpp compares with results of the oracle.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -34,7 +33,7 @@ TEST(ThinPoints, ALine) {
               (std::vector<std::uint32_t>{0, 3, 6, 9}));
     EXPECT_TRUE(thin_points({}, 0.2, 0).empty());
     EXPECT_EQ(thin_points({{1, 1, 1}, {1, 1, 1}}, 0.2, std::nullopt).size(), 1u);
-    // At just the radius the earlier one removes the later one.
+    // At exactly the radius the earlier point removes the later one.
     EXPECT_EQ(thin_points({{0, 0, 0}, {0.25, 0, 0}}, 0.25, std::nullopt).size(), 1u);
     EXPECT_EQ(thin_points({{-1e6, 0, 0}, {1e6, 0, 0}, {1e6, 0.1, 0}}, 0.2, 1).size(), 2u);
 }
@@ -84,7 +83,7 @@ TEST(SampleDtu, RightTriangle) {
         EXPECT_DOUBLE_EQ(samples[i + 3].x, expected[i][0]);
         EXPECT_DOUBLE_EQ(samples[i + 3].y, expected[i][1]);
     }
-    // Faces without area, or too small for the lattice, give their corners alone.
+    // A face without area, or too small for the lattice, gives only its corners.
     EXPECT_EQ(sample_dtu(corners, {{0, 1, 1}, {0, 0, 0}}, options).size(), 3u);
     options.spacing = 2;
     EXPECT_EQ(sample_dtu(corners, {{0, 1, 2}}, options).size(), 3u);
@@ -116,7 +115,7 @@ TEST(EvaluateDtu, CasesByHand) {
     EXPECT_EQ(overall({{0, 0, 1}, {0, 0, 20}}, {{0, 0, 0}}).accuracy_outliers, 1);  // E
     EXPECT_EQ(far.prediction.fates[1], PointFate::outlier);
     EXPECT_EQ(far.prediction.distances[1], 25);
-    // Nothing within reach: no mean, and the reason.
+    // No point within reach: no mean, and a reason.
     EXPECT_FALSE(overall({{0, 0, 90}}, {{0, 0, 0}}).undefined.empty());
     EXPECT_TRUE(std::isnan(overall({}, {{0, 0, 0}}).overall));
 }
@@ -130,8 +129,8 @@ TEST(EvaluateDtu, MaskBoxAndPlane) {
     mask.seen = {1, 0};
     mask.lower = {0, 0, 0}, mask.upper = {1, 1, 1}, mask.voxel = 2;
     truth.mask = mask;
-    // Cell 0 reaches to 1 inclusive (half to even), cell 1 is not observed, -60 belongs to the box,
-    // 121 does not.
+    // Cell 0 ends at 1 inclusive (half to even); cell 1 is not observed; -60 is in the box, 121 is
+    // not.
     const DtuMetrics m = evaluate_dtu(
         {{0.25, 0, 0}, {1, 0, 0}, {1.5, 0, 0}, {-60, 0, 0}, {120.5, 0, 0}, {121, 0, 0}}, truth, {});
     EXPECT_EQ(m.in_box, 5);
@@ -162,7 +161,8 @@ TEST(MaskCull, DiskOfTheRadius) {
 }
 
 TEST(MaskCull, OutsideOfTheImageStays) {
-    // Pixel = (x / z, y / z): what is behind, or beside the image, no mask can judge.
+    // Pixel = (x / z, y / z): masks do not affect vertices behind the camera or outside of the
+    // image.
     MaskView view{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}, {}, ImageU8(20, 20, 1)};
     view.mask.at(10, 10) = 255;
     PreciseMesh mesh{{{10, 10, 1}, {12, 10, 1}, {15, 10, 1}, {30, 10, 1}, {-15, -10, -1}},
@@ -209,7 +209,7 @@ TEST(ErrorColors, EndsOfTheScales) {
     expect(ErrorPalette::tnt, 20, measured, {0.0416f, 0, 0});
     expect(ErrorPalette::safe, 0, measured, {0, 0.135f, 0.305f});
     expect(ErrorPalette::safe, 10, measured, {0.996f, 0.909f, 0.218f});
-    // Along the safe scale lightness grows, so that it reads without hue.
+    // Lightness increases along the safe scale, so that it is readable without hue.
     float before = -1;
     for (int i = 0; i <= 10; ++i) {
         const Vec3f c = error_color(ErrorPalette::safe, i, 10, measured);

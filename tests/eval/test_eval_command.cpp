@@ -1,4 +1,4 @@
-// tvsgs-eval geometry as a user calls it: what it prints, and its exit codes.
+// The command tvsgs-eval geometry: its output and exit codes.
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -37,7 +37,7 @@ protected:
             << lines(faces) << "\nproperty list uchar int vertex_indices\nend_header\n"
             << vertices << faces;
     }
-    /// Exit code; standard output goes to `output_`, messages to `messages_`.
+    /// Returns the exit code; standard output goes to `output_`, messages to `messages_`.
     int eval(const std::string& arguments) {
         const std::string command = std::string(TVSGS_BIN_DIR) + "/tvsgs-eval geometry " +
                                     arguments + " >" + path("out") + " 2>" + path("err");
@@ -70,7 +70,8 @@ TEST_F(EvalGeometry, PrintsAndWritesJson) {
 }
 
 TEST_F(EvalGeometry, MeshesAreMeasuredAsSurfaces) {
-    // A square of 1 below one of 10: all of it is found, and 1.56 % of the large one is near it.
+    // A square of side 1 below one of side 10: all of it is found, and 1.56 % of the large one is
+    // near.
     write("small.ply", "0 0 0\n1 0 0\n1 1 0\n0 1 0\n", "3 0 1 2\n3 0 2 3\n");
     write("large.ply", "-4 -4 0.1\n6 -4 0.1\n6 6 0.1\n-4 6 0.1\n", "3 0 1 2\n3 0 2 3\n");
     const std::string meshes = "--pred " + path("large.ply") + " --gt " + path("small.ply");
@@ -80,7 +81,7 @@ TEST_F(EvalGeometry, MeshesAreMeasuredAsSurfaces) {
     EXPECT_NE(output_.find("\"median_completeness\": 0.1"), std::string::npos) << output_;
     EXPECT_NE(output_.find("\"precision_se\": 0.000"), std::string::npos) << output_;
     EXPECT_NE(messages_.find("to 2 triangles"), std::string::npos) << messages_;
-    // So many points on each, as it once was: few fall near each other.
+    // With a fixed number of points on each mesh only few are close to each other.
     ASSERT_EQ(eval(meshes + " --tau 0.12 --point-samples 500 --require 'recall@0.12<0.5'"), 0);
     EXPECT_EQ(output_.find("_se"), std::string::npos) << output_;
     EXPECT_EQ(eval(meshes + " --samples 500"), 2);
@@ -103,7 +104,7 @@ TEST_F(EvalGeometry, WhatIsNotFiniteIsSaidAndCounted) {
           "torn.ply: 1 vertices that are not finite were dropped, with their faces\n",
           "seen.ply: 1 points that are not finite were dropped\n", "to 1 triangles"})
         EXPECT_NE(messages_.find(said), std::string::npos) << said << " in\n" << messages_;
-    // As a prediction, and where so many points on each are compared.
+    // As a prediction, and with a fixed number of points on each mesh.
     ASSERT_EQ(eval("--pred " + path("torn.ply") + " --gt " + path("holes.ply") +
                    " --point-samples 100 --quiet"),
               0)
@@ -121,7 +122,7 @@ TEST_F(EvalGeometry, BoundsDecideTheExitCode) {
         << messages_;
     EXPECT_EQ(eval(inputs() + " --require 'accuracy<0.25'"), 8);
     EXPECT_NE(messages_.find("accuracy is 0.25"), std::string::npos) << messages_;
-    EXPECT_NE(output_.find("accuracy"), std::string::npos);  // the numbers are still there
+    EXPECT_NE(output_.find("accuracy"), std::string::npos);  // the numbers are still printed
     EXPECT_EQ(eval(inputs() + " --require 'f1@1>=0'"), 2);   // no such threshold
     EXPECT_EQ(eval(inputs() + " --require 'accuracy'"), 2);
     EXPECT_EQ(eval(inputs() + " --tau 0.3,x"), 2);

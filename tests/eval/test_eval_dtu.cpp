@@ -1,5 +1,4 @@
-// tvsgs-eval dtu as a user calls it, in the official layout: the numbers of the oracle, and what
-// bad input gets.
+// The command tvsgs-eval dtu on the official layout: numbers of the oracle, errors.
 #include "core/scene/image.h"
 #include "eval/eval_test.h"
 #include "io/images/image_file.h"
@@ -21,7 +20,7 @@ protected:
     std::string arguments(const std::string& pred, const std::string& more = "") const {
         return "dtu --scan 1 --dtu " + path("dtu") + " --pred " + path(pred) + " " + more;
     }
-    /// Numbers of the output, to 1e-9; the issue asks for 1e-6.
+    /// Compares numbers of the output to 1e-9.
     void expect_values(std::initializer_list<std::pair<const char*, double>> expected) const {
         for (const auto& [key, number] : expected)
             EXPECT_NEAR(value(key), number, 1e-9 * number) << key;
@@ -51,7 +50,7 @@ TEST_F(EvalDtu, AgreesWithTheOracle) {  // RESULTS.txt
     expect_values({{"chamfer", 0.34137980967239967}});
     EXPECT_EQ(value("observed"), 267);
 
-    // Other orders differ by the thinning: 1 % on this small case.
+    // Another order of thinning changes 1 % on this small case.
     ASSERT_EQ(eval(arguments("mesh.ply")), 0) << messages;
     EXPECT_NEAR(value("chamfer"), 0.158, 0.0016);
     EXPECT_EQ(eval(arguments("mesh.ply", "--require 'chamfer<=0.1'")), 8);
@@ -113,11 +112,11 @@ TEST_F(EvalDtu, BadMeshes) {
     expect_error(3, "holds no vertex", arguments("empty.ply"));
     write_ply("nan.ply", "nan 0 0\n0 nan 0\n0 0 inf\n", "3 0 1 2\n");
     expect_error(3, "3 are not finite", arguments("nan.ply"));
-    // One bad vertex takes its face along; the rest is measured.
+    // A bad vertex removes its face; the rest is measured.
     write_ply("some.ply", "0 0 5\n1 0 5\n0 1 5\nnan 0 0\n", "3 0 1 2\n3 0 1 3\n");
     EXPECT_EQ(eval(arguments("some.ply", "--force")), 0) << messages;
     EXPECT_EQ(value("dropped_not_finite"), 1);
-    // Faces without area: what is left are the vertices.
+    // Faces without area: only the vertices remain.
     write_ply("flat.ply", "0 0 5\n4 0 4\n-4 0 4\n0 4 -4\n", "3 0 0 1\n3 1 1 1\n");
     EXPECT_EQ(eval(arguments("flat.ply")), 0) << messages;
     EXPECT_EQ(value("sampled"), 4);
@@ -142,7 +141,7 @@ TEST_F(EvalDtu, AnotherFrame) {
     EXPECT_NE(messages.find("off by (699.8"), std::string::npos) << messages;
     write_ply("normalised.ply", normalised);
     expect_error(3, "scale_mat", arguments("normalised.ply"));
-    // Measured all the same: nothing is in the box, so there is no metric, and the report says so.
+    // With --force it is measured: no point is in the box, so there is no metric.
     EXPECT_EQ(eval(arguments("shifted.ply", "--force")), 3);
     EXPECT_NE(messages.find("E_DTU_EMPTY"), std::string::npos) << messages;
     EXPECT_NE(output.find("\"chamfer\": null"), std::string::npos) << output;
@@ -180,7 +179,7 @@ TEST_F(EvalDtuScene, CullingIsAnOption) {
     ASSERT_EQ(eval(arguments(masks() + "--cull-dilate 0")), 0) << messages;
     EXPECT_GT(value("culled"), by_all);
     EXPECT_GT(by_all, by_three);
-    EXPECT_LT(by_all, 0.5 * all_vertices);  // the objects stay
+    EXPECT_LT(by_all, 0.5 * all_vertices);  // the objects remain
     ASSERT_EQ(eval(arguments(masks() + "--cull none")), 0) << messages;
     EXPECT_EQ(value("culled"), 0);
     EXPECT_EQ(eval(arguments(masks() + "--cull first:50")), 2);
@@ -189,7 +188,8 @@ TEST_F(EvalDtuScene, CullingIsAnOption) {
 }
 
 TEST_F(EvalDtuScene, NormalisedSplatCentres) {
-    // Points of the truth as splats in the normalised frame, every second one nearly transparent.
+    // Points of the truth as splats in the normalised frame; every second one is nearly
+    // transparent.
     const NpzCameras cameras = read_npz_cameras((scene / "dtu_eval/cameras_sphere.npz").string());
     const auto truth = read_ply((scene / "gt/points_train_3.ply").string()).points.positions;
     std::vector<Vec3f> means, log_scales, sh;
@@ -221,7 +221,7 @@ TEST_F(EvalDtuScene, NormalisedSplatCentres) {
               0)
         << messages;
     EXPECT_NEAR(value("sampled"), 0.5 * static_cast<double>(means.size()), 1);
-    // Without the scale they are in another frame.
+    // Without the scale matrix they are in another frame.
     expect_error(3, "E_DTU_FRAME", command);
     expect_error(
         3, "E_DTU_FRAME",

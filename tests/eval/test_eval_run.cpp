@@ -1,5 +1,5 @@
-// tvsgs-eval run, nvs and table --matrix as a user calls them, on a scene made for it: flags that
-// would have no effect, matrices that are none, what is said.
+// The commands tvsgs-eval run, nvs and table --matrix on a small scene: flags without effect,
+// invalid matrices, messages.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

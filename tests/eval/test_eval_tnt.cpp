@@ -1,5 +1,4 @@
-// tvsgs-eval tnt as a user calls it, in the official layout: the numbers of the oracle, and what
-// bad input gets.
+// The command tvsgs-eval tnt on the official layout: numbers of the oracle, errors.
 #include <cmath>
 #include <cstdio>
 #include <sstream>
@@ -9,7 +8,7 @@
 namespace tvsgs {
 namespace {
 
-/// Ten cameras on a circle, in the layout of a .log file; `scale` and `shift` move their frame.
+/// Ten cameras on a circle, in the format of a .log file; `scale` and `shift` move their frame.
 std::string circle_log(int count, double scale = 1, double shift = 0, int first = 0) {
     std::string text;
     for (int i = 0; i < count; ++i) {
@@ -80,7 +79,7 @@ TEST_F(EvalTnt, CurvesAndClouds) {
     for (const char* name : {"res/Bump.prf_tau_plotstr.txt", "res/PR_Bump_@d_th_0_0200.svg",
                              "res/Bump.precision.ply", "res/Bump.recall.ply"})
         EXPECT_FALSE(read(name).empty()) << name;
-    // The transform can be used again.
+    // The written transform can be used as input.
     const double f1 = value("f1");
     ASSERT_EQ(
         eval(arguments("--tau 0.02 --points vertices --align-file " + path("res/alignment.txt"))),
@@ -105,7 +104,7 @@ TEST_F(EvalTnt, FlagsWithoutEffectAreRefused) {
     EXPECT_NE(output.find("\"traj\": \"\""), std::string::npos) << output;
 }
 
-TEST_F(EvalTnt, IcpAgreesWithTheOracle) {  // io-mesh-eval 7.2: perturbed start
+TEST_F(EvalTnt, IcpAgreesWithTheOracle) {  // perturbed start
     const double c = 1.01 * std::cos(0.02), s = 1.01 * std::sin(0.02);
     // The perturbation times the true transform [0 -2 0 .5; 2 0 0 -.25; 0 0 2 1].
     std::ostringstream trans;
@@ -119,7 +118,7 @@ TEST_F(EvalTnt, IcpAgreesWithTheOracle) {  // io-mesh-eval 7.2: perturbed start
     EXPECT_NE(output.find("\"source\": 1414, \"target\": 1888"), std::string::npos) << output;
     EXPECT_NE(second, std::string::npos) << output;
     EXPECT_NE(output.find("\"source\": 1438, \"target\": 2604", second + 1), std::string::npos);
-    EXPECT_NEAR(value("rmse"), 0.012162, 1e-6);  // of the first stage, to the digits given
+    EXPECT_NEAR(value("rmse"), 0.012162, 1e-6);  // of the first stage, to the given digits
     EXPECT_NE(output.find("\"rmse\": 0.010555"), std::string::npos) << output;
     EXPECT_NEAR(value("precision"), 1, 1e-12);
     EXPECT_NEAR(value("recall"), 0.802995, 1e-6);
@@ -133,21 +132,21 @@ TEST_F(EvalTnt, Trajectories) {
         return value("f1");
     };
     const double expected = f1("");
-    // The same frame by another file: the cameras give what trans.txt says.
+    // The same frame from another file: the cameras give the transform of trans.txt.
     write("same.log", circle_log(10) + "\n");
     EXPECT_NEAR(f1("--traj " + path("same.log")), expected, 1e-9);
     EXPECT_NE(output.find("\"matched_by\": \"row\", \"pairs\": 10, \"inliers\": 10"),
               std::string::npos)
         << output;
-    // A subset is matched by the index of the image.
+    // A subset is matched by image index.
     write("some.log", circle_log(7, 1, 0, 2));
     EXPECT_NEAR(f1("--traj " + path("some.log")), expected, 1e-9);
-    // Of the wrong length, with indices that do not fit.
+    // Another length, with indices that do not fit.
     write("short.log", circle_log(5));
     expect_error(3, "E_TNT_TRAJ", arguments("--tau 0.02 --traj " + path("short.log")));
     write("foreign.log", circle_log(9, 1, 0, 100));
     expect_error(3, "0 match the 10", arguments("--tau 0.02 --traj " + path("foreign.log")));
-    // Of another reconstruction: as many, but elsewhere.
+    // Another reconstruction: the same number of cameras at other places.
     std::string other;
     for (int i = 0; i < 10; ++i)
         other += std::to_string(i) + " " + std::to_string(i) + " 0\n1 0 0 " +
@@ -171,7 +170,7 @@ TEST_F(EvalTnt, BadInput) {
     expect_error(3, "holds no vertex", arguments("--tau 0.02", "empty.ply"));
     write_ply("nan.ply", "nan 0 0\n", "");
     expect_error(3, "not finite", arguments("--tau 0.02", "nan.ply"));
-    // In another frame, and with the wrong unit: the offset is measured.
+    // Another frame, and a wrong unit: the error reports the offset.
     std::string shifted;
     for (int i = 0; i < 100; ++i)
         shifted += std::to_string(50 + i % 10 * 0.1) + " " + std::to_string(i / 10 * 0.1) + " 0\n";
@@ -181,7 +180,7 @@ TEST_F(EvalTnt, BadInput) {
     EXPECT_EQ(eval(arguments("--tau 0.02 --no-icp --force", "shifted.ply")), 3);
     EXPECT_NE(messages.find("E_TNT_EMPTY"), std::string::npos) << messages;
     EXPECT_NE(output.find("\"f1\": null"), std::string::npos) << output;
-    // A crop that holds nothing.
+    // An empty crop.
     std::string crop = read("Bump/Bump.json");
     const std::size_t at = crop.find("\"axis_min\": -0.1");
     ASSERT_NE(at, std::string::npos);
@@ -207,7 +206,7 @@ TEST_F(EvalTnt, MissingFiles) {
 TEST_F(EvalTnt, RenderedSceneByItsColmapModel) {
     const fs::path scene = kShared / "data/stone_bust";
     if (!fs::exists(scene)) GTEST_SKIP() << "absent: " << scene;
-    // The truth itself, in the frame of the cameras that were trained: all of it must agree.
+    // The truth itself, in the frame of the training cameras: all of it must agree.
     ASSERT_EQ(
         eval("tnt --no-icp --tau 1 --pred " + (scene / "gt/points.ply").string() + " --scene-dir " +
              (scene / "tnt_eval").string() + " --traj " + (scene / "sparse/0").string()),
@@ -215,10 +214,10 @@ TEST_F(EvalTnt, RenderedSceneByItsColmapModel) {
         << messages;
     EXPECT_EQ(value("inliers"), 40);
     EXPECT_LT(value("median_residual"), 1e-6);  // mm; the log has twelve digits
-    // Both are samples of the surface that the views see, one per 3 mm^2; recall and precision
-    // count those with another sample within 1 mm, and are near each other as neither is denser.
+    // Both are samples of the visible surface, one per 3 mm^2. Recall and precision count points
+    // with a sample of the other within 1 mm, and are close, as both are equally dense.
     EXPECT_NEAR(value("precision"), value("recall"), 0.02);
-    // In the log's own frame it is nowhere near.
+    // In the log's own frame it is far off.
     expect_error(3, "E_TNT_FRAME",
                  "tnt --tau 1 --pred " + (scene / "gt/points.ply").string() + " --scene-dir " +
                      (scene / "tnt_eval").string());

@@ -1,3 +1,4 @@
+// PSNR, SSIM and images of renders, on cases by hand and compared with NumPy and scikit-image.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +14,6 @@
 namespace tvsgs {
 namespace {
 
-// io-mesh-eval 7.1 I.
 TEST(ImageMetrics, ConstantImages) {
     const ImageF a(32, 32, 3, 0.5f), b(32, 32, 3, 0.6f);
     EXPECT_NEAR(psnr(a, b), 20, 1e-5);  // 0.6f is not 0.6
@@ -38,7 +38,7 @@ TEST(ImageMetrics, EqualAndDifferentShapes) {
     EXPECT_EQ(psnr(a, b), psnr(b, a));
 }
 
-/// A little-endian float32 .npy, C order.
+/// Reads a little-endian float32 .npy file in C order.
 ImageF read_npy(const std::string& path) {
     std::ifstream file(path, std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(file), {}};
@@ -55,7 +55,7 @@ ImageF read_npy(const std::string& path) {
 TEST(ImageMetrics, AgreeWithTheOracle) {
     const std::string folder = test_data("geometry");
     const ImageF a = read_npy(folder + "/nvs_render.npy"), b = read_npy(folder + "/nvs_gt.npy");
-    // NumPy and scikit-image in double on the same floats.
+    // Results of NumPy and scikit-image in double on the same floats.
     EXPECT_NEAR(psnr(a, b), 26.02065099594689, 1e-6);
     EXPECT_NEAR(ssim(a, b).padded, 0.7115528602232194, 1e-6);
     EXPECT_NEAR(ssim(a, b).valid, 0.6388765927679918, 1e-6);
@@ -79,7 +79,7 @@ TEST(MapImages, Normals) {
 TEST(MapImages, Depth) {
     std::vector<float> depths;
     for (int i = 0; i < 200; ++i) depths.push_back(1 + 0.005f * static_cast<float>(i));
-    depths[0] = 0;  // nothing there
+    depths[0] = 0;  // no depth
     depths[5] = std::numeric_limits<float>::infinity();
     depths[150] = 1e9f;  // an outlier does not spoil the range
     const ImageU8 image = depth_image(200, 1, depths);

@@ -1,4 +1,4 @@
-// LPIPS against a NumPy implementation (lpips_oracle.py) on weights that both make by one rule.
+// LPIPS compared with a NumPy implementation (lpips_oracle.py), with weights made by the same rule.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -45,7 +45,7 @@ ImageF made_up_image(std::uint64_t seed, int width, int height) {
 void expect_oracle(LpipsNet net, int width, int height, double zero_one, double minus_one_one) {
     const LpipsWeights weights = made_up_weights(net);
     const ImageF a = made_up_image(1, width, height), b = made_up_image(2, width, height);
-    // Products of matrices in float: up to 4608 terms, rounded at 6e-8 each.
+    // Matrix products in float: up to 4608 terms, rounded at 6e-8 each.
     EXPECT_NEAR(lpips(a, b, weights, LpipsRange::zero_one), zero_one, 1e-5 * zero_one);
     EXPECT_NEAR(lpips(a, b, weights, LpipsRange::minus_one_one), minus_one_one,
                 1e-5 * minus_one_one);

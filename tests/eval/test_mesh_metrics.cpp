@@ -1,3 +1,4 @@
+// Geometric errors of meshes and clouds with known distances.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -54,13 +55,13 @@ TEST(MeshMetrics, HalfOfTheGrid) {
     // ... 5.006.
     EXPECT_DOUBLE_EQ(m.median_completeness, 0.5 * (0.25 + std::sqrt(1 + 0.0625)));
 
-    // The cap acts on distances, not on the fractions, even when it is below tau.
+    // The cap changes distances, not fractions, even when it is below tau.
     const GeometryMetrics capped =
         evaluate_geometry(points(half), points(truth), nullptr, {{2.1}, 1});
     EXPECT_NEAR(capped.completeness, 0.5 * 0.25 + 0.5 * 1, 1e-12);
     EXPECT_EQ(capped.thresholds[0].recall, 0.7);
 
-    // Only the half that could be seen is asked for; accuracy still looks at all of the truth.
+    // Completeness uses only the visible half; accuracy still uses the whole truth.
     const SamplePoints wanted = all_points(half);
     const GeometryMetrics visible =
         evaluate_geometry(points(truth), points(truth), &wanted, {{0.3}, 0});
@@ -87,7 +88,7 @@ TEST(MeshMetrics, EmptySetsAreInputErrors) {
 }
 
 TEST(MeshMetrics, ParallelSquares) {
-    // A square of 2 above a square of 1: everything is known in closed form.
+    // A square of side 2 above a square of side 1: all values are known in closed form.
     const GeometryMetrics m =
         evaluate_geometry(surface(test::square({-0.5, -0.5, 0.25}, 2)),
                           surface(test::square({0, 0, 0}, 1)), nullptr, {{0.2, 0.3}, 0});
@@ -96,7 +97,7 @@ TEST(MeshMetrics, ParallelSquares) {
     EXPECT_EQ(m.thresholds[0].recall, 0);
     EXPECT_EQ(m.thresholds[1].recall, 1);
     EXPECT_EQ(m.thresholds[0].precision, 0);
-    // Closer than 0.3: the square of 1 and what is closer than sqrt(0.09 - 0.0625) to it.
+    // Closer than 0.3: the square of side 1, and points closer to it than sqrt(0.09 - 0.0625).
     const double reach = std::sqrt(0.3 * 0.3 - 0.25 * 0.25);
     const double p = (1 + 4 * reach + 3.14159265358979 * reach * reach) / 4;
     const auto& t = m.thresholds[1];
@@ -152,7 +153,7 @@ TEST(MeshMetrics, WhatIsFarOutsideOfTheCropChangesNothing) {
     EXPECT_EQ(before.thresholds[0].recall, after.thresholds[0].recall);
     EXPECT_EQ(before.completeness, after.completeness);
     EXPECT_EQ(before.thresholds[0].precision, after.thresholds[0].precision);
-    // So many points on the mesh instead lie farther apart the more of it there is.
+    // With a fixed number of points on the mesh, their spacing grows with its area.
     const auto by_points = [&](const TriangleMesh& of) {
         std::vector<Vec3f> samples = sample_surface(of, 20000);
         std::erase_if(samples, [&](Vec3f p) { return !contains(crop, vec_cast<double>(p)); });
@@ -162,7 +163,7 @@ TEST(MeshMetrics, WhatIsFarOutsideOfTheCropChangesNothing) {
 }
 
 TEST(MeshMetrics, SamplesAreUniformOverTheArea) {
-    // A square of two faces, a triangle of half its area, and what must not be drawn from.
+    // A square of two faces, a triangle of half its area, and faces that must not be sampled.
     TriangleMesh mesh;
     const float nan = std::numeric_limits<float>::quiet_NaN();
     mesh.vertices = {{0, 0, 0}, {2, 0, 0}, {2, 2, 0}, {0, 2, 0},
@@ -184,7 +185,7 @@ TEST(MeshMetrics, SamplesAreUniformOverTheArea) {
             ++cells[std::min(3, static_cast<int>(2 * p.x))][std::min(3, static_cast<int>(2 * p.y))];
         }
     }
-    // Shares of the area are met to one sample; places in a face are random: 5 sigma.
+    // Shares of the area are exact to one sample; places in a face are random: 5 sigma.
     EXPECT_NEAR(static_cast<double>(on_triangle), kCount / 3.0, 1.5);
     for (const auto& row : cells)
         for (const int n : row) EXPECT_NEAR(n, 2500, 5 * 50);

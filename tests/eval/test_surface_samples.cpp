@@ -1,4 +1,4 @@
-// Samples of a surface that do not depend on its triangles.
+// Samples of a surface do not depend on its triangulation.
 #include <gtest/gtest.h>
 
 #include "eval/mesh_metrics.h"
@@ -21,8 +21,8 @@ double share(const SamplePoints& sample, const std::function<bool(Vec3d)>& condi
 }
 
 TEST(SurfaceSamples, AreUniformOverTheArea) {
-    // A thin plate, a ball and a far crumb; of every face as its area asks for, five standard
-    // errors.
+    // A thin plate, a ball and a distant fragment; each face gets its share by area, within five
+    // standard errors.
     TriangleMesh mesh = box({0, 0, 0}, {3, 2, 0.01}, 2);
     append(mesh, ball({1, 5, 1}, 0.5, 20));
     append(mesh, square({40, 40, 40}, 0.7));
@@ -39,16 +39,16 @@ TEST(SurfaceSamples, AreUniformOverTheArea) {
     EXPECT_NEAR(share(sample, [](Vec3d p) { return p.y < 3 && p.z < 0.005; }),
                 (3 * 2 + 0.01 * (3 + 2)) / total, bound);
     EXPECT_NEAR(share(sample, [&](Vec3d p) { return on_ball(p) && p.z > 1.25; }),
-                0.25 * ball_area / total, bound);  // Archimedes
+                0.25 * ball_area / total, bound);  // by Archimedes
 }
 
 TEST(SurfaceSamples, DependOnTheSurfaceAlone) {
-    // Corners of n = 64 are exact in float, so the surfaces are the same, not merely alike.
+    // Corners with n = 64 are exact in float, so both surfaces are identical.
     const SamplePoints few = sampled(box({-1, -2, -1}, {1, 2, 1}, 1)),
                        many = sampled(box({-1, -2, -1}, {1, 2, 1}, 64));
     ASSERT_EQ(few.points.size(), many.points.size());
     ASSERT_EQ(few.draws, many.draws);
-    for (std::size_t d = 0; d < few.draws.size(); ++d) {  // of one line in any order
+    for (std::size_t d = 0; d < few.draws.size(); ++d) {  // points of one line, in any order
         const std::size_t begin = few.draws[d],
                           end = d + 1 < few.draws.size() ? few.draws[d + 1] : few.points.size();
         for (std::size_t i = begin; i < end; ++i) {
@@ -70,7 +70,7 @@ TEST(SurfaceSamples, OnlyWhatIsInTheCrop) {
     const SamplePoints sample = sampled(mesh, cylinder);
     EXPECT_NEAR(sample.area, 3.14159265 * 4, 0.02 * 12.6);
     for (const Vec3d p : sample.points) ASSERT_TRUE(contains(cylinder, p));
-    // The crop's frame is that of the file, the mesh's one nearer to it.
+    // The crop is in the frame of the file, the mesh in a frame closer to it.
     const SamplePoints shifted = sample_by_lines(TriangleTree(mesh), cylinder, {2, 0, 0}, 2e-3, 0);
     for (const Vec3d p : shifted.points) ASSERT_NEAR(p.x, 1, 2.001);
     cylinder.min.z = 0.5;
@@ -87,8 +87,7 @@ TEST(SurfaceSamples, OnlyWhatIsInTheCrop) {
 }
 
 TEST(SurfaceSamples, StandardErrorsAreWhatSeedsDo) {
-    // Sheets one above the other: a line that cuts one cuts its neighbours, so points come in
-    // groups.
+    // Stacked sheets: a line that cuts one cuts its neighbours, so points come in groups.
     TriangleMesh near, all;
     for (int i = 0; i < 6; ++i) append(near, square({0, 0, 0.1 * i}, 1));
     all = near;
@@ -112,7 +111,7 @@ TEST(SurfaceSamples, StandardErrorsAreWhatSeedsDo) {
 }
 
 TEST(SurfaceSamples, TheBoundHoldsForDenseFloaters) {
-    // A line through the pile cuts all of it: few draws decide on a small share.
+    // A line through the stack cuts all of it: few draws determine a small share.
     TriangleMesh mesh = square({0, 0, 0}, 1);
     for (int i = 0; i < 100; ++i) append(mesh, square({5, 0, 1e-5 * i}, 0.02));
     const MeasuredSurface prediction{sampled(mesh, {}, 0, 5e-3), Surface(mesh)};

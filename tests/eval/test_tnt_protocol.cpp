@@ -1,4 +1,4 @@
-// Registration and metric of Tanks and Temples against cases by hand.
+// Registration and metrics of Tanks and Temples on cases by hand.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ std::vector<Vec3d> cloud(int count) {
     return points;
 }
 
-/// Rotation about z, then scale and shift.
+/// Rotation about z, then scale and translation.
 Affine3d similarity(double scale, double angle, Vec3d t) {
     const double c = scale * std::cos(angle), s = scale * std::sin(angle);
     return {{{{c, -s, 0}, {s, c, 0}, {0, 0, scale}}}, t};
@@ -40,7 +40,7 @@ TEST(Registration, FitsASimilarity) {
     const std::vector<Vec3d> from = cloud(10000), flat = {{0, 0, 0}, {1, 0, 0}, {0, 2, 0}};
     expect_near(fit_similarity(from, transformed(from, kMotion)).value(), kMotion, 1e-12);
     expect_near(fit_similarity(flat, transformed(flat, kMotion)).value(), kMotion, 1e-12);
-    // Mirrored points get the best rotation, never a reflection.
+    // For mirrored points the result is the best rotation, never a reflection.
     std::vector<Vec3d> mirrored = from;
     for (Vec3d& p : mirrored) p.x = -p.x;
     const auto T = fit_similarity(from, mirrored);
@@ -67,7 +67,7 @@ TEST(Registration, CentresWithOutliers) {
 }
 
 TEST(Registration, IcpFindsASmallMotion) {
-    // A bumpy surface, and the same moved by less than the distance between its points.
+    // A bumpy surface, and a copy moved by less than the distance between its points.
     std::vector<Vec3d> target;
     for (int i = 0; i < 60; ++i)
         for (int j = 0; j < 60; ++j) {
@@ -81,7 +81,7 @@ TEST(Registration, IcpFindsASmallMotion) {
     options.rmse_change = 1e-6;
     const IcpResult result = icp(transformed(target, moved), target, options);
     EXPECT_EQ(result.fitness, 1);
-    EXPECT_LT(result.rmse, 1e-9);  // exact once every point has found its own
+    EXPECT_LT(result.rmse, 1e-9);  // exact once every point has found its partner
     expect_near(result.target_from_source, back, 1e-9);
     EXPECT_EQ(icp({}, target, options).fitness, 0);
     options.max_distance = 1e-6;
@@ -103,7 +103,7 @@ std::vector<Vec3d> grid(int columns, double z) {
     return points;
 }
 
-TEST(EvaluateTnt, CasesByHand) {  // io-mesh-eval 7.1, A and B
+TEST(EvaluateTnt, CasesByHand) {
     for (const auto& [tau, expected] : {std::pair{0.4, 0.0}, {0.5, 0.0}, {0.6, 1.0}})
         EXPECT_EQ(evaluate_tnt(grid(10, 0.5), grid(10, 0), {}, tau, 0).f1, expected) << tau;
     const TntMetrics half = evaluate_tnt(grid(5, 0.25), grid(10, 0), {}, 0.3, 0);
