@@ -1,6 +1,6 @@
-// Pages in a browser, light and dark: names, headings, contrast by the formula of WCAG 2.2, what
-// keys reach, and that nothing comes from elsewhere. scripts/page_judges.mjs asks the checkers of
-// others.
+// Accessibility of the pages in a browser, light and dark: names, headings, contrast by the formula
+// of WCAG 2.2, keyboard access, and no external resources. scripts/page_judges.mjs runs independent
+// checkers.
 #include <gtest/gtest.h>
 
 #include "io/files/atomic_file.h"
@@ -11,7 +11,7 @@
 namespace tvsgs {
 namespace {
 
-/// Puts a list of what is wrong into the page.
+/// Writes a list of problems into the page.
 constexpr const char* kCheck = R"JS(<script>
 function channels(color) {  // of "rgb(1, 2, 3)" or "rgba(1, 2, 3, 0.4)"
   const n = color.match(/[\d.]+/g).map(Number);
@@ -149,7 +149,7 @@ if (typeof Viewer === 'undefined') {
 }
 </script>)JS";
 
-/// What is wrong with a page of that colour scheme.
+/// Problems of a page in that colour scheme.
 std::vector<std::string> complaints(std::string page, const fs::path& in, bool dark) {
     const fs::path file = in / "page.html";
     const std::string mark = "</body>";
@@ -174,7 +174,7 @@ void expect_none(const std::string& page, const std::string& name) {
             ADD_FAILURE() << name << (dark ? ", dark: " : ", light: ") << one;
 }
 
-/// Two runs with all that pages have: a mesh, a truth, photographs, plots, notes.
+/// Two runs with all parts of a page: mesh, truth, photographs, plots, notes.
 ViewPage full_view() {
     std::vector<ViewRun> runs;
     for (const std::string name : {"statue", "other"}) {
@@ -235,7 +235,7 @@ TEST_F(AccessiblePages, Reports) {
     expect_none(full_report(), "report");
 }
 
-// What is spoilt on purpose is found.
+// The check finds defects made on purpose.
 TEST_F(AccessiblePages, TheCheckFindsWhatIsWrong) {
     std::string page = full_report();
     const auto spoil = [&](const std::string& from, const std::string& to) {

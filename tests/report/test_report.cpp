@@ -1,4 +1,4 @@
-// Evaluation while training and the report of a run, from the parts to the page in a browser.
+// Evaluations during training and reports of runs, up to the page in a browser.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -71,7 +71,7 @@ TEST(CentreScores, CountTheCropAndTheCurve) {
     truth.taus = {0.5, 2};
     truth.crop.kind = Crop::Kind::box;
     truth.crop.min = {-1, -1, -1}, truth.crop.max = {10, 10, 10};
-    // Two in the crop, at distances 0 and 1; two that do not count.
+    // Two points in the crop, at distances 0 and 1; two points that do not count.
     const std::vector<Vec3f> centres{{0, 0, 0}, {1, 1, 0}, {50, 0, 0}, {NAN, 0, 0}};
     const PointScores scores = score_points(centres, truth, true);
     const JsonValue& json = scores.json;
@@ -226,7 +226,7 @@ TEST_F(Report, HoldsWhatTheRunMeasured) {
     EXPECT_EQ(count_of(page, "<figure class=\"card\">"), count_of(page, "<svg "));
     EXPECT_EQ(count_of(page, "<svg "), count_of(page, "<details><summary>Table"));
     EXPECT_EQ(count_of(page, "<img "), count_of(page, " alt=\""));
-    // Addresses: the name of the SVG language alone.
+    // The only address is the name of the SVG language.
     EXPECT_EQ(count_of(page, "://"), count_of(page, "http://www.w3.org/2000/svg"));
     ASSERT_EQ(call("tvsgs-eval report --run run --quiet"), 0) << said();
     EXPECT_TRUE(contents(folder_ / "run/report.json") == json);
@@ -263,7 +263,7 @@ TEST_F(Report, TheVerdictsFiguresAreThoseOfTheLog) {
 TEST_F(Report, OfRunsThatLackSomething) {
     fs::copy(folder_ / "run", folder_ / "moved", fs::copy_options::recursive);
     std::string log = contents(folder_ / "run/log.jsonl");
-    log.resize(log.size() - 50);  // the last line is cut: a run that was killed
+    log.resize(log.size() - 50);  // the last line is cut, as in a killed run
     std::ofstream(folder_ / "moved/log.jsonl") << log;
     fs::remove_all(folder_ / "moved/point_cloud");
     ASSERT_EQ(call("tvsgs-eval report --run moved --scene nowhere"), 0) << said();
@@ -287,12 +287,12 @@ TEST_F(Report, TablesOfTheSameRunTwice) {
         EXPECT_NE(said().find("the same run"), std::string::npos) << said();
     }
     EXPECT_FALSE(fs::exists(folder_ / "twice.md"));
-    // Another one of the same seed has no spread of seeds.
+    // A second run with the same seed shows no spread of seeds.
     fs::copy(folder_ / "run", folder_ / "again", fs::copy_options::recursive);
     ASSERT_EQ(call("tvsgs-eval table --out twice.md --runs on=run on=again"), 0) << said();
     EXPECT_NE(said().find("run, again: all of seed 0 in the row 'on'"), std::string::npos)
         << said();
-    // One of other images is a row of its own.
+    // A run on other images is a separate row.
     std::string report = contents(folder_ / "again/report.json");
     const std::string key = "\"resolution\": -1,";
     ASSERT_NE(report.find(key), std::string::npos);
@@ -349,8 +349,8 @@ TEST_F(Report, RefusesWhatCannotBeEvaluated) {
     EXPECT_FALSE(fs::exists(folder_ / "refused"));
 }
 
-/// Headless, printing the page as its scripts leave it; the browser's own errands end at a resolver
-/// that knows nobody.
+/// Runs headless and prints the page after its scripts; a resolver without hosts stops the
+/// browser's own requests.
 constexpr const char* kChromium =
     "timeout 100 chromium --headless --no-sandbox --disable-gpu --disable-dev-shm-usage "
     "--user-data-dir=\"$PWD/profile\" --no-first-run --disable-background-networking "
@@ -360,7 +360,8 @@ constexpr const char* kChromium =
 TEST_F(Report, OpensInABrowser) {
     if (shell("command -v chromium >/dev/null") != 0)
         GTEST_SKIP() << "no chromium; Debian's package of this name has it";
-    const std::string asked = "\"initiator\":\"null\"";  // by a page that came from a file
+    // Requested by a page that came from a file.
+    const std::string asked = "\"initiator\":\"null\"";
     const auto open = [&](const std::string& page) {
         fs::remove(folder_ / "net.json");
         return shell(str(kChromium, "\"file://$PWD/", page, "\" >dom.html 2>err.txt"));
@@ -371,7 +372,7 @@ TEST_F(Report, OpensInABrowser) {
     EXPECT_EQ(said().find("CONSOLE"), std::string::npos) << said();
     EXPECT_EQ(count_of(contents(folder_ / "net.json"), asked), 0u);
 
-    // A page that does ask is noticed.
+    // A page with an external request is detected.
     std::ofstream(folder_ / "bad.html")
         << "<img src='http://192.0.2.1/x.png'><script>missing()</script>";
     open("bad.html");

@@ -1,4 +1,4 @@
-// Tables and plots of several runs: which share a row, and what is said of them.
+// Tables and plots of several runs: which runs share a row, and the messages.
 #include <gtest/gtest.h>
 
 #include "core/error.h"
@@ -10,7 +10,7 @@ namespace {
 
 using test::count_of;
 
-/// A report with only what the tables read.
+/// A report with only the parts that tables read.
 TableRun made_up_run(const std::string& scene, bool voting, double seed, double psnr) {
     TableRun run{scene, "", seed, {}};
     run.report = parse_json_value(
@@ -47,7 +47,7 @@ TEST(Tables, MeansSpreadAndNames) {
     EXPECT_EQ(cell_of({}).count, 0);
 }
 
-/// A run of the scene "a" with these members of its configuration.
+/// A run of the scene "a" with this configuration.
 TableRun configured_run(const std::string& label, double seed, const std::string& config) {
     TableRun run{"a", label, seed, {}, str("run_", seed)};
     run.report =
@@ -65,7 +65,7 @@ TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
         EXPECT_EQ(averaged, runs[0].configuration == runs[1].configuration) << a << " / " << b;
         return std::pair(runs[0].configuration, runs[1].configuration);
     };
-    // What is trained, or scored, makes rows.
+    // Settings of training or scoring make separate rows.
     for (const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
              {R"("scene": {"resolution": 2})", R"("scene": {"resolution": 4})"},
              {R"("scene": {"eval": true, "test_every": 8})",
@@ -97,7 +97,7 @@ TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
               R"("a": 2, "b": 2, "c": 2, "iterations": 60, "scene": {"resolution": 4})");
     EXPECT_EQ(many, "on, iterations=30, scene.resolution=2, a=1, and 2 more keys, #1");
     EXPECT_EQ(more, "on, iterations=60, scene.resolution=4, a=2, and 2 more keys, #2");
-    // Where things lie and when they are looked at makes none, nor does what is not in use.
+    // Paths, reporting options and unused keys do not.
     for (
         const auto& [a, b] : std::initializer_list<std::pair<const char*, const char*>>{
             {R"("scene": {"path": "s", "init_ply": "s/init/a.ply", "masks": "m"})",
@@ -117,7 +117,7 @@ TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
         }
     EXPECT_EQ(names("on", R"("tv": {"lists": "full"})", R"("tv": {"lists": "compact"})").second,
               "on");
-    // What the plan decided for all of them is no difference, but it is one to what was asked for.
+    // A decision of the plan in all runs makes no difference; the same setting by the user does.
     const auto planned = [](TableRun run, const std::string& settings) {
         run.report.set("plan", parse_json_value("[{\"settings\": {" + settings + "}}]", "plan"));
         return run;
@@ -131,7 +131,7 @@ TEST(Tables, RunsOfOneRowDifferInTheirSeedOnly) {
         EXPECT_EQ(by_plan[0].configuration, by_plan[1].configuration);
         EXPECT_NE(mixed[0].configuration, mixed[1].configuration);
     }
-    // A scene's own keys make no rows beside those of another scene, and rows are the same in all.
+    // Keys of a scene do not make rows beside other scenes; rows are the same in all scenes.
     std::vector<TableRun> runs{configured_run("on", 0, R"("scene": {"resolution": 2})"),
                                configured_run("on", 1, R"("scene": {"resolution": 4})")};
     runs[1].scene = "b";

@@ -1,4 +1,4 @@
-// What the report says first: what views share, and what limits a run.
+// The first lines of the report: overlap of views, and limits of a run.
 #include <gtest/gtest.h>
 
 #include "core/error.h"
@@ -9,7 +9,7 @@ namespace tvsgs {
 namespace {
 
 TEST(Coverage, OfTwoViewsSideBySide) {
-    // A wall 4 away. Each view is 4 wide there and 2 aside: they share half.
+    // A wall at distance 4. Each view is 4 wide there, 2 beside the next: they share half.
     Gaussians<Cpu> wall;
     std::vector<Vec3f> means;
     for (int y = -60; y <= 60; ++y)
@@ -28,7 +28,7 @@ TEST(Coverage, OfTwoViewsSideBySide) {
         c.camera = {128, 64, 128, 128, 64, 32, {}};
         c.camera.camera_from_world.t = {i == 0 ? 1.0f : i == 1 ? -1.0f : 5.0f, 0, 0};
     }
-    cameras[2].test = true;  // 4 beside of the first
+    cameras[2].test = true;  // 4 beside the first
     const JsonValue c = coverage_json(wall, cameras);
     EXPECT_NEAR(c["two"].number, 0.5, 0.03) << "a cell";
     ASSERT_EQ(c["views"].items.size(), 2u);
@@ -39,12 +39,12 @@ TEST(Coverage, OfTwoViewsSideBySide) {
     EXPECT_EQ(a["partner"].text, "b");
     EXPECT_NEAR(a["shared"].number, 0.5, 0.03);
     EXPECT_EQ(c["gap"]["a"].text + c["gap"]["b"].text, "ab");
-    // In the plane of the centres 28 degrees in the middle of what both see, 27 at its ends.
+    // In the plane of the centres: 28 degrees in the middle of the shared part, 27 at its ends.
     EXPECT_NEAR(c["gap"]["angle_deg"].number, 27, 1.5);
     ASSERT_EQ(c["test"].items.size(), 1u) << "it shows the wall's left end";
     EXPECT_EQ(c["test"].items[0]["nearest"].text, "a");
 
-    // A board right before b, without a gap between its splats: what it hides is not shared.
+    // A board directly in front of b, without gaps: points behind it are not shared.
     for (int y = -100; y <= 100; ++y)
         for (int x = -100; x <= 100; ++x)
             means.push_back(

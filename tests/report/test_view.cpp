@@ -1,4 +1,4 @@
-// Pages of tvsgs-view: what is in them, and what a browser draws beside our own renders.
+// Pages of tvsgs-view: their contents, and the browser's drawing compared with our renders.
 #include <gtest/gtest.h>
 #include <zlib.h>
 
@@ -16,7 +16,7 @@
 namespace tvsgs {
 namespace {
 
-/// The splats that the page holds for a run.
+/// The splats in the page of a run.
 Gaussians<Cpu> splats_in(const std::string& html, int run) {
     const std::string bytes = decoded_base64(text_of(html, "splats" + std::to_string(run)));
     return parse_spz({reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size()}, "page",
@@ -34,7 +34,7 @@ std::uint8_t byte_at(const std::string& rgba, int x, int y, int channel) {
              static_cast<std::size_t>(channel)]);
 }
 
-/// Of RGBA bytes against colours in [0, 1], which are cut there.
+/// PSNR of RGBA bytes against colours, which are clamped to [0, 1].
 double psnr(const std::string& rgba, const std::vector<Vec3f>& colors) {
     EXPECT_EQ(rgba.size(), 4 * colors.size());
     double sum = 0;
@@ -54,7 +54,7 @@ std::vector<Vec3f> render(const std::string& backbone,
     return to_host(rasteriser->forward(splats, camera, splats.sh_degree, Maps::color).color);
 }
 
-/// Of a surface as runs have it: discs on a sphere, some far larger than they are thick.
+/// A surface of typical splats: discs on a sphere, some much larger than thick.
 Gaussians<Cpu> sphere(int count) {
     Gaussians<Cpu> g = test::random_gaussians(count, 5, 0.03, 1);
     for (std::size_t i = 0; i < g.means.size(); ++i) {
@@ -135,7 +135,7 @@ TEST(ViewPack, TheLargestStay) {
     for (std::size_t i = 0; i < 300; ++i) {
         g.means[i] = {static_cast<float>(i), 0, 0};
         g.log_scales[i] = {-3, i < 40 ? -2.0f : -3.0f, -7};  // the first are twice as large
-        g.opacity_logits[i] = i >= 290 ? -9.0f : 1.0f;       // the last draw nothing
+        g.opacity_logits[i] = i >= 290 ? -9.0f : 1.0f;       // the last ones are invisible
     }
     const PackedSplats packed = pack_splats(std::move(g), 1 << 20, 40);
     EXPECT_EQ(packed.of, 290);
@@ -146,7 +146,7 @@ TEST(ViewPack, TheLargestStay) {
 TEST(ViewPack, ManySplatsFillTheRoom) {
     const std::size_t room = 300'000;
     for (const bool alike : {false, true}) {
-        // Of different sizes, so that the largest are few.
+        // Of different sizes, so that few are large.
         Gaussians<Cpu> g = alike ? sphere(100'000) : test::random_gaussians(100'000, 5);
         for (std::size_t i = 0; i < g.means.size(); ++i) {
             g.log_scales[i].x = g.log_scales[i].y = static_cast<float>(i) / 1e5f - 3;
@@ -200,8 +200,8 @@ Gaussians<Cpu> around(int count) {
     return g;
 }
 
-// Below 59 dB, what rounding to 8 bits leaves, and 50 where the target rounds each blend: the rest
-// is the device's exponential. A dot of discs left out costs 13 dB, half a pixel 16.
+// Rounding to 8 bits leaves 59 dB, rounding of each blend in the target 50 dB; the rest is the
+// device's exponential. A missing dot of discs costs 13 dB, half a pixel 16.
 TEST_F(ViewInBrowser, DrawsWhatTheRasterisersDraw) {
     struct Case {
         std::string backbone;
@@ -256,7 +256,7 @@ TEST_F(ViewInBrowser, OneSplatIsItsFormulaAndNoneIsBlack) {
     const double s = std::exp(double(g.log_scales[0].x)), fx = double(c.fx_px),
                  fy = double(c.fy_px);
     const double u = p.x / p.z, v = p.y / p.z;
-    // A ball: J J^T s^2 and the low-pass.
+    // A ball: J J^T s^2 plus the low-pass.
     const double xx = 0.3 + std::pow(s * fx / p.z, 2) * (1 + u * u),
                  yy = 0.3 + std::pow(s * fy / p.z, 2) * (1 + v * v),
                  xy = s * s * fx * fy / (p.z * p.z) * u * v, det = xx * yy - xy * xy;
@@ -297,7 +297,8 @@ TEST_F(ViewInBrowser, MeshesCoverTheirPixelsAndErrorsHaveTheirColours) {
     run.mesh.faces = {{0, 1, 2}, {2, 1, 3}};
     run.mesh_faces = 2;
     run.truth.emplace();
-    run.truth->surface = measured_points({{0, 0, -1000}}, {}, {});  // far: all at the end
+    // Far: all errors at the end of the scale.
+    run.truth->surface = measured_points({{0, 0, -1000}}, {}, {});
     run.truth->taus = {0.5};
     std::vector<ViewRun> runs;
     runs.push_back(std::move(run));

@@ -1,4 +1,4 @@
-// Pages of tvsgs-view as a user moves through them, and as they follow a training.
+// Pages of tvsgs-view under user input, and while they follow a training.
 #include <gtest/gtest.h>
 
 #include "io/files/atomic_file.h"
@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-// Does one thing after the other as a user does, and notes where one then looks from.
+// Performs actions of a user, and records the view after each.
 TEST_F(ViewInBrowser, KeysPointersAndButtonsMoveTheView) {
     const std::string script = R"JS(<script>
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 60);
@@ -141,7 +141,7 @@ Viewer.prototype.begin = function() {
     EXPECT_GT(seen["move"]["worst"].number_or(0), 1e-6) << "not as exact as at rest";
 }
 
-// With answers that a server would give.
+// With prepared answers of a server.
 TEST_F(ViewInBrowser, ATrainingIsFollowedToItsEnd) {
     const std::string script = R"JS(<script>
 window.requestAnimationFrame = draw => setTimeout(() => draw(performance.now()), 60);

@@ -1,4 +1,4 @@
-// What the tests of pages of tvsgs-view share.
+// Shared parts of the tests of tvsgs-view's pages.
 #pragma once
 
 #include <gtest/gtest.h>
