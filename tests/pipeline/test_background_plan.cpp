@@ -1,4 +1,4 @@
-// Whether the background is meshed: points on either side of the depth limit, and of the share.
+// Whether the plan meshes the background: points on both sides of the depth limit and of the share.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -20,16 +20,17 @@ Camera camera_at(double x) {
     return camera;
 }
 
-// The focus is the origin, the nearest camera 4 away: depths end at 8, and z of the world near 4.
+// The focus is the origin, the nearest camera is 4 away: depths end at 8, near z = 4 in the world.
 TEST(ShareBeyond, CountsWhatTwoViewsSee) {
     const std::vector<Camera> cameras{camera_at(-1), camera_at(0), camera_at(1)};
     EXPECT_NEAR(share_beyond(cameras, {{0, 0, 1}, {0, 0, 20}, {1, 0, 2}, {0, 1, 30}}), 0.5, 1e-12);
-    // In the image of one view alone, or of none.
+    // Points in the image of only one view, or of none.
     EXPECT_NEAR(share_beyond(cameras, {{0, 0, 0}, {26.5f, 0, 20}, {0, 0, -9}}), 0, 1e-12);
     // Nearer than the limit in one view, farther in another.
     EXPECT_EQ(share_beyond({camera_at(0), camera_at(4)}, {{0, 0, 3.9f}}), 0);
     EXPECT_TRUE(std::isnan(share_beyond(cameras, {})));
-    EXPECT_TRUE(std::isnan(share_beyond({camera_at(0)}, {{0, 0, 1}})));  // looks at no point
+    // Its optical axis meets no other.
+    EXPECT_TRUE(std::isnan(share_beyond({camera_at(0)}, {{0, 0, 1}})));
 }
 
 TEST(PlanBackground, OnEitherSideOfATwentieth) {

@@ -1,4 +1,4 @@
-// How scenes are cut into blocks, and the files that this writes.
+// Splitting scenes into blocks, and the files of a split.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -48,7 +48,7 @@ TEST(BlocksGeometry, EachPlaceHasOneCellAndCellsAreBalanced) {
             ASSERT_EQ(holders(places[i]), 1) << i;
             of[static_cast<std::size_t>(cell_of(cells, places[i]))] += weights[i];
         }
-        // Also beyond all points, and on the cuts themselves.
+        // Also beyond all points, and exactly on the cuts.
         for (const Vec2<double> far : {Vec2<double>{1e9, 1e9}, {-1e9, 3}, {0, -1e9}})
             EXPECT_EQ(holders(far), 1);
         for (const GroundCell& cell : cells)
@@ -69,7 +69,7 @@ TEST(BlocksGeometry, CutsGoAcrossTheLongerSide) {
     EXPECT_TRUE(std::isfinite(cells[0].high[0]));
     EXPECT_TRUE(std::isinf(cells[0].high[1]));
     EXPECT_EQ(cells[0].high[0], cells[1].low[0]);
-    // Points are not where they are not: the median of a square of uniform numbers.
+    // The median of uniform numbers in a square.
     EXPECT_NEAR(cells[0].high[0], 6 * 0.25, 0.1);
 }
 
@@ -106,7 +106,7 @@ TEST(BlocksGeometry, UpIsWhereCamerasSpreadLeastAndAxesOfTheWorldAreKept) {
     const Vec2<double> p = frame.on_ground({3, 100, 7});
     EXPECT_EQ(p.x, 3);
     EXPECT_EQ(p.y, 7);
-    // A tilted one is orthonormal, and level.
+    // A tilted frame is orthonormal, and its first axes are level.
     const GroundFrame tilted = ground_frame({1, 2, 2});
     const Mat3<double>& R = tilted.ground_from_world;
     const Mat3<double> identity = R * transpose(R);
@@ -119,7 +119,7 @@ TEST(BlocksGeometry, UpIsWhereCamerasSpreadLeastAndAxesOfTheWorldAreKept) {
 }
 
 TEST(BlocksGeometry, ViewsAreChosenByShareAndThenByNeed) {
-    // Point 0 is seen by all; 1 by views 2, 3, 4; 2 by two views only, which is all there are.
+    // Point 0 is seen by all; 1 by views 2, 3, 4; 2 by only two views, all that exist.
     std::vector<BlockView> views(6);
     views[0] = {0.5, {0}};
     views[1] = {0.09, {0}};

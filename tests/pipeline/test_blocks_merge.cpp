@@ -1,4 +1,4 @@
-// What the whole takes from each block.
+// Merging the splats of blocks.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -19,7 +19,7 @@ TEST(BlocksMerge, SharesOfASplatLetThroughWhatItDid) {
         }
 }
 
-// A ground of splats, trained alike by both blocks: the whole looks like it, not like two of them.
+// Two blocks trained the same ground of splats: the merged splats look like one copy of it.
 TEST(BlocksMerge, TwoCopiesOfOneModelAreThatModel) {
     BlocksManifest manifest;
     manifest.frame = ground_frame({0, 0, 1});
@@ -41,7 +41,7 @@ TEST(BlocksMerge, TwoCopiesOfOneModelAreThatModel) {
         splats.opacity_logits[i] = static_cast<float>(random.uniform(-3, 0));
         for (int c = 0; c < 3; ++c) splats.sh[i][c] = static_cast<float>(random.uniform(-1, 1));
     }
-    splats.means[kSide * kSide] = {99, 0, 0};  // far, the coarse run's
+    splats.means[kSide * kSide] = {99, 0, 0};  // far: from the coarse run
     const auto merged = [&](double fade) {
         std::vector<Gaussians<Cpu>> parts;
         for (const int block : {1, 2, 0})
@@ -68,11 +68,11 @@ TEST(BlocksMerge, TwoCopiesOfOneModelAreThatModel) {
     EXPECT_EQ(sharp.size(), splats.size());
     EXPECT_LT(off(sharp), 1e-5);
     EXPECT_GT(soft.size(), splats.size() + 2 * kSide);
-    EXPECT_LT(off(soft), 0.03);  // coincident splats are one at their centre alone
+    EXPECT_LT(off(soft), 0.03);  // coincident splats equal one only at their centre
     std::vector<Gaussians<Cpu>> twice(2);
     for (Gaussians<Cpu>& one : twice) copy(splats, one);
     EXPECT_GT(off(join_splats(twice, 0)), 0.1);
-    // Deep inside nothing changes, and nobody goes farther than the fade.
+    // Deep inside nothing changes; splats beyond the fade are dropped.
     const BlockSplats one = part_of_block(manifest, splats, 1, 3);
     EXPECT_EQ(one.own, kSide * 21);
     for (const Vec3f p : to_host(one.splats.means)) EXPECT_LT(p.x, 0.013 + 3 * 0.0334);

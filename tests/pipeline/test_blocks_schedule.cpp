@@ -1,4 +1,4 @@
-// Which block's process runs where and when: with shell scripts for tvsgs-train.
+// Scheduling of block processes, with shell scripts in place of tvsgs-train.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What happened to a block: "start" or "end", and where.
+/// An event of a block: "start" or "end", and its place.
 struct Event {
     std::string what, place;
     int block = 0;
@@ -50,7 +50,7 @@ protected:
         fs::remove_all(folder_);
     }
 
-    /// Writes the program: `body` is a shell script with the block in $1, the place in $2.
+    /// Writes the program: `body` is a shell script that gets the block in $1 and the place in $2.
     static void write_program(const std::string& body) {
         std::ofstream(folder_ / "train.sh")
             << "cd '" << folder_.string() << "'\necho start $1 $2 $3 >>events\n"
@@ -84,10 +84,10 @@ protected:
 };
 
 TEST_F(BlockSchedules, APlaceTakesTheNextBlockWhenItIsFree) {
-    // The first block ends when all others have.
+    // The first block ends after all others.
     write_program("[ $1 = 1 ] && until grep -q 'end 5' events; do sleep 0.02; done");
     EXPECT_TRUE(run(5).empty());
-    std::map<std::string, int> on;  // blocks on each place
+    std::map<std::string, int> on;  // number of blocks per place
     std::map<std::string, std::set<int>> all;
     std::size_t most = 0;
     for (const Event& e : events()) {
@@ -133,7 +133,7 @@ TEST_F(BlockSchedules, BlocksThatFailTwiceAreReturnedWithTheirCodes) {
     std::map<int, int> codes;
     for (const BlockFailure& failure : failures) codes[failure.block] = failure.code;
     EXPECT_EQ(codes, (std::map<int, int>{{2, 137}, {3, 3}}));
-    EXPECT_EQ(events().size(), 8u);  // two with an end, two started twice
+    EXPECT_EQ(events().size(), 8u);  // two starts with an end, two blocks started twice
     EXPECT_NE(messages().find("block 2 failed again on"), std::string::npos) << messages();
     EXPECT_NE(messages().find("ended by signal 9 (Killed)"), std::string::npos) << messages();
 }
@@ -155,7 +155,7 @@ TEST_F(BlockSchedules, WithoutAnyUsableDeviceAllBlocksFail) {
 }
 
 TEST_F(BlockSchedules, ASignalIsSentOnAndAllProcessesEndFirst) {
-    // The second block has the scheduler stopped when the first one is ready for it.
+    // The second block stops the scheduler when the first block is ready.
     write_program(R"(trap 'sleep 0.1; echo saved $1 x x >>events; exit 130' INT
     [ $1 = 1 ] && touch ready
     [ $1 = 2 ] && until [ -e ready ]; do sleep 0.02; done
@@ -175,7 +175,7 @@ TEST_F(BlockSchedules, ASignalIsSentOnAndAllProcessesEndFirst) {
 }
 
 TEST_F(BlockSchedules, ProgressIsShownAndOtherLinesAreLogged) {
-    // The block goes on when its progress has been shown.
+    // The block continues when its progress has been shown.
     write_program(R"(echo threads: $OMP_NUM_THREADS >&2
     echo '{"iteration": 50, "seconds": 1}' >&2
     until [ -e shown ]; do sleep 0.02; done

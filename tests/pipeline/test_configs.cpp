@@ -1,4 +1,4 @@
-// The configurations of configs/, which the program carries with it.
+// The configurations in configs/, which the program embeds.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-/// The keys that `read` sets.
+/// Returns the keys that `read` sets.
 template <class Read>
 std::map<std::string, std::string> keys_of(const Read& read) {
     RunOptions options;
@@ -39,7 +39,7 @@ TEST(Configs, EachFileCanBeExtendedByName) {
     EXPECT_EQ(built_in_configs(), files);
 }
 
-// PGSR's losses, the paper's votes, and keys of its own.
+// PGSR's losses, the paper's votes, and own keys.
 TEST(Configs, DerivedOnesHaveWhatTheyExtend) {
     const auto keys = keys_of([](OptionTable& table) {
         table.read_file(TVSGS_SOURCE_DIR "/configs/tv_sgs_p_dense.json");

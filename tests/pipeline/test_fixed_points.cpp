@@ -1,4 +1,4 @@
-// Measured points: which clouds lie in the frame of the scene, and where they fill its gaps.
+// Measured points: whether clouds lie in the frame of the scene, and how they fill its gaps.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -15,8 +15,7 @@
 namespace tvsgs {
 namespace {
 
-/// A place on a ground of 4 x 4 with an off-centre house of 1.2 x 0.8 x 1.1 on it, the frame's
-/// origin below, and whether a roof, a wall or the ground.
+/// A random point on a ground of 4 x 4 or on an off-centre house of 1.2 x 0.8 x 1.1 on it.
 Vec3f place(test::Random& random) {
     const auto at = [&](double low, double high) {
         return static_cast<float>(random.uniform(low, high));
@@ -40,7 +39,7 @@ std::vector<Vec3f> samples(int count, unsigned seed, double noise = 0) {
     return points;
 }
 
-/// Eight cameras around it, a pixel is 0.008 wide there; an initial cloud of that noise.
+/// Eight cameras around the house, where a pixel is 0.008 wide; the initial cloud has that noise.
 Scene scene(int initial = 20000, std::vector<Vec3f> fixed = samples(1500, 2)) {
     Scene scene;
     for (int i = 0; i < 8; ++i) {
@@ -87,7 +86,7 @@ TEST(FixedPoints, RightCloudsPass) {
             more.push_back({float(3 + i % 100), float(-30 + i % 61), float(i % 7)});
         EXPECT_EQ(verdict(scene(20000, more)), "passes") << "and its surroundings, " << points;
     }
-    // The initial cloud has gaps: nothing of the house.
+    // The initial cloud has gaps: no points on the house.
     Scene ground = scene();
     std::erase_if(ground.points.positions, [](Vec3f p) { return p.z > 0.05f; });
     EXPECT_EQ(verdict(ground), "passes");
@@ -109,7 +108,7 @@ TEST(FixedPoints, WrongFramesAreRefused) {
         refused([](Vec3f p) { return Vec3f{p.x, p.z, -p.y}; }, "with (x, -z, y)");
         refused([](Vec3f p) { return Vec3f{p.x, -p.y, -p.z}; }, "with (x, -y, -z)");
         refused([](Vec3f p) { return Vec3f{-p.x, p.y, p.z}; }, "with (-x, y, z)");
-        // 5 % of the scene; along the ground only the house tells.
+        // 5 % of the scene; for a shift along the ground only the house shows the difference.
         refused([](Vec3f p) { return p + Vec3f{0.2f, 0, 0}; }, "moved by (-0.");
         refused([](Vec3f p) { return p + Vec3f{0, 0, 0.2f}; }, "moved by (");
         refused([](Vec3f p) { return p + Vec3f{500, 0, 0}; }, "in front of two training cameras");
@@ -117,7 +116,7 @@ TEST(FixedPoints, WrongFramesAreRefused) {
 }
 
 TEST(FixedPoints, OfAFarSceneTheFileIsMeant) {
-    // Axes are turned around the zero of the file, not that of the scene's frame.
+    // Axes are rotated around the zero of the file, not of the scene's frame.
     const Vec3f origin{40, -30, 20};
     Scene far = scene(20000, moved(samples(1500, 2), [&](Vec3f p) {
                           const Vec3f file = p + origin;
@@ -169,7 +168,7 @@ TEST(FixedPoints, FillTheGapsOfTheCloud) {
     std::erase_if(initial, [](Vec3f p) { return p.z > 0.05f; });
     with_gap.points.colors.resize(initial.size());
     with_gap.points.normals.assign(initial.size(), {0, 0, 1});
-    with_gap.fixed_voters.positions.push_back({0, 0, 500});  // nobody sees it
+    with_gap.fixed_voters.positions.push_back({0, 0, 500});  // visible in no view
     with_gap.fixed_voters.positions.push_back({std::nanf(""), 0, 1});
     const std::size_t before = initial.size(), added = fill_with_fixed_points(with_gap);
     std::size_t of_house = 0;

@@ -1,4 +1,4 @@
-// RUN/live/, what a training shows of itself on its way.
+// Snapshots of a running training in RUN/live/.
 #include <gtest/gtest.h>
 #include <unistd.h>
 

@@ -1,5 +1,5 @@
-// What scenes of thousands of photographs go by: photographs in a file, views that are left out
-// unseen, exposures that parts of a scene share.
+// Support for scenes of thousands of photographs: photographs in a file, fast selection of views,
+// exposures shared by parts of a scene.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
@@ -150,7 +150,7 @@ TEST(Matchable, LooksAtFewViewsAndFindsWhatAllShow) {
 
 TEST(Evidence, OfRunsThatAViewMissesIsWhatEachSampleSays) {
     test::Random random(12);
-    std::vector<SurfaceSample> samples;  // in clusters, as faces of a mesh follow each other
+    std::vector<SurfaceSample> samples;  // in clusters, like consecutive faces of a mesh
     while (samples.size() < 20 * SampleRuns::kSize + 17) {
         const Vec3f middle = vec_cast<float>(6.0 * random.normal3());
         for (std::size_t i = 0; i < SampleRuns::kSize; ++i)
@@ -328,7 +328,7 @@ TEST_F(Exposures, AreReadByNameAsTheyWereWritten) {
     }
 }
 
-/// Mean colour of the second view of rendered_scene(), once trained on `views` of `scene`.
+/// Mean colour of the second view of rendered_scene() after training on `views` of `scene`.
 double brightness(const Scene& scene,
                   const std::vector<std::size_t>& views,
                   TrainOptions options,
@@ -351,7 +351,7 @@ double brightness(const Scene& scene,
 
 TEST_F(Exposures, PartsThatHoldThoseOfTheWholeHaveItsColours) {
     Scene scene = test::rendered_scene();
-    scene.train[0] = scene.train[2] = scene.train[1];  // one place, in other light
+    scene.train[0] = scene.train[2] = scene.train[1];  // one place in different light
     const double gains[] = {0.8, 1, 1.2};
     for (std::size_t v = 0; v < 3; ++v) {
         scene.train[v].name = std::to_string(v);

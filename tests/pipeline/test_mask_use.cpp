@@ -1,4 +1,4 @@
-// Masks that cannot be used are refused, and the initial cloud keeps to the object.
+// Unusable masks are rejected, and the initial cloud is limited to the object.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -13,7 +13,7 @@
 namespace tvsgs {
 namespace {
 
-/// Looks along z at the object, a square of 20 pixels in the middle of 60 by 60.
+/// A view along z of the object, a square of 20 pixels in the middle of 60 by 60.
 View masked_view(const std::string& name) {
     View view;
     view.name = name;
@@ -129,7 +129,7 @@ TEST(PsnrTrained, IsOfTheWholeImageWhereNoMaskHasAnObject) {
 TEST(CompareRenders, BeforeTheBackgroundOfTheRun) {
     View view = masked_view("a");
     view.photo = ImageU8(60, 60, 3, 250);
-    Gaussians<Cpu> behind;  // the camera: nothing but the background is seen
+    Gaussians<Cpu> behind;  // behind the camera: only the background is visible
     resize(behind, 1, 0);
     behind.means.data()[0] = {0, 0, -20}, behind.quats.data()[0] = {1, 0, 0, 0};
     TrainOptions options;

@@ -1,4 +1,4 @@
-// A training's memory as it is estimated, and what the plan makes of it.
+// The memory estimate of a training, and the decisions of the plan.
 #include <gtest/gtest.h>
 
 #include "optim/losses/loss.h"
@@ -24,7 +24,7 @@ Scene scene_of(int views) {
 TEST(MemoryPlan, CountsWhatTermsKeepOfEachView) {
     TrainOptions keeps, does_not;
     keeps.loss.multi_view_ncc.weight = does_not.loss.multi_view_ncc.weight = 1;
-    keeps.loss.anchored_depth.weight = 1;  // which looks at another view, too
+    keeps.loss.anchored_depth.weight = 1;  // also uses a neighbour view
     for (const int views : {3, 7}) {
         const Scene scene = scene_of(views);
         const MemoryPlan a = estimate_memory(scene, keeps, 100, true),
@@ -61,7 +61,7 @@ TEST(MemoryPlan, CountsMasksAsTheDeviceHasThem) {
     EXPECT_EQ(used.host.fixed, unused.host.fixed) << "made on the device";
 }
 
-/// Bytes that a view of `g` takes, there and back, beside what it takes without splats.
+/// Bytes of forward and backward for a view of `g`, less those without splats.
 std::int64_t bytes_of_view(const char* name, const Gaussians<Cpu>& g) {
     const auto bytes = [&](const Gaussians<Cpu>& splats) {
         const std::int64_t before = memory_use(Cpu{}).current_bytes;
@@ -100,7 +100,7 @@ TEST(MemoryPlan, GoesByTheViewThatHasMostOfTheSplats) {
     o.densify.enabled = false;
     const auto per_splat = [&] { return estimate_memory(scene, o, 100, true).buffers.per_splat; };
     const std::int64_t all = per_splat();
-    for (int i = 0; i < 1000; ++i)  // a fifth in the one view, a tenth in the other
+    for (int i = 0; i < 1000; ++i)  // a fifth visible in one view, a tenth in the other
         scene.points.positions.push_back({i % 5 == 0    ? 0.0f
                                           : i % 10 == 1 ? -1000.0f
                                                         : 5000.0f,
@@ -108,13 +108,13 @@ TEST(MemoryPlan, GoesByTheViewThatHasMostOfTheSplats) {
     EXPECT_EQ(per_splat(), all - view_bytes_per_splat(1) + view_bytes_per_splat(1.25 * 0.2 + 0.05));
     for (Vec3f& p : scene.points.positions) p = {0, 0, 2};
     EXPECT_EQ(per_splat(), all) << "no more than all";
-    o.loss.multi_view_geometry.weight = 1;  // of two views
+    o.loss.multi_view_geometry.weight = 1;  // two views per step
     const std::int64_t two = per_splat();
     scene.points.positions.resize(1), scene.points.positions[0] = {5000, 0, 2};
     EXPECT_EQ(two - per_splat(), 2 * (view_bytes_per_splat(1) - view_bytes_per_splat(0.05)));
 }
 
-/// Bytes that hold `splats` of a training, on device and host.
+/// Bytes for a training of `splats` splats, on device and host.
 MemoryLimits limits_for(const Scene& scene,
                         const TrainOptions& o,
                         std::int64_t splats,
@@ -123,7 +123,7 @@ MemoryLimits limits_for(const Scene& scene,
     return {plan.buffers.at(splats) + more, std::int64_t{1} << 40};
 }
 
-/// With votes, and without growth.
+/// With votes, without growth.
 TrainOptions voting() {
     TrainOptions o;
     o.tv.enabled = true, o.densify.enabled = false;
@@ -201,7 +201,7 @@ TEST(Machines, PhotographsThatCrowdAreOnTheHostAnyway) {
     const auto streams = [&] { return !plan_machines(scene, o, in).settings.empty(); };
     in.limits.device = 4000000 + 1080000;
     EXPECT_FALSE(streams());
-    in.limits.device = 1079999;  // more than half of it
+    in.limits.device = 1079999;  // photographs take more than half of it
     EXPECT_TRUE(streams());
     in.cuda = false;
     EXPECT_FALSE(streams()) << "there they are anyway";
@@ -220,7 +220,7 @@ TEST(Machines, OnACpuTheHostsMemoryCounts) {
     const Decision images = plan_machines(scene, voting(), in);
     EXPECT_EQ(images.choice, "none");
     EXPECT_EQ(images.reason.find("tvsgs-blocks"), std::string::npos) << "images stay as large";
-    // On a GPU as well, where it is the host that is short.
+    // Also on a GPU, where host memory is short.
     in = inputs(1000, {std::int64_t{1} << 40, 1000});
     EXPECT_NE(plan_machines(scene, voting(), in).reason.find("host memory"), std::string::npos);
 }

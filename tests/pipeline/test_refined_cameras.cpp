@@ -1,4 +1,4 @@
-// RUN/cameras/: what a run writes is what its readers get, far from zero and at other sizes.
+// RUN/cameras/: readers get the written poses, also far from the origin and at other sizes.
 #include "io/io_test.h"
 #include "pipeline/run/refined_cameras.h"
 #include "support/random_gaussians.h"
@@ -53,7 +53,7 @@ TEST_F(RefinedCameras, AreReadAsTheyWereWritten) {
 TEST_F(RefinedCameras, OthersStayAndBrokenFilesAreErrors) {
     Scene scene = scene_of(64, 48, {});
     const Camera given = scene.train[0].camera;
-    adopt_refined_cameras(folder.string(), scene);  // a run that refined none
+    adopt_refined_cameras(folder.string(), scene);  // a run without refined cameras
     EXPECT_EQ(scene.train[0].camera.fx_px, given.fx_px);
 
     Scene one = scene;

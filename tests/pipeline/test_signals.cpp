@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-// As `timeout` sends it: to the command, then to its group.
+// As sent by `timeout`: to the command, then to its process group.
 TEST(SignalGuards, ASignalThatIsSentTwiceAtOnceIsOne) {
     const SignalGuard guard;
     EXPECT_EQ(SignalGuard::received(), 0);

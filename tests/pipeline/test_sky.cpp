@@ -1,5 +1,5 @@
-// A sky is found where views from different places see the same in one direction, and nowhere else;
-// its map has its colours; runs keep it.
+// Detection of a sky where views from different places see the same in one direction, its map, and
+// its storage in runs.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -21,7 +21,7 @@ namespace {
 
 using Texture = std::function<Vec3d(Vec3d)>;
 
-/// Random colours at whole numbers, linear between them.
+/// Random colours at integer places, linear between them.
 Vec3d of_noise(Vec3d p) {
     Vec3d color;
     for (int corner = 0; corner < 8; ++corner) {
@@ -44,10 +44,10 @@ Vec3d of_one_colour(Vec3d) {
     return {0.4, 0.6, 0.9};
 }
 
-/// A wall of 2 x 2 with its front towards -z, and what is behind it.
+/// A wall of 2 x 2 that faces -z, and its background.
 struct Case {
     Texture sky = of_clouds;  // by direction
-    double backdrop = 0;      // z of a wall without end in its place; 0: none
+    double backdrop = 0;      // z of an infinite wall instead of the sky; 0: none
     double arc_deg = 50;      // cameras in a row look at the wall
     bool at_one_place = false;
     int views = 5;
@@ -108,7 +108,7 @@ SkyLook look_at(const Scene& scene) {
     return look_for_sky(scene.train, scene.points.positions);
 }
 
-/// Share of the pixels of that kind, at least `margin` from others, that are far.
+/// Share of far pixels on the wall (or off it), at least `margin` from its outline.
 double far_share(const Scene& scene, const SkyLook& look, bool on_wall, int margin) {
     int all = 0, far = 0;
     for (std::size_t v = 0; v < scene.train.size(); ++v)
@@ -153,7 +153,7 @@ TEST(SkyMap, HasNoSeams) {
     test::Random random(2);
     for (int i = 0; i < 5000; ++i) {
         Vec3f d = vec_cast<float>(random.normal3());
-        if (i % 2) d[i / 2 % 2] *= 1e-3f, d.z = -std::abs(d.z);  // where the lower half is cut
+        if (i % 2) d[i / 2 % 2] *= 1e-3f, d.z = -std::abs(d.z);  // near the cut of the lower half
         d = d / norm(d);
         const Vec3f color = map.at(d);
         for (int c = 0; c < 3; ++c) EXPECT_NEAR(color[c], 0.5f + 0.498f * d[c], 0.03f) << i;
@@ -178,7 +178,7 @@ TEST(LookForSky, NotInABackdropNorInOneColour) {
     }
 }
 
-/// The same wall looks infinitely far away to who does not move.
+/// Without camera motion the wall cannot be distinguished from a far one.
 TEST(LookForSky, ViewsOfOnePlaceSayNothing) {
     Case c;
     c.at_one_place = true, c.arc_deg = 20;
@@ -215,7 +215,7 @@ TEST(PointsBeforeSky, AreThoseOfTheWall) {
     const SkyLook look = look_at(scene);
     for (const float x : {-1.7f, 1.6f})
         for (const float y : {-1.0f, 0.0f, 1.0f}) scene.points.positions.push_back({x, y, 0.3f});
-    scene.points.positions.push_back({0, 0, -9});  // in no view
+    scene.points.positions.push_back({0, 0, -9});  // visible in no view
     const std::vector<std::size_t> kept =
         points_before_sky(scene.train, look, scene.points.positions);
     ASSERT_EQ(kept.size(), wall + 1);
@@ -241,12 +241,12 @@ TEST(MakeSky, HasItsColours) {
                     off += std::abs(double{map.at(d)[c]} - truth[c]), ++count;
             }
     EXPECT_LT(off / count, 0.01);
-    // What nobody has seen is like what is seen, not black.
+    // Unseen directions resemble seen ones, and are not black.
     for (const Vec3f d : {Vec3f{0, 0, -1}, Vec3f{0, 1, 0}, Vec3f{0.1f, -1, -0.2f}})
         EXPECT_GT(map.at(d).x + map.at(d).y + map.at(d).z, 0.6f);
 }
 
-/// What is filled is as smooth where the map is cut as elsewhere.
+/// Filled texels are as smooth across the edges of the map as elsewhere.
 TEST(MakeSky, FillsAcrossItsEdges) {
     const Scene scene = scene_of({});
     const ImageU8 sky = make_sky(scene.train, look_at(scene));
@@ -355,7 +355,7 @@ TEST_F(SkyFile, IsMissedOrRefused) {
     EXPECT_NE(fault().find("8x4"), std::string::npos);
 }
 
-/// Nothing but the sky is seen.
+/// Only the sky is visible.
 TEST(CompareRenders, BeforeTheSkyOfTheRun) {
     const Scene scene = scene_of({});
     Gaussians<Cpu> behind;

@@ -1,4 +1,4 @@
-// What stereo knows as priors: maps made of a scene whose surfaces are known, and of stereo itself.
+// Priors from stereo: made from known surfaces, and from real stereo.
 #include <algorithm>
 
 #include "core/scene/prior_maps.h"
@@ -27,7 +27,7 @@ Vec3d normal_in_camera(const Camera& camera, const test::Surface& s) {
     return mat_cast<double>(camera.camera_from_world.R) * s.normal;
 }
 
-/// The true maps of a view in another size, known where `known(x, y)`.
+/// The true maps of a view in another size, known where `known(x, y)` is true.
 template <class Known>
 StereoMaps true_maps(const Camera& of, int width, int height, const Known& known) {
     StereoMaps maps{scaled_camera(of, width, height), {}, {}, {}};
@@ -94,7 +94,7 @@ TEST(StereoPriors, TheOrderIsDepthStretched) {
     const double share = 0.02 * static_cast<double>(measured.size());
     EXPECT_NEAR(below, share, 2);
     EXPECT_NEAR(above, share, 2);
-    // Affine: three pixels, one ratio.
+    // Affine: three pixels have the same ratio.
     const double a = double(order[500]) - double(order[100]),
                  b = double(order[9000]) - double(order[100]);
     EXPECT_NEAR(a * (double(depth[9000]) - double(depth[100])),
@@ -172,7 +172,7 @@ TEST(StereoPriors, AddsWhatAViewCameWithout) {
     ASSERT_EQ(views[0].maps.size(), 2u) << "no order or confidence that is another depth's";
     EXPECT_EQ(values(views[0], "depth"), given);
     EXPECT_EQ(views[0].maps[1].name, "normal");
-    // A confidence whose depth was left out.
+    // A confidence without its depth.
     views = {ball_view()};
     views[0].maps.push_back({"confidence", kWidth, kHeight, 1, given});
     add_stereo_priors({stereo}, kAll, views);
@@ -193,7 +193,7 @@ double textured(const test::Surface& surface) {
     return test::texture(surface.point);
 }
 
-/// From photographs to maps.
+/// The whole way from photographs to maps.
 TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
     std::vector<View> views = test::arc_views(3, textured, kWidth, kHeight);
     RunOptions options;
@@ -222,13 +222,13 @@ TEST(StereoPriors, OfRealStereoAreNearTheTruth) {
         EXPECT_GT(near, 0.95 * measured);
         EXPECT_GT(planar, 100);
         EXPECT_GT(on_plane, 0.7 * planar);
-        // What one view alone sees, beyond what it measures, is a guess.
+        // Depths that a single view fills beyond its measurements are guesses.
         EXPECT_GT(filled, 100);
         EXPECT_GT(about, 0.45 * filled);
     }
-    // Views that have all they want are left as they are.
+    // Views that have all required maps stay unchanged.
     const auto before = values(views[0], "depth");
-    views[0].photo = ImageU8(1, 1, 3);  // no stereo could be made of that
+    views[0].photo = ImageU8(1, 1, 3);  // too small for stereo
     make_stereo_priors(cpu, options.stereo, needs_of(options.train.loss).view_maps, {}, views);
     EXPECT_EQ(values(views[0], "depth"), before);
 }

@@ -1,4 +1,4 @@
-// What a training says of the time that it takes, before and while it goes on.
+// Time estimates of a training before and while it runs.
 #include <gtest/gtest.h>
 
 #include <thread>
