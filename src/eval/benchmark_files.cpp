@@ -67,7 +67,7 @@ void write_error_cloud(const std::string& path,
     PointCloud cloud;
     for (std::size_t i = 0; i < points.points.size(); ++i) {
         cloud.positions.push_back(vec_cast<float>(points.points[i]));
-        cloud.colors.push_back(error_color(palette, points.distances[i], full, points.fates[i]));
+        cloud.colors.push_back(error_color(palette, points.distances[i], full, points.statuses[i]));
     }
     write_cloud_ply(path, cloud);
     spdlog::info("{}: {} points coloured by error", path, cloud.positions.size());

@@ -74,13 +74,13 @@ Summary summarise(const std::vector<double>& distances, double limit, MeasuredPo
     std::size_t next = 0;
     Summary summary;
     for (std::size_t i = 0; i < points.points.size(); ++i) {
-        if (points.fates[i] == PointFate::excluded) continue;
+        if (points.statuses[i] == PointStatus::excluded) continue;
         const double d = distances[next++];
         points.distances[i] = d;
         if (d < limit) {
             inliers.push_back(d);
         } else {
-            points.fates[i] = PointFate::outlier;
+            points.statuses[i] = PointStatus::outlier;
             ++summary.outliers;
         }
     }
@@ -98,14 +98,14 @@ Summary summarise(const std::vector<double>& distances, double limit, MeasuredPo
 std::vector<Vec3d> selected(const MeasuredPoints& from) {
     std::vector<Vec3d> out;
     for (std::size_t i = 0; i < from.points.size(); ++i)
-        if (from.fates[i] == PointFate::measured) out.push_back(from.points[i]);
+        if (from.statuses[i] == PointStatus::measured) out.push_back(from.points[i]);
     return out;
 }
 
 MeasuredPoints unmeasured(std::vector<Vec3d> points) {
     const std::size_t count = points.size();
     return {std::move(points), std::vector<double>(count, kNaN),
-            std::vector<PointFate>(count, PointFate::measured)};
+            std::vector<PointStatus>(count, PointStatus::measured)};
 }
 
 }  // namespace
@@ -167,7 +167,7 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
         const bool in = !truth.mask || in_box(*truth.mask, options.patch, p);
         if (in) inside.push_back(p);
         if (!in || (truth.mask && !is_observed(*truth.mask, p)))
-            m.prediction.fates[i] = PointFate::excluded;
+            m.prediction.statuses[i] = PointStatus::excluded;
     }
     const std::vector<Vec3d> observed = selected(m.prediction);
     m.in_box = static_cast<std::int64_t>(inside.size());
@@ -180,7 +180,7 @@ DtuMetrics evaluate_dtu(const std::vector<Vec3d>& samples,
         const auto [a, b, c, d] = *truth.plane;
         for (std::size_t i = 0; i < truth.points.size(); ++i)
             if (!(dot(Vec3d{a, b, c}, truth.points[i]) + d > 0))
-                m.reference.fates[i] = PointFate::excluded;
+                m.reference.statuses[i] = PointStatus::excluded;
     }
     const std::vector<Vec3d> above = selected(m.reference);
     m.truth_above = static_cast<std::int64_t>(above.size());

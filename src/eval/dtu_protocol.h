@@ -42,13 +42,13 @@ std::vector<Vec3d> sample_dtu(const std::vector<Vec3d>& vertices,
                               const DtuOptions& options);
 
 /// Use of a point in the evaluation.
-enum class PointFate : std::uint8_t { measured, outlier, excluded };
+enum class PointStatus : std::uint8_t { measured, outlier, excluded };
 
 /// Points with their distances, which are NaN where excluded.
 struct MeasuredPoints {
     std::vector<Vec3d> points;
     std::vector<double> distances;
-    std::vector<PointFate> fates;
+    std::vector<PointStatus> statuses;
 };
 
 struct DtuMetrics {

@@ -28,11 +28,11 @@ Vec3f cividis(float x) {
 
 }  // namespace
 
-Vec3f error_color(ErrorPalette palette, double error, double full, PointFate fate) {
-    if (fate == PointFate::excluded || !std::isfinite(error))
+Vec3f error_color(ErrorPalette palette, double error, double full, PointStatus status) {
+    if (status == PointStatus::excluded || !std::isfinite(error))
         return palette == ErrorPalette::safe ? Vec3f{0.6f, 0.6f, 0.6f} : Vec3f{0, 0, 1};
-    if (fate == PointFate::outlier && palette == ErrorPalette::dtu) return {0, 1, 0};
-    if (fate == PointFate::outlier && palette == ErrorPalette::safe) return {0.84f, 0.37f, 0};
+    if (status == PointStatus::outlier && palette == ErrorPalette::dtu) return {0, 1, 0};
+    if (status == PointStatus::outlier && palette == ErrorPalette::safe) return {0.84f, 0.37f, 0};
     const auto x = static_cast<float>(std::clamp(error / full, 0.0, 1.0));
     switch (palette) {
         case ErrorPalette::dtu:

@@ -17,6 +17,6 @@ enum class ErrorPalette {
 
 /// RGB in [0, 1] for an error; `full` is the end of the scale. `dtu` and `safe` have separate
 /// colours for outliers and excluded points; `tnt` shows outliers at the end of its scale.
-Vec3f error_color(ErrorPalette palette, double error, double full, PointFate fate);
+Vec3f error_color(ErrorPalette palette, double error, double full, PointStatus status);
 
 }  // namespace tvsgs

@@ -22,7 +22,7 @@ std::vector<Vec3d> every_kth(std::vector<Vec3d> points) {
 
 MeasuredPoints measured(std::vector<Vec3d> points, const std::vector<Vec3d>& against) {
     MeasuredPoints out{std::move(points), {}, {}};
-    out.fates.assign(out.points.size(), PointFate::measured);
+    out.statuses.assign(out.points.size(), PointStatus::measured);
     out.distances = nearest_distances(out.points, against);
     return out;
 }

@@ -16,7 +16,7 @@ std::uint8_t byte_of(double value) {
 }
 
 Rgb cividis(double share) {
-    const Vec3f c = error_color(ErrorPalette::safe, share, 1, PointFate::measured);
+    const Vec3f c = error_color(ErrorPalette::safe, share, 1, PointStatus::measured);
     return {byte_of(static_cast<double>(c.x)), byte_of(static_cast<double>(c.y)),
             byte_of(static_cast<double>(c.z))};
 }

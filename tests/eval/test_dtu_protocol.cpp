@@ -113,7 +113,7 @@ TEST(EvaluateDtu, CasesByHand) {
     EXPECT_EQ(far.accuracy, 1);
     EXPECT_EQ(far.accuracy_outliers, 1);
     EXPECT_EQ(overall({{0, 0, 1}, {0, 0, 20}}, {{0, 0, 0}}).accuracy_outliers, 1);  // E
-    EXPECT_EQ(far.prediction.fates[1], PointFate::outlier);
+    EXPECT_EQ(far.prediction.statuses[1], PointStatus::outlier);
     EXPECT_EQ(far.prediction.distances[1], 25);
     // No point within reach: no mean, and a reason.
     EXPECT_FALSE(overall({{0, 0, 90}}, {{0, 0, 0}}).undefined.empty());
@@ -138,7 +138,7 @@ TEST(EvaluateDtu, MaskBoxAndPlane) {
     EXPECT_DOUBLE_EQ(m.accuracy, (0.25 + 1) / 2);
     EXPECT_EQ(m.truth_above, 1);
     EXPECT_DOUBLE_EQ(m.completeness, 0.25);
-    EXPECT_EQ(m.reference.fates[1], PointFate::excluded);
+    EXPECT_EQ(m.reference.statuses[1], PointStatus::excluded);
     truth.mask->seen = {0, 0};
     EXPECT_NE(evaluate_dtu({{0, 0, 0}}, truth, {}).undefined.find("observes"), std::string::npos);
     EXPECT_NE(evaluate_dtu({{500, 0, 0}}, truth, {}).undefined.find("box"), std::string::npos);
@@ -193,13 +193,13 @@ TEST(FrameCheck, MeasuresTheOffset) {
 }
 
 TEST(ErrorColors, EndsOfTheScales) {
-    const auto expect = [](ErrorPalette palette, double error, PointFate fate, Vec3f rgb) {
-        const Vec3f c = error_color(palette, error, 10, fate);
+    const auto expect = [](ErrorPalette palette, double error, PointStatus status, Vec3f rgb) {
+        const Vec3f c = error_color(palette, error, 10, status);
         EXPECT_NEAR(c.x, rgb.x, 1e-3f) << error;
         EXPECT_NEAR(c.y, rgb.y, 1e-3f) << error;
         EXPECT_NEAR(c.z, rgb.z, 1e-3f) << error;
     };
-    using enum PointFate;
+    using enum PointStatus;
     expect(ErrorPalette::dtu, 0, measured, {1, 1, 1});
     expect(ErrorPalette::dtu, 5, measured, {1, 0.5f, 0.5f});
     expect(ErrorPalette::dtu, 15, measured, {1, 0, 0});
