@@ -14,7 +14,7 @@
 #include "optim/losses/depth_prior_options.h"
 #include "optim/photo/photo_background.h"
 #include "optim/views/device_view.h"
-#include "optim/views/other_views.h"
+#include "optim/views/neighbour_views.h"
 #include "render/backbone.h"
 #include "tv/voting.h"
 

@@ -3,7 +3,7 @@
 
 #include "optim/losses/multiview_math.h"
 #include "optim/views/device_view.h"
-#include "optim/views/other_views.h"
+#include "optim/views/neighbour_views.h"
 
 namespace tvsgs {
 

@@ -3,7 +3,7 @@
 
 #include <set>
 
-#include "optim/views/other_views.h"
+#include "optim/views/neighbour_views.h"
 #include "support/random_gaussians.h"
 
 namespace tvsgs {
