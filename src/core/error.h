@@ -1,4 +1,4 @@
-// One exception type for whatever stops a command, with the exit code the user sees.
+// Exception type of all commands, with the exit code that the user sees.
 #pragma once
 
 #include <sstream>
@@ -30,15 +30,15 @@ std::string str(const Parts&... parts) {
     return out.str();
 }
 
-/// Without control characters but for ends of lines: parts of a message come from files, and what a
-/// terminal would obey must not reach it.
+/// Replaces control characters except line ends by '?'. Parts of a message come from files and must
+/// not control the terminal.
 inline std::string printable(std::string text) {
     for (char& c : text)
         if ((static_cast<unsigned char>(c) < 32 && c != '\n') || c == 127) c = '?';
     return text;
 }
 
-/// A message says where, what was found, what was expected and what to do.
+/// A message says where the error is, what was found, what was expected and what to do.
 class Error : public std::runtime_error {
 public:
     Error(ExitCode code, const std::string& message)
@@ -49,7 +49,7 @@ private:
     ExitCode code_;
 };
 
-/// `what` says what was needed and what there was; what helps is added.
+/// `what` says what was needed and what was available; the function adds advice.
 inline Error out_of_memory(const std::string& what) {
     return Error(ExitCode::memory,
                  str("out of memory: ", what,
@@ -57,7 +57,7 @@ inline Error out_of_memory(const std::string& what) {
                      "of votes (--set tv.lists=compact)"));
 }
 
-/// Runs `action`; an Error passing through gains a line that says what was being done.
+/// Runs `action`. An Error that passes through gains a line with the current activity `doing`.
 template <class Action>
 decltype(auto) with_context(const std::string& doing, Action&& action) {
     try {

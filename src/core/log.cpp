@@ -7,7 +7,7 @@
 namespace tvsgs {
 namespace {
 
-/// Messages begin on a line of their own.
+/// Begins each message on a new line.
 class MessageSink final
     : public spdlog::sinks::ansicolor_stderr_sink<spdlog::details::console_mutex> {
     void log(const spdlog::details::log_msg& message) override {

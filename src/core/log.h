@@ -1,4 +1,4 @@
-// Messages for people, on standard error only. Not for CUDA sources.
+// Log messages on standard error. Not for CUDA sources.
 #pragma once
 
 #include <spdlog/spdlog.h>
@@ -7,8 +7,8 @@ namespace tvsgs {
 
 enum class Verbosity { quiet, normal, verbose };
 
-/// Sends all messages to standard error as `level: text`; quiet keeps warnings and errors, and
-/// shows no progress (core/progress.h).
+/// Sends all messages to standard error as `level: text`. Quiet keeps warnings and errors, and
+/// hides progress (core/progress.h).
 void init_log(Verbosity verbosity);
 
 }  // namespace tvsgs

@@ -1,3 +1,4 @@
+// Suggestion of a known name for a misspelt one.
 #pragma once
 
 #include <algorithm>
@@ -23,7 +24,7 @@ inline std::size_t edit_distance(std::string_view a, std::string_view b) {
     return row[b.size()];
 }
 
-/// The candidate that `name` was probably meant to be; empty when none is near.
+/// The candidate nearest to `name`; empty when none is near.
 inline std::string nearest_name(std::string_view name, const std::vector<std::string>& candidates) {
     std::string best;
     std::size_t least = std::max<std::size_t>(2, name.size() / 3) + 1;

@@ -1,5 +1,5 @@
-// Options structs list their fields once, for JSON, --set, --help, range checks and the resolved
-// configuration alike. A struct offers
+// Convention for options structs. A struct lists its fields once; JSON, --set, --help, range checks
+// and the resolved configuration use this list. A struct offers
 //
 //     template <class Visitor> void fields(Visitor& field) {
 //         field("k", k, {4, 256}, "splats each splat votes for");       int, float, std::int64_t

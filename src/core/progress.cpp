@@ -13,12 +13,12 @@ namespace tvsgs {
 namespace {
 
 constexpr double kBasis = 2, kWindow = 10;    // seconds
-constexpr double kFirst = 1, kRefresh = 0.2;  // seconds, of a line in place
+constexpr double kFirst = 1, kRefresh = 0.2;  // seconds; for a line in place
 constexpr double kSparse = 10;                // seconds between plain lines
 std::atomic<ProgressStyle> style = ProgressStyle::quiet;
 std::atomic<int> lines_open = 0;
 
-/// Moves to the beginning of the first of `lines`.
+/// Moves the cursor to the first of `lines` lines.
 void go_up(int lines) {
     if (lines > 1) std::fprintf(stderr, "\033[%dA", lines - 1);
     std::fputc('\r', stderr);

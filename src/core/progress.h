@@ -1,4 +1,4 @@
-// How far long work is, on standard error: for whoever waits. Compiles in CUDA sources.
+// Progress of long work on standard error. Compiles in CUDA sources.
 #pragma once
 
 #include <cmath>
@@ -9,42 +9,43 @@
 
 namespace tvsgs {
 
-/// automatic: a line that rewrites itself on a terminal, else plain, a line per 10 s; json: only
-/// what a training says by itself. Of the whole process; quiet until init_log() says otherwise.
+/// automatic: on a terminal a line that is rewritten in place, else as plain; plain: a line every
+/// 10 s; json: only the training's own JSON lines. The style holds for the whole process and is
+/// quiet until init_log().
 enum class ProgressStyle { automatic, plain, json, quiet };
 void set_progress_style(ProgressStyle style);
 ProgressStyle progress_style();
 
-/// Ends a line in place, before something else is written; removes several.
+/// Ends the lines shown in place before other output; removes them if there are several.
 void end_progress_line();
 
-/// How fast work goes, by what was seen of it lately.
+/// Speed of the work, measured over the recent past.
 class Pace {
 public:
-    /// `done` is behind it after `seconds`; both grow.
+    /// Records that `done` is complete after `seconds`. Both must not decrease.
     void add(double seconds, double done);
-    /// What comes is not like what was.
+    /// Forgets the measured speed.
     void restart() { seen_.clear(); }
-    /// Seconds until `total`; NaN before there is a basis: 2 s, and something done in them.
+    /// Seconds until `total` is done; NaN before 2 s have passed with some progress.
     double left(double total) const;
 
 private:
     struct Sample {
         double seconds, done;
     };
-    std::deque<Sample> seen_;  // the last 10 s, or third of all
+    std::deque<Sample> seen_;  // the last 10 s, or the last third if that is longer
 };
 
-/// One piece of work; it says nothing when it is over at once.
+/// Progress of one piece of work. Shows nothing if the work is short.
 class Progress {
 public:
-    /// `total` steps, of any unit.
+    /// `total`: number of steps, of any unit.
     Progress(std::string what, double total);
     ~Progress();
     Progress(const Progress&) = delete;
     Progress& operator=(const Progress&) = delete;
 
-    /// So much more is done. May be called by several threads.
+    /// Records that `steps` more are done. Several threads may call it.
     void advance(double steps = 1);
 
 private:
@@ -54,21 +55,21 @@ private:
     Pace pace_;
 };
 
-/// "0:12 [####....] 40 %  left 0:18": `what` and the bar. `left` NaN: not known; `at_least`: what
-/// comes later may be slower.
+/// Returns "0:12 [####....] 40 %  left 0:18" preceded by `what`. `left` NaN: unknown. `at_least`:
+/// later work may be slower, so `left` is a lower bound.
 std::string progress_text(
     const std::string& what, double seconds, double share, double left, bool at_least = false);
 
-/// Whether lines rewrite themselves: on a terminal, where the style says so.
+/// True on a terminal if the style rewrites lines in place.
 bool progress_in_place();
 
-/// Shows lines; in place they replace those that were shown last, and end at the terminal's rim.
+/// Shows lines, cut at the width of the terminal. In place they replace the lines shown last.
 void show_progress_lines(const std::vector<std::string>& lines);
 inline void show_progress_line(const std::string& text) {
     show_progress_lines({text});
 }
 
-/// Seconds since some moment.
+/// Seconds of a steady clock since an arbitrary moment.
 double steady_seconds();
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// Memory on disk.
+// Nameless temporary file for data that does not fit into memory.
 #pragma once
 
 #include <cstddef>
@@ -7,22 +7,22 @@
 
 namespace tvsgs {
 
-/// A file that has no name, so that nothing of it is left however the program ends. All throw
-/// Error(ExitCode::io).
+/// A file without a name, so that the system deletes it however the program ends. All functions
+/// throw Error(ExitCode::io).
 class ScratchFile {
 public:
-    /// In `folder`, which is there; "": where the program runs. `purpose` ends messages.
+    /// `folder` must exist; "": the current folder. Messages end with `purpose`.
     ScratchFile(const std::string& folder, std::string purpose);
     ScratchFile(const ScratchFile&) = delete;
     ScratchFile& operator=(const ScratchFile&) = delete;
     ~ScratchFile();
 
-    /// Several threads may write to places of their own.
+    /// Several threads may write to different ranges.
     void write(std::int64_t offset, const void* data, std::size_t bytes) const;
     void read(std::int64_t offset, void* data, std::size_t bytes) const;
 
     int descriptor() const { return file_; }
-    /// With what errno says.
+    /// Throws with the text of errno.
     [[noreturn]] void fail(const std::string& what) const;
 
 private:

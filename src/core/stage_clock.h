@@ -1,4 +1,4 @@
-// Seconds by stage, measured by waiting for the device around each.
+// Seconds by stage. The clock waits for the device before and after each stage.
 #pragma once
 
 #include <chrono>
@@ -9,12 +9,13 @@
 
 namespace tvsgs {
 
+/// Total time of one stage.
 struct StageTime {
     const char* name;
     double seconds;
 };
 
-/// Runs actions; unless switched on it does nothing else.
+/// Runs actions and measures them if switched on.
 template <class Device>
 class StageClock {
 public:
@@ -28,7 +29,7 @@ public:
     void clear() { stages_.clear(); }
     bool on() const { return on_; }
 
-    /// In the order of their first appearance, laps of one name added up.
+    /// In order of first appearance; adds up the laps of one name.
     const std::vector<StageTime>& stages() const { return stages_; }
 
 private:

@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 namespace {
-constexpr std::size_t kAlignment = 256;  // a whole number of cache lines and of vector registers
+constexpr std::size_t kAlignment = 256;  // a multiple of cache lines and of vector registers
 }  // namespace
 
 MemoryLedger& host_ledger() {
@@ -64,7 +64,7 @@ void copy(Cpu, const void* from, Cpu, void* to, std::size_t bytes) {
 }  // namespace detail
 
 std::int64_t free_host_bytes() {
-    // MemAvailable counts what the page cache would give back; the C library's figure does not.
+    // MemAvailable includes memory that the page cache would free; the C library's figure does not.
     std::ifstream file("/proc/meminfo");
     for (std::string name; file >> name;) {
         std::int64_t kib = 0;

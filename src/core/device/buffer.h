@@ -1,4 +1,4 @@
-// Memory whose device is part of its type.
+// Buffers whose type names the device that holds their memory.
 #pragma once
 
 #include <cassert>
@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// A view of contiguous elements; what a kernel body indexes.
+/// A view of contiguous elements. Kernel bodies index it.
 template <class T>
 struct Span {
     T* data = nullptr;
@@ -30,17 +30,17 @@ struct Span {
     }
 };
 
-/// Bytes held by all buffers of a device, now and at most so far.
+/// Bytes held by all buffers of a device: now, and the largest value so far.
 struct MemoryUse {
     std::int64_t current_bytes, peak_bytes;
 };
 MemoryUse memory_use(Cpu);
 MemoryUse memory_use(Cuda);
 
-/// Memory of the host that is free, or would be at once.
+/// Host memory in bytes that is free or that the system would free at once.
 std::int64_t free_host_bytes();
 
-/// Buffers of the device may hold that much together, from now on; at first there is no limit but
+/// Limits the bytes that all buffers of the device may hold together. At first the only limit is
 /// the memory.
 void set_memory_limit(Cpu, std::int64_t bytes);
 void set_memory_limit(Cuda, std::int64_t bytes);
@@ -57,15 +57,15 @@ void release(Cpu, void* data, std::size_t bytes);
 void release(Cuda, void* data, std::size_t bytes);
 void fill_zero(Cpu, void* data, std::size_t bytes);
 void fill_zero(Cuda, void* data, std::size_t bytes);
-// Host to device and back wait until the copy is done.
+// Copies between host and device return when the copy is done.
 void copy(Cpu, const void* from, Cpu, void* to, std::size_t bytes);
 void copy(Cpu, const void* from, Cuda, void* to, std::size_t bytes);
 void copy(Cuda, const void* from, Cpu, void* to, std::size_t bytes);
 void copy(Cuda, const void* from, Cuda, void* to, std::size_t bytes);
 }  // namespace detail
 
-/// Owns [size] elements in the memory of `Device`. Movable; copied only by name, with copy(). The
-/// only caller of the device's allocator. Growing loses the contents; shrinking keeps the memory.
+/// Owns [size] elements in the memory of `Device` and is the only caller of the device's allocator.
+/// Movable; copy() copies it. Growing loses the contents; shrinking keeps the memory.
 template <class T, class Device>
 class Buffer {
     static_assert(std::is_trivially_copyable_v<T>);
@@ -80,10 +80,10 @@ public:
     }
     ~Buffer() { release(); }
 
-    /// Contents are undefined if the capacity had to grow, else kept.
+    /// The contents are kept unless the capacity has to grow; then they are undefined.
     void resize(std::size_t size) {
         if (size > capacity_) {
-            // A quarter to spare on re-growth, so that slowly growing counts allocate rarely.
+            // Re-growth adds a quarter, so that slowly growing counts allocate rarely.
             const std::size_t wanted = capacity_ == 0 ? size : size + size / 4;
             release();
             data_ = static_cast<T*>(detail::allocate(Device{}, wanted * sizeof(T)));
@@ -125,7 +125,7 @@ private:
     std::size_t size_ = 0, capacity_ = 0;
 };
 
-/// `to` is resized and overwritten.
+/// Resizes and overwrites `to`.
 template <class T, class From, class To>
 void copy(const Buffer<T, From>& from, Buffer<T, To>& to) {
     to.resize(from.size());

@@ -7,7 +7,7 @@ namespace tvsgs {
 namespace {
 MemoryLedger ledger;
 
-/// Driver too old for this program, or a GPU that it holds no code for, among others.
+/// For example: the driver is too old, or the program holds no code for the GPU.
 bool no_usable_device(cudaError_t status) {
     return status == cudaErrorNoDevice || status == cudaErrorInsufficientDriver ||
            status == cudaErrorNoKernelImageForDevice || status == cudaErrorInvalidDeviceFunction;
@@ -33,7 +33,7 @@ void set_memory_limit(Cuda, std::int64_t bytes) {
 int cuda_device_count() {
     int count = 0;
     if (cudaGetDeviceCount(&count) != cudaSuccess) {
-        cudaGetLastError();  // no driver is an answer here, not an error to meet again later
+        cudaGetLastError();  // clears the error: no driver is a valid answer here
         return 0;
     }
     return count;
@@ -85,7 +85,7 @@ void* allocate(Cuda, std::size_t bytes) {
 
 void release(Cuda, void* data, std::size_t bytes) {
     if (data == nullptr) return;
-    // Runs in destructors: an error here shows at the next checked call.
+    // Called by destructors: an error shows at the next checked call.
     cudaFree(data);
     ledger.give_back(bytes);
 }

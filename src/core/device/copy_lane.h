@@ -1,4 +1,4 @@
-// Copies from the host to a device beside the work that the device does.
+// Copies from the host to a device that run while the device works.
 #pragma once
 
 #include <memory>
@@ -7,10 +7,11 @@
 
 namespace tvsgs {
 
-/// One copy at a time; a lane goes with the memory that it fills again and again.
+/// Runs one copy at a time. Keep one lane for each memory that is filled again and again.
 template <class Device>
 class CopyLane;
 
+/// Copies at once.
 template <>
 class CopyLane<Cpu> {
 public:
@@ -24,14 +25,15 @@ public:
 template <>
 class CopyLane<Cuda> {
 public:
-    /// For copies of up to `capacity` bytes, which it also holds on the host.
+    /// Holds `capacity` bytes of staging memory on the host; no copy may be larger.
     explicit CopyLane(std::size_t capacity);
     CopyLane(CopyLane&&) noexcept;
     ~CopyLane();
 
-    /// Begins after all work given to the device so far, and returns when `from` has been read.
+    /// The copy begins after all work given to the device so far. Returns when `from` has been
+    /// read.
     void start(const void* from, void* to, std::size_t bytes);
-    /// Work given to the device from now on comes after the copy. The host does not wait.
+    /// Makes work given to the device from now on run after the copy. The host does not wait.
     void wait();
 
 private:

@@ -8,10 +8,10 @@ namespace tvsgs {
 struct CopyLane<Cuda>::State {
     cudaStream_t stream = nullptr;
     cudaEvent_t given = nullptr, copied = nullptr;
-    void* staging = nullptr;  // pinned: the device reads it by itself
+    void* staging = nullptr;  // pinned memory, which the device reads directly
 
     explicit State(std::size_t capacity) {
-        // Not ordered with the default stream, in which everything else happens, but by events.
+        // Events order this stream with the default stream, which does all other work.
         check_cuda(cudaStreamCreateWithFlags(&stream, cudaStreamNonBlocking));
         check_cuda(cudaEventCreateWithFlags(&given, cudaEventDisableTiming));
         check_cuda(cudaEventCreateWithFlags(&copied, cudaEventDisableTiming));
@@ -37,7 +37,7 @@ void CopyLane<Cuda>::start(const void* from, void* to, std::size_t bytes) {
     const State& s = *state_;
     check_cuda(cudaEventSynchronize(s.copied));  // the last copy has left the staging memory
     std::memcpy(s.staging, from, bytes);
-    check_cuda(cudaEventRecord(s.given));  // what may still read `to`
+    check_cuda(cudaEventRecord(s.given));  // earlier work may still read `to`
     check_cuda(cudaStreamWaitEvent(s.stream, s.given));
     check_cuda(cudaMemcpyAsync(to, s.staging, bytes, cudaMemcpyHostToDevice, s.stream));
     check_cuda(cudaEventRecord(s.copied, s.stream));

@@ -8,7 +8,7 @@ __global__ void any_kernel() {}
 cudaError_t find_device_code() {
     cudaFuncAttributes attributes{};
     const cudaError_t status = cudaFuncGetAttributes(&attributes, any_kernel);
-    if (status != cudaSuccess) cudaGetLastError();  // an answer, not an error to meet again later
+    if (status != cudaSuccess) cudaGetLastError();  // clears the error, which is an answer
     return status;
 }
 

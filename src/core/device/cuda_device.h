@@ -1,3 +1,4 @@
+// Selection of a GPU, for code that does not include CUDA headers.
 #pragma once
 
 #include <string>
@@ -5,7 +6,8 @@
 namespace tvsgs {
 
 /// Makes GPU `index` the current one and returns its description. Throws Error(ExitCode::device)
-/// when there is none, when the driver is too old, or when the build holds no code for it.
+/// when there is no such GPU, when the driver is too old, or when the build holds no code for the
+/// GPU.
 std::string use_cuda_device(int index);
 
 /// Number of usable GPUs; 0 without a driver.

@@ -1,4 +1,4 @@
-// Checked calls of the CUDA runtime, and the choice of a GPU. Only for files of a CUDA build.
+// Error checks for calls of the CUDA runtime. Only for files of a CUDA build.
 #pragma once
 
 #include <cuda_runtime.h>
@@ -7,10 +7,10 @@
 
 namespace tvsgs {
 
-/// Throws Error with the call's place and CUDA's own words when `status` is not success.
+/// Throws Error with the place of the call and CUDA's message unless `status` is success.
 void check_cuda(cudaError_t status, std::source_location where = std::source_location::current());
 
-/// Success when this program holds code that the current GPU can run.
+/// Returns success when this program holds code that the current GPU can run.
 cudaError_t find_device_code();
 
 }  // namespace tvsgs

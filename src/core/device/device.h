@@ -1,4 +1,4 @@
-// The two devices as types, and the qualifier that lets one formula compile for both.
+// The two devices as types, and the qualifier that compiles one formula for both.
 #pragma once
 
 #if defined(__CUDACC__)
@@ -9,7 +9,8 @@
 
 namespace tvsgs {
 
-/// Tags: a container's device is part of its type, and overload resolution picks the twin.
+/// Tags. The device of a container is part of its type, and overload resolution picks the version
+/// for that device.
 struct Cpu {};
 struct Cuda {};
 

@@ -1,4 +1,4 @@
-// From the name of a device to the code for it.
+// Choice of the device by its name, and dispatch to the code for that device.
 #pragma once
 
 #include <string>
@@ -8,19 +8,19 @@
 
 namespace tvsgs {
 
-/// "auto" is the first GPU when there is a usable one and the build has CUDA, else the CPU; "cpu";
-/// "cuda"; "cuda:N". Throws Error(ExitCode::device).
+/// Accepts "cpu", "cuda", "cuda:N", and "auto": the first usable GPU if the build has CUDA, else
+/// the CPU. Throws Error(ExitCode::device).
 struct DeviceChoice {
     bool cuda = false;
     std::string description;
 };
 DeviceChoice choose_device(const std::string& name);
 
-/// The numbers of the GPUs that `list` names: "all", or numbers such as "0,2". Throws
-/// Error(ExitCode::usage) for another text or a GPU that is named twice, Error(ExitCode::device)
-/// for a GPU that the machine lacks and in a build without CUDA.
+/// Indices of the GPUs in `list`: "all", or numbers such as "0,2". Throws Error(ExitCode::usage)
+/// for any other text and for a GPU listed twice, Error(ExitCode::device) for a GPU that the
+/// machine lacks and in a build without CUDA.
 std::vector<int> choose_gpus(const std::string& list);
-/// The same on a machine with so many.
+/// The same for a machine with `count` GPUs.
 std::vector<int> choose_gpus(const std::string& list, int count);
 
 /// The one switch between the devices: calls action(Cpu{}) or action(Cuda{}).

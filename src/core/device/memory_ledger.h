@@ -1,4 +1,4 @@
-// What the buffers of one kind of memory hold together.
+// Account of the bytes that all buffers of one kind of memory hold.
 #pragma once
 
 #include <atomic>
@@ -7,6 +7,7 @@
 
 namespace tvsgs {
 
+/// Bytes in use, their maximum and their limit. Several threads may use it.
 struct MemoryLedger {
     std::atomic<std::int64_t> current{0}, peak{0}, limit{INT64_MAX};  // bytes
 
@@ -22,10 +23,11 @@ struct MemoryLedger {
     MemoryUse use() const { return {current, peak}; }
 };
 
-/// Of the host, where buffers of a GPU may lie as well.
+/// Account of host memory, also for a GPU's buffers that were placed on the host.
 MemoryLedger& host_ledger();
 
-/// That the host has no room for so many bytes more: its own limit, or, `allowed`, its memory.
+/// Throws Error(ExitCode::memory) for a request of `bytes`. `allowed`: the limit permits the
+/// request, but the allocation failed; otherwise the limit forbids it.
 [[noreturn]] void throw_out_of_host_memory(std::size_t bytes, bool allowed);
 
 }  // namespace tvsgs

@@ -25,7 +25,7 @@ struct CodeBody {
     }
 };
 
-/// run(memory, bytes) asks for its size where `memory` is null.
+/// If `memory` is null, run(memory, bytes) returns the size that it needs in `bytes`.
 template <class Run>
 void with_temporary(Buffer<std::uint8_t, Cuda>& temporary, const Run& run) {
     std::size_t bytes = 0;
@@ -53,7 +53,7 @@ void morton_order(Span<const Vec3f> points, Buffer<int, Cuda>& order) {
     cub::DoubleBuffer<std::uint64_t> keys(codes.data(), codes.data() + n);
     cub::DoubleBuffer<int> places(order.data(), spare.data());
     parallel_for(Cuda{}, count, IotaBody{order.span()});
-    for (const bool high_word : {false, true}) {  // least significant first: the sort is stable
+    for (const bool high_word : {false, true}) {  // low word first: the sort is stable
         parallel_for(Cuda{}, count,
                      CodeBody{points, box.data(), high_word, places.Current(), keys.Current()});
         with_temporary(temporary, [&](void* memory, std::size_t& bytes) {

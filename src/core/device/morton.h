@@ -9,7 +9,7 @@
 
 namespace tvsgs {
 
-/// Every third bit: bit i of the low 21 bits goes to bit 3 i.
+/// Spreads the low 21 bits: bit i moves to bit 3 i.
 TVSGS_HD inline std::uint64_t spread_bits(std::uint64_t x) {
     x &= 0x1fffff;
     x = (x | x << 32) & 0x1f00000000ffffull;
@@ -19,9 +19,9 @@ TVSGS_HD inline std::uint64_t spread_bits(std::uint64_t x) {
     return (x | x << 2) & 0x1249249249249249ull;
 }
 
-/// Morton code of 3 x 42 bits inside a cube of edge `extent` at `origin`, in two words: coarse
-/// enough that far outliers do not matter (they are clamped, for the code alone), fine enough for
-/// clusters 10^6 apart.
+/// Morton code of 3 x 42 bits, in two words, inside a cube with edge `extent` at `origin`. Far
+/// outliers are clamped for the code only. 42 bits still resolve clusters whose distance is 10^6
+/// times their size.
 struct MortonCode {
     std::uint64_t high, low;
 };
@@ -39,8 +39,9 @@ TVSGS_HD inline MortonCode morton_code(Vec3f p, Vec3f origin, double extent) {
     return code;
 }
 
-/// The places of points in Morton order of the box of those that are finite; ties as given. The
-/// same on both devices. `order` is resized and overwritten. Allocates: not for every iteration.
+/// Indices of the points in Morton order within the bounding box of the finite points; equal codes
+/// keep the given order. Both devices give the same order. Resizes and overwrites `order`.
+/// Allocates memory, so do not call it in every iteration.
 void morton_order(Span<const Vec3f> points, Buffer<int, Cpu>& order);
 void morton_order(Span<const Vec3f> points, Buffer<int, Cuda>& order);
 
@@ -48,7 +49,7 @@ namespace detail {
 
 inline constexpr float kFar = std::numeric_limits<float>::infinity();
 
-/// What both twins sort by; at first the box of no points.
+/// Bounding box of points, and their codes in it. It begins as the box of no points.
 struct PointBox {
     Vec3f low{kFar, kFar, kFar}, high{-kFar, -kFar, -kFar};
 

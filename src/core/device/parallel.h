@@ -1,4 +1,4 @@
-// One index, one body: the loops that both devices share. A body is a copyable struct with
+// Loops that both devices share: one index, one body. A body is a copyable struct with
 // `TVSGS_HD void operator()(int i) const`; the CUDA overloads exist in .cu files only.
 #pragma once
 
@@ -14,22 +14,22 @@
 
 namespace tvsgs {
 
-/// Calls body(i) for i in [0, count). Bodies must write to places of their own: results then do not
-/// depend on the number of threads.
+/// Calls body(i) for i in [0, count). Each body must write to its own elements; then the result
+/// does not depend on the number of threads.
 template <class Body>
 void parallel_for(Cpu, int count, const Body& body) {
 #pragma omp parallel for schedule(dynamic, 256) if (count > 256)
     for (int i = 0; i < count; ++i) body(i);
 }
 
-/// As parallel_for, for few and heavy bodies (tiles, rows).
+/// Like parallel_for, for few and heavy bodies (tiles, rows).
 template <class Body>
 void parallel_for_heavy(Cpu, int count, const Body& body) {
 #pragma omp parallel for schedule(dynamic, 1)
     for (int i = 0; i < count; ++i) body(i);
 }
 
-/// *target += value, safe where several bodies add to one place. Integers only: their sum does not
+/// *target += value, safe when several bodies add to one element. Integers only: their sum does not
 /// depend on the order, so results stay bit-identical.
 TVSGS_HD inline void add_atomically(std::int64_t* target, std::int64_t value) {
 #if defined(__CUDA_ARCH__)
@@ -40,7 +40,8 @@ TVSGS_HD inline void add_atomically(std::int64_t* target, std::int64_t value) {
 #endif
 }
 
-/// *target = min(*target, value), as safe and as independent of the order.
+/// *target = min(*target, value), safe when several bodies write to one element and independent of
+/// the order.
 TVSGS_HD inline void min_atomically(std::int64_t* target, std::int64_t value) {
 #if defined(__CUDA_ARCH__)
     atomicMin(reinterpret_cast<long long*>(target), static_cast<long long>(value));
@@ -52,11 +53,12 @@ TVSGS_HD inline void min_atomically(std::int64_t* target, std::int64_t value) {
 #endif
 }
 
-/// Blocks of a fixed-shape reduction, and room for their partial sums.
+/// Number of blocks of a fixed-shape reduction, and of partial sums that it stores.
 inline constexpr int kSumBlocks = 256;
 
-/// *sum += scale * the sum of term(i), i in [0, count), in double, in a fixed order: bit-identical
-/// from run to run and for any number of threads. `partial` has room for kSumBlocks numbers.
+/// *sum += scale * (sum of term(i) for i in [0, count)), in double and in a fixed order:
+/// bit-identical from run to run and for any number of threads. `partial` must hold kSumBlocks
+/// numbers.
 template <class Term>
 void add_sum(Cpu, int count, const Term& term, double scale, Span<double> partial, double* sum) {
     const int chunk = (count + kSumBlocks - 1) / kSumBlocks;
@@ -90,7 +92,7 @@ __global__ void for_kernel(int count, Body body) {
     if (i < count) body(i);
 }
 
-/// Sum over a block of 256 threads, in a fixed tree; the result is valid in thread 0.
+/// Sum over a block of 256 threads in a fixed tree. Only thread 0 gets the result.
 __device__ inline double block_sum_256(double value) {
     __shared__ double partial[256];
     partial[threadIdx.x] = value;

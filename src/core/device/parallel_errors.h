@@ -1,4 +1,4 @@
-// A parallel loop on the host whose bodies may throw.
+// Parallel loop on the host whose bodies may throw.
 #pragma once
 
 #include <exception>
@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// body(i) for i in [0, count), few and heavy ones. When all are done the error of the smallest i
-/// is thrown, if there is one.
+/// Calls body(i) for i in [0, count); for few and heavy bodies. After all bodies have run, throws
+/// the error of the smallest i, if any.
 template <class Body>
 void parallel_for_throwing(int count, const Body& body) {
     std::vector<std::exception_ptr> errors(static_cast<std::size_t>(count));

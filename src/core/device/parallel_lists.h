@@ -1,4 +1,4 @@
-// Lists that several threads make, as one would have made them.
+// Parallel filter, gather and sort of lists on the host. The result equals that of one thread.
 #pragma once
 
 #include <algorithm>
@@ -9,9 +9,9 @@
 
 namespace tvsgs {
 
-inline constexpr int kListParts = 64;  // whatever the number of threads
+inline constexpr int kListParts = 64;  // independent of the number of threads
 
-/// action(part, first, last) for the parts of [0, count).
+/// Calls action(part, first, last) for each of kListParts parts of [0, count).
 template <class Action>
 void for_parts(std::size_t count, const Action& action) {
     const std::size_t size = (count + kListParts - 1) / kListParts;
@@ -21,7 +21,8 @@ void for_parts(std::size_t count, const Action& action) {
     });
 }
 
-/// The numbers below `count` for which is_in(number), ascending. It is asked twice of each.
+/// The numbers below `count` for which is_in(number) is true, ascending. Calls is_in twice for each
+/// number.
 template <class IsIn>
 std::vector<int> numbers_where(std::size_t count, const IsIn& is_in) {
     std::array<std::size_t, kListParts + 1> starts{};
@@ -40,7 +41,7 @@ std::vector<int> numbers_where(std::size_t count, const IsIn& is_in) {
     return numbers;
 }
 
-/// from[numbers[0]], from[numbers[1]], ...
+/// Returns from[numbers[0]], from[numbers[1]], ...
 template <class T>
 std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers) {
     std::vector<T> out(numbers.size());
@@ -49,8 +50,8 @@ std::vector<T> taken(const std::vector<T>& from, const std::vector<int>& numbers
     return out;
 }
 
-/// As std::sort, with room for a second list. Of what `before` orders in full, so that equal
-/// elements cannot be told apart.
+/// Like std::sort; needs memory for a second list. `before` must be a total order: the order of
+/// equal elements is not defined.
 template <class T, class Before>
 void sort_in_parallel(std::vector<T>& values, const Before& before) {
     const std::size_t size = (values.size() + kListParts - 1) / kListParts;  // as for_parts()
@@ -73,7 +74,7 @@ void sort_in_parallel(std::vector<T>& values, const Before& before) {
     }
 }
 
-/// to = 1, where several threads may do so.
+/// Sets `to` to 1. Several threads may mark the same byte.
 inline void mark(char& to) {
     __atomic_store_n(&to, char{1}, __ATOMIC_RELAXED);
 }

@@ -21,7 +21,7 @@ void exclusive_scan(const Buffer<int, Cuda>& in,
 
 int exclusive_scan(const Buffer<int, Cuda>& in, Buffer<int, Cuda>& out) {
     const std::size_t n = in.size();
-    Buffer<std::uint8_t, Cuda> temporary;  // rare: structure changes only
+    Buffer<std::uint8_t, Cuda> temporary;  // allocates: only for rare calls
     exclusive_scan(in, out, temporary);
     if (n == 0) return 0;
     int last[2];

@@ -1,15 +1,16 @@
+// Exclusive prefix sums.
 #pragma once
 
 #include "core/device/buffer.h"
 
 namespace tvsgs {
 
-/// Exclusive prefix sum: out[i] = in[0] + ... + in[i-1]; `out` is resized. Returns the total (waits
-/// for the device).
+/// Exclusive prefix sum: out[i] = in[0] + ... + in[i-1]. Resizes `out`, waits for the device and
+/// returns the total.
 int exclusive_scan(const Buffer<int, Cpu>& in, Buffer<int, Cpu>& out);
 int exclusive_scan(const Buffer<int, Cuda>& in, Buffer<int, Cuda>& out);
 
-/// The same without a total and without waiting; `scratch` is resized as needed.
+/// The same without the total and without waiting. `scratch` is resized as needed.
 void exclusive_scan(const Buffer<int, Cpu>& in,
                     Buffer<int, Cpu>& out,
                     Buffer<std::uint8_t, Cpu>& scratch);

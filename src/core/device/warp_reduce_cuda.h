@@ -1,12 +1,11 @@
-// Sums and minima of integers over a warp, in one instruction where the architecture has it (from
-// 80 on).
+// Sums and minima of integers over a warp; one instruction from compute capability 8.0 on.
 #pragma once
 
 #include <cstdint>
 
 namespace tvsgs {
 
-/// The sum of `x` over the 32 lanes, in every lane; all of them take part.
+/// Sum of `x` over the 32 lanes, returned to every lane. All lanes must call it.
 __device__ __forceinline__ std::uint32_t warp_sum(std::uint32_t x) {
 #if __CUDA_ARCH__ >= 800
     return __reduce_add_sync(0xffffffffu, x);
@@ -17,7 +16,7 @@ __device__ __forceinline__ std::uint32_t warp_sum(std::uint32_t x) {
 #endif
 }
 
-/// The smallest `x` of the 32 lanes, in every lane; all of them take part.
+/// Smallest `x` of the 32 lanes, returned to every lane. All lanes must call it.
 __device__ __forceinline__ std::uint32_t warp_min(std::uint32_t x) {
 #if __CUDA_ARCH__ >= 800
     return __reduce_min_sync(0xffffffffu, x);

@@ -1,5 +1,5 @@
-// A few packs that are computed with side by side. A long formula leaves a processor waiting for
-// its last step; several of them, step by step in turn, do not.
+// Arithmetic on several packs side by side. In a long formula each step waits for the step before;
+// interleaving several packs fills these waits.
 #pragma once
 
 #include "core/math/pack.h"
@@ -10,7 +10,7 @@ namespace tvsgs {
 template <class Lane, int kCount>
 struct Abreast;  // CPU only
 template <class Lane, int kCount>
-using Pairwise = Lane;  // a GPU has other threads to go on with
+using Pairwise = Lane;  // a GPU hides the waits with other threads
 #else
 template <class Lane, int kCount>
 struct Abreast {
@@ -41,7 +41,7 @@ struct Abreast {
         v[i / Lane::kSize].set(i % Lane::kSize, x);
     }
 
-    /// Of operation(0), operation(1), ...
+    /// Packs operation(0), operation(1), ...
     template <class Operation>
     static Abreast each(const Operation& operation) {
         Abreast out;
@@ -112,12 +112,12 @@ struct Abreast {
 template <class Lane, int kCount>
 inline constexpr bool kIsDouble<Abreast<Lane, kCount>> = kIsDouble<Lane>;
 
-/// What to go through kCount packs with.
+/// Type for loops over kCount packs: two packs side by side if kCount is even, else one.
 template <class Lane, int kCount>
 using Pairwise = std::conditional_t<kCount % 2 == 0, Abreast<Lane, 2>, Lane>;
 #endif
 
-/// Entry i of a Pairwise.
+/// Pack i of a Pairwise.
 template <class Lane, class Few>
 TVSGS_HD Lane& part_of(Few& few, [[maybe_unused]] int i) {
     if constexpr (std::is_same_v<Few, Lane>)

@@ -1,12 +1,13 @@
-// Affine motions, named target_from_source as rigid ones are: similarities and what files hold.
+// Affine transforms, named target_from_source.
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
+/// p -> A p + t.
 struct Affine3d {
-    Mat3<double> A{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // of a similarity: scale times rotation
+    Mat3<double> A{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};  // similarity: scale times rotation
     Vec3d t{};
 };
 
@@ -19,7 +20,7 @@ inline Affine3d operator*(const Affine3d& S, const Affine3d& T) {
 inline double determinant(const Mat3<double>& A) {
     return dot(column(A, 0), cross(column(A, 1), column(A, 2)));
 }
-/// Of a similarity.
+/// Scale of a similarity.
 inline double scale_of(const Affine3d& T) {
     return std::cbrt(determinant(T.A));
 }

@@ -1,5 +1,5 @@
 // Eigenvalues and eigenvectors of symmetric 3x3 matrices by cyclic Jacobi rotations, for both
-// devices; eigenvalues of a Pack of matrices at a time, too.
+// devices. Eigenvalues also for a Pack of matrices.
 #pragma once
 
 #include <cmath>
@@ -9,6 +9,7 @@
 
 namespace tvsgs {
 
+/// Eigenvalues and eigenvectors of a symmetric 3x3 matrix.
 template <class Real>
 struct SymEigen3 {
     Vec3<Real> values;   // descending
@@ -21,11 +22,11 @@ namespace detail {
 template <class Math, class Real, bool kVectors>
 TVSGS_HD void jacobi_rotate(Real (&A)[3][3], Mat3<Real>& V, int p, int q, int r) {
     using std::abs;
-    // Beyond 1e15 the rotation is nothing, and the square below stays in range.
+    // Beyond 1e15 the rotation is below rounding; the limit keeps the square below in range.
     const Real quotient = (A[q][q] - A[p][p]) * Math::inverse(2 * A[p][q]);
     const Real theta = select(abs(quotient) < Real(1e15), quotient, Real(1e15));
     const Real hypotenuse2 = theta * theta + 1;
-    // An off-diagonal zero has no angle; there is nothing to rotate then.
+    // An off-diagonal entry of 0 needs no rotation and has no angle.
     const Real tangent = Math::inverse(abs(theta) + hypotenuse2 * Math::inverse_sqrt(hypotenuse2));
     const Real t = select(A[p][q] == Real(0), Real(0), select(theta < Real(0), -tangent, tangent));
     const Real c = Math::inverse_sqrt(t * t + 1), s = t * c;
@@ -57,19 +58,19 @@ TVSGS_HD void swap_if_ascending(Real& a, Real& b, Vec3<Real>& va, Vec3<Real>& vb
 
 template <class Math, class Real, bool kVectors>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
-    // Scaled first, so that squares neither overflow nor vanish: entries of 1e-30 to 1e30 work in
+    // The scaling keeps squares from overflow and underflow: entries of 1e-30 to 1e30 work in
     // float.
     const Real entries[6] = {in.xx, in.xy, in.xz, in.yy, in.yz, in.zz};
     using std::abs;
     Real scale(0);
     for (const Real& entry : entries) scale = select(abs(entry) > scale, abs(entry), scale);
-    scale = select(scale < Real(1e-37), Real(1), scale);  // whose inverse is finite
+    scale = select(scale < Real(1e-37), Real(1), scale);  // with a finite inverse
     const Real inverse = Math::inverse(scale);
     Real A[3][3] = {{in.xx * inverse, in.xy * inverse, in.xz * inverse},
                     {in.xy * inverse, in.yy * inverse, in.yz * inverse},
                     {in.xz * inverse, in.yz * inverse, in.zz * inverse}};
     Mat3<Real> V{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
-    constexpr int kSweeps = kIsDouble<Real> ? 6 : 5;  // quadratic convergence, with one to spare
+    constexpr int kSweeps = kIsDouble<Real> ? 6 : 5;  // quadratic convergence; one spare sweep
     const auto nothing =
         static_cast<Real>(kIsDouble<Real> ? 1e-36 : 1e-16);  // below rounding, squared
     for (int sweep = 0; sweep < kSweeps; ++sweep) {
@@ -90,15 +91,15 @@ TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& in) {
 
 }  // namespace detail
 
-/// Eigenpairs; the error of a difference of values is a few rounding errors of the largest one,
-/// also when values coincide. The signs of the vectors are arbitrary. NaN or infinite entries give
-/// NaN values.
+/// Eigenvalues and eigenvectors. The error of a difference of two values is a few rounding errors
+/// of the largest value, even when values coincide. The signs of the vectors are arbitrary. NaN or
+/// infinite entries give NaN values.
 template <class Real>
 TVSGS_HD SymEigen3<Real> sym_eigen(const Sym3<Real>& A) {
     return detail::sym_eigen<ExactMath, Real, true>(A);
 }
 
-/// The values alone, descending.
+/// Only the eigenvalues, descending.
 template <class Math = ExactMath, class Real>
 TVSGS_HD Vec3<Real> sym_eigenvalues(const Sym3<Real>& A) {
     return detail::sym_eigen<Math, Real, false>(A).values;

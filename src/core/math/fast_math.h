@@ -1,7 +1,7 @@
-// Elementary functions for inner loops in two grades. ExactMath rounds as the standard library does
-// (its float decay to 2 units in the last place); FastMath takes single instructions on a GPU,
-// right to about 2 units, subnormal numbers as zero, and on a CPU a decay of fewer steps, right to
-// 2 + x / 2 units. In double both are the same.
+// Elementary functions for inner loops, in two precisions. ExactMath rounds like the standard
+// library (its decay in float is within 2 units in the last place, ulp). FastMath trades accuracy
+// for speed. On a GPU it uses single instructions: about 2 ulp, subnormal numbers count as 0. On a
+// CPU only decay differs: 2 + x / 2 ulp. In double both are equal.
 #pragma once
 
 #include <bit>
@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// p 2^i, where the lowest bits of `rounded` are those of i.
+/// p 2^i; the lowest bits of `rounded` hold i.
 inline float times_power_of_two(float p, float rounded) {
     const auto exponent = std::bit_cast<std::uint32_t>(rounded) << 23;
     return std::bit_cast<float>(std::bit_cast<std::uint32_t>(p) + exponent);
@@ -26,6 +26,7 @@ Pack<float, kBytes> times_power_of_two(Pack<float, kBytes> p, Pack<float, kBytes
 }
 #endif
 
+/// Functions that round like the standard library.
 struct ExactMath {
     template <class Real>
     TVSGS_HD static Real inverse(Real x) {
@@ -62,8 +63,8 @@ struct ExactMath {
 #endif
 
 private:
-    /// 2^z = 2^i 2^f with a polynomial for |f| <= 1/2. The multiple of ln 2 is taken off in two
-    /// parts, or its rounding would grow with x.
+    /// exp(-x) = 2^i 2^f with a polynomial for |f| <= 1/2. Subtracts the multiple of ln 2 in two
+    /// parts, because the rounding error of a single part would grow with x.
     template <class Real>
     static Real decay_by_polynomial(Real x) {
         constexpr float kLog2E = 1.4426950f;
@@ -81,6 +82,7 @@ private:
     }
 };
 
+/// Faster functions of lower accuracy.
 struct FastMath : ExactMath {
     using ExactMath::decay;
 #if defined(__CUDA_ARCH__)
@@ -120,8 +122,8 @@ struct FastMath : ExactMath {
 #endif
 
 private:
-    /// The multiple of ln 2 taken off in one part, and a polynomial whose products do not wait for
-    /// one another; its relative error is 1e-7.
+    /// Subtracts the multiple of ln 2 in one part. The products of the polynomial do not depend on
+    /// each other; its relative error is 1e-7.
     template <class Real>
     static Real short_decay(Real x) {
         constexpr float kLog2E = 1.4426950f;
@@ -135,8 +137,8 @@ private:
 #endif
 };
 
-/// a b + c, on a GPU rounded once: what must come out alike in two kernels is not left to the
-/// compiler's choice of what to fuse.
+/// a b + c. A GPU rounds once; the explicit call gives the same result in every kernel, independent
+/// of the multiplications that the compiler fuses.
 TVSGS_HD inline float multiply_add(float a, float b, float c) {
 #if defined(__CUDA_ARCH__)
     return __fmaf_rn(a, b, c);
@@ -154,11 +156,11 @@ Pack<T, kBytes> multiply_add(Pack<T, kBytes> a, Pack<T, kBytes> b, Pack<T, kByte
 }
 #endif
 
-/// The angle in [0, pi/2] of a point with these coordinates on the unit circle, without a branch:
-/// arcsin of the smaller by a polynomial, relative error 1e-7.
+/// Angle in [0, pi/2] of the point (cosine, sine) on the unit circle, without a branch: arcsin of
+/// the smaller coordinate by a polynomial, relative error 1e-7.
 TVSGS_HD inline float angle_of(float sine, float cosine) {
     const float small = sine < cosine ? sine : cosine, y = small * small;
-    // arcsin(small) / small, by least squares on [0, 1/sqrt 2].
+    // arcsin(small) / small, fitted by least squares on [0, 1/sqrt 2].
     const float p =
         1 + y * (0.166669935f +
                  y * (0.0748684704f +

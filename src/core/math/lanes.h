@@ -1,5 +1,5 @@
-// Four floats that are worked on at once: a register of the CPU, where compilers do not find such
-// loops by themselves; four registers of a GPU's thread.
+// Arithmetic on four floats at once: a vector register of the CPU, which compilers do not use in
+// such loops by themselves, or four registers of a GPU thread.
 #pragma once
 
 #include "core/device/device.h"
@@ -50,7 +50,7 @@ TVSGS_HD inline Lanes4 clamped(const Lanes4& a, float low, float high) {
         return a.v[i] < low ? low : a.v[i] > high ? high : a.v[i];
     });
 }
-/// Towards zero; of numbers that fit an int.
+/// Rounds towards zero. The numbers must fit an int.
 TVSGS_HD inline Lanes4 truncated(const Lanes4& a) {
     return detail::per_lane([&](int i) { return static_cast<float>(static_cast<int>(a.v[i])); });
 }
@@ -64,7 +64,7 @@ inline Lanes4 clamped(Lanes4 a, float low, float high) {
     a = a < lows ? lows : a;
     return a > highs ? highs : a;
 }
-/// Towards zero; of numbers that fit an int.
+/// Rounds towards zero. The numbers must fit an int.
 inline Lanes4 truncated(Lanes4 a) {
     using Ints4 = int __attribute__((vector_size(16)));
     return __builtin_convertvector(__builtin_convertvector(a, Ints4), Lanes4);
@@ -79,7 +79,7 @@ TVSGS_HD inline Lanes4 lanes(float a, float b, float c, float d) {
 TVSGS_HD inline float sum_of(const Lanes4& a) {
     return (a[0] + a[1]) + (a[2] + a[3]);
 }
-/// Four consecutive numbers, at any address.
+/// Loads four consecutive numbers from any address.
 TVSGS_HD inline Lanes4 load_lanes(const float* p) {
     return lanes(p[0], p[1], p[2], p[3]);
 }

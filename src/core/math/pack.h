@@ -1,6 +1,5 @@
-// A few numbers that are computed with at a time, for CPU code that must use vector instructions
-// and not hope for them. Formulas written for a Real take a Pack as well if they branch by select()
-// only.
+// Arithmetic on several numbers at once, for CPU code that must use vector instructions. A formula
+// written for a Real also takes a Pack if it branches only by select().
 #pragma once
 
 #include <bit>
@@ -17,12 +16,12 @@
 
 namespace tvsgs {
 
-/// condition ? a : b. Both are computed.
+/// condition ? a : b. Computes both.
 template <class Real>
 TVSGS_HD constexpr Real select(bool condition, Real a, Real b) {
     return condition ? a : b;
 }
-/// make() where the condition holds. One number branches, a Pack computes both.
+/// condition ? make() : otherwise. A single number branches; a Pack computes both.
 template <class Real, class Make>
 TVSGS_HD Real choose(bool condition, const Make& make, Real otherwise) {
     return condition ? make() : otherwise;
@@ -37,7 +36,7 @@ TVSGS_HD constexpr bool all(bool a) {
 TVSGS_HD inline float minimum(float a, float b) {
     return a < b ? a : b;
 }
-/// The larger one; a single instruction, so not for NaN.
+/// The larger number. A single instruction on a GPU, so NaN is not supported.
 TVSGS_HD inline float maximum(float a, float b) {
 #if defined(__CUDA_ARCH__)
     return fmaxf(a, b);
@@ -57,9 +56,9 @@ template <class T, int kBytes = 16>
 struct Pack;  // CPU only
 #else
 namespace detail {
-// What GCC makes single instructions of in no other form: 32 bytes would go through memory in
-// pieces, at twenty cycles each time. So packs of 32 bytes must not be used but where
-// has_wide_packs().
+// Operations for which GCC emits single instructions only in this form: otherwise 32 bytes pass
+// through memory in pieces, which costs twenty cycles each time. Use packs of 32 bytes only where
+// has_wide_packs() is true.
 #if defined(__x86_64__)
 [[gnu::target("avx2")]] inline __m256 broadcast8(float x) {
     return _mm256_set1_ps(x);
@@ -81,8 +80,8 @@ inline constexpr bool kIsM256 = false;
 #endif
 }  // namespace detail
 
-/// 16 bytes: what every x86-64 and 64-bit Arm processor has. Functions with wider ones must be
-/// inlined into one that is compiled for processors that have them: see kWideBytes.
+/// The default of 16 bytes suits every x86-64 and 64-bit Arm processor. Functions with wider packs
+/// must be inlined into a function compiled for processors that have them: see kWideBytes.
 template <class T, int kBytes = 16>
 struct Pack {
     static constexpr int kSize = kBytes / static_cast<int>(sizeof(T));
@@ -96,7 +95,7 @@ struct Pack {
         friend Mask operator!(Mask a) { return {~a.bits}; }
         friend bool any(Mask a) { return bits_of(a) != 0; }
         friend bool all(Mask a) { return !any(!a); }
-        /// Bit i says whether entry i is true.
+        /// Bit i is set if entry i is true.
         friend unsigned bits_of(Mask a) {
             if constexpr (detail::kIsM256<T, kBytes>)
                 return detail::signs8(reinterpret_cast<Values>(a.bits));
@@ -114,7 +113,7 @@ struct Pack {
     Values v{};
 
     Pack() = default;
-    // As a vector, where GCC would copy the bytes of wide ones in halves.
+    // Copies the vector, because GCC would copy the bytes of wide ones in halves.
     Pack(const Pack& b) : v(b.v) {}
     Pack& operator=(const Pack& b) {
         return v = b.v, *this;
@@ -134,7 +133,7 @@ struct Pack {
         __builtin_memcpy(&p.v, from, kBytes);
         return p;
     }
-    /// Entries with these bits, for select() and less_bits() only.
+    /// Entries with these bits; only for select() and less_bits().
     static Pack from_bits(Int bits) {
         return T(std::bit_cast<T>(bits));
     }
@@ -187,7 +186,7 @@ struct Pack {
         return {a.v == b.v};
     }
 
-    /// The entries' bits as integers.
+    /// Compares the bits of the entries as integers.
     friend Mask less_bits(Pack a, Pack b) {
         return {reinterpret_cast<Ints>(a.v) < reinterpret_cast<Ints>(b.v)};
     }
@@ -225,9 +224,9 @@ struct Pack {
 template <int kBytes>
 inline constexpr bool kIsDouble<Pack<double, kBytes>> = true;
 
-/// Packs of 32 bytes are worth it in functions that are marked TVSGS_WIDE and called where
-/// has_wide_packs(). AVX2 has no fused multiplication and addition, so that both widths round
-/// alike. Without optimisation nothing is inlined, and so there are none.
+/// Packs of 32 bytes pay off in functions that are marked TVSGS_WIDE and called only where
+/// has_wide_packs() is true. AVX2 has no fused multiply-add, so both widths round alike. Builds
+/// without optimisation inline nothing and use 16 bytes.
 #if defined(__x86_64__) && defined(__OPTIMIZE__)
 #define TVSGS_WIDE [[gnu::target("avx2"), gnu::flatten]]
 inline bool has_wide_packs() {

@@ -1,4 +1,4 @@
-// The nearest points of each point of a large cloud: trees that several threads build.
+// Nearest neighbours within a large cloud: one tree per part, built by several threads.
 #pragma once
 
 #include <algorithm>
@@ -12,12 +12,12 @@
 
 namespace tvsgs {
 
-/// A tree for each part of the cloud, whose points lie together.
+/// Divides the cloud into parts of points that lie close together, with a tree for each part.
 class PointForest {
 public:
     static constexpr std::size_t kMostWanted = 32;
 
-    /// Points that are not finite are left out.
+    /// Leaves out points that are not finite.
     explicit PointForest(const std::vector<Vec3f>& points)
         : order_(numbers_where(points.size(), [&](std::size_t i) { return is_finite(points[i]); })),
           parts_(kListParts) {
@@ -41,8 +41,9 @@ public:
         });
     }
 
-    /// action(i, squared distances to the up to `wanted` nearest points, ascending, their number)
-    /// for each finite point i of the cloud, itself among the nearest; by several threads at once.
+    /// Calls action(i, squared distances to the nearest points, ascending, their number) for each
+    /// finite point i. There are up to `wanted` distances, including the 0 to the point itself.
+    /// Several threads call it at once.
     template <class Action>
     void for_each(std::size_t wanted, const Action& action) const {
         for_parts(order_.size(), [&](std::size_t number, std::size_t first, std::size_t last) {
@@ -73,7 +74,8 @@ private:
         std::unique_ptr<PointTree<float>> tree;
         Vec3f low, high;
 
-        /// Of the box, rounded as the tree rounds distances, which are no smaller.
+        /// Squared distance to the box, rounded as the tree rounds distances. It is a lower bound
+        /// of the distances to the part's points.
         float squared_distance(Vec3f p) const {
             float sum = 0;
             for (int axis = 0; axis < 3; ++axis) {

@@ -1,4 +1,4 @@
-// Nearest points of a cloud on the host, by nanoflann.
+// Nearest neighbours in a point cloud on the host, by nanoflann.
 #pragma once
 
 #include <nanoflann.hpp>
@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// Squared distances come as `Real`; coordinates are stored as `Coordinate`. The points must
-/// outlive the tree.
+/// Squared distances have the type `Real`, stored coordinates the type `Coordinate`. The points
+/// must outlive the tree.
 template <class Real, class Coordinate = float>
 class PointTree {
 public:
@@ -18,7 +18,7 @@ public:
     PointTree(const PointTree&) = delete;
     PointTree& operator=(const PointTree&) = delete;
 
-    /// Up to `wanted` nearest points, nearest first; returns how many there are.
+    /// Finds up to `wanted` nearest points, nearest first; returns how many it found.
     std::size_t nearest(Vec3<Coordinate> to,
                         std::size_t wanted,
                         std::size_t* index,
@@ -27,7 +27,7 @@ public:
         return tree_.knnSearch(query, wanted, index, squared);
     }
 
-    /// The nearest point closer than the square root of `limit`; false when there is none.
+    /// Finds the nearest point within the squared distance `limit`; returns false if there is none.
     bool nearest_within(Vec3<Coordinate> to, Real limit, std::size_t* index, Real* squared) const {
         const Real query[3] = {to.x, to.y, to.z};
         Closest closest{limit};
@@ -37,7 +37,7 @@ public:
     }
 
 private:
-    /// What nanoflann asks of a set of results: the one closest point.
+    /// The result set that nanoflann expects, for the closest point only.
     struct Closest {
         Real squared;
         std::size_t index = 0;
@@ -51,7 +51,7 @@ private:
         bool full() const { return found; }
     };
 
-    /// What nanoflann asks of a point set.
+    /// The point set that nanoflann expects.
     struct Points {
         const std::vector<Vec3<Coordinate>>& points;
 

@@ -1,4 +1,4 @@
-// A value below which a share of values lies.
+// Quantiles of a list of values.
 #pragma once
 
 #include <algorithm>
@@ -7,8 +7,8 @@
 
 namespace tvsgs {
 
-/// Between the two nearest values, at `share` (N - 1) of them in ascending order; reorders them. 0
-/// where there are none.
+/// Quantile at `share` (N - 1) in ascending order, interpolated between the two nearest values; 0
+/// for an empty list. Reorders `values`.
 template <class T>
 T quantile(std::vector<T>& values, double share) {
     if (values.empty()) return 0;

@@ -1,4 +1,4 @@
-// Rotations as COLMAP writes them.
+// Rotation matrix to unit quaternion, in COLMAP's order (w, x, y, z).
 #pragma once
 
 #include <algorithm>
@@ -9,7 +9,7 @@ namespace tvsgs {
 
 /// Unit quaternion of a rotation matrix.
 inline Quat<double> quaternion(const Mat3<double>& R) {
-    // The largest entry is taken from the diagonal, the others from it: no cancellation.
+    // The largest entry comes from the diagonal and the others follow from it: no cancellation.
     const double squares[4] = {1 + R[0][0] + R[1][1] + R[2][2], 1 + R[0][0] - R[1][1] - R[2][2],
                                1 - R[0][0] + R[1][1] - R[2][2], 1 - R[0][0] - R[1][1] + R[2][2]};
     const auto largest = std::max_element(squares, squares + 4) - squares;

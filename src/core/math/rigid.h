@@ -1,10 +1,11 @@
-// Rigid motions, named target_from_source so that chains read by eye.
+// Rigid transforms, named target_from_source so that chains read by eye.
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
+/// p -> R p + t; R is a rotation.
 template <class Real>
 struct Rigid3 {
     Mat3<Real> R{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
@@ -13,7 +14,7 @@ struct Rigid3 {
 using Rigid3f = Rigid3<float>;
 using Rigid3d = Rigid3<double>;
 
-/// Applies the motion to a point.
+/// Transforms a point.
 template <class Real>
 TVSGS_HD constexpr Vec3<Real> operator*(const Rigid3<Real>& T, Vec3<Real> p) {
     return T.R * p + T.t;

@@ -1,5 +1,5 @@
-// Counter-based random numbers: a pure function of (seed, stream, index), the same on both devices
-// and independent of the order of the calls.
+// Counter-based random numbers: a pure function of (seed, stream, index), equal on both devices and
+// independent of the order of the calls.
 #pragma once
 
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// What a draw is for; each use has its own stream, so that uses never share numbers.
+/// Purpose of a draw. Each purpose has its own stream, so two purposes never share numbers.
 enum class RandomStream : std::uint32_t {
     view_order = 1,
     densify = 2,
@@ -27,6 +27,7 @@ enum class RandomStream : std::uint32_t {
     pose_noise = 23
 };
 
+/// Four words of 32 random bits.
 struct Random4 {
     std::uint32_t v[4];
 };
@@ -46,7 +47,7 @@ TVSGS_HD inline Random4 philox(Random4 counter, std::uint32_t key0, std::uint32_
     return counter;
 }
 
-/// `index` and `sub` number the draw within the stream (for example splat and iteration).
+/// `index` and `sub` number the draw within the stream, for example splat and iteration.
 TVSGS_HD inline Random4 random4(std::uint64_t seed,
                                 RandomStream stream,
                                 std::uint64_t index,
@@ -56,8 +57,8 @@ TVSGS_HD inline Random4 random4(std::uint64_t seed,
                   static_cast<std::uint32_t>(seed), static_cast<std::uint32_t>(seed >> 32));
 }
 
-/// In (0, 1), never 0 or 1: safe under a logarithm and as a share of a count. 23 bits and a half
-/// are exact in float.
+/// Uniform in the open interval (0, 1), so it is safe under a logarithm and as a share of a count.
+/// 23 bits and a half are exact in float.
 TVSGS_HD inline float uniform(std::uint32_t bits) {
     return (static_cast<float>(bits >> 9) + 0.5f) * (1.0f / 8388608.0f);
 }

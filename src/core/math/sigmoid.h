@@ -1,4 +1,4 @@
-// Opacities from their logits.
+// Opacity from its logit, and the derivative.
 #pragma once
 
 #include <cmath>
@@ -11,8 +11,8 @@ template <class Real>
 TVSGS_HD Real sigmoid(Real logit) {
     return 1 / (1 + std::exp(-logit));
 }
-/// The derivative o (1 - o) of the sigmoid o, without the difference 1 - o: that rounds to 0 where
-/// o is next to 1, and an opaque splat without a gradient would stay opaque for ever.
+/// Derivative o (1 - o) of the sigmoid o without the difference 1 - o. This difference rounds to 0
+/// where o is next to 1; an opaque splat would then get no gradient and stay opaque for ever.
 template <class Real>
 TVSGS_HD Real sigmoid_slope(Real logit) {
     const Real e = std::exp(-std::abs(logit));

@@ -1,20 +1,21 @@
-// Splats under a 3D smoothing filter: none is finer than what the photographs can show.  [Yu24]
+// 3D smoothing filter: limits splats to the finest detail that the photographs can show.  [Yu24]
 #pragma once
 
 #include "core/math/vec.h"
 
 namespace tvsgs {
 
-/// A splat convolved with a round Gaussian, its peak lowered as its volume grows.
+/// A splat convolved with an isotropic Gaussian. Its peak drops as its volume grows.
 template <class Real>
 struct SmoothedSplat {
     Vec3<Real> scales;  // standard deviations, world units
-    Vec3<Real> kept;    // these before over after, at most 1
-    Real dimming;       // the factor on the opacity, the product of `kept`
+    Vec3<Real> kept;    // scales before / after the filter, at most 1
+    Real dimming;       // factor on the opacity: product of `kept`
 };
 
-/// `filter`: standard deviation of the Gaussian, world units; 0 changes nothing. The product goes
-/// axis by axis: a root of two products of squares would underflow for flat splats.
+/// `filter`: standard deviation of the Gaussian, world units; 0 changes nothing. The factor is a
+/// product over the axes: the square root of a quotient of products of squares would underflow for
+/// flat splats.
 template <class Real>
 TVSGS_HD SmoothedSplat<Real> smoothed(Vec3<Real> log_scale, Real filter) {
     SmoothedSplat<Real> out;
@@ -28,8 +29,8 @@ TVSGS_HD SmoothedSplat<Real> smoothed(Vec3<Real> log_scale, Real filter) {
     return out;
 }
 
-/// From derivatives by the logarithms of smoothed scales and by the smoothed opacity to those by
-/// the logarithms of scales; the filter is a constant.
+/// Derivatives by the logarithms of the scales, from the derivatives by the logarithms of the
+/// smoothed scales and by the smoothed opacity. The filter is a constant.
 template <class Real>
 TVSGS_HD Vec3<Real> smoothed_vjp(const SmoothedSplat<Real>& splat,
                                  Real smoothed_opacity,

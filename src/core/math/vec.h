@@ -88,7 +88,7 @@ template <class Real>
 TVSGS_HD constexpr Vec3<Real> operator-(Vec3<Real> a) {
     return {-a.x, -a.y, -a.z};
 }
-/// Element by element, as colours multiply.
+/// Product of each pair of elements, as for colours.
 template <class Real>
 TVSGS_HD constexpr Vec3<Real> operator*(Vec3<Real> a, Vec3<Real> b) {
     return {a.x * b.x, a.y * b.y, a.z * b.z};
@@ -121,7 +121,7 @@ template <class Real>
 TVSGS_HD Real norm(Vec3<Real> a) {
     return std::sqrt(dot(a, a));
 }
-/// Zero stays zero: the divisor is at least 1e-12.
+/// The divisor is at least 1e-12, so zero stays zero.
 template <class Real>
 TVSGS_HD Vec3<Real> normalize(Vec3<Real> a) {
     const Real length = norm(a);
@@ -133,7 +133,7 @@ TVSGS_HD Vec3<Real> exp(Vec3<Real> a) {
 }
 template <class Real>
 TVSGS_HD bool is_finite(Vec3<Real> a) {
-    // A sum of zeros: NaN or infinity in any entry makes it NaN.
+    // The sum of zeros is NaN if any entry is NaN or infinite.
     return a.x * 0 + a.y * 0 + a.z * 0 == 0;
 }
 
@@ -175,7 +175,7 @@ TVSGS_HD constexpr Vec3<Real> operator*(const Sym3<Real>& A, Vec3<Real> v) {
             A.xz * v.x + A.yz * v.y + A.zz * v.z};
 }
 
-/// Length at least 1e-12, so a zero quaternion gives zeros, not NaN.
+/// The divisor is at least 1e-12, so a zero quaternion gives zeros, not NaN.
 template <class Real>
 TVSGS_HD Quat<Real> normalize(Quat<Real> q) {
     const Real length = std::sqrt(q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z);

@@ -1,18 +1,19 @@
+// Pinhole camera and functions of its pixels.
 #pragma once
 
 #include "core/math/rigid.h"
 
 namespace tvsgs {
 
-/// Pinhole, undistorted; x right, y down, z forward. The centre of pixel (i, j) lies at (i + 0.5, j
-/// + 0.5), and (cx_px, cy_px) is the true principal point in that convention.
+/// Pinhole camera without distortion; x right, y down, z forward. Pixel (i, j) has its centre at (i
+/// + 0.5, j + 0.5), and (cx_px, cy_px) is the principal point in that convention.
 struct Camera {
     int width_px = 0, height_px = 0;
     float fx_px = 0, fy_px = 0, cx_px = 0, cy_px = 0;
     Rigid3f camera_from_world;
 };
 
-/// World units.
+/// Position of the camera, world units.
 TVSGS_HD inline Vec3f camera_centre(const Camera& camera) {
     return -transpose_times(camera.camera_from_world.R, camera.camera_from_world.t);
 }
@@ -23,7 +24,7 @@ TVSGS_HD inline Vec3f pixel_ray(const Camera& camera, int x, int y) {
             (static_cast<float>(y) + 0.5f - camera.cy_px) / camera.fy_px, 1};
 }
 
-/// Whether a world point lies before the camera and projects into the image.
+/// True if a world point lies in front of the camera and projects into the image.
 TVSGS_HD inline bool is_in_view(const Camera& camera, Vec3f point) {
     const Vec3f p = camera.camera_from_world * point;
     if (!(p.z > 0)) return false;
@@ -33,8 +34,8 @@ TVSGS_HD inline bool is_in_view(const Camera& camera, Vec3f point) {
            v < static_cast<float>(camera.height_px);
 }
 
-/// Width of a pixel at a point: of the camera whose pixels are the finest there, of those that have
-/// the point in their image if any has. World units.
+/// Width in world units of the finest pixel at `point`: the minimum over the cameras that have the
+/// point in their image, or over all cameras if none has.
 template <class Cameras>
 TVSGS_HD float finest_pixel(const Cameras& cameras, Vec3f point) {
     constexpr float kAny = 3e38f;
@@ -49,7 +50,7 @@ TVSGS_HD float finest_pixel(const Cameras& cameras, Vec3f point) {
     return seen < kAny ? seen : pixel;
 }
 
-/// The camera of the same view at another image size; the field of view is kept.
+/// The camera of the same view at another image size. Keeps the field of view.
 inline Camera scaled_camera(Camera camera, int width_px, int height_px) {
     const float sx = static_cast<float>(width_px) / static_cast<float>(camera.width_px);
     const float sy = static_cast<float>(height_px) / static_cast<float>(camera.height_px);

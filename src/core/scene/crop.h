@@ -1,4 +1,4 @@
-// The part of space that an evaluation looks at.
+// Region of space in which an evaluation compares surfaces.
 #pragma once
 
 #include <vector>
@@ -7,21 +7,22 @@
 
 namespace tvsgs {
 
+/// The region; `kind` selects the members in use.
 struct Crop {
     enum class Kind { everything, box, cylinder, prism };
     Kind kind = Kind::everything;
-    // box and cylinder: lower and upper corner (of the cylinder, z alone).
+    // box and cylinder: lower and upper corner (cylinder: only z).
     Vec3d min, max;
     // cylinder around a vertical axis
     double center_x = 0, center_y = 0, radius = 0;
-    // prism over a polygon, as the selection volumes of Tanks and Temples
+    // prism over a polygon, like the selection volumes of Tanks and Temples
     int axis = 2;  // orthogonal to the polygon
     double axis_min = 0, axis_max = 0;
     std::vector<Vec3d> polygon;  // entry `axis` is not used
 };
 
-/// Bounds belong to the inside; of a polygon's edges, those at the smaller coordinate, as in
-/// Open3D.
+/// Points on the bounds are inside. Of the polygon's edges only those at the smaller coordinate are
+/// inside, as in Open3D.
 inline bool contains(const Crop& crop, Vec3d p) {
     switch (crop.kind) {
         case Crop::Kind::everything:
@@ -38,7 +39,7 @@ inline bool contains(const Crop& crop, Vec3d p) {
         case Crop::Kind::prism: {
             if (!(p[crop.axis] >= crop.axis_min && p[crop.axis] <= crop.axis_max)) return false;
             const int u = crop.axis == 0 ? 1 : 0, v = crop.axis == 2 ? 1 : 2;
-            bool inside = false;  // an odd number of edges on the side of smaller u
+            bool inside = false;  // number of crossed edges on the side of smaller u is odd
             for (std::size_t i = 0; i < crop.polygon.size(); ++i) {
                 const Vec3d a = crop.polygon[i], b = crop.polygon[(i + 1) % crop.polygon.size()];
                 if ((a[v] < p[v] && b[v] >= p[v]) || (b[v] < p[v] && a[v] >= p[v]))

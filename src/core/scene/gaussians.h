@@ -1,3 +1,4 @@
+// Parameters of the Gaussians, and functions over all their arrays.
 #pragma once
 
 #include "core/device/buffer.h"
@@ -10,7 +11,7 @@ TVSGS_HD constexpr int sh_count(int degree) {
     return (degree + 1) * (degree + 1);
 }
 
-/// N Gaussians, one array per parameter; gradients and moments reuse the struct, so shapes agree.
+/// N Gaussians, one array per parameter. Gradients and moments reuse the struct, so shapes agree.
 template <class Device>
 struct Gaussians {
     Buffer<Vec3f, Device> means;           // [N] world units
@@ -18,23 +19,24 @@ struct Gaussians {
     Buffer<Quatf, Device> quats;           // [N] (w, x, y, z), normalised on use
     Buffer<float, Device> opacity_logits;  // [N]
     Buffer<Vec3f, Device> sh;  // [sh_count(sh_degree), N] RGB coefficients, coefficient major
-    /// [N] world units, or empty: a width that is no parameter, written by Backbone::prepare().
+    /// [N] world units, or empty: width of the smoothing filter. Not a parameter;
+    /// Backbone::prepare() writes it.
     Buffer<float, Device> filter;
     int sh_degree = 3;
 
     int size() const { return static_cast<int>(means.size()); }
 };
 
-/// What an array of Gaussians is.
+/// Description of one array of Gaussians.
 struct SplatArray {
     const char* name;
-    int planes = 1;         // it holds so many times N elements
-    bool shape = false;     // says where a splat is and how it lies
+    int planes = 1;         // it holds `planes` times N elements
+    bool shape = false;     // position, size or orientation
     bool optional = false;  // may be empty
 };
 
-/// visit(SplatArray, array...) for each array of one object, or of several side by side. What goes
-/// through all arrays goes by this list.
+/// Calls visit(SplatArray, array...) for each array of one object, or of several side by side. All
+/// code that treats every array uses this list.
 template <class Visit, class First, class... More>
 void for_each_array(const Visit& visit, First& g, More&... more) {
     visit(SplatArray{.name = "means", .shape = true}, g.means, more.means...);
@@ -45,7 +47,7 @@ void for_each_array(const Visit& visit, First& g, More&... more) {
     visit(SplatArray{.name = "filter", .optional = true}, g.filter, more.filter...);
 }
 
-/// Contents are undefined where a buffer had to grow; optional arrays that are empty stay so.
+/// Contents are undefined where a buffer had to grow. Optional arrays that are empty stay empty.
 template <class Device>
 void resize(Gaussians<Device>& g, int count, int sh_degree) {
     g.sh_degree = sh_degree;
@@ -58,7 +60,7 @@ void resize(Gaussians<Device>& g, int count, int sh_degree) {
         g);
 }
 
-/// The same without colours.
+/// The same without SH coefficients.
 template <class Device>
 void resize_geometry(Gaussians<Device>& g, int count) {
     resize(g, count, 0);

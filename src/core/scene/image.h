@@ -1,4 +1,4 @@
-// Images in host memory, interleaved channels, rows from the top.
+// Images in host memory: interleaved channels, top row first.
 #pragma once
 
 #include <cstddef>
@@ -32,12 +32,12 @@ private:
 };
 using ImageU8 = Image<std::uint8_t>;
 
-/// Of red, green and blue, weights of BT.601.
+/// Grey value of a red, green, blue triple, weights of BT.601.
 TVSGS_HD inline std::uint8_t grey_of(const std::uint8_t* rgb) {
     return static_cast<std::uint8_t>((299 * rgb[0] + 587 * rgb[1] + 114 * rgb[2] + 500) / 1000);
 }
 
-/// Of an RGB image.
+/// Grey version of an RGB image.
 inline ImageU8 grey_of(const ImageU8& rgb) {
     ImageU8 grey(rgb.width, rgb.height, 1);
     std::uint8_t* const to = grey.pixels.data();

@@ -1,5 +1,5 @@
-// Where a scene far from zero, as in UTM coordinates, is moved from, so that float keeps its
-// digits.
+// Origin to subtract from a scene far from zero, for example in UTM coordinates, so that float
+// keeps its precision.
 #pragma once
 
 #include <algorithm>
@@ -9,9 +9,9 @@
 
 namespace tvsgs {
 
-/// Zero unless the places, camera centres say, lie more than 100 of their radii from it: up to
-/// there a float loses less than 7 of its 24 bits. Else their mean, rounded so that it is short to
-/// write. A single place counts as one of radius 1.
+/// Zero unless the places (for example camera centres) lie more than 100 of their radii from zero;
+/// up to there float loses fewer than 7 of its 24 bits. Otherwise the mean of the places, rounded
+/// to few digits. A single place has radius 1.
 inline Vec3d local_origin(const std::vector<Vec3d>& places) {
     Vec3d mean;
     for (const Vec3d p : places) mean += p / static_cast<double>(places.size());

@@ -1,4 +1,4 @@
-// Triangle meshes, and the picture that covers one.
+// Triangle meshes and their textures.
 #pragma once
 
 #include <cstdint>
@@ -13,22 +13,22 @@ struct TriangleMesh {
     std::vector<Vec3f> vertices;  // world units
     std::vector<Vec3f> colors;    // one per vertex, [0, 1]; empty: none
     std::vector<Vec3i> faces;     // vertex indices, counter-clockwise seen from outside
-    std::vector<std::uint8_t> views =
-        {};  // that surely see each vertex; 255: or more; empty: not counted
+    /// Number of views that surely see each vertex (255: or more); empty: not counted.
+    std::vector<std::uint8_t> views = {};
 };
 
-/// The colours of a mesh's surface in one picture. A vertex has one place in it for each chart that
-/// it belongs to.
+/// Texture of a mesh in one image. A vertex has one texture coordinate for each chart that contains
+/// it.
 struct MeshTexture {
     ImageU8 image;              // [H W 3]; empty: the mesh has no texture
     std::vector<Vec2f> places;  // [0, 1], right and down from the top left corner of the image
-    std::vector<Vec3i> faces;   // one per face of the mesh: indices of its corners' places
+    std::vector<Vec3i> faces;   // one per face of the mesh: indices into `places`
 
     bool empty() const { return image.empty(); }
 };
 
-/// Area-weighted means of the normals of the faces around each vertex, unit length; 0 for unused
-/// vertices.
+/// Normals of the vertices: mean of the normals of the adjacent faces, weighted by area, unit
+/// length; 0 for unused vertices.
 inline std::vector<Vec3f> vertex_normals(const TriangleMesh& mesh) {
     std::vector<Vec3d> sums(mesh.vertices.size());
     for (const Vec3i face : mesh.faces) {

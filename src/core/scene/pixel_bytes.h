@@ -1,4 +1,4 @@
-// The bytes of an image: of their own, or in a file that is mapped.
+// Bytes of an image, in memory or in a mapped file.
 #pragma once
 
 #include <algorithm>
@@ -10,9 +10,9 @@
 
 namespace tvsgs {
 
-/// As std::vector<std::uint8_t>, but for where they lie: in memory, or, as PixelFile leaves them,
-/// in a file, whose pages the system reads when they are looked at and drops when memory is short.
-/// Copies of those share the file; whoever writes to them gets them into memory first.
+/// Like std::vector<std::uint8_t>, but the bytes lie in memory or in a file mapped by PixelFile.
+/// The system reads pages of the file on access and drops them when memory is short. Copies share
+/// the mapped file; the first write access copies the bytes to memory.
 class PixelBytes {
 public:
     using value_type = std::uint8_t;
@@ -22,7 +22,7 @@ public:
     PixelBytes() = default;
     PixelBytes(std::vector<std::uint8_t> bytes) : own_(std::move(bytes)) {}
     PixelBytes(std::size_t count, std::uint8_t value) : own_(count, value) {}
-    /// `bytes` are there as long as anyone holds them.
+    /// Uses `count` bytes that the shared pointer keeps alive.
     PixelBytes(std::shared_ptr<const std::uint8_t> bytes, std::size_t count)
         : mapped_(std::move(bytes)), count_(count) {}
 
@@ -42,7 +42,7 @@ public:
     void push_back(std::uint8_t value) { own().push_back(value); }
     void assign(std::size_t count, std::uint8_t value) { own().assign(count, value); }
 
-    /// A copy in memory.
+    /// Copies the bytes to memory.
     std::vector<std::uint8_t> to_vector() const { return {begin(), end()}; }
 
     friend bool operator==(const PixelBytes& a, const PixelBytes& b) {
@@ -56,7 +56,7 @@ private:
     }
 
     std::vector<std::uint8_t> own_;
-    std::shared_ptr<const std::uint8_t> mapped_;  // null: own_
+    std::shared_ptr<const std::uint8_t> mapped_;  // null: the bytes are in own_
     std::size_t count_ = 0;
 };
 

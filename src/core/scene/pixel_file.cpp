@@ -12,10 +12,10 @@
 namespace tvsgs {
 namespace {
 
-// The file is mapped piece by piece: the number of mappings of a process is limited.
+// Maps the file in large pieces, because the number of mappings per process is limited.
 constexpr std::size_t kPiece = std::size_t{1} << 30, kAlignment = 4096;
 
-/// Read only, so that what it takes is the file's and no memory of the program's.
+/// Read-only, so that its pages count as file cache and not as memory of the program.
 struct Piece {
     std::uint8_t* bytes;
     std::size_t size;
@@ -37,7 +37,7 @@ struct PixelFile::State {
     ScratchFile file;
     std::mutex mutex{};
     std::shared_ptr<const Piece> piece{};
-    std::size_t piece_begin = 0, used = 0, end = 0;  // used: of the piece; end: of the file
+    std::size_t piece_begin = 0, used = 0, end = 0;  // used: bytes of the piece; end: of the file
 };
 
 PixelFile::PixelFile(const std::string& folder)

@@ -1,4 +1,4 @@
-// Photographs beside memory: more of them than it holds.
+// Photographs in a scratch file, for scenes with more of them than memory holds.
 #pragma once
 
 #include <memory>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// A scratch file in `folder`, which lasts as long as what is kept in it. All throw
+/// A scratch file in `folder`. It lasts until its last image is gone. All functions throw
 /// Error(ExitCode::io).
 class PixelFile {
 public:
@@ -17,7 +17,8 @@ public:
     PixelFile& operator=(const PixelFile&) = delete;
     ~PixelFile();
 
-    /// Moves the image's bytes there, of an empty image none. May be called by several threads.
+    /// Moves the image's bytes to the file; an empty image stays empty. Several threads may call
+    /// it.
     void keep(ImageU8& image);
 
 private:

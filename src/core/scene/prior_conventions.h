@@ -1,4 +1,4 @@
-// How a file of a prior is meant: what its numbers are, and in which frame its normals stand.
+// Conventions of a prior's file: meaning of its numbers and frame of its normals.
 // [docs/guide/priors.md#how-files-are-understood]
 #pragma once
 
@@ -6,12 +6,12 @@
 
 namespace tvsgs {
 
-/// What scale times number plus shift is.
+/// The quantity that equals scale * number + shift.
 enum class PriorQuantity { unknown, depth, inverse_depth, log_depth };
-/// Along the optical axis, or along the ray.
+/// z: along the optical axis; ray: along the ray of the pixel.
 enum class PriorGeometry { unknown, z, ray };
-/// What is not known of scale and shift. `scale`: of log depth, an unknown unit is the shift.
-/// `rank`: the order alone is right.
+/// The unknown part of scale and shift. metric: none; scale: the scale (for log depth, where the
+/// unit is a shift, the shift); affine: both; rank: only the order of the numbers is right.
 enum class PriorAlignment { metric, scale, affine, rank };
 
 inline const char* name_of(PriorQuantity quantity) {
@@ -30,20 +30,24 @@ inline const char* name_of(PriorAlignment alignment) {
                                                  : "rank";
 }
 
+/// Convention of the depth maps of one source.
 struct DepthConvention {
     PriorQuantity quantity = PriorQuantity::unknown;
     PriorGeometry geometry = PriorGeometry::unknown;
     PriorAlignment alignment = PriorAlignment::affine;
-    /// Who says so, for messages; empty: what such files usually are, and points may know better.
+    /// Source of the convention, for messages. Empty: assumed from common practice; points may
+    /// correct it.
     std::string declared_by;
 };
 
+/// Frame of the normals in a file.
 enum class NormalFrame { camera_opencv, camera_opengl, world };
 
+/// Convention of the normal maps of one source.
 struct NormalConvention {
     NormalFrame frame = NormalFrame::camera_opencv;
     bool facing_away = false;
-    std::string declared_by;  // as above
+    std::string declared_by;  // as in DepthConvention
 };
 
 }  // namespace tvsgs

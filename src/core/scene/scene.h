@@ -1,4 +1,4 @@
-// What the readers deliver and the trainer consumes.
+// Scene, views and point clouds: output of the readers, input of the training.
 #pragma once
 
 #include <cstdint>
@@ -13,32 +13,33 @@
 
 namespace tvsgs {
 
-/// What is known of a view beside its photograph, per pixel: a prior depth, normals, features. Its
-/// size need not be the photograph's.
+/// A map of a view beside its photograph: prior depth, normals or features. It may differ in size
+/// from the photograph.
 struct ViewMap {
-    std::string name;  // what terms ask for; "mask" is View::mask
+    std::string name;  // name by which losses find it; "mask" is View::mask
     int width_px = 0, height_px = 0, channels = 1;
     std::vector<float> values{};  // [height width channels]
 };
 
-/// Of View::mask: the object from here on; below it, of views whose lens was undone, where there is
-/// no photograph.
+/// Values of View::mask. kObjectMask and above: the object. kNoPhoto and below: no photograph, at
+/// the edge of views whose lens distortion was removed.
 inline constexpr std::uint8_t kObjectMask = 128, kNoPhoto = 1;
 
-/// One photograph with its camera; photo and mask have its size.
+/// One photograph with its camera. The photo and the mask have the camera's size.
 struct View {
     std::string name;  // relative path as listed in the model
     Camera camera;
     ImageU8 photo;  // [H, W, 3]
-    ImageU8 mask;   // [H, W, 1], from kObjectMask on the object, 0 not; empty: none
-    ImageU8 grey;   // [H', W', 1] finer than the photo, for matching patches; empty: none
-    std::vector<ViewMap> maps{};  // of different names
-    /// What its points' images would move by if the view alone moved to where they fit best; NaN:
-    /// not known.
+    ImageU8 mask;   // [H, W, 1], kObjectMask or more on the object, 0 elsewhere; empty: none
+    ImageU8 grey;   // [H', W', 1] finer than the photo, to match patches; empty: none
+    std::vector<ViewMap> maps{};  // with different names
+    /// RMS shift in pixels of the view's points if this view alone moved to its best pose; NaN:
+    /// unknown.
     double pose_error_px = std::numeric_limits<double>::quiet_NaN();
-    double reduction = 1;  // width of the photograph's file over that of the photo
+    double reduction = 1;  // width of the photograph's file / width of `photo`
 };
 
+/// Points with optional attributes: an array is empty or has an entry per point.
 struct PointCloud {
     std::vector<Vec3f> positions;      // world units
     std::vector<Vec3f> colors;         // [0, 1]; empty: grey
@@ -46,17 +47,18 @@ struct PointCloud {
     std::vector<float> confidences{};  // stereo: [0, 1]; empty: none
 };
 
+/// All views, points and fixed splats of one scene.
 struct Scene {
     std::string path;
-    /// Of the frame of all that follows, in that of the files; float has no digits for places far
-    /// from zero (UTM). Readers take it off and writers add it again, in double. See
+    /// Origin of the scene's frame in the frame of the files. Float lacks precision for places far
+    /// from zero (UTM), so readers subtract it and writers add it, in double. See
     /// core/scene/local_origin.h.
     Vec3d origin{};
     std::vector<View> train, test;  // each sorted by name
     PointCloud points;              // initial cloud
     PointCloud fixed_voters;        // measured points of tv.fixed_voters; confidences are weights
-    std::shared_ptr<const Gaussians<Cpu>> fixed_splats;  // drawn, never trained; null: none
-    float extent = 0;  // 1.1 x the largest distance of a training camera from their mean
+    std::shared_ptr<const Gaussians<Cpu>> fixed_splats;  // rendered, never trained; null: none
+    float extent = 0;  // 1.1 x the largest distance of a training camera from the cameras' mean
 };
 
 }  // namespace tvsgs

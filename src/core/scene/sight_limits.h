@@ -1,4 +1,4 @@
-// What a camera certainly does not see: whole pieces of space at once.
+// Conservative view-frustum test for boxes and convex hulls.
 #pragma once
 
 #include <algorithm>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Parallel to the axes; world units.
+/// Axis-aligned box, world units.
 struct Box3f {
     Vec3f low{3e38f, 3e38f, 3e38f}, high{-3e38f, -3e38f, -3e38f};
 
@@ -18,8 +18,8 @@ struct Box3f {
     }
 };
 
-/// The five planes between which is_in_view() finds a point. They are wider by more than what it
-/// rounds, so a piece that misses() has no point of which is_in_view() is true.
+/// The five planes that bound the points accepted by is_in_view(). The planes have a margin larger
+/// than the rounding errors of is_in_view(), so it rejects every point of a piece that misses().
 class SightLimits {
 public:
     explicit SightLimits(const Camera& c) {
@@ -40,8 +40,7 @@ public:
         shift_ = std::abs(t.x) + std::abs(t.y) + std::abs(t.z);
     }
 
-    /// Whether no point in the convex hull of these, nor one off it by rounding in float, is in
-    /// view.
+    /// True if no point of the convex hull of `corners`, extended by float rounding, is in view.
     template <class Points>
     bool misses(const Points& corners) const {
         double reach = 0;
@@ -74,7 +73,7 @@ public:
 
 private:
     static constexpr int kPlanes = 5;
-    static constexpr double kSlack = 1e-5;  // a hundred times what a float rounds
+    static constexpr double kSlack = 1e-5;  // a hundred times the rounding of a float
     Vec3d normal_[kPlanes];
     double offset_[kPlanes], slack_[kPlanes], shift_;
 };

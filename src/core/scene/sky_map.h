@@ -1,4 +1,4 @@
-// Colours of what lies infinitely far away, by direction: an octahedral map.
+// Colours at infinity by direction, in an octahedral map.
 // [Cigolle et al. 2014, A survey of efficient representations for independent unit vectors]
 #pragma once
 
@@ -9,8 +9,8 @@
 
 namespace tvsgs {
 
-/// Where a direction of any length lies in the square from -1 to 1: the upper half of the sphere
-/// within |x| + |y| <= 1, the lower half folded out into the corners.
+/// Maps a direction of any length to the square [-1, 1]^2: the upper half of the sphere to |x| +
+/// |y| <= 1, the lower half folded out into the corners.
 TVSGS_HD inline Vec2f octahedral_place(Vec3f d) {
     const float sum = std::abs(d.x) + std::abs(d.y) + std::abs(d.z);
     const float x = d.x / sum, y = d.y / sum;
@@ -18,26 +18,28 @@ TVSGS_HD inline Vec2f octahedral_place(Vec3f d) {
     return {std::copysign(1 - std::abs(y), x), std::copysign(1 - std::abs(x), y)};
 }
 
-/// Its inverse, of any length.
+/// Inverse of octahedral_place(). The result has any length.
 TVSGS_HD inline Vec3f octahedral_direction(Vec2f p) {
     const float z = 1 - std::abs(p.x) - std::abs(p.y);
     if (z >= 0) return {p.x, p.y, z};
     return {std::copysign(1 - std::abs(p.y), p.x), std::copysign(1 - std::abs(p.x), p.y), z};
 }
 
-/// Of a texel of a square map, up to one beside it: beyond an edge the map goes on along the same
-/// edge, turned, as the lower half of the sphere is folded there.
+/// Index of a texel of a square map. (x, y) may lie one texel outside: beyond an edge the map
+/// continues along the same edge in the opposite direction, as the lower half of the sphere is
+/// folded there.
 TVSGS_HD inline int texel_index(int x, int y, int size) {
     if (x < 0 || x >= size) x = x < 0 ? 0 : size - 1, y = size - 1 - y;
     if (y < 0 || y >= size) y = y < 0 ? 0 : size - 1, x = size - 1 - x;
     return y * size + x;
 }
 
-/// The four texels around a place in a square map, and their weights.
+/// The four texels around a place in a square map, with their bilinear weights.
 struct SkyTexels {
     int index[4];
     float weight[4];
 };
+/// Texels around a direction in a square map of `size` texels per side.
 TVSGS_HD inline SkyTexels texels_around(Vec3f direction, int size) {
     const Vec2f p = octahedral_place(direction);
     const float u = (p.x + 1) * 0.5f * static_cast<float>(size) - 0.5f,
@@ -52,14 +54,14 @@ TVSGS_HD inline SkyTexels texels_around(Vec3f direction, int size) {
     return found;
 }
 
-/// A map on a device, read between its texels; without texels there is none.
+/// A map on a device, interpolated between texels. Without texels there is no map.
 struct SkyMap {
     const std::uint8_t* texels = nullptr;  // [size size 3]
     int size = 0;
 
     TVSGS_HD bool empty() const { return size == 0; }
 
-    /// 0 to 1.
+    /// Colour, 0 to 1.
     TVSGS_HD Vec3f at(Vec3f direction) const {
         const SkyTexels around = texels_around(direction, size);
         Vec3f color;
@@ -73,7 +75,7 @@ struct SkyMap {
     }
 };
 
-/// In the world, through the centre of a pixel; of any length.
+/// World direction through the centre of a pixel, of any length.
 TVSGS_HD inline Vec3f world_direction(const Camera& camera, int x, int y) {
     return transpose_times(camera.camera_from_world.R, pixel_ray(camera, x, y));
 }

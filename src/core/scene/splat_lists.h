@@ -1,4 +1,4 @@
-// Some of the splats on the host.
+// Selection of splats on the host.
 #pragma once
 
 #include <vector>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// Of each of the planes of an array: plane[numbers[0]], plane[numbers[1]], ...
+/// For each plane of an array: plane[numbers[0]], plane[numbers[1]], ...
 template <class T>
 Buffer<T, Cpu> taken(const Buffer<T, Cpu>& from, const std::vector<int>& numbers, int planes) {
     Buffer<T, Cpu> out(numbers.size() * static_cast<std::size_t>(planes));
@@ -21,7 +21,7 @@ Buffer<T, Cpu> taken(const Buffer<T, Cpu>& from, const std::vector<int>& numbers
     return out;
 }
 
-/// Those at these places, in their order.
+/// The splats at `places`, in this order.
 inline Gaussians<Cpu> splats_at(const std::vector<int>& places, const Gaussians<Cpu>& all) {
     Gaussians<Cpu> out;
     out.sh_degree = all.sh_degree;
@@ -33,7 +33,7 @@ inline Gaussians<Cpu> splats_at(const std::vector<int>& places, const Gaussians<
     return out;
 }
 
-/// Only those stay, in their order.
+/// Keeps only the splats at `places`, in this order.
 inline void keep_splats(const std::vector<int>& places, Gaussians<Cpu>& g) {
     for_each_array(
         [&](const SplatArray& array, auto& values) {

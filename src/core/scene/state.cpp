@@ -8,7 +8,7 @@
 namespace tvsgs {
 namespace {
 
-/// Exponent bits all set: infinite or no number.
+/// True if all exponent bits are set: infinite or NaN.
 bool not_finite(const std::byte* at) {
     std::uint32_t bits;
     std::memcpy(&bits, at, sizeof bits);

@@ -1,4 +1,4 @@
-// The state of a training as plain arrays by name, on the host: what a checkpoint holds.
+// State of a training as named arrays on the host. Checkpoints store it.
 #pragma once
 
 #include <cstddef>
@@ -14,39 +14,42 @@
 
 namespace tvsgs {
 
+/// One named array.
 struct StateArray {
     std::string name;
     std::uint32_t element_bytes = 1;
-    bool real = false;  // elements are made of floats
+    bool real = false;  // the elements consist of floats
     Buffer<std::byte, Cpu> bytes;
 
     std::size_t count() const { return bytes.size() / element_bytes; }
 };
 
+/// All arrays of a training.
 struct State {
     std::vector<StateArray> arrays;
 
-    /// Null when there is none.
+    /// Null if there is no such array.
     const StateArray* find(std::string_view name) const;
 
-    /// Throws Error(ExitCode::input) when it is missing or has other elements.
+    /// Throws Error(ExitCode::input) if the array is missing or has elements of another size.
     const StateArray& get(std::string_view name, std::size_t element_bytes) const;
 
-    /// As above; also throws when it has not one element.
+    /// As above; also throws unless the array has exactly one element.
     const StateArray& get_one(std::string_view name, std::size_t element_bytes) const;
 
-    /// A new array; its bytes are to be filled in.
+    /// Adds an array; the caller fills its bytes.
     StateArray& add(std::string name, std::size_t element_bytes, std::size_t count, bool real);
 };
 
-/// Where a number is that is not finite.
+/// Position of a number that is not finite.
 struct NotFinite {
     std::string array;
     std::size_t element;
 };
+/// The first such number in arrays of floats.
 std::optional<NotFinite> find_not_finite(const State& state);
 
-/// Saves and loads by one list: each object that has a state shows its arrays to the visitor, which
+/// Saves or loads with one list: each object with a state passes its arrays to the visitor, which
 /// copies them out or restores them.
 template <class Device>
 class StateVisitor {
@@ -68,13 +71,13 @@ public:
         }
     }
 
-    /// As above; an array that the state lacks stays as it is: a resumed run may add a term.
+    /// As above, but leaves an array unchanged if the state lacks it: a resumed run may add a loss.
     template <class T>
     void optional(const std::string& name, Buffer<T, Device>& values) {
         if (!loading() || from_->find(name) != nullptr) (*this)(name, values);
     }
 
-    /// Something small on the host.
+    /// A small value on the host.
     template <class T>
     void value(const std::string& name, T& value) {
         static_assert(std::is_trivially_copyable_v<T>);
@@ -99,6 +102,7 @@ private:
     const State* from_ = nullptr;
 };
 
+/// Visits the arrays of the Gaussians; names begin with `prefix`.
 template <class Device>
 void visit_state(StateVisitor<Device>& visit, const std::string& prefix, Gaussians<Device>& g) {
     if (visit.loading()) visit.value(prefix + "sh_degree", g.sh_degree);
