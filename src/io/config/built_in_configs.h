@@ -1,4 +1,4 @@
-// The configurations of configs/, which a program that stands alone has with it.
+// The configurations of configs/ as text within the program.
 #pragma once
 
 #include <string>
@@ -7,14 +7,14 @@
 
 namespace tvsgs {
 
-/// Names of those that the program itself reads.
+/// Names of the configurations that the program itself uses.
 inline constexpr const char *kAutoConfig = "auto", *kSparseConfig = "pgsr_sparse",
                             *kDenseConfig = "pgsr_dense";
 
-/// The names of all, sorted.
+/// Sorted names of all built-in configurations.
 std::vector<std::string> built_in_configs();
 
-/// The text of configs/NAME.json. Throws Error(ExitCode::usage) naming the nearest one.
+/// Text of configs/NAME.json. Throws Error(ExitCode::usage) that suggests the nearest name.
 const char* built_in_config(std::string_view name);
 
 }  // namespace tvsgs

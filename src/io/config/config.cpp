@@ -29,13 +29,13 @@ std::string number_text(Number value) {
     return {text, result.ptr};
 }
 
-/// On one line; bytes that are not UTF-8 are replaced.
+/// JSON on one line. Replaces bytes that are not UTF-8.
 std::string dumped(const Json& json) {
     return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 bool is_utf8(const std::string& text) {
-    return Json::parse(json_text(text)).get<std::string>() == text;  // nothing had to be replaced
+    return Json::parse(json_text(text)).get<std::string>() == text;  // true if nothing was replaced
 }
 
 std::string normalized(std::string_view key) {
@@ -44,7 +44,7 @@ std::string normalized(std::string_view key) {
     return out;
 }
 
-/// A JSON text without duplicate keys, which the library itself would accept silently.
+/// Parses JSON without duplicate keys; the library itself would accept them silently.
 Json parse_json(const std::string& path, const std::string& text, ExitCode code) {
     std::vector<std::set<std::string>> keys;  // one set per open object
     const auto watch = [&](int depth, Json::parse_event_t event, Json& value) {
@@ -67,7 +67,7 @@ Json parse_json(const std::string& path, const std::string& text, ExitCode code)
     }
 }
 
-/// Limits of float, so that a range such as 1e300 can be compared in float.
+/// Clamps to the limits of float, so that a range such as 1e300 can be compared in float.
 float to_float(double value) {
     constexpr double kMax = std::numeric_limits<float>::max();
     return static_cast<float>(std::clamp(value, -kMax, kMax));
@@ -79,7 +79,7 @@ std::string join(const std::vector<std::string>& words) {
     return out;
 }
 
-/// What may stand at a value, for help and for messages.
+/// Description of the allowed values, for help and messages.
 std::string expectation(const Option& option) {
     const auto range = [&] {
         return str(" from ", number_text(option.range.min), " to ", number_text(option.range.max));
@@ -99,7 +99,7 @@ std::string expectation(const Option& option) {
     return {};
 }
 
-/// The text to hand to option.set, or nothing when `value` is not allowed.
+/// Sets `text` to the text for option.set. Returns false if `value` is not allowed.
 bool accepted(const Option& option, std::string_view value, std::string& text) {
     text = trimmed(value);
     switch (option.kind) {
@@ -115,7 +115,7 @@ bool accepted(const Option& option, std::string_view value, std::string& text) {
                    static_cast<double>(number) <= option.range.max;
         }
         case Option::Kind::real: {
-            // Compared in float, as ranges and values are both written with float literals.
+            // Compares in float, because ranges and values are both written as float literals.
             float number = 0;
             return parse_number(text, number) && std::isfinite(number) &&
                    number >= to_float(option.range.min) && number <= to_float(option.range.max);
@@ -143,7 +143,7 @@ bool json_fits(const Json& value, Option::Kind kind) {
         case Option::Kind::integer:
         case Option::Kind::real:
             return value.is_number();
-        case Option::Kind::choice:  // some have the names true and false
+        case Option::Kind::choice:  // some choices are named true and false
             return value.is_string() || value.is_boolean();
         case Option::Kind::text:
             break;
@@ -154,7 +154,7 @@ bool json_fits(const Json& value, Option::Kind kind) {
 template <class Number>
 Number parsed(const std::string& text) {
     Number number{};
-    parse_number(text, number);  // checked by accepted()
+    parse_number(text, number);  // accepted() has checked it
     return number;
 }
 
@@ -176,7 +176,7 @@ auto find_option(Options& options, const std::string& key) {
                                                   : str("did you mean '", near, "'?")));
 }
 
-/// A key of a configuration, and the file that has it.
+/// A key of a configuration and the file that sets it.
 struct Leaf {
     std::string key;
     Json value;
@@ -218,8 +218,8 @@ std::string config_text(const std::string& path) {
     }
 }
 
-/// Appends the keys of a configuration behind those of the ones that it extends. `extending`: the
-/// files that have led to this one.
+/// Appends the keys of the extended configurations, then those of `file`. `extending`: the chain of
+/// files that led here, to detect cycles.
 void collect(const std::string& file,
              const std::string& text,
              std::vector<std::string> extending,
@@ -298,7 +298,7 @@ void OptionTable::read_text_below(const std::string& source, const std::string& 
 void OptionTable::read(const std::string& source, const std::string& text, bool below) {
     std::vector<Leaf> leaves;
     collect(source, text, {}, leaves);
-    if (below) std::reverse(leaves.begin(), leaves.end());  // the first one sets a key
+    if (below) std::reverse(leaves.begin(), leaves.end());  // only the first occurrence sets a key
     for (const auto& [key, value, file] : leaves) {
         const auto in_group = [group = key + "."](const Option& option) {
             return option.key.starts_with(group);
@@ -319,7 +319,7 @@ void OptionTable::read(const std::string& source, const std::string& text, bool 
 }
 
 void OptionTable::read_environment() {
-    std::map<std::string, std::string> variables;  // in a fixed order, for messages
+    std::map<std::string, std::string> variables;  // sorted, so that messages have a fixed order
     for (char** entry = environ; entry && *entry; ++entry) {
         const std::string_view text = *entry;
         const std::size_t equals = text.find('=');

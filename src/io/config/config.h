@@ -1,6 +1,6 @@
-// Configurations. Options structs (core/options.h) are flattened into a table of dotted keys, which
-// reads configuration files, TVSGS_* variables and --set, prints help and writes the resolved
-// configuration.
+// Configurations. An OptionTable flattens options structs (core/options.h) into a table of dotted
+// keys. It reads configuration files, TVSGS_* variables and --set, prints help, and writes the
+// resolved configuration.
 #pragma once
 
 #include <cstdint>
@@ -16,8 +16,8 @@
 
 namespace tvsgs {
 
-/// One option: its dotted key, and how to read and write it as text. The options struct must
-/// outlive it.
+/// One option: its dotted key, and functions that read and write it as text. The options struct
+/// must outlive the Option.
 struct Option {
     enum class Kind { boolean, integer, real, text, choice };
     std::string key, help;
@@ -26,46 +26,47 @@ struct Option {
     std::vector<std::string> choices;  // choice
     std::function<std::string()> get;
     std::function<void(const std::string&)> set;  // already checked against kind, range and choices
-    std::string source{};  // where the value was set; empty: it is the default
+    std::string source{};                         // origin of the value; empty: default
 };
 
+/// All options of a program by their dotted keys.
 class OptionTable {
 public:
-    /// Adds every field of `options`, keys prefixed with `prefix` and a dot (or bare for an empty
-    /// prefix).
+    /// Adds every field of `options` with keys "PREFIX.FIELD", or "FIELD" if `prefix` is empty.
     template <class Options>
     void add(const std::string& prefix, Options& options) {
         Collector collector{*this, prefix.empty() ? "" : prefix + "."};
         options.fields(collector);
     }
 
-    /// Sets one key from text, as --set KEY=VALUE does; '-' and '_' are the same. `source` says
-    /// where it came from in messages. Unknown keys throw Error(ExitCode::usage) naming the nearest
-    /// one; so do values of a wrong type or out of range.
+    /// Sets one key from text, like --set KEY=VALUE; '-' and '_' are equal. Messages name `source`
+    /// as the origin of the value. Throws Error(ExitCode::usage) for an unknown key, with the
+    /// nearest key, and for a value of a wrong type or out of range.
     void set(std::string_view key, std::string_view value, const std::string& source);
 
-    /// Each of `settings` is KEY=VALUE, as given to --set.
+    /// Applies settings of the form KEY=VALUE, like --set.
     void set_all(const std::vector<std::string>& settings);
 
-    /// Applies a JSON configuration file: nested objects or dotted keys. Duplicate keys are errors.
-    /// The key "comment" is ignored at every level, and "info" at the top level, so that a run's
-    /// resolved config.json can be fed back. "extends" names the configurations that lie below the
-    /// file, later ones above earlier ones: a name of configs/, or NAME.json beside the file.
+    /// Applies a JSON configuration file with nested objects or dotted keys. Duplicate keys are
+    /// errors. Ignores the key "comment" at every level and "info" at the top level, so that a
+    /// run's resolved config.json can be used again. "extends" lists base configurations: a name of
+    /// configs/, or NAME.json beside the file. Later ones override earlier ones, and the file
+    /// overrides all.
     void read_file(const std::string& path);
 
-    /// The same for the text of such a file; `source` is what messages call it.
+    /// The same for the text of such a file. Messages name it `source`.
     void read_text(const std::string& source, const std::string& text);
 
-    /// The same, but only for keys that nothing has set.
+    /// The same, but only for keys that have not been set yet.
     void read_text_below(const std::string& source, const std::string& text);
 
-    /// The option of that key. Throws as set() does.
+    /// The option with this key. Throws like set().
     const Option& option(std::string_view key) const;
 
-    /// Applies every TVSGS_<KEY> variable, dots written as double underscores (TVSGS_TV__K=64).
+    /// Applies every TVSGS_<KEY> variable; a double underscore means a dot (TVSGS_TV__K=64).
     void read_environment();
 
-    /// The resolved configuration as nested JSON, `info` added unless it is null.
+    /// The resolved configuration as nested JSON, with `info` unless it is null.
     std::string json(const JsonValue& info = {}) const;
 
     /// One line per option: key, range or choices, default, meaning; grouped by prefix.
@@ -112,8 +113,8 @@ private:
     std::vector<Option> options_;
 };
 
-/// The lists of a JSON object such as splits.json, as text; values that are no lists of names or
-/// numbers are left out. Throws Error(ExitCode::input) when the file is not a JSON object.
+/// Lists of a JSON object such as splits.json, as text. Skips values that are not lists of names or
+/// numbers. Throws Error(ExitCode::input) if the file is not a JSON object.
 std::map<std::string, std::vector<std::string>> read_json_lists(const std::string& path);
 
 }  // namespace tvsgs

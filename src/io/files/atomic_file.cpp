@@ -18,8 +18,8 @@ Error write_error(const std::string& path, const char* doing, const std::string&
     return Error(ExitCode::io, str(path, ": ", doing, " failed: ", reason));
 }
 
-// Names of the temporary files that exist, for remove_temporary_files(). Files beyond the last slot
-// are only removed by their destructors.
+// Names of the existing temporary files, for remove_temporary_files(). If all slots are taken, only
+// the destructor removes a file.
 constexpr int kSlots = 16;
 std::atomic<const char*> temporaries[kSlots];
 

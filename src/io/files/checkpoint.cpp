@@ -19,14 +19,14 @@ static_assert(std::endian::native == std::endian::little);
 
 constexpr char kMagic[] = "TVSGSCKP";
 constexpr std::size_t kMagicBytes = 8, kFixedBytes = kMagicBytes + 4 + 4 + 8 + 4;
-constexpr std::size_t kMaxTableBytes = 1 << 20;  // a few hundred names
+constexpr std::size_t kMaxTableBytes = 1 << 20;  // enough for a few hundred names
 
 template <class T>
 void put(std::string& out, T value) {
     out.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
-/// Takes values off the front of a text; what is beyond its end is an error.
+/// Reads values from the front of a text. Reading beyond its end is an error.
 struct Reader {
     const std::string& path;
     std::string_view left;

@@ -1,4 +1,4 @@
-// 16-bit floating-point numbers of files.
+// Decoding of 16-bit floating-point numbers.
 #pragma once
 
 #include <cmath>
@@ -6,7 +6,7 @@
 
 namespace tvsgs {
 
-/// The number that the bits of an IEEE 754 binary16 stand for.
+/// Number with the given bits of IEEE 754 binary16.
 inline double half_to_double(std::uint16_t bits) {
     const int exponent = bits >> 10 & 31, fraction = bits & 1023;
     const double magnitude = exponent == 31  ? (fraction ? std::nan("") : INFINITY)

@@ -1,4 +1,4 @@
-// Files of other programs as JSON; for sources only, as the library's header is large.
+// Reading of other programs' JSON files. Include it only in sources: the library's header is large.
 #pragma once
 
 #include <nlohmann/json.hpp>
@@ -8,8 +8,8 @@
 
 namespace tvsgs {
 
-/// The JSON of a file, `is_discarded()` where it is none. Throws Error(ExitCode::input) where it is
-/// nested deeper than check_json_depth allows.
+/// The JSON of a file; `is_discarded()` if the file is not valid JSON. Throws
+/// Error(ExitCode::input) if the nesting is deeper than check_json_depth() allows.
 inline nlohmann::json read_json_file(const std::string& path) {
     const auto limit_depth = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
         check_json_depth(depth, path);

@@ -1,4 +1,4 @@
-// JSON as a tree, for reading and writing our own files. Configuration has io/config/config.h.
+// JSON tree, to read and write the program's own files. For configurations see io/config/config.h.
 #pragma once
 
 #include <cmath>
@@ -14,13 +14,13 @@ namespace tvsgs {
 struct JsonValue {
     enum class Kind { null, boolean, number, text, list, object };
     Kind kind = Kind::null;
-    double number = 0;  // booleans: 0 or 1; whole numbers beyond 2^53 lose digits
+    double number = 0;  // booleans: 0 or 1; integers above 2^53 lose digits
     std::string text;
     std::vector<JsonValue> items;
     std::vector<std::pair<std::string, JsonValue>> members;  // in the order of the file
 
     JsonValue() = default;
-    /// Null unless finite.
+    /// A number that is not finite becomes null.
     template <class Number>
     requires std::is_arithmetic_v<Number> JsonValue(Number value) {
         if (!std::isfinite(static_cast<double>(value))) return;
@@ -39,7 +39,7 @@ struct JsonValue {
     bool is(Kind k) const { return kind == k; }
     explicit operator bool() const { return kind != Kind::null; }
 
-    /// The member, or null: chains of keys need no checks.
+    /// The member, or null if there is none, so chains of keys need no checks.
     const JsonValue& operator[](std::string_view key) const;
     void set(std::string_view key, JsonValue value);  // replaces
     /// Appends a new member.
@@ -65,16 +65,16 @@ private:
 /// Throws Error(ExitCode::input) that names `where`.
 JsonValue parse_json_value(std::string_view text, const std::string& where);
 
-/// The values of a text with one on each line; a last line without an end, as a killed run leaves
-/// it, does not count. `damaged` is told what is wrong with a line, which is then left out.
+/// Parses one value per line. Ignores a last line without a line end, as a killed run leaves it.
+/// Skips a line that is not valid and passes the reason to `damaged`.
 std::vector<JsonValue> parse_json_lines(std::string_view text,
                                         const std::string& where,
                                         const std::function<void(const std::string&)>& damaged);
 
-/// The number with so many significant digits, which is shorter to write.
+/// Rounds to `digits` significant digits, for shorter files.
 double rounded(double value, int digits);
 
-/// On one line; bytes that are not UTF-8 are replaced.
+/// JSON on one line. Replaces bytes that are not UTF-8.
 std::string json_text(const JsonValue& value);
 
 }  // namespace tvsgs

@@ -25,7 +25,7 @@ fs::path list_of(const fs::path& folder) {
     return folder / kManifestName;
 }
 
-/// As it stands in the list: relative, one line.
+/// Entry of a file in the list: relative path on one line.
 std::string entry_of(const fs::path& folder, const fs::path& file) {
     std::error_code code;
     const fs::path whole = fs::weakly_canonical(fs::absolute(file), code),
@@ -47,7 +47,7 @@ std::vector<std::string> entries_of(const fs::path& folder) {
 void write_to_list(const fs::path& folder, int flags, const std::string& text) {
     const std::string list = list_of(folder).string();
     const int file = open(list.c_str(), O_WRONLY | O_CREAT | O_CLOEXEC | flags, 0666);
-    // One call a line: several commands may write into a run at a time.
+    // One call per line, because several commands may write to a run at the same time.
     const bool written =
         file >= 0 && write(file, text.data(), text.size()) == static_cast<ssize_t>(text.size());
     const int reason = errno;
@@ -94,7 +94,7 @@ void add_to_manifest(const fs::path& folder, const fs::path& file) {
 
 namespace {
 
-/// Whether it begins as our files do that stand in no list.
+/// True if the file begins with the signature of tvsgs.
 bool bears_our_name(const fs::path& file) {
     std::ifstream in(file, std::ios::binary);
     std::string head(4096, '\0');
@@ -159,14 +159,14 @@ void remove_listed_files(const fs::path& folder) {
     std::vector<fs::path> parents;
     for (const std::string& entry : entries_of(folder)) {
         const fs::path file = folder / entry;
-        // A list that somebody has changed must not lead out of the folder.
+        // Ignores paths outside the folder, in case somebody edited the list.
         if (entry.empty() || entry.starts_with("../") || entry.front() == '/') continue;
         if (!fs::is_directory(fs::symlink_status(file, code))) fs::remove(file, code);
         for (fs::path up = fs::path(entry).parent_path(); !up.empty(); up = up.parent_path())
             parents.push_back(up);
     }
     fs::remove(list_of(folder), code);
-    // The deepest first; one that is not empty stays.
+    // Deepest first. A folder that is not empty stays.
     std::sort(parents.begin(), parents.end(), [](const fs::path& a, const fs::path& b) {
         return a.native().size() > b.native().size();
     });

@@ -16,9 +16,9 @@ namespace tvsgs {
 namespace {
 
 constexpr std::int64_t kMaxEntries = std::int64_t{1} << 28;
-constexpr std::int64_t kDeflateLimit = 1032;  // bytes that zlib makes of one, at most
-// A variable begins with its flags (tag and 8 bytes), its shape (tag, 4 bytes per dimension, up to
-// 32 of them) and its name (tag and letters; up to 4 are part of the tag; MATLAB allows 63).
+constexpr std::int64_t kDeflateLimit = 1032;  // largest ratio of unpacked to packed bytes of zlib
+// Layout of a variable: flags (tag and 8 bytes), shape (tag, 4 bytes per dimension, up to 32 of
+// them), name (tag and letters; up to 4 are part of the tag; MATLAB allows 63).
 constexpr std::size_t kTag = 8, kShape = 24, kMaxShape = 4 * 32, kMaxName = 64,
                       kHead = kShape + kMaxShape + kTag + kMaxName;
 
@@ -33,7 +33,7 @@ std::uint32_t word(std::string_view bytes, std::size_t at, bool swap) {
     return swap ? __builtin_bswap32(value) : value;
 }
 
-/// The first bytes of a variable, after its tag; inflated where it is compressed.
+/// The first bytes of a variable after its tag, unpacked if compressed.
 std::string head_of(std::string_view data, bool compressed) {
     if (!compressed) return std::string(data.substr(0, kHead));
     std::string head(kTag + kHead, '\0');
@@ -49,8 +49,9 @@ std::string head_of(std::string_view data, bool compressed) {
     return head.size() > kTag ? head.substr(kTag) : "";
 }
 
-/// What libmatio may see of a file: its header and the array of that name. It takes a cut-off file
-/// for one that ends in zeros, and memory for whatever names, shapes and nested variables claim.
+/// The parts of a file that libmatio gets: the header and the array `name`. libmatio would read a
+/// cut-off file as if it ended in zeros, and allocate any size that names, shapes and nested
+/// variables claim.
 std::string only_variable(const std::string& path, const std::string& name) {
     constexpr std::size_t kFileHeader = 128;
     const std::string bytes = read_bytes(path);
@@ -71,7 +72,7 @@ std::string only_variable(const std::string& path, const std::string& name) {
             throw mat_error(path, "byte ", at, ": an element of ", size, " bytes, but only ", left,
                             " are left: the file is cut off; copy it again");
         const std::uint32_t type = word(bytes, at, swap);
-        if (type != 14 && type != 15) continue;  // no variable
+        if (type != 14 && type != 15) continue;  // not a variable
         const bool compressed = type == 15;
         const std::string head =
             head_of(std::string_view(bytes).substr(at + kTag, size), compressed);
@@ -112,7 +113,7 @@ std::string only_variable(const std::string& path, const std::string& name) {
     return found;
 }
 
-/// A file in memory, as libmatio takes nothing but a path.
+/// A file in memory, because libmatio only accepts a path.
 class MemoryFile {
 public:
     explicit MemoryFile(const std::string& bytes) : descriptor_(memfd_create("tvsgs", 0)) {
@@ -135,7 +136,7 @@ void widen(const matvar_t& variable, std::vector<double>& numbers) {
     for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = static_cast<double>(from[i]);
 }
 
-/// False when the class is not numeric.
+/// Returns false if the class is not numeric.
 bool widen(const matvar_t& variable, std::vector<double>& numbers) {
     switch (variable.class_type) {
         case MAT_C_DOUBLE:
@@ -167,7 +168,7 @@ bool widen(const matvar_t& variable, std::vector<double>& numbers) {
 
 MatArray read_mat_array(const std::string& path, const std::string& name) {
     const MemoryFile alone(only_variable(path, name));
-    // Its messages would go to standard error beside ours.
+    // Suppresses libmatio's own messages on standard error.
     Mat_LogInitFunc("tvsgs", [](int, char*) {});
     const std::unique_ptr<mat_t, decltype(&Mat_Close)> file(
         Mat_Open(alone.path().c_str(), MAT_ACC_RDONLY), Mat_Close);

@@ -1,4 +1,4 @@
-// Numeric arrays of MATLAB files (v5 to v7), through libmatio.
+// Reading of numeric arrays from MATLAB files (v5 to v7) by libmatio.
 #pragma once
 
 #include <cstdint>
@@ -7,15 +7,15 @@
 
 namespace tvsgs {
 
-/// Column major, as MATLAB stores it; every numeric type, logical too, is widened to double.
+/// A column-major array, as MATLAB stores it. All numeric and logical types become double.
 struct MatArray {
     std::vector<std::int64_t> shape;
     std::vector<double> numbers;  // [product of shape]
 };
 
-/// One variable of a file. Throws Error(ExitCode::input): E_MAT where the file is damaged, lacks
-/// the variable, or holds something else than a real numeric array of at most 2^28 entries under
-/// that name; E_MAT_V73 for HDF5.
+/// Reads one variable of a file. Throws Error(ExitCode::input): E_MAT if the file is damaged, has
+/// no such variable, or the variable is not a real numeric array of at most 2^28 entries; E_MAT_V73
+/// for HDF5 files.
 MatArray read_mat_array(const std::string& path, const std::string& name);
 
 }  // namespace tvsgs

@@ -14,7 +14,7 @@ void write_npy(const std::string& path,
     }
     std::string header =
         "{'descr': '<f4', 'fortran_order': False, 'shape': (" + dimensions + "), }";
-    // Magic, version and length take 10 bytes; the data begin at a multiple of 64.
+    // Magic, version and length take 10 bytes; the data must begin at a multiple of 64.
     header += std::string(63 - (10 + header.size()) % 64, ' ') + "\n";
     AtomicFile file(path);
     file.write(std::string_view("\x93NUMPY\x01\x00", 8));

@@ -18,8 +18,8 @@ constexpr std::uint64_t kMaxEntryBytes = ZipLimits{}.entry_bytes;
                 str(name, ": ", what, "; save it anew with numpy.save or numpy.savez"));
 }
 
-/// The dict literal {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: just these keys,
-/// in any order.
+/// The header {'descr': '<f4', 'fortran_order': False, 'shape': (3, 4), }: exactly these keys, in
+/// any order.
 struct Header {
     std::string descr;
     bool fortran_order = false;
@@ -165,7 +165,7 @@ void append_utf8(std::string& text, std::uint32_t c) {
     }
 }
 
-/// Position in a row-major array of the `position`-th entry in Fortran order.
+/// Row-major position of the entry at `position` in Fortran order.
 std::size_t row_major(std::size_t position, const std::vector<std::int64_t>& shape) {
     std::size_t result = 0, stride = 1;
     for (const std::int64_t extent : shape) stride *= static_cast<std::size_t>(extent);

@@ -41,7 +41,7 @@ std::string read_bytes(const std::string& path, std::uintmax_t limit) {
 }
 
 void check_json_depth(int depth, const std::string& where) {
-    constexpr int kMaxDepth = 64;  // ours have six
+    constexpr int kMaxDepth = 64;  // our own files have six levels
     if (depth > kMaxDepth)
         throw input_error(where, ": JSON nested deeper than ", kMaxDepth, " levels");
 }

@@ -1,4 +1,4 @@
-// Reading whole files and numbers; what all readers share.
+// Helpers shared by all readers: whole files, numbers and words.
 #pragma once
 
 #include <algorithm>
@@ -13,33 +13,33 @@
 
 namespace tvsgs {
 
-/// Throws Error(ExitCode::input) for a folder, and for what may have no end or keep one waiting, as
-/// /dev/zero or a pipe.
+/// Throws Error(ExitCode::input) for a folder, and for a path that may block or never end, such as
+/// a pipe or /dev/zero.
 void require_regular_file(const std::string& path);
 
-/// The whole of a regular file. Throws Error(ExitCode::input) when there is none or it is larger
-/// than `limit` bytes, Error(ExitCode::io) when reading fails.
+/// Reads a whole regular file. Throws Error(ExitCode::input) if there is none or it has more than
+/// `limit` bytes, and Error(ExitCode::io) if reading fails.
 std::string read_bytes(const std::string& path,
                        std::uintmax_t limit = std::numeric_limits<std::uintmax_t>::max());
 
-inline constexpr std::uintmax_t kMaxTextBytes = 1 << 26;  // of what people write: settings, lists
+inline constexpr std::uintmax_t kMaxTextBytes = 1 << 26;  // of hand-written files: settings, lists
 
-/// The same for text: without the byte order mark that some editors put before it.
+/// The same for text. Removes the byte order mark that some editors write at the beginning.
 std::string read_text(const std::string& path,
                       std::uintmax_t limit = std::numeric_limits<std::uintmax_t>::max());
 
-/// For parsers of files that may be damaged or hostile, whose depth would use up the stack: throws
+/// Limits the depth of JSON from damaged or hostile files, which could exhaust the stack. Throws
 /// Error(ExitCode::input) that names `where` beyond 64 levels.
 void check_json_depth(int depth, const std::string& where);
 
-/// An error in what the user gave us.
+/// An error in the user's input.
 template <class... Parts>
 Error input_error(const Parts&... parts) {
     return Error(ExitCode::input, str(parts...));
 }
 
-/// The whole of `text` as a number, whatever the locale; false when anything is left over or the
-/// number does not fit.
+/// Parses all of `text` as a number, independent of the locale. Returns false if characters remain
+/// or the number does not fit.
 template <class Number>
 bool parse_number(std::string_view text, Number& number) {
     if (text.size() > 1 && text[0] == '+' && text[1] != '-') text.remove_prefix(1);
@@ -53,7 +53,7 @@ inline std::string_view trimmed(std::string_view text) {
     return text.substr(first, text.find_last_not_of(" \t\r\n") - first + 1);
 }
 
-/// What of a file may be shown in a message: its first 40 characters, '?' for what is no text.
+/// Excerpt of a file for a message: the first 40 characters, with '?' for non-printable ones.
 inline std::string shown(std::string_view text) {
     std::string out(text.substr(0, 40));
     for (char& c : out)
@@ -61,7 +61,7 @@ inline std::string shown(std::string_view text) {
     return out;
 }
 
-/// Takes the next word off the front of `text`; empty when there is none.
+/// Removes the next word from the front of `text` and returns it; empty when there is none.
 inline std::string_view next_word(std::string_view& text) {
     text.remove_prefix(std::min(text.find_first_not_of(" \t\r\n"), text.size()));
     const std::string_view word = text.substr(0, text.find_first_of(" \t\r\n"));

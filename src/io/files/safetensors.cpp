@@ -14,7 +14,7 @@ namespace {
 
 static_assert(std::endian::native == std::endian::little, "the format is little-endian");
 
-constexpr std::uint64_t kMaxHeader = 100'000'000;  // bytes, as the format's own reader has it
+constexpr std::uint64_t kMaxHeader = 100'000'000;  // bytes; limit of the format's own reader
 
 struct Type {
     const char* name;
@@ -38,7 +38,7 @@ double load_half(const char* bytes) {
 constexpr Type kTypes[] = {
     {"F16", 2, load_half}, {"F32", 4, load<float>}, {"F64", 8, load<double>}};
 
-/// A whole number of the header that is not negative.
+/// A non-negative integer of the header.
 std::uint64_t whole(const JsonValue& value, const std::string& where) {
     if (!value.is(JsonValue::Kind::number) || !(value.number >= 0 && value.number < 9e15) ||
         value.number != std::floor(value.number))

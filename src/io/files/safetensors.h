@@ -1,15 +1,15 @@
-// Files of the safetensors format, and weights of a network in either of the two formats we read.
+// Reading of safetensors files, and of network weights as .npz or .safetensors.
 #pragma once
 
 #include "io/files/npz.h"
 
 namespace tvsgs {
 
-/// All tensors of F16, F32 or F64 by name; header, ranges and overlaps are checked. Throws
+/// All tensors of type F16, F32 or F64 by name. Checks the header, ranges and overlaps. Throws
 /// Error(ExitCode::input).
 NpzArchive read_safetensors(const std::string& path);
 
-/// A .npz or .safetensors file, told apart by their first bytes.
+/// Reads a .npz or .safetensors file; the first bytes tell the format.
 NpzArchive read_tensors(const std::string& path);
 
 }  // namespace tvsgs

@@ -63,7 +63,7 @@ void read_zip(const std::string& path,
             zip_fopen_index(zip.get(), i, 0), zip_fclose);
         std::string bytes(stat.size, '\0');
         char end = 0;
-        // Reading on to the end is what makes libzip compare the checksum.
+        // libzip compares the checksum only when the entry is read to its end.
         if (!file ||
             zip_fread(file.get(), bytes.data(), stat.size) != static_cast<zip_int64_t>(stat.size) ||
             zip_fread(file.get(), &end, 1) != 0)
@@ -80,7 +80,7 @@ std::string zip_bytes(const std::vector<std::pair<std::string, std::string>>& en
         throw Error(ExitCode::internal, str("making a ZIP archive failed: ",
                                             of ? zip_error_strerror(of) : "out of memory"));
     };
-    // The archive's bytes outlive the archive, which is closed to write them.
+    // `bytes` must outlive the archive: closing the archive writes them.
     zip_source_t* const bytes = zip_source_buffer_create(nullptr, 0, 0, &error);
     check(bytes != nullptr, &error);
     zip_source_keep(bytes);
@@ -96,13 +96,13 @@ std::string zip_bytes(const std::vector<std::pair<std::string, std::string>>& en
         if (at < 0) zip_source_free(source);
         check(at >= 0, zip_get_error(zip.get()));
         const auto index = static_cast<zip_uint64_t>(at);
-        constexpr zip_uint16_t kFirstOf1980 = 1 << 5 | 1;  // the earliest date there is
+        constexpr zip_uint16_t kFirstOf1980 = 1 << 5 | 1;  // earliest possible date
         check(zip_set_file_compression(zip.get(), index, ZIP_CM_STORE, 0) == 0 &&
                   zip_file_set_dostime(zip.get(), index, 0, kFirstOf1980, 0) == 0,
               zip_get_error(zip.get()));
     }
     check(zip_close(zip.get()) == 0, zip_get_error(zip.get()));
-    (void)zip.release();  // closed
+    (void)zip.release();  // zip_close() has released it
     std::string out;
     zip_stat_t stat;
     check(zip_source_stat(bytes, &stat) == 0 && zip_source_open(bytes) == 0,

@@ -14,7 +14,7 @@ std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes) {
     const std::unique_ptr<ZSTD_CCtx, decltype(&ZSTD_freeCCtx)> context(ZSTD_createCCtx(),
                                                                        ZSTD_freeCCtx);
     if (!context) throw std::bad_alloc();
-    constexpr int kLevel = 12;  // of 1 to 22: beyond it takes much longer and gains little
+    constexpr int kLevel = 12;  // of 1 to 22; higher levels take much longer and gain little
     ZSTD_CCtx_setParameter(context.get(), ZSTD_c_compressionLevel, kLevel);
     ZSTD_CCtx_setParameter(context.get(), ZSTD_c_checksumFlag, 1);
     std::vector<std::uint8_t> frame(ZSTD_compressBound(bytes.size()));

@@ -1,4 +1,4 @@
-// Frames of zstd.
+// Compression of zstd frames.
 #pragma once
 
 #include <cstdint>
@@ -8,11 +8,11 @@
 
 namespace tvsgs {
 
-/// One frame with its checksum; the same bytes for any number of threads.
+/// One frame with a checksum. The bytes do not depend on the number of threads.
 std::vector<std::uint8_t> zstd_frame(std::span<const std::uint8_t> bytes);
 
-/// Fills all of `out`. Throws Error(ExitCode::input) where the frame is damaged or holds another
-/// number of bytes; `where`: what the message calls it.
+/// Unpacks the frame into all of `out`. Throws Error(ExitCode::input) if the frame is damaged or
+/// has another size. Messages contain `where`.
 void read_zstd_frame(std::span<const std::uint8_t> frame,
                      std::span<std::uint8_t> out,
                      const std::string& where);

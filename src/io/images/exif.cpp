@@ -9,7 +9,7 @@
 namespace tvsgs {
 namespace {
 
-/// Numbers of a text in either byte order; what lies beyond its end is 0.
+/// Reads numbers of either byte order; 0 beyond the end of the text.
 struct Numbers {
     std::string_view bytes;
     bool big_endian;
@@ -25,11 +25,11 @@ struct Numbers {
     }
 };
 
-/// A TIFF with lists of entries: tag, type, count, and the value or where it stands.
+/// A TIFF with lists of entries: tag, type, count, and the value or its offset.
 struct Tiff {
     Numbers in;
 
-    /// Where the value of a tag begins in the file; 0: there is none. `size`: bytes of the value.
+    /// Offset of the value of a tag; 0 if there is none. `size`: bytes of the value.
     std::size_t find(std::size_t list, std::uint32_t tag, std::size_t& size) const {
         const std::size_t count = in.at(list, 2);
         for (std::size_t i = 0; i < count; ++i) {
@@ -75,7 +75,7 @@ Exif read_exif(std::string_view jpeg) {
     using std::string_view_literals::operator""sv;
     if (!jpeg.starts_with("\xFF\xD8")) return {};
     const Numbers in{jpeg, true};
-    // Segments, up to the one with which the pixels begin.
+    // Reads the segments before the pixels.
     for (std::size_t at = 2; in.at(at, 1) == 0xFF && in.at(at + 1, 1) != 0xDA;) {
         const std::size_t length = in.at(at + 2, 2);
         if (length < 2) return {};

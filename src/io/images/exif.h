@@ -1,4 +1,4 @@
-// What a photograph says of its camera.
+// Reading of camera data from EXIF.
 #pragma once
 
 #include <string>
@@ -8,22 +8,23 @@
 
 namespace tvsgs {
 
+/// Camera data of one photograph.
 struct Exif {
     int orientation = 1;  // 1 to 8
     std::string camera;   // maker and model, or empty
-    double focal_mm = 0;  // 0: not said
+    double focal_mm = 0;  // 0: unknown
 };
 
-/// Of the start of a JPEG that holds its segments before the pixels. Never throws: what is broken
-/// says nothing.
+/// Reads the first bytes of a JPEG, which must include the segments before the pixels. Never
+/// throws; damaged entries keep their defaults.
 Exif read_exif(std::string_view jpeg);
 
-/// Of orientations that swap the sides.
+/// True for orientations that swap width and height.
 inline bool turns_sides(int orientation) {
     return orientation >= 5;
 }
 
-/// The image as viewers show it, for orientations that swap the sides (5 to 8).
+/// The image as viewers show it, for orientations that swap width and height (5 to 8).
 ImageU8 turned(const ImageU8& image, int orientation);
 
 }  // namespace tvsgs

@@ -25,7 +25,7 @@ struct StbFree {
     void operator()(void* pixels) const { stbi_image_free(pixels); }
 };
 
-/// What the first bytes of a file that we do not read say that it is; empty: nothing known.
+/// Name of an unsupported format by the file's first bytes; empty if unknown.
 std::string kind_of_file(std::string_view bytes) {
     if (bytes.starts_with("II*") || bytes.starts_with("MM\0*"sv)) return "a TIFF or raw photograph";
     if (bytes.size() >= 12 && bytes.substr(4, 4) == "ftyp")
@@ -56,10 +56,10 @@ ImageSize checked_size(const std::string& path,
     return {width, height, channels};
 }
 
-/// stb takes the memory that a chunk of a PNG claims before it looks whether the file has as much.
+/// Checks that chunks fit into the file, because stb allocates the claimed size first.
 void check_png_chunks(const std::string& path, std::string_view bytes) {
     if (!bytes.starts_with("\x89PNG\r\n\x1A\n")) return;
-    constexpr std::size_t kFrame = 12;  // length, kind and checksum
+    constexpr std::size_t kFrame = 12;  // length, type and checksum of a chunk
     for (std::size_t at = 8; at + kFrame <= bytes.size();) {
         std::size_t length = 0;
         for (std::size_t i = at; i < at + 4; ++i)
@@ -73,7 +73,7 @@ void check_png_chunks(const std::string& path, std::string_view bytes) {
     }
 }
 
-/// Of a file's bytes, or of enough of them: what stands before the pixels.
+/// Reads the size from the bytes of a file, or from its first bytes.
 ImageSize size_in(const std::string& path, std::string_view bytes, std::int64_t max_pixels) {
     ImageSize size{};
     const bool known = is_webp(bytes)
@@ -84,7 +84,7 @@ ImageSize size_in(const std::string& path, std::string_view bytes, std::int64_t 
     return checked_size(path, bytes, known, size, max_pixels);
 }
 
-/// The pixels of a file, of 8 or 16 bits, in `channels` or in as many as it has (0).
+/// Pixels of a file with 8 or 16 bits, in `channels` channels (0: as many as the file has).
 struct Decoded {
     ImageSize size;
     std::unique_ptr<stbi_us, StbFree> wide;    // 16 bits, or null
@@ -142,7 +142,7 @@ double cubic(double x) {
 
 Resampling cubic_resampling(int input, int output) {
     const double scale = static_cast<double>(input) / output;
-    const double filter_scale = std::max(scale, 1.0);  // widened when shrinking: anti-aliasing
+    const double filter_scale = std::max(scale, 1.0);  // wider when shrinking, against aliasing
     const double support = 2 * filter_scale;
     Resampling r;
     r.taps = std::min(input, static_cast<int>(std::ceil(support)) * 2 + 1);
@@ -156,8 +156,8 @@ Resampling cubic_resampling(int input, int output) {
         double sum = 0;
         for (int j = 0; j < end - begin; ++j)
             sum += weights[j] = cubic((begin + j - centre + 0.5) / filter_scale);
-        // The window may end before `taps` inputs; it then starts earlier, with zeros, to stay
-        // inside.
+        // Near the border fewer than `taps` inputs remain. The window then starts earlier, with
+        // zero weights.
         r.first[i] = std::min(begin, input - r.taps);
         float* const out = &r.weights[static_cast<std::size_t>(i) * r.taps + (begin - r.first[i])];
         for (int j = 0; j < end - begin; ++j) out[j] = static_cast<float>(weights[j] / sum);
@@ -189,7 +189,7 @@ ImageSize read_image_size(const std::string& path) {
                                                                std::fclose);
     if (!file)
         throw input_error("E_IMAGE_READ: ", path, ": cannot be opened: ", std::strerror(errno));
-    char start[64];  // enough of a WebP; a JPEG may have its size far behind
+    char start[64];  // enough for a WebP; a JPEG may store its size later
     const std::string_view head(start, std::fread(start, 1, sizeof start, file.get()));
     if (is_webp(head)) return size_in(path, head, kMaxPixels);
     std::rewind(file.get());
@@ -210,7 +210,7 @@ ImageU8 decode_image(const std::string& where,
     ImageU8 image(decoded.size.width, decoded.size.height, decoded.size.channels);
     if (decoded.narrow)
         std::copy_n(decoded.narrow.get(), image.pixels.size(), image.pixels.data());
-    else  // 65535 / 257 = 255: rounded to the nearest of 256 levels.
+    else  // 65535 / 257 = 255: rounds to the nearest of 256 levels
         std::transform(decoded.wide.get(), decoded.wide.get() + image.pixels.size(),
                        image.pixels.data(),
                        [](int value) { return static_cast<std::uint8_t>((value + 128) / 257); });
@@ -284,7 +284,7 @@ ImageU8 resize_nearest(const ImageU8& image, int width, int height) {
     ImageU8 out(width, height, image.channels);
     for (int y = 0; y < height; ++y)
         for (int x = 0; x < width; ++x) {
-            // The input pixel that holds the centre of the output pixel.
+            // The input pixel that contains the centre of the output pixel.
             const auto from_x =
                 static_cast<int>((2 * std::int64_t{x} + 1) * image.width / (2 * width));
             const auto from_y =

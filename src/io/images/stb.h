@@ -1,4 +1,4 @@
-// The parts of stb that we use, configured the same wherever they are included.
+// The parts of stb that tvsgs uses, with the same configuration in every source.
 #pragma once
 
 #define STBI_ONLY_JPEG

@@ -27,7 +27,7 @@ std::string webp_lossless_bytes(const ImageU8& image) {
         ~Memory() { WebPMemoryWriterClear(this); }
     } memory;
     WebPConfig config;
-    constexpr int kLevel = 6;  // of 0 to 9: beyond it takes much longer and gains little
+    constexpr int kLevel = 6;  // of 0 to 9; higher levels take much longer and gain little
     const bool known = WebPPictureInit(&picture) && WebPConfigInit(&config) &&
                        WebPConfigLosslessPreset(&config, kLevel);
     WebPMemoryWriterInit(&memory);

@@ -71,7 +71,7 @@ void set_turn(json& node, const Mat3<double>& R) {
     for (int i = 0; i < 3; ++i)
         for (int j = 0; j < 3; ++j) is_identity = is_identity && R[i][j] == (i == j);
     if (is_identity) return;
-    node["matrix"] = {R[0][0], R[1][0], R[2][0], 0, R[0][1], R[1][1], R[2][1], 0,  // by columns
+    node["matrix"] = {R[0][0], R[1][0], R[2][0], 0, R[0][1], R[1][1], R[2][1], 0,  // column major
                       R[0][2], R[1][2], R[2][2], 0, 0,       0,       0,       1};
 }
 

@@ -1,4 +1,5 @@
-// A GLB in the making, for the sources of its writers: of meshes and of splats.
+// Writing of GLB files: JSON, buffer views and accessors, shared by the writers of meshes and
+// splats.
 #pragma once
 
 #include <bit>
@@ -14,6 +15,7 @@ namespace tvsgs::glb {
 
 static_assert(std::endian::native == std::endian::little, "glTF is little-endian");
 
+/// Appends the bytes of a value.
 template <class T>
 void put(std::string& out, const T& value) {
     static_assert(std::is_arithmetic_v<T>);
@@ -23,36 +25,36 @@ inline void put(std::string& out, Vec3f v) {
     put(out, v.x), put(out, v.y), put(out, v.z);
 }
 
-/// A list of one; braces alone could mean the element itself.
+/// A JSON list of one element. Braces alone could mean the element itself.
 nlohmann::json list_of(nlohmann::json element);
 
-/// The binary chunk, with the views and accessors that say what is in it.
+/// The binary chunk, with the buffer views and accessors that describe its content.
 struct Chunk {
     std::string bytes;
     nlohmann::json views = nlohmann::json::array(), accessors = nlohmann::json::array();
 
-    /// A view of what has been put since `begin`; `target` 0: none. `stride`: bytes from one
-    /// element to the next, for views of several accessors.
+    /// Adds a buffer view of the bytes since `begin`; `target` 0: none. `stride`: bytes from one
+    /// element to the next, for views with several accessors.
     int add_view(std::size_t begin, int target, int stride = 0);
-    /// `offset`: bytes from the beginning of the view.
+    /// `offset`: bytes from the start of the view.
     int add_accessor(int view,
                      ComponentType component,
                      const char* type,
                      std::size_t count,
                      std::size_t offset = 0);
-    /// Of vectors of floats, with the bounds that glTF wants of positions.
+    /// Adds an accessor of float vectors with the bounds that glTF requires for positions.
     int add_positions(int view, std::size_t count, std::size_t offset = 0);
 };
 
-/// sRGB to linear light in 16 bits, as 8 would show bands in the dark.
+/// sRGB to linear light in 16 bits; 8 bits would show bands in dark regions.
 /// [docs/method/texture.md#files]
 std::uint16_t linear_u16(float srgb);
 
-/// Gives a node this turn, unless it is none.
+/// Sets the rotation of a node, unless it is the identity.
 void set_turn(nlohmann::json& node, const Mat3<double>& R);
 
-/// The file of a document, to which it adds what is said of the chunk. Throws
-/// Error(ExitCode::input) beyond the format's 4 GiB; `instead` says what to do then.
+/// Bytes of the file; adds the description of the chunk to `doc`. Throws Error(ExitCode::input)
+/// beyond the format's 4 GiB; `instead` is the advice in the message.
 std::string file_bytes(const std::string& path,
                        nlohmann::json& doc,
                        Chunk& chunk,

@@ -1,5 +1,5 @@
-// A GLB taken apart: its chunks, members of its JSON of any type, accessors inside of its bytes.
-// For sources of readers only.
+// Parser of GLB files: JSON members with checks, and accessors within the bytes of the file. For
+// sources of readers only.
 #pragma once
 
 #include <cstring>
@@ -14,9 +14,9 @@
 
 namespace tvsgs {
 
-/// Numbers of one accessor, all inside of the file.
+/// Numbers of one accessor. All lie within the file.
 struct GlbAccessor {
-    std::string_view bytes;  // of its elements, from the first on
+    std::string_view bytes;  // from the first element on
     std::size_t count = 0, stride = 0;
     int component = 0, width = 0;  // numbers per element
     bool normalized = false;
@@ -24,29 +24,30 @@ struct GlbAccessor {
     double value(std::size_t i, int c) const;
 };
 
-/// What the readers of meshes and of splats have in common. All throw Error(ExitCode::input).
+/// Base class of the readers of meshes and of splats. All functions throw Error(ExitCode::input).
 class GlbDocument {
 protected:
     using json = nlohmann::json;
 
-    /// Both have to outlive this object.
+    /// Both arguments must outlive the object.
     GlbDocument(const std::string& path, std::string_view bytes);
 
     [[noreturn]] void fail(const std::string& what) const;
 
-    /// Those that are required begin with one of `known`.
+    /// Throws if a required extension begins with none of `known`.
     void check_extensions(std::initializer_list<const char*> known) const;
-    /// Written by tvsgs, not changed since: one node, and asset.extras has `key` and an origin.
+    /// True if tvsgs wrote the file and nobody changed it: one node, and asset.extras has `key` and
+    /// an origin.
     bool is_ours(const char* key) const;
 
-    /// Empty where there is none.
+    /// The member; empty JSON if there is none.
     static const json& member(const json& object, const char* key);
     const json& list(const json& object, const char* key) const;
     static std::string text(const json& object, const char* key);
     std::uint64_t whole(const json& object, const char* key, std::uint64_t standard) const;
     std::size_t index(const json& object, const char* key, const json& of) const;
     std::size_t index_at(const json& indices, std::size_t at, const json& of) const;
-    /// `count` finite numbers, or none where the key is missing.
+    /// The `count` finite numbers of the member; empty if there is no member.
     std::vector<double> numbers(const json& object, const char* key, std::size_t count) const;
     Vec3d vector3(const json& object, const char* key, Vec3d standard) const;
 

@@ -1,4 +1,4 @@
-// Numbers of glTF 2.0 and its binary container, for its writer and its reader.
+// Constants of glTF 2.0 and its binary container.
 // https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 #pragma once
 

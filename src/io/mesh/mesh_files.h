@@ -1,5 +1,4 @@
-// Files of meshes: glTF's binary form, Wavefront's OBJ with its material, PLY; and whichever of
-// them is to be measured.
+// Reading and writing of mesh files: GLB, OBJ with its material, and PLY.
 #pragma once
 
 #include <optional>
@@ -13,57 +12,58 @@ namespace tvsgs {
 enum class MeshFormat { glb, obj, ply };
 enum class TextureFormat { jpeg, png, webp };
 
-/// By the end of the name.
+/// Format by the extension of the name.
 std::optional<MeshFormat> mesh_format(const std::string& path);
 
-/// The files that a mesh of that name consists of, itself last: an OBJ with a texture has a
-/// material and a picture beside it, whose names are its own without what OBJ readers stumble over,
-/// as blanks.
+/// The files of a mesh with this name; the mesh itself is last. A textured OBJ also has a material
+/// and a texture file. Their names equal the mesh's name, with '_' for characters that OBJ readers
+/// do not accept, such as blanks.
 std::vector<std::string> mesh_files(const std::string& path, bool textured, TextureFormat format);
 
+/// Options of write_mesh().
 struct MeshFileOptions {
     TextureFormat texture_format = TextureFormat::jpeg;
-    /// Of the frame of the mesh in that of the scene; OBJ and PLY add it, in double, a GLB says it
-    /// (asset.extras.origin), as what draws it has floats only.
+    /// Origin of the mesh's frame in the scene's frame. OBJ and PLY add it to the positions, in
+    /// double. GLB stores it in asset.extras.origin, because its viewers use floats.
     Vec3d origin{};
-    /// GLB: of its vertices, for programs that light what they show; the material is unlit.
+    /// GLB: write vertex normals, for programs that light the mesh. The material is unlit.
     bool normals = false;
-    /// GLB: the turn of its node, so that the mesh stands upright, +y up, where it is shown; its
-    /// numbers stay those of the scene, and so do its units.
+    /// GLB: rotation of the node that turns the mesh upright (+y up) in viewers. Positions and
+    /// units stay as in the scene.
     Mat3<double> upright_from_scene{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}};
 };
 
-/// Writes the mesh in the format of its name (other names, as /dev/stdout: PLY) with its texture,
-/// or with the colours of its vertices where that is empty; PLY always has the latter. All files of
-/// it are complete before the first gets its name. Throws Error(ExitCode::numerical) for numbers
-/// that are not finite, Error(ExitCode::io), Error(ExitCode::usage) for a format of the texture
-/// that this build or the file has not.
+/// Writes the mesh in the format of its name (PLY for other names such as /dev/stdout), with its
+/// texture, or with vertex colours if the texture is empty. PLY always gets vertex colours. All
+/// files are complete before the first one appears. Throws Error(ExitCode::numerical) for numbers
+/// that are not finite, Error(ExitCode::io), and Error(ExitCode::usage) for a texture format that
+/// the mesh format does not support.
 void write_mesh(const std::string& path,
                 const TriangleMesh& mesh,
                 const MeshTexture& texture = {},
                 const MeshFileOptions& options = {});
 
-/// Throws Error(ExitCode::input) where a GLB of so much is beyond the format's 4 GiB, whatever its
-/// picture: to be said before a texture is made.
+/// Throws Error(ExitCode::input) if a GLB of this size exceeds the format's 4 GiB even without its
+/// image. Call it before making a texture.
 void require_glb_room(const std::string& path,
                       std::size_t vertices,
                       std::size_t faces,
                       bool textured);
 
-/// Throws Error(ExitCode::usage) where write_mesh would for that texture.
+/// Throws Error(ExitCode::usage) if write_mesh() would do so for this texture format.
 void require_texture_format(const std::string& path, TextureFormat format);
 
-/// Throws Error: what is not finite, and indices out of range.
+/// Throws Error for numbers that are not finite and indices out of range.
 void check_mesh(const std::string& path, const TriangleMesh& mesh);
 
-/// By the end of the name: a GLB (triangles; where it is ours, in the frame of the scene, else as
-/// its nodes place it), an OBJ (polygons as fans), else as read_ply. Vertices that a GLB of ours
-/// has more than once, as their places in the texture differ or 16-bit indices do not reach them,
-/// are one again: those at the same place are one, in the order of the faces. Throws
+/// Reads a mesh by the extension of its name: GLB (triangles), OBJ (polygons become fans), else as
+/// read_ply(). A GLB of tvsgs is read in the scene's frame, another one as its nodes place it. A
+/// GLB of tvsgs repeats vertices that have several texture coordinates or belong to several
+/// primitives; the reader merges vertices at equal positions, in the order of the faces. Throws
 /// Error(ExitCode::input).
-/// `want_colors`: else a GLB's picture, which may be damaged or too large, is not looked at.
+/// `want_colors`: if false, ignores a GLB's texture, which may be damaged or too large.
 PlyContents read_mesh(const std::string& path, Vec3d origin = {}, bool want_colors = true);
-/// As read_ply_geometry.
+/// Like read_ply_geometry().
 PlyGeometry read_mesh_geometry(const std::string& path);
 
 }  // namespace tvsgs

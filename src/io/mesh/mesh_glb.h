@@ -1,4 +1,4 @@
-// glTF's binary form of a mesh; what mesh_files.h calls.
+// Implementation of the mesh formats behind mesh_files.h: GLB bytes, GLB and OBJ readers.
 #pragma once
 
 #include <string>
@@ -8,7 +8,7 @@
 
 namespace tvsgs {
 
-/// The picture of a texture as a file. Throws Error(ExitCode::usage) where this build cannot.
+/// Encodes the image of a texture as a file.
 std::string encode_texture(const ImageU8& image, TextureFormat format);
 
 /// The bytes of a GLB. Throws Error(ExitCode::input) beyond the format's 4 GiB.
@@ -17,12 +17,14 @@ std::string glb_bytes(const std::string& path,
                       const MeshTexture& texture,
                       const MeshFileOptions& options);
 
-/// A mesh of a file: positions in double in the frame of the file, or of the scene for ours.
+/// A mesh read from a file. Positions are in double, in the frame of the file, or of the scene for
+/// files of tvsgs.
 struct ReadMesh {
     std::vector<Vec3d> positions;
-    std::vector<Vec3f> colors;  // where `want_colors`: of vertices or of the texture there
+    std::vector<Vec3f> colors;  // of the vertices, or from the texture; empty unless wanted
     std::vector<Vec3i> faces;
 };
+/// Readers of the two formats. Throw Error(ExitCode::input).
 ReadMesh read_glb(const std::string& path, std::string_view bytes, bool want_colors);
 ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_colors);
 

@@ -16,8 +16,8 @@ namespace {
 using nlohmann::json;
 
 constexpr std::int64_t kMostVertices = std::int64_t{1} << 30, kMostPixels = 8192 * 8192;
-// Vertices and corners of a file, copies counted: so many for each of its bytes, and so many
-// always.
+// Limit of the vertices and corners of a file, including copies by nodes: kCopies per byte of the
+// file, but at least kAlways.
 constexpr std::size_t kCopies = 64, kAlways = std::size_t{1} << 26;
 
 class GlbReader : GlbDocument {
@@ -26,7 +26,8 @@ public:
         : GlbDocument(path, bytes),
           want_colors_(want_colors),
           most_(std::max(kAlways, kCopies * bytes.size())) {
-        // What changes the geometry has to be known here; what changes pictures does not matter.
+        // Extensions that change the geometry must be supported; those that change images are
+        // ignored.
         check_extensions(
             {"KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "EXT_texture_"});
         ours_ = is_ours("vertices");
@@ -50,7 +51,7 @@ public:
     }
 
 private:
-    // 1. Nodes, meshes.
+    // 1. Nodes and meshes.
     Affine3d motion_of(const json& node) const {
         Affine3d T;
         if (const std::vector<double> m = numbers(node, "matrix", 16); !m.empty()) {
@@ -130,7 +131,7 @@ private:
         if (want_colors_) add_colors(primitive, attributes, position.count);
     }
 
-    /// Copies of one array may be asked for so often that no memory holds them.
+    /// Limits the total size, because nodes may repeat one array many times.
     void claim(std::size_t count) {
         claimed_ += count;
         if (claimed_ > most_)
@@ -138,7 +139,7 @@ private:
                      most_, " in a file of its size"));
     }
 
-    // 2. Colours, for pictures: what cannot be had is white.
+    // 2. Colours. White if the image is not readable.
     void add_colors(const json& primitive, const json& attributes, std::size_t count) {
         out_.colors.resize(out_.positions.size(), Vec3f{1, 1, 1});
         Vec3f* const to = out_.colors.data() + (out_.colors.size() - count);
@@ -172,7 +173,7 @@ private:
         const auto v = static_cast<float>(std::clamp(linear, 0.0, 1.0));
         return v <= 0.0031308f ? 12.92f * v : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
     }
-    /// Null: there is none that is read here.
+    /// Null if there is no readable texture.
     const ImageU8* texture_of(const json& primitive) {
         const json& materials = list(doc_, "materials");
         if (!primitive.contains("material")) return nullptr;
@@ -188,18 +189,18 @@ private:
         if (!images[image].is_object() || !images[image].contains("bufferView")) return nullptr;
         if (text(images[image], "mimeType") == "image/webp") return nullptr;
         if (decoded_.first != image) {
-            decoded_ = {image, {}};  // one in memory at a time: many may lie in one small file
+            decoded_ = {image, {}};  // keeps one image: a small file may contain many
             try {
                 decoded_.second =
                     decode_image(path_, view_bytes(images[image], nullptr), 3, kMostPixels);
-            } catch (const Error&) {  // of a format or a size that is not read here
+            } catch (const Error&) {  // unsupported format or size
             }
         }
         return decoded_.second.empty() ? nullptr : &decoded_.second;
     }
 
-    /// Vertices of our meshes at the same place, bit by bit, are copies of one. They are numbered
-    /// as they come.
+    /// Merges vertices of a tvsgs file at equal positions, bit by bit. Keeps the order of first
+    /// use.
     void join_copies() {
         std::vector<int> order(out_.positions.size());
         std::iota(order.begin(), order.end(), 0);
@@ -212,7 +213,7 @@ private:
         std::sort(order.begin(), order.end(),
                   [&](int a, int b) { return key(a) < key(b) || (!(key(b) < key(a)) && a < b); });
         std::vector<int> joined(order.size());
-        for (std::size_t k = 0; k < order.size(); ++k)  // to the first of each place
+        for (std::size_t k = 0; k < order.size(); ++k)  // to the first at its position
             joined[order[k]] =
                 k > 0 && key(order[k]) == key(order[k - 1]) ? joined[order[k - 1]] : order[k];
         int count = 0;
@@ -236,7 +237,7 @@ private:
     bool has_colors_ = false, ours_ = false;
     Vec3d origin_;
     std::vector<char> visited_;
-    std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // the last one
+    std::pair<std::optional<std::size_t>, ImageU8> decoded_;  // index and image decoded last
     ReadMesh out_;
 };
 

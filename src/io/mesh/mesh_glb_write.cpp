@@ -13,13 +13,13 @@ using json = nlohmann::json;
 
 constexpr const char* kInstead =
     "name a .ply, or make a coarser mesh (--error, --faces, --voxel-size)";
-constexpr std::size_t kMostVertices = 65535;  // of a part; 16-bit indices, 65535 is none
+constexpr std::size_t kMostVertices = 65535;  // per part: 16-bit indices, and 65535 is reserved
 constexpr std::size_t kPositionBytes = 12, kNormalBytes = 12, kPlaceBytes = 8, kColorBytes = 8;
 
-/// A part of the mesh that 16-bit indices reach, a primitive. Its vertices are those of the mesh,
-/// each with one place in the texture.
+/// A primitive: a part of the mesh that 16-bit indices can address. Each of its vertices has one
+/// texture coordinate.
 struct Part {
-    std::vector<int> vertices, places;  // of the mesh; of the texture, empty without one
+    std::vector<int> vertices, places;  // indices; untextured: no places
     std::vector<std::uint16_t> corners;
 };
 
@@ -59,20 +59,20 @@ std::vector<Part> parts_of(const std::string& path,
     return parts;
 }
 
-/// One array of the file, of all parts.
+/// One array of the file with the elements of all parts.
 struct Array {
     int view = 0;
     std::size_t size;      // bytes of an element
-    std::size_t done = 0;  // elements of parts before
+    std::size_t done = 0;  // elements of the preceding parts
 
-    std::size_t next(std::size_t count) {  // where those of a part begin
+    std::size_t next(std::size_t count) {  // offset of the next part's elements
         const std::size_t offset = done * size;
         done += count;
         return offset;
     }
 };
 
-/// put_one(vertex) for the vertices of all parts, put_place(place) for their places.
+/// Calls put_one(i) for the indices `which` of all parts.
 template <class Put>
 Array put_array(Chunk& chunk,
                 const std::vector<Part>& parts,
@@ -104,7 +104,7 @@ json put_parts(Chunk& chunk,
             chunk, parts, &Part::vertices, kNormalBytes,
             [&, of_vertices = vertex_normals(mesh)](int v) {
                 const Vec3f n = of_vertices[v];
-                put(chunk.bytes, norm(n) > 0.5f ? n : Vec3f{0, 0, 1});  // of no area: none
+                put(chunk.bytes, norm(n) > 0.5f ? n : Vec3f{0, 0, 1});  // zero area: any normal
             });
     if (textured)
         places = put_array(chunk, parts, &Part::places, kPlaceBytes, [&](int p) {
@@ -113,7 +113,7 @@ json put_parts(Chunk& chunk,
     if (colored)
         colors = put_array(chunk, parts, &Part::vertices, kColorBytes, [&](int v) {
             for (int c = 0; c < 3; ++c) put(chunk.bytes, glb::linear_u16(mesh.colors[v][c]));
-            put(chunk.bytes, std::uint16_t{65535});  // opaque; three would not be aligned
+            put(chunk.bytes, std::uint16_t{65535});  // alpha, for alignment
         });
     const std::size_t begin = chunk.bytes.size();
     for (const Part& part : parts)
@@ -186,13 +186,14 @@ std::string glb_bytes(const std::string& path,
                {"extras", {{"origin", {o.x, o.y, o.z}}, {"vertices", mesh.vertices.size()}}}}},
              {"scene", 0},
              {"extensionsUsed", list_of("KHR_materials_unlit")}};
-    // The photographs' light is in the colours. Both sides are drawn: a fused surface has holes.
+    // Unlit, because the colours contain the photographs' light. Double-sided, because a fused
+    // surface has holes.
     doc["materials"] =
         list_of({{"name", "photographs"},
                  {"doubleSided", true},
                  {"extensions", {{"KHR_materials_unlit", json::object()}}},
                  {"pbrMetallicRoughness", {{"metallicFactor", 0}, {"roughnessFactor", 1}}}});
-    if (mesh.faces.empty()) {  // a mesh without a primitive is not glTF, a scene without nodes is
+    if (mesh.faces.empty()) {  // glTF forbids empty meshes and empty scenes
         doc["scenes"] = list_of(json::object());
         doc.erase("materials"), doc.erase("extensionsUsed");
     }

@@ -24,7 +24,7 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
         bytes.remove_prefix(std::min(end + 1, bytes.size()));
         ++line_number;
         if (line.ends_with('\r')) line.remove_suffix(1);
-        // A line that ends so goes on in the next.
+        // A backslash at the end continues the line.
         for (joined.clear(); line.ends_with('\\') && !bytes.empty(); ++line_number) {
             const std::size_t next = std::min(bytes.find('\n'), bytes.size());
             if (joined.empty()) joined = line;
@@ -40,7 +40,7 @@ ReadMesh read_obj(const std::string& path, std::string_view bytes, bool want_col
             Vec3d p;
             for (int a = 0; a < 3; ++a) p[a] = number(next_word(line));
             out.positions.push_back(p);
-            // Three more numbers are a colour; a single one would be a weight.
+            // Three more numbers are a colour. A single one would be a weight.
             double rest[4];
             int count = 0;
             for (std::string_view word; count < 4 && !(word = next_word(line)).empty();)

@@ -4,7 +4,7 @@
 namespace tvsgs {
 namespace {
 
-/// What is no PLY, as far as the name or the first bytes say.
+/// Reads a file whose extension or first bytes show another format than PLY.
 std::optional<ReadMesh> read_other(const std::string& path, bool want_colors) {
     const MeshFormat format = mesh_format(path).value_or(MeshFormat::ply);
     if (format == MeshFormat::ply) return std::nullopt;

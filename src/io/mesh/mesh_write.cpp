@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr int kQuality = 90;  // of JPEG and WebP
 
-/// Shortest text that is read as the same number, whatever the locale.
+/// Shortest text that reads back as the same number, independent of the locale.
 template <class Real>
 void put_number(std::string& out, Real value) {
     char digits[40];
@@ -33,15 +33,15 @@ std::string be32(std::uint32_t value) {
     return bytes;
 }
 
-/// The picture with our name in it, by which it can be told from those of others.
+/// The encoded image with the signature of tvsgs in its metadata.
 std::string signed_picture(std::string bytes, TextureFormat format) {
     const std::string name = kVersion;
-    if (format == TextureFormat::jpeg) {  // a comment behind the first segment
+    if (format == TextureFormat::jpeg) {  // as a comment after the first segment
         constexpr std::size_t kAfterJfif = 20;
         const std::size_t length = name.size() + 2;
         bytes.insert(kAfterJfif, std::string("\xff\xfe") + static_cast<char>(length >> 8) +
                                      static_cast<char>(length & 0xff) + name);
-    } else {  // a text behind the header
+    } else {  // as a text chunk after the header
         constexpr std::size_t kAfterHeader = 33;
         const std::string text = std::string("tEXtSoftware") + '\0' + name;
         const uLong sum =
@@ -56,7 +56,7 @@ const char* extension_of(TextureFormat format) {
     return format == TextureFormat::jpeg ? ".jpg" : format == TextureFormat::png ? ".png" : ".webp";
 }
 
-/// The name that one file of a mesh calls another beside it.
+/// Name by which one file of a mesh refers to another file beside it.
 std::string name_of(const std::string& path) {
     return fs::path(path).filename().string();
 }
@@ -95,7 +95,7 @@ std::string obj_text(const TriangleMesh& mesh,
     return out;
 }
 
-/// Files that belong together: the first appears under its name when all of them are on the disk.
+/// Files that belong together. No file appears under its name before all are on the disk.
 class FileGroup {
 public:
     void add(const std::string& path, const std::string& bytes) {
@@ -124,8 +124,8 @@ std::optional<MeshFormat> mesh_format(const std::string& path) {
 
 std::vector<std::string> mesh_files(const std::string& path, bool textured, TextureFormat format) {
     if (!textured || mesh_format(path) != MeshFormat::obj) return {path};
-    // Readers of OBJ end names at blanks, and lines at '#'; the mesh calls these two by name. The
-    // preview of a mesh has the name mesh.png.
+    // OBJ readers end names at blanks and lines at '#', so the names of these two files avoid such
+    // characters. "_texture" avoids the name of the mesh's preview, mesh.png.
     std::string stem = fs::path(path).stem().string();
     for (char& c : stem)
         if (std::isspace(static_cast<unsigned char>(c)) ||

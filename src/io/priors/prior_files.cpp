@@ -20,7 +20,7 @@ Error prior_error(const std::string& path, const Parts&... parts) {
     return input_error("E_PRIOR_FILE: ", path, ": ", parts...);
 }
 
-/// The map that `bytes` fill exactly; its size is one that a file may have.
+/// A map whose size is valid and that `bytes` fill exactly.
 ImageF sized_map(const std::string& path,
                  std::int64_t width,
                  std::int64_t height,
@@ -47,7 +47,7 @@ float load_float(const char* bytes, bool swap) {
 
 constexpr bool kBigHost = std::endian::native == std::endian::big;
 
-/// The whole number up to `end`, which is taken off as well.
+/// Removes an integer and the character `end` from the front of `text`.
 std::int64_t take_number(const std::string& path, std::string_view& text, char end) {
     const std::size_t at = text.substr(0, 12).find(end);
     std::int64_t value = 0;
@@ -71,7 +71,7 @@ ImageF read_pfm(const std::string& path) {
         !std::isfinite(scale) || scale == 0 || head.empty())
         throw prior_error(path, "begins with '", shown(bytes),
                           "'; expected Pf or PF, width, height and a scale that is not 0");
-    head.remove_prefix(1);  // one white space, then numbers
+    head.remove_prefix(1);  // one white space separates the header from the numbers
     const std::size_t begin = static_cast<std::size_t>(head.data() - bytes.data());
     ImageF map = sized_map(path, width, height, kind == "PF" ? 3 : 1, bytes.size() - begin);
     const bool swap = (scale < 0) == kBigHost;
@@ -130,7 +130,7 @@ ImageF read_npy_map(const std::string& path, int channels, MapLayout layout) {
                                                  ", height, width)"));
     };
     if (array.is_text || shape.size() < 2 || shape.size() > 3) throw wrong();
-    // Descriptors of one channel, or maps of one row, may have lost an axis.
+    // Descriptors of one channel and maps of one row may lack an axis.
     bool first = false;
     std::int64_t count = 1;
     if (shape.size() == 3) {

@@ -1,4 +1,4 @@
-// Single files of priors: maps of numbers as various programs write them.
+// Reading of single prior maps in the formats of various programs.
 // [docs/guide/priors.md#how-files-are-understood]
 #pragma once
 
@@ -8,33 +8,34 @@
 
 namespace tvsgs {
 
-/// The order of an array's axes; `automatic`: by which of them has the wanted length.
+/// Order of an array's axes. automatic: the axis with the expected length holds the channels.
 enum class MapLayout { automatic, hwc, chw };
 
-// Each throws Error(ExitCode::input), E_PRIOR_FILE, that names the file, and takes no memory for
-// what a header claims before the file is as long. Rows come from the top, channels interleaved.
+// Each function throws Error(ExitCode::input), E_PRIOR_FILE, that names the file, and compares the
+// size in the header with the file before it allocates memory. Rows come from the top, channels
+// interleaved.
 
-/// PFM: "Pf" or "PF", rows from the bottom, of either byte order.
+/// PFM: "Pf" or "PF", rows from the bottom, either byte order.
 ImageF read_pfm(const std::string& path);
 
-/// ACMM, ACMP, ACMMP: int32 type 1, height, width, channels; float32, interleaved.
+/// ACMM, ACMP, ACMMP: int32 type 1, height, width, channels; then interleaved float32.
 ImageF read_dmb(const std::string& path);
 
-/// COLMAP's maps of dense stereo: "width&height&channels&", float32, channel by channel.
+/// COLMAP's dense stereo maps: "width&height&channels&", then float32, channel by channel.
 ImageF read_colmap_map(const std::string& path);
 
-/// An array of two axes, or of three with `channels` on one of them (0: any number); axes of length
-/// 1 are left out. With any number of channels `automatic` is CHW.
+/// An array of two axes, or of three axes with `channels` on one of them (0: any number); ignores
+/// axes of length 1. If `channels` is 0, `automatic` means CHW.
 ImageF read_npy_map(const std::string& path,
                     int channels = 1,
                     MapLayout layout = MapLayout::automatic);
 
-/// A picture's numbers as in the file. One channel is asked for where three or more are equal, as
-/// of a grey picture that was saved in colour; E_PRIOR_FILE where they are not.
+/// The numbers of an image file. With `channels` 1, an image of several equal channels (grey saved
+/// as colour) is accepted; unequal channels throw E_PRIOR_FILE.
 ImageF read_picture_map(const std::string& path, int channels = 1);
 
-/// One of these by the file's ending: .pfm, .dmb, .bin, .npy, .png (or .jpg). `channels`: 1 or 3 of
-/// depth and normals, 0 of descriptors.
+/// Chooses one of the functions above by the extension: .pfm, .dmb, .bin, .npy, .png (or .jpg).
+/// `channels`: 1 for depth, 3 for normals, 0 for descriptors.
 ImageF read_prior_map(const std::string& path,
                       int channels = 1,
                       MapLayout layout = MapLayout::automatic);

@@ -1,4 +1,4 @@
-// The files of other programs, each found by its name.
+// Recognises prior files of other programs by their names.
 #include <filesystem>
 #include <utility>
 
@@ -19,7 +19,7 @@ struct Place {
     const Strings& views;
 };
 
-/// A folder of depth maps with what its numbers usually are.
+/// A folder of depth maps and the usual convention of its numbers.
 struct DepthFolder {
     const char* folder;
     Strings endings;
@@ -57,7 +57,7 @@ DepthSource find_with_params(const Place& place) {
     return source;
 }
 
-/// COLMAP's maps keep the whole name of the image.
+/// COLMAP's maps keep the image's whole name.
 PriorFiles colmap_maps(const Place& place, const char* kind) {
     for (const char* ending : {".geometric.bin", ".photometric.bin"})
         if (PriorFiles files = match_priors((place.folder / "stereo" / kind).string(), {ending},
@@ -67,7 +67,7 @@ PriorFiles colmap_maps(const Place& place, const char* kind) {
     return {};
 }
 
-/// ACMM names the folder of a view by the number of its image: 2333_00000007.
+/// ACMM names a view's folder after the number of its image: 2333_00000007.
 PriorFiles acmm_maps(const Place& place, const Strings& names) {
     std::error_code failure;
     for (const char* program : {"ACMM", "ACMP", "ACMMP"})
@@ -90,7 +90,7 @@ PriorFiles acmm_maps(const Place& place, const Strings& names) {
     return {};
 }
 
-/// Files beside the photographs, as Omnidata's for MonoSDF: 000000_depth.npy.
+/// Files beside the photographs, like Omnidata's for MonoSDF: 000000_depth.npy.
 PriorFiles beside(const Place& place, const std::string& ending) {
     PriorFiles found;
     std::error_code failure;
@@ -109,7 +109,7 @@ DepthSource find_depth(const Place& place) {
     constexpr auto kDepth = PriorQuantity::depth;
     const Strings kNumbers{"_pred.npy", "_depth.npy", "_raw_depth_meter.npy", ".npy",
                            ".pfm",      "_pred.png",  "_depth.png",           ".png"};
-    Strings midas{".pfm", ".png"};  // its run.py appends the model: 0001-dpt_large_384.pfm
+    Strings midas{".pfm", ".png"};  // MiDaS's run.py appends the model: 0001-dpt_large_384.pfm
     for (const char* model : {"dpt_beit_large_512", "dpt_beit_large_384", "dpt_swin2_large_384",
                               "dpt_large_384", "dpt_hybrid_384", "midas_v21_384"})
         for (const char* ending : {".png", ".pfm"})
@@ -212,7 +212,7 @@ PriorSources find_priors(const PriorQuery& query) {
         PriorSources here = fs::is_regular_file(fs::path(folder) / "priors.json", failure)
                                 ? read_priors_json(folder, query.views)
                                 : find_formats({folder, query.views});
-        // A confidence belongs to the depth beside it.
+        // A confidence map belongs to the depth map beside it.
         if (found.depth.empty() && found.confidence.empty())
             take(found.confidence, here.confidence);
         take(found.depth, here.depth), take(found.normal, here.normal);

@@ -1,4 +1,4 @@
-// Which file belongs to which view.
+// Assigns prior files to views.
 #include <filesystem>
 #include <set>
 
@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The only value of a key, or none where there were several.
+/// Map that forgets keys with several different values.
 class Unique {
 public:
     void add(const std::string& key, const std::string& value) {
@@ -57,7 +57,7 @@ PriorFiles match_priors(const std::string& folder,
         if (entry->is_regular_file(failure))
             files.push_back(entry->path().lexically_relative(folder).generic_string());
     }
-    Unique last_parts, numbers;  // of views: a file is not to serve two of them
+    Unique last_parts, numbers;  // of views: one file must not serve two views
     for (const std::string& view : views) {
         const std::string stem = stem_of(view, whole_names);
         last_parts.add(last_part(stem), view);

@@ -10,8 +10,8 @@
 namespace tvsgs {
 namespace {
 
-/// Is a map of w x h the whole of a picture of that shape? Up to 1 %, a pixel of rounding, or, as
-/// networks stretch their input, the nearest multiple of 14 or 32.
+/// True if a map of w x h can show a whole image of the given size: up to 1 %, a pixel of rounding,
+/// or the nearest multiple of 14 or 32 to which networks stretch their input.
 bool same_shape(double w, double h, double width, double height) {
     const double wanted_h = w * height / width, wanted_w = h * width / height;
     double slack = 1;
@@ -75,7 +75,7 @@ bool sample_map(const ImageF& map, MapBlend blend, double u, double v, float* va
     std::copy_n(holding, channels, values);
     if (blend == MapBlend::nearest) return true;
 
-    // The four pixel centres around; the border repeats.
+    // The four neighbouring pixel centres; repeats the border.
     const double qx = std::clamp(u - 0.5, 0.0, map.width - 1.0),
                  qy = std::clamp(v - 0.5, 0.0, map.height - 1.0);
     const int x0 = static_cast<int>(qx), y0 = static_cast<int>(qy),

@@ -1,5 +1,5 @@
-// Where a view's pixels lie in a map that was made from the photograph's file, and reading it
-// there. [docs/guide/priors.md#sizes]
+// Mapping from a view's pixels to a prior map of its photograph, and interpolation of the map.
+// [docs/guide/priors.md#sizes]
 #pragma once
 
 #include <array>
@@ -12,25 +12,27 @@
 
 namespace tvsgs {
 
-/// A window of the photograph's file: x, y, width and height in its pixels.
+/// A window of the photograph's file: x, y, width and height in the file's pixels.
 using PhotoWindow = std::array<double, 4>;
 
-/// The middle square, as of maps that were made of a centre crop.
+/// The largest centred square, for maps made from a centre crop.
 PhotoWindow centre_square(const View& view);
 
+/// Position of a view's pixels in one map.
 class MapPlacement {
 public:
-    /// `camera`: of the photograph's file, where lens distortion was undone in loading it. Without
-    /// a `window` the map shows all of the file. Throws Error(ExitCode::input), E_PRIOR_SIZE, where
-    /// the map's shape is not that of what it shows; `path` is for messages.
+    /// `camera`: intrinsics of the photograph's file, if the loader removed lens distortion.
+    /// Without a `window` the map shows the whole file. Throws Error(ExitCode::input),
+    /// E_PRIOR_SIZE, if the aspect ratio of the map differs from the part that it shows. Messages
+    /// contain `path`.
     MapPlacement(const std::string& path,
                  const View& view,
                  const std::optional<Intrinsics>& camera,
                  const std::optional<PhotoWindow>& window,
                  const ImageF& map);
 
-    /// Where a place of the view's photo lies in the map; both count from the corner of the first
-    /// pixel. False: nowhere.
+    /// Maps a place of the view's photo to the map. Both count from the corner of the first pixel.
+    /// Returns false if the place lies outside the map.
     bool find(double x, double y, double& u, double& v) const;
 
 private:
@@ -39,16 +41,16 @@ private:
     int width_, height_;
 };
 
-/// What is interpolated between pixels.
+/// How to interpolate between pixels; `inverse` interpolates 1 / value.
 enum class MapBlend { nearest, linear, inverse };
 
-/// The map's values at a place, one per channel; false where it has none: outside, or where the
-/// pixel that holds the place has a NaN. Pixels with NaN are never mixed in: beside one the pixel
-/// that holds the place counts alone. `inverse`: 1 / value is mixed where all four are positive.
+/// The map's values at a place, one per channel. Returns false outside the map or if the pixel at
+/// the place has a NaN. Interpolation never uses NaN: if a neighbour has one, only the pixel at the
+/// place counts. `inverse`: interpolates 1 / value if all four values are positive.
 bool sample_map(const ImageF& map, MapBlend blend, double u, double v, float* values);
 
-/// The map at the pixels of a view's photo, or of a smaller or larger grid; NaN where there is
-/// nothing.
+/// Resamples the map to the pixels of a view's photo, or to another grid size; NaN where the map
+/// has no value.
 ImageF resample_map(const ImageF& map,
                     const MapPlacement& placement,
                     const View& view,

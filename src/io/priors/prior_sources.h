@@ -1,4 +1,4 @@
-// Which files of priors lie beside a scene, and how they are meant.
+// Search for prior files beside a scene, with their conventions.
 // [docs/guide/priors.md#where-files-are-looked-for]
 #pragma once
 
@@ -18,73 +18,78 @@ struct PriorFile {
     std::string path;
     double scale = 1, shift = 0;  // the map is scale * number + shift
     std::optional<PhotoWindow> window;
-    bool unreliable = false;  // its own program says so of scale and shift, which are not applied
+    bool unreliable = false;  // scale and shift are outliers and are not applied
 };
 
 /// The maps of one kind.
 struct PriorFiles {
-    std::string what;  // where they were found: "depth_npy/*_pred.npy"; empty: nowhere
+    std::string what;  // place of the files: "depth_npy/*_pred.npy"; empty: none found
     std::map<std::string, PriorFile> files;  // by the view's name
-    bool centre_crop = false;  // square ones of a photograph that is not: of its middle
+    bool centre_crop = false;                // square maps of other photographs show their middle
     MapLayout layout = MapLayout::automatic;
 
     bool empty() const { return files.empty(); }
 };
 
+/// Depth maps with their convention.
 struct DepthSource : PriorFiles {
     DepthConvention convention;
-    std::vector<double> invalid;  // numbers that stand for nothing
+    std::vector<double> invalid;  // numbers that mean "no value"
 };
 
 enum class NumberRange { automatic, unit, as_signed };  // of normals: [0, 1] or [-1, 1]
+/// Normal maps with their convention.
 struct NormalSource : PriorFiles {
     NormalConvention convention;
     NumberRange range = NumberRange::automatic;
 };
 
+/// Confidence maps.
 struct ConfidenceSource : PriorFiles {
-    bool from_one = false;  // c >= 1, as 1 + exp(...); 1 - 1 / c is in [0, 1)
+    bool from_one = false;  // c >= 1, such as 1 + exp(...); then 1 - 1 / c is in [0, 1)
 };
 
+/// All priors of a scene.
 struct PriorSources {
     DepthSource depth;
     NormalSource normal;
     ConfidenceSource confidence;  // of depth and normals
-    PriorFiles features, sky;     // sky: pictures, 255 is sky
+    PriorFiles features, sky;     // sky: images, 255 is sky
 };
 
+/// Request for the priors of a scene's views.
 struct PriorQuery {
-    std::string scene;               // folder
-    std::string folder;              // in the scene or here; empty: looked for in the scene
+    std::string scene;   // folder
+    std::string folder;  // in the scene or the current folder; empty: search in the scene
     std::vector<std::string> views;  // names of photographs as listed in the model
 };
 
-/// Finds priors.json or files of the formats in that page's table, of each kind the first there is.
-/// Throws Error(ExitCode::input): E_PRIORS where a given folder has none, and for what is wrong
-/// with a file that says how they are meant.
+/// Finds priors.json, or files of the formats in that page's table; takes the first format found
+/// for each kind. Throws Error(ExitCode::input): E_PRIORS if a given folder has no priors, and
+/// errors in files that declare conventions.
 PriorSources find_priors(const PriorQuery& query);
 
-/// Where find_priors() looks, for messages.
+/// The folders that find_priors() searches, for messages.
 std::vector<std::string> prior_folders(const PriorQuery& query);
 
-// What its parts share.
+// Parts of find_priors().
 
-/// Files below `folder` that end in one of `endings`, by the name of the view that they belong to:
-/// by the view's name without its ending, by its last part where that is unique, or by the number
-/// that both consist of. The first ending that any view has is taken. Names of views may end in
-/// "_rgb", and keep their endings where `endings` go behind the whole name (`whole_names`).
+/// Assigns the files below `folder` whose names end in one of `endings` to views. A file belongs to
+/// a view if their names agree: the view's name without its extension, its last part if unique, or
+/// the number that both names consist of. Uses the first ending that any view has. View names may
+/// end in "_rgb". `whole_names`: the endings follow the view's whole name with its extension.
 PriorFiles match_priors(const std::string& folder,
                         const std::vector<std::string>& endings,
                         const std::vector<std::string>& views,
                         bool whole_names = false);
 
-/// Of a folder with priors.json.
+/// Reads a folder with priors.json.
 PriorSources read_priors_json(const std::string& folder, const std::vector<std::string>& views);
 
-/// scale and offset per image of 3DGS's depth_params.json, put into `source`.
+/// Adds scale and offset per image from 3DGS's depth_params.json to `source`.
 void read_depth_params(const std::string& path, DepthSource& source);
 
-/// depth_file_path of transforms.json; empty where no frame has one.
+/// depth_file_path of transforms.json; empty if no frame has one.
 DepthSource read_transforms_depth(const std::string& folder, const std::vector<std::string>& views);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// priors.json, and the files of two other programs that say how depth maps are meant.
+// Reads priors.json, and depth conventions from files of 3DGS and nerfstudio.
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using Kind = JsonValue::Kind;
 
-/// A JSON file; every complaint names it and the place in it.
+/// A JSON file. Each error names the file and the place in it.
 struct Document {
     std::string path;
     JsonValue root;
@@ -35,7 +35,7 @@ struct Document {
             if (std::find(keys.begin(), keys.end(), key) == keys.end())
                 throw wrong(where, str("unknown key '", shown(key), "'; there are ", known));
     }
-    /// The place of the member's text among `words`; `fallback` where there is no member.
+    /// Index in `words` of the member's text; `fallback` if there is no member.
     int choice(const std::string& where,
                const JsonValue& object,
                std::string_view key,
@@ -60,7 +60,7 @@ struct Document {
             throw wrong(where, str(key, " is no number"));
         return value.number_or(fallback);
     }
-    /// The numbers of a list; empty where there is no member.
+    /// Numbers of a list; empty if there is no member.
     std::vector<double> numbers(const std::string& where,
                                 const JsonValue& object,
                                 std::string_view key) const {
@@ -74,7 +74,7 @@ struct Document {
         if (!fits) throw wrong(where, str(key, " is no list of numbers"));
         return values;
     }
-    /// A folder or file beside the document.
+    /// Path of a folder or file beside the document.
     std::string beside(const std::string& where, const std::string& name) const {
         const fs::path clean = fs::path(name).lexically_normal();
         if (name.empty() || name.size() > 4096 || clean.is_absolute() ||
@@ -84,7 +84,7 @@ struct Document {
     }
 };
 
-/// "dir" and "encoding" of a kind, and the files.
+/// Reads "dir" and "encoding" of a kind and lists its files.
 PriorFiles listed_files(const Document& in,
                         const std::string& kind,
                         const std::vector<std::string>& views) {
@@ -220,7 +220,7 @@ void read_depth_params(const std::string& path, DepthSource& source) {
         median = *middle;
     }
     for (auto& [view, file] : source.files) {
-        // As 3DGS does: scales far from the others come of bad fits.
+        // As in 3DGS: a scale far from the median comes from a bad fit.
         file.unreliable = !(file.scale > 0.2 * median && file.scale < 5 * median);
         file.scale = (file.unreliable ? 1 : file.scale) / 65536;
         if (file.unreliable) file.shift = 0;

@@ -31,7 +31,7 @@ constexpr CameraModel kModels[] = {
     {17, "EQUIRECTANGULAR", 2, false},
 };
 
-// Half of the field of view that a pinhole can reasonably show: 60 degrees.
+// Largest half field of view of a useful pinhole image: 60 degrees.
 const double kMaxFisheyeRadius = std::tan(1.0471975511965976);
 
 }  // namespace
@@ -63,7 +63,7 @@ void throw_camera_model(const std::string& path,
 
 namespace {
 
-/// How many of the photograph's pixels one of the pinhole's is large; 0 where it shows nothing.
+/// Size of a pinhole's pixel in pixels of the photograph; 0 if the pixel shows nothing.
 double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& place) {
     const Vec2<double> uv{(x - in.cx_px) / in.fx_px, (y - in.cy_px) / in.fy_px};
     const Vec2<double> from = distort(in.distortion, uv);
@@ -74,7 +74,7 @@ double area_in_photo(const Intrinsics& in, double x, double y, Vec2<double>& pla
         return 0;
     if (!(place.x >= 0 && place.x <= in.width_px && place.y >= 0 && place.y <= in.height_px))
         return 0;                     // NaN too
-    if (dot(from, uv) < 0) return 0;  // through the middle to the other side
+    if (dot(from, uv) < 0) return 0;  // through the centre to the opposite side
     const double step = 1e-5 * (1 + std::sqrt(dot(uv, uv)));
     const Vec2<double> u = distort(in.distortion, {uv.x + step, uv.y}),
                        v = distort(in.distortion, {uv.x, uv.y + step});
@@ -115,7 +115,7 @@ Intrinsics make_intrinsics(const std::string& path,
                           " pixels; expected 1 to 65535 a side and at most 2^30 in all");
     constexpr int kTwoFocals[] = {1, 4, 5, 6, 7, 10, 15};
     const bool two_focals = std::ranges::find(kTwoFocals, model.id) != std::end(kTwoFocals);
-    const int first = two_focals ? 4 : 3;  // the first coefficient
+    const int first = two_focals ? 4 : 3;  // index of the first coefficient
 
     Intrinsics in;
     in.model = model.name;
@@ -157,7 +157,7 @@ Intrinsics make_intrinsics(const std::string& path,
     in.cx_px = params[static_cast<std::size_t>(first - 2)],
     in.cy_px = params[static_cast<std::size_t>(first - 1)];
 
-    constexpr double kLargest = 1e9;  // pixels: beyond, float cannot tell one from the next
+    constexpr double kLargest = 1e9;  // px; beyond, float cannot distinguish neighbours
     if (!(in.fx_px > 0 && in.fy_px > 0 && in.fx_px <= kLargest && in.fy_px <= kLargest))
         throw input_error("E_CAMERA_FOCAL: ", where, ": focal lengths ", in.fx_px, ", ", in.fy_px,
                           "; expected positive numbers of pixels");
@@ -206,7 +206,7 @@ Vec2<double> distort(const Distortion& d, Vec2<double> uv) {
         return std::atan(2 * r * std::tan(omega / 2)) / (r * omega) * uv;
     }
     const bool fisheye = d.kind == Distortion::Kind::fisheye;
-    if (fisheye)  // the angle becomes the distance from the middle
+    if (fisheye)  // replaces the tangent by the angle
         if (const double r = std::sqrt(dot(uv, uv)); r > 1e-12) uv = std::atan(r) / r * uv;
     const double u = uv.x, v = uv.y, r2 = dot(uv, uv);
     const double factor = fisheye ? 1 + r2 * (d.k[0] + r2 * (d.k[1] + r2 * (d.k[2] + r2 * d.k[3])))
@@ -242,7 +242,8 @@ ImageU8 undistorted(const Intrinsics& in, const ImageU8& image, ImageU8& valid) 
             if (!find_in_photo(in, x + 0.5, y + 0.5, place)) continue;
             const double px = place.x, py = place.y;
             valid.at(x, y) = 255;
-            // From corner-origin coordinates to the four pixel centres around; the border repeats.
+            // The four neighbouring pixel centres; pixels count from the corner. Repeats the
+            // border.
             const double qx = std::clamp(px - 0.5, 0.0, width - 1.0),
                          qy = std::clamp(py - 0.5, 0.0, height - 1.0);
             const int x0 = static_cast<int>(qx), y0 = static_cast<int>(qy);

@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Takes a binary file apart; every read is checked against what is left.
+/// Parser of a binary file. Checks every read against the remaining bytes.
 class BinaryReader {
 public:
     explicit BinaryReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {}
@@ -40,7 +40,7 @@ public:
         offset_ = end + 1;
         return name;
     }
-    /// A number of records that each take at least `smallest` bytes.
+    /// Reads a number of records that each take at least `smallest` bytes.
     std::size_t get_count(std::size_t smallest) {
         const auto count = get<std::uint64_t>();
         if (count > left() / smallest) {
@@ -75,7 +75,7 @@ private:
     std::size_t offset_ = 0, record_ = 0;
 };
 
-/// Takes a text file apart, line by line and word by word.
+/// Parser of a text file by lines and words.
 class TextReader {
 public:
     explicit TextReader(const std::string& path)
@@ -185,7 +185,7 @@ void add_image(ColmapModel& model, const std::string& where, ColmapImage image, 
     if (!std::isfinite(q.w + q.x + q.y + q.z) || !is_finite(t))
         throw input_error("E_POSE_NAN: ", who,
                           ": the pose holds a number that is not finite; remove the image");
-    constexpr double kFarthest = 1e9;  // world units, as for points: float has no digits left there
+    constexpr double kFarthest = 1e9;  // world units, as for points: float has no precision beyond
     if (!(std::abs(t.x) <= kFarthest && std::abs(t.y) <= kFarthest && std::abs(t.z) <= kFarthest))
         throw input_error("E_POSE_RANGE: ", who, ": translation (", t.x, ", ", t.y, ", ", t.z,
                           "); expected at most 1e9 each: rescale the model or remove the image");
@@ -212,7 +212,7 @@ void read_images(BinaryReader&& in, ColmapModel& model) {
         image.name = in.get_name();
         for (std::size_t left = in.get_count(24); left > 0; --left) {
             const auto x = in.get<double>(), y = in.get<double>();
-            in.get<std::uint64_t>();  // of which point: the tracks of these tell the same
+            in.get<std::uint64_t>();  // id of the point: its track has the same information
             image.observations.push_back({static_cast<float>(x), static_cast<float>(y)});
         }
         add_image(model, in.where(), std::move(image), q);
@@ -232,8 +232,8 @@ void read_images(TextReader&& in, ColmapModel& model) {
         image.camera_id = in.get<std::uint32_t>("camera id");
         image.name = trimmed(in.rest_of_line());
         add_image(model, in.where(), std::move(image), q);
-        // The next line holds the observations, three words each; it may be empty, but is always
-        // there.
+        // The next line holds the observations, three words each. It may be empty, but always
+        // exists.
         if (!in.next_line()) break;
         int words = 0;
         Vec2<float> seen;
@@ -276,7 +276,7 @@ void check_images(const std::string& path, ColmapModel& model) {
         throw input_error("E_DUPLICATE_ID: ", path, ": two images are named '", same->name, "'");
 }
 
-/// Collects points; what cannot be a point is dropped and counted.
+/// Collects points. Drops and counts invalid ones.
 struct PointCollector {
     ColmapPoints points;
     std::size_t dropped = 0;
@@ -340,7 +340,7 @@ ColmapPoints read_points(TextReader&& in) {
     return out.finish(in.path());
 }
 
-/// folder/name.bin if there is one, else folder/name.txt, else nothing.
+/// folder/name.bin if it exists, else folder/name.txt, else nothing.
 std::optional<std::string> find_file(const std::string& folder, const char* name) {
     for (const char* extension : {".bin", ".txt"}) {
         const fs::path path = fs::path(folder) / (std::string(name) + extension);

@@ -1,4 +1,5 @@
-// COLMAP sparse models, binary or text, with every field checked.  [docs/guide/input.md#checks]
+// Reading of COLMAP sparse models, binary or text, with checks of every field.
+// [docs/guide/input.md#checks]
 #pragma once
 
 #include <cstdint>
@@ -11,34 +12,39 @@
 
 namespace tvsgs {
 
+/// One registered image.
 struct ColmapImage {
     std::uint32_t id = 0, camera_id = 0;
     Rigid3d camera_from_world;
     std::string name;                         // relative path
-    std::vector<Vec2<float>> observations{};  // px, of points and of none
+    std::vector<Vec2<float>> observations{};  // px; with and without a point
 };
 
+/// Cameras and images of a model.
 struct ColmapModel {
     std::map<std::uint32_t, Intrinsics> cameras;
     std::vector<ColmapImage> images;  // sorted by name, as byte strings
 };
 
+/// Points of a model with their tracks.
 struct ColmapPoints {
     std::vector<Vec3d> positions;
     std::vector<Vec3f> colors;                     // [0, 1]
     std::vector<std::size_t> track_begin;          // [N + 1] into track
-    std::vector<std::uint32_t> track;              // ids of the images that see the point
-    std::vector<std::uint32_t> track_observation;  // [as track] which observation of these
+    std::vector<std::uint32_t> track;              // ids of the images that observe the point
+    std::vector<std::uint32_t> track_observation;  // [as track] index into `observations`
 };
 
-/// What a model needs and the folder lacks, of "cameras.{bin,txt}" and "images.{bin,txt}".
+/// The files that a model needs and the folder lacks, of "cameras.{bin,txt}" and
+/// "images.{bin,txt}".
 std::vector<std::string> missing_colmap_files(const std::string& folder);
 
-/// Of each file the binary form is preferred; a broken one is an error, never a reason to read the
-/// text. Throws Error(ExitCode::input) with an E_ word for the case, the file and the byte or line.
+/// Reads the binary form of each file if it exists, else the text. A damaged binary file is an
+/// error even if the text exists. Throws Error(ExitCode::input) with an E_ code, the file, and the
+/// byte or line.
 ColmapModel read_colmap_model(const std::string& folder);
 
-/// No file, or an empty one: no points.
+/// Reads the points. A missing or empty file gives no points.
 ColmapPoints read_colmap_points(const std::string& folder);
 
 }  // namespace tvsgs

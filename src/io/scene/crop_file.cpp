@@ -9,7 +9,7 @@ namespace {
 
 using nlohmann::json;
 
-/// Reads values of one file; every complaint names it.
+/// Reads values of one file. Each error names the file.
 struct CropReader {
     std::string path;
 

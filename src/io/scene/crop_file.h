@@ -1,3 +1,4 @@
+// Reading of crop volumes for evaluation.
 #pragma once
 
 #include <string>
@@ -6,9 +7,9 @@
 
 namespace tvsgs {
 
-/// A Tanks-and-Temples selection volume, JSON with "box": [[x, y, z], [x, y, z]], or the
+/// Reads a selection volume of Tanks and Temples, JSON with "box": [[x, y, z], [x, y, z]], or the
 /// "crop_cylinder" of a scene's gt/info.json. Throws Error(ExitCode::input) that names the file and
-/// what is wrong in it.
+/// the error in it.
 Crop read_crop(const std::string& path);
 
 }  // namespace tvsgs

@@ -1,4 +1,4 @@
-// DTU scans in the layout of IDR and NeuS, and cameras of MVSNet.
+// Reads DTU scans in the layout of IDR and NeuS, and cameras of MVSNet.
 // [docs/method/input.md#cameras-of-idr-and-neus, docs/method/input.md#cameras-of-mvsnet]
 #include <cmath>
 #include <filesystem>
@@ -14,7 +14,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The file with the cameras: where both are there and normalise differently, the user chooses.
+/// The file with the cameras. If both exist and normalise differently, the user must choose.
 std::string find_camera_file(const SceneOptions& options) {
     const fs::path scene(options.path);
     if (!options.cameras_file.empty()) {
@@ -35,7 +35,7 @@ std::string find_camera_file(const SceneOptions& options) {
     return sphere;
 }
 
-/// Width over that of the image, for cameras that were made for larger ones: 1, 2, 4 or 8.
+/// Ratio of the camera's width to the image's width, for cameras of larger images: 1, 2, 4 or 8.
 int camera_scale(double cx_px, int width, const std::string& where) {
     for (const int q : {1, 2, 4, 8})
         if (std::abs(2 * cx_px - q * width) <= 0.2 * q * width) return q;
@@ -47,7 +47,7 @@ int camera_scale(double cx_px, int width, const std::string& where) {
 }  // namespace
 
 SceneLayout read_npz_layout(const SceneOptions& options) {
-    const std::string cameras_file = find_camera_file(options);  // the first thing to miss
+    const std::string cameras_file = find_camera_file(options);  // most often missing: first
     SceneLayout layout =
         empty_layout("idr", cameras_file, find_image_folder(options, {"image", "images"}));
     const NpzCameras cameras = read_npz_cameras(layout.source);
@@ -62,7 +62,7 @@ SceneLayout read_npz_layout(const SceneOptions& options) {
         const ImageSize size = read_image_size((fs::path(layout.images) / names[i]).string());
         const int q = camera_scale(camera.cx_px, size.width, where);
         Rigid3d pose = checked_pose(camera.camera_from_world.R, camera.camera_from_world.t, where);
-        // To the normalised frame: camera coordinates shrink along.
+        // In the normalised frame camera coordinates shrink by the same scale.
         pose.t = (pose.R * cameras.offset + pose.t) / cameras.scale;
         add_view(layout, names[i],
                  make_intrinsics(layout.source, static_cast<std::uint32_t>(i),
@@ -109,7 +109,7 @@ SceneLayout read_mvsnet_layout(const SceneOptions& options) {
             for (int c = 0; c < 3; ++c) R[r][c] = pose[4 * r + c];
         const Rigid3d camera_from_world = checked_pose(R, {pose[3], pose[7], pose[11]}, path);
         const ImageSize size = read_image_size((fs::path(layout.images) / name).string());
-        // Cameras of the networks' training data are made for images reduced to a quarter.
+        // Cameras in the networks' training data suit images reduced to a quarter.
         const double ratio = size.width / (2 * K[2]);
         double q = 1;
         if (std::abs(2 * K[2] - size.width) > 0.2 * size.width) {

@@ -1,4 +1,4 @@
-// transforms.json of Blender scenes, nerfstudio and instant-ngp.
+// Reads transforms.json of Blender scenes, nerfstudio and instant-ngp.
 // [docs/method/input.md#transformsjson]
 #include <cmath>
 #include <filesystem>
@@ -14,7 +14,7 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-/// One file; every complaint names it.
+/// One file. Each error names it.
 struct TransformsReader {
     std::string path;
     json file;
@@ -27,7 +27,7 @@ struct TransformsReader {
     Error wrong(const std::string& what) const {
         return input_error("E_TRANSFORMS: ", path, ": ", what);
     }
-    /// A number of the frame, else of the file.
+    /// A number of the frame; else of the file.
     std::optional<double> number(const json& frame, const char* key) const {
         for (const json* object : {&frame, &file})
             if (object->contains(key)) {
@@ -50,7 +50,8 @@ struct TransformsReader {
                               "'; expected a relative path without '..'");
         return found;
     }
-    /// Camera to world with x right, y up, z backwards becomes world to camera, y down, z forward.
+    /// Converts camera-to-world with x right, y up, z backwards to world-to-camera with y down, z
+    /// forward.
     Rigid3d pose(const json& frame, const std::string& image) const {
         const std::string where = str(path, ": frame '", image, "'");
         if (!frame.contains("transform_matrix")) throw wrong("a frame has no transform_matrix");
@@ -63,7 +64,7 @@ struct TransformsReader {
             fits = row.is_array() && row.size() == 4;
             for (int c = 0; c < 4 && fits; ++c) {
                 const json& entry = row[static_cast<std::size_t>(c)];
-                // JSON has no NaN: what cannot be one is written as null.
+                // JSON has no NaN and writes null instead.
                 const double v = entry.is_number() ? entry.get<double>() : std::nan("");
                 if (c == 3)
                     t[r] = v;
@@ -115,7 +116,7 @@ struct TransformsReader {
     }
 };
 
-/// The name with the extension that is on disk, where the file lists it without one.
+/// Adds the extension found on the disk to a name without one.
 std::string with_extension(const fs::path& folder, const std::string& name) {
     if (fs::is_regular_file(folder / name)) return name;
     for (const char* extension : {".png", ".jpg", ".jpeg", ".JPG"})
@@ -135,7 +136,7 @@ SceneLayout read_blender_layout(const SceneOptions& options) {
             (scene / (test ? "transforms_test.json" : "transforms_train.json")).string();
         if (test && !fs::exists(path)) break;
         const TransformsReader in(path);
-        std::optional<ImageSize> size;  // one for all: a missing file may be left out
+        std::optional<ImageSize> size;  // read once for all frames: some files may be missing
         for (const json& frame : in.file["frames"]) {
             const std::string name = with_extension(scene, in.name(frame, "file_path"));
             if (!size && fs::exists(scene / name)) size = read_image_size((scene / name).string());
@@ -162,7 +163,7 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
     const TransformsReader in(layout.source);
     const auto listed = [&](const json& frame, const char* key) {
         std::string name = in.name(frame, key);
-        // --images names another folder of the same photographs, as images_2.
+        // --images names another folder of the same photographs, such as images_2.
         if (options.images != "images" && name.starts_with("images/"))
             name = options.images + name.substr(6);
         return with_extension(scene, name);
@@ -171,7 +172,7 @@ SceneLayout read_nerfstudio_layout(const SceneOptions& options) {
         const std::string name = listed(frame, "file_path");
         const std::string file = (scene / name).string();
         const bool sized = in.number(frame, "w") && in.number(frame, "h");
-        if (!sized && !fs::exists(file)) continue;  // its camera cannot be known
+        if (!sized && !fs::exists(file)) continue;  // without the file its camera is unknown
         add_view(layout, name, in.camera(frame, file), in.pose(frame, name));
         if (frame.contains("mask_path"))
             layout.masks.emplace(name, (scene / in.name(frame, "mask_path")).string());

@@ -17,14 +17,14 @@
 namespace tvsgs {
 namespace {
 
-/// Are the two sizes one image at two scales, up to a pixel of rounding?
+/// True if the two sizes are one image at two scales, up to a pixel of rounding.
 bool same_shape(int w, int h, int camera_w, int camera_h) {
     return std::abs(static_cast<double>(w) * camera_h / camera_w - h) <= 1 ||
            std::abs(static_cast<double>(h) * camera_w / camera_h - w) <= 1;
 }
 
-/// The pixels as their camera has them: turned by EXIF where they fit only so. Others are left as
-/// they are stored, as COLMAP does.
+/// Reads the pixels. Turns them by EXIF if only then they fit the camera; otherwise ignores EXIF,
+/// like COLMAP.
 ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was_turned) {
     const auto fits = [&](int width, int height) {
         return same_shape(width, height, camera.width_px, camera.height_px);
@@ -53,7 +53,7 @@ ImageU8 read_pixels(const std::string& file, const Intrinsics& camera, bool& was
     return turned(decode_image(file, bytes), orientation);
 }
 
-/// Masks may be smaller or larger than their images, but not of another shape.
+/// A mask may differ in size from its image, but not in shape.
 void check_mask_size(const std::string& file, const ImageU8& mask, const ImageU8& photo) {
     if (same_shape(mask.width, mask.height, photo.width, photo.height)) return;
     throw input_error("E_MASKS: ", file, ": ", mask.width, "x", mask.height,
@@ -65,24 +65,24 @@ void threshold(ImageU8& mask) {
     for (auto& value : mask.pixels) value = value >= kObjectMask ? 255 : 0;
 }
 
-/// A side of the grey image: that many times the training size, no larger than the file's.
+/// Side of the grey image: the training size / grey_scale, at most the file's size.
 int finer(int size_px, const SceneOptions& options, int file_px) {
     return std::max(size_px, std::min(file_px, static_cast<int>(static_cast<float>(size_px) /
                                                                 options.grey_scale)));
 }
 
-/// From the least to the most of some shares.
+/// Range of several shares.
 struct Shares {
     double least = 1, most = 0;
     void add(double share) { least = std::min(least, share), most = std::max(most, share); }
-    /// In per cent; one number where they agree.
+    /// In per cent; a single number if both ends are equal.
     std::string text() const {
         const double low = std::round(1000 * least) / 10, high = std::round(1000 * most) / 10;
         return low == high ? str(low) : str(low, " to ", high);
     }
 };
 
-/// Splits [H, W, C] of any C into the photograph and, for C = 4, its alpha channel.
+/// Splits an image [H, W, C] into the photograph and, for C = 4, its alpha channel.
 void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     const std::size_t count = static_cast<std::size_t>(image.width) * image.height;
     const std::size_t channels = static_cast<std::size_t>(image.channels);
@@ -95,7 +95,7 @@ void split_alpha(const ImageU8& image, ImageU8& photo, ImageU8& alpha) {
     for (std::size_t i = 0; i < count; ++i) alpha.pixels[i] = image.pixels[4 * i + 3];
 }
 
-/// Leaves nothing out.
+/// True if the mask covers the whole image.
 bool is_whole(const ImageU8& mask) {
     return std::all_of(mask.pixels.begin(), mask.pixels.end(), [](auto a) { return a == 255; });
 }
@@ -104,7 +104,7 @@ View load_view(const ViewSource& source,
                const SceneOptions& options,
                Vec3d origin,
                std::atomic<int>& turns) {
-    // 1. Pixels, and where there are masks, theirs.
+    // 1. Pixels and masks.
     ImageU8 mask;
     bool was_turned = false;
     ImageU8 photo = read_photo(source, mask, was_turned);
@@ -112,7 +112,7 @@ View load_view(const ViewSource& source,
     if (is_whole(mask)) mask = {};
     const PixelSize size = resized_size(options.resolution, photo.width, photo.height);
 
-    // 2. Lens distortion, at the size of the file.
+    // 2. Removal of lens distortion, at the size of the file.
     Intrinsics intrinsics = scaled(source.intrinsics, photo.width, photo.height);
     ImageU8 valid;
     const bool distorted = intrinsics.distortion.kind != Distortion::Kind::none;
@@ -126,7 +126,7 @@ View load_view(const ViewSource& source,
         photo = undistorted(intrinsics, photo, valid);
     }
 
-    // 3. The training size.
+    // 3. Resizing to the training size.
     View view;
     view.name = source.image->name;
     view.photo = resize_bicubic(photo, size.width_px, size.height_px);
@@ -140,8 +140,8 @@ View load_view(const ViewSource& source,
         threshold(view.mask);
     }
     if (distorted) {
-        // Where the filter of the colours takes in a pixel without any. It falls below 0 as well,
-        // so 128 stands for a photograph: what is missing shows as more or as less.
+        // Marks pixels whose colour filter reaches beyond the photograph. The filter has negative
+        // weights, so the photograph is 128: a missing part makes the result larger or smaller.
         constexpr std::uint8_t kPhoto = 128;
         for (auto& value : valid.pixels) value = value ? kPhoto : 0;
         valid = resize_bicubic(valid, size.width_px, size.height_px);

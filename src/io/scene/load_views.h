@@ -1,4 +1,4 @@
-// Photographs and masks as training wants them: undistorted, at its size.
+// Loading of photographs and masks for training: undistorted and resized.
 #pragma once
 
 #include <optional>
@@ -12,7 +12,7 @@
 
 namespace tvsgs {
 
-/// What there is to know about a view before its pixels are read.
+/// Description of a view before its pixels are read.
 struct ViewSource {
     const ColmapImage* image = nullptr;
     Intrinsics intrinsics;
@@ -21,24 +21,25 @@ struct ViewSource {
     bool alpha_on_black = false;
 };
 
-/// [H, W, 3] as its camera has it, before lens distortion is undone: turned by its EXIF orientation
-/// where it fits only so. `alpha` [H, W, 1] becomes that channel, or empty. Throws
-/// Error(ExitCode::input) where the picture cannot be read or has another shape than its camera.
+/// Reads a photograph [H, W, 3] before the removal of lens distortion. Turns it by its EXIF
+/// orientation if only then its shape fits the camera. `alpha` becomes the alpha channel [H, W, 1],
+/// or empty. Throws Error(ExitCode::input) if the image is unreadable or has another shape than its
+/// camera.
 ImageU8 read_photo(const ViewSource& source, ImageU8& alpha, bool& was_turned);
 
-/// In their order; positions count from `origin`. Photographs and masks go into `file`, if there is
-/// one, as soon as they are decoded. Throws Error(ExitCode::input) where a picture or
-/// mask cannot be read, or has another shape than its camera.
+/// Loads the views in order; positions are relative to `origin`. Moves each photograph and mask to
+/// `file`, if given, right after decoding. Throws Error(ExitCode::input) if an image or mask is
+/// unreadable or has another shape than its camera.
 std::vector<View> load_views(const std::vector<ViewSource>& sources,
                              const SceneOptions& options,
                              Vec3d origin,
                              PixelFile* file = nullptr);
 
-/// One line of the log for each camera model that was undistorted, with what it cost.
+/// Logs one line per camera model whose distortion was removed, with the lost pixels.
 void say_lenses(const std::vector<ViewSource>& sources);
 
-/// Of `views` as they were loaded from `sources`: a mask without a pixel of the object is rather
-/// written in another scale than meant.
+/// Warns of masks without a single object pixel; their scale is probably wrong. `views` were loaded
+/// from `sources`.
 void warn_of_empty_masks(const std::vector<ViewSource>& sources, const std::vector<View>& views);
 
 }  // namespace tvsgs

@@ -31,7 +31,7 @@ NpzCamera take_apart(const std::vector<double>& m, const std::string& where) {
         camera.rows[i] = {m[4 * i], m[4 * i + 1], m[4 * i + 2]};
         camera.last[static_cast<int>(i)] = m[4 * i + 3];
     }
-    // P is known up to a factor, whose sign must leave a rotation.
+    // P is known up to a factor. The sign of the factor must give a proper rotation.
     Vec3d rows[3] = {camera.rows[0], camera.rows[1], camera.rows[2]}, last = camera.last;
     const double det = dot(rows[0], cross(rows[1], rows[2]));
     if (det < 0) {
@@ -40,7 +40,7 @@ NpzCamera take_apart(const std::vector<double>& m, const std::string& where) {
         for (int i = 0; i < 3; ++i) camera.rows[i] = rows[i];
         camera.last = last;
     }
-    // K R = rows, from the last row up: K is upper triangular.
+    // Solves K R = rows from the last row up: K is upper triangular.
     const double k22 = norm(rows[2]);
     const Vec3d r2 = rows[2] / k22;
     const double k12 = dot(rows[1], r2);
@@ -61,7 +61,7 @@ NpzCamera take_apart(const std::vector<double>& m, const std::string& where) {
     for (int j = 0; j < 3; ++j)
         camera.camera_from_world.R[0][j] = r0[j], camera.camera_from_world.R[1][j] = r1[j],
         camera.camera_from_world.R[2][j] = r2[j];
-    // K t = last, by substitution.
+    // Solves K t = last by substitution.
     const double tz = last.z / k22, ty = (last.y - k12 * tz) / k11;
     camera.camera_from_world.t = {(last.x - k02 * tz - k01 * ty) / k00, ty, tz};
     return camera;

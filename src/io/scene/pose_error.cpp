@@ -9,11 +9,11 @@
 namespace tvsgs {
 namespace {
 
-constexpr int kLeast = 30;      // observations of a view that can be judged
+constexpr int kLeast = 30;      // fewest observations to judge a view
 constexpr double kOutlier = 3;  // times the median residual
 constexpr int kUnknowns = 6;
 
-/// Of an observation: what is left of it, and its derivatives by the view's turn and shift; px.
+/// Residual of an observation and its derivatives by the view's rotation and shift; px.
 struct Residual {
     double e[2], by[2][kUnknowns];
 };
@@ -27,7 +27,7 @@ std::optional<Residual> residual_at(const Intrinsics& in, Vec3d p, Vec2<float> s
     for (int k = 0; k < kUnknowns; ++k) {
         Vec3d e{};
         e[k % 3] = 1;
-        // A lens bends far less than it scales; shifts are in units of the point's depth.
+        // Neglects the change of the lens distortion. Shifts are in units of the point's depth.
         const Vec3d by = k < 3 ? cross(e, p) : p.z * e;
         r.by[0][k] = in.fx_px / p.z * (by.x - p.x / p.z * by.z);
         r.by[1][k] = in.fy_px / p.z * (by.y - p.y / p.z * by.z);
@@ -35,8 +35,8 @@ std::optional<Residual> residual_at(const Intrinsics& in, Vec3d p, Vec2<float> s
     return r;
 }
 
-/// Root of the mean square that one step of least squares moves the points by, without what the
-/// noise of the observations would move them by; px. NaN: too few observations.
+/// Root mean square in px of the points' shift by one least-squares step of the pose, after
+/// subtraction of the part that the observations' noise explains. NaN: too few observations.
 double pose_error(std::vector<Residual>& residuals) {
     const auto squared = [](const Residual& r) { return r.e[0] * r.e[0] + r.e[1] * r.e[1]; };
     if (residuals.empty()) return NAN;
@@ -55,7 +55,7 @@ double pose_error(std::vector<Residual>& residuals) {
             A += by * by.transpose(), b += r.e[row] * by;
         }
     Eigen::CompleteOrthogonalDecomposition<decltype(A)> solver;
-    solver.setThreshold(1e-9);  // what no observation tells of stays at 0
+    solver.setThreshold(1e-9);  // unknowns that no observation determines stay 0
     const Eigen::Vector<double, kUnknowns> x = solver.compute(A).solve(b);
     double moved = 0, left = 0;
     for (const Residual& r : residuals)
@@ -85,12 +85,12 @@ void measure_pose_errors(const ColmapPoints& points,
             const auto at = view_of.find(points.track[j]);
             if (at == view_of.end()) continue;
             const std::size_t seen = points.track_observation[j];
-            // Models without them are in use.
+            // Some models have no observations.
             if (seen < sources[at->second].image->observations.size())
                 seen_by[at->second].push_back(
                     {static_cast<std::uint32_t>(p), static_cast<std::uint32_t>(seen)});
         }
-    std::vector<Residual> residuals;  // of one view: of all they would be most of what is held
+    std::vector<Residual> residuals;  // of one view at a time, to save memory
     for (std::size_t i = 0; i < views.size(); ++i) {
         const ColmapImage& image = *sources[i].image;
         residuals.clear();

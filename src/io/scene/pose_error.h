@@ -1,4 +1,5 @@
-// How far a view seems to be from where its points say it is.  [docs/method/cameras.md#residuals]
+// Estimate of each view's pose error from the observations of its points.
+// [docs/method/cameras.md#residuals]
 #pragma once
 
 #include <vector>
@@ -9,8 +10,8 @@
 
 namespace tvsgs {
 
-/// Sets View::pose_error_px of `views`, which were loaded from `sources`. Poses that come out of a
-/// bundle adjustment of the same observations have none: there no view gains by moving alone.
+/// Sets View::pose_error_px of `views`, which were loaded from `sources`. Poses from a bundle
+/// adjustment of the same observations have an error near 0: no view improves by moving alone.
 void measure_pose_errors(const ColmapPoints& points,
                          const std::vector<ViewSource>& sources,
                          std::vector<View>& views);

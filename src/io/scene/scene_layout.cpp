@@ -21,7 +21,7 @@ bool has(const fs::path& scene, const char* name) {
     return fs::exists(scene / name, error);
 }
 
-/// Cameras of MVSNet lie in cams/ or cams_1/.
+/// True if there are cameras of MVSNet, in cams/ or cams_1/.
 bool has_mvsnet(const fs::path& scene) {
     for (const char* folder : {"cams", "cams_1"}) {
         std::error_code error;

@@ -1,4 +1,4 @@
-// What the layouts of scenes have in common: cameras, images and where the rest lies.
+// Readers of the scene layouts: cameras, images and other files of a scene's folder.
 // [docs/guide/input.md#other-layouts]
 #pragma once
 
@@ -11,47 +11,49 @@
 
 namespace tvsgs {
 
+/// Contents of a scene's folder, before photographs are read.
 struct SceneLayout {
-    std::string format;  // as scene.format names it
-    std::string source;  // the folder or file of the cameras, for messages
-    ColmapModel model;   // images sorted by name
-    std::string images;  // folder that the names refer to
-    std::string points;  // PLY of initial points that does not say who saw them; may be empty
-    std::map<std::string, std::string> masks;  // files by image name, where the layout names them
+    std::string format;                        // name of the layout in scene.format
+    std::string source;                        // folder or file of the cameras, for messages
+    ColmapModel model;                         // images sorted by name
+    std::string images;                        // folder of the image names
+    std::string points;                        // PLY of initial points without tracks; may be empty
+    std::map<std::string, std::string> masks;  // mask file by image name, if the layout lists masks
     std::vector<std::string> train, test;      // the layout's own split; empty: none
-    bool alpha_on_black = false;  // transparent pixels become black, as 3DGS does for Blender
+    bool alpha_on_black = false;  // transparent pixels become black, as in 3DGS for Blender
 };
 
-/// Finds and reads the layout in the folder of the scene. Throws Error(ExitCode::input):
-/// E_SCENE_LAYOUT with all that was looked for, or what is wrong with the cameras.
+/// Detects and reads the layout of the scene's folder. Throws Error(ExitCode::input):
+/// E_SCENE_LAYOUT with the list of supported layouts, or an error of the cameras.
 SceneLayout read_layout(const SceneOptions& options);
 
-// One reader per layout; read_layout chooses.
+// One reader per layout. read_layout() chooses between them.
 SceneLayout read_npz_layout(const SceneOptions& options);
 SceneLayout read_mvsnet_layout(const SceneOptions& options);
 SceneLayout read_blender_layout(const SceneOptions& options);
 SceneLayout read_nerfstudio_layout(const SceneOptions& options);
 
-// What they share.
+// Helpers of the readers.
 
-/// Names of the image files in a folder, sorted; none where there is no such folder.
+/// Sorted names of the image files in a folder; empty if the folder does not exist.
 std::vector<std::string> image_names(const std::string& folder);
 
 /// The folder of the images: `scene.images`, else one of `standard`. Throws E_NO_IMAGES.
 std::string find_image_folder(const SceneOptions& options,
                               const std::vector<std::string>& standard);
 
-/// Adds an image with a pinhole camera of its own.
+/// Adds an image with its own pinhole camera.
 void add_view(SceneLayout& layout, const std::string& name, const Intrinsics& camera, Rigid3d pose);
 
-/// The rotation next to `R`, for matrices that were rounded. Throws E_POSE_NAN or E_POSE_ROT, with
-/// `where`, for what is none within 1e-3.
+/// The rotation nearest to `R`, for rounded matrices. Throws E_POSE_NAN, or E_POSE_ROT with `where`
+/// if `R` is not a rotation within 1e-3.
 Rigid3d checked_pose(const Mat3<double>& R, Vec3d t, const std::string& where);
 
 /// A layout without views.
 SceneLayout empty_layout(const char* format, const std::string& source, const std::string& images);
 
-/// The same with its images sorted by name; throws E_DUPLICATE_ID where two share one.
+/// The layout with its images sorted by name. Throws E_DUPLICATE_ID if two images have the same
+/// name.
 SceneLayout finished(SceneLayout layout);
 
 }  // namespace tvsgs

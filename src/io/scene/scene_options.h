@@ -1,4 +1,4 @@
-// What is asked for of a scene.  [docs/guide/input.md]
+// Options of reading a scene.  [docs/guide/input.md]
 #pragma once
 
 #include <cstdint>
@@ -8,43 +8,42 @@
 
 namespace tvsgs {
 
-/// How a scene's folder is laid out; `automatic` takes the first that fits.
+/// Layout of a scene's folder; `automatic` takes the first that fits.
 enum class SceneFormat { automatic, colmap, blender, nerfstudio, idr, mvsnet };
 
-/// Where photographs are while they are in use; `automatic`: in a file where they are more than a
-/// share of the memory that is free.
+/// Where decoded photographs are kept. automatic: in a file if they exceed a share of the free
+/// memory.
 enum class PhotoPlace { automatic, memory, file };
 
-/// What the user asked for; the names are those of the command line.
+/// The user's options. Comments name the flags.
 struct SceneOptions {
     std::string path;                             // --scene
     SceneFormat format = SceneFormat::automatic;  // --format
-    std::string cameras_file;   // idr: cameras_sphere.npz or cameras.npz; empty: the one there is
-    float pixel_offset = 0.5f;  // idr, mvsnet: added to principal points, whose files count pixel
-                                // centres as integers
+    std::string cameras_file;   // idr: cameras_sphere.npz or cameras.npz; empty: whichever exists
+    float pixel_offset = 0.5f;  // idr, mvsnet: added to principal points
     std::string images = "images";  // --images: folder of the photographs inside the scene
-    int resolution = -1;   // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else a target width
-    float grey_scale = 1;  // training size over that of the grey images; 1: photos are used
+    int resolution = -1;   // -r: 1, 2, 4, 8 divide; -1: at most 1600 wide; else target width
+    float grey_scale = 1;  // training size / size of the grey images; 1: use the photos
     std::string split;     // --split NAME of splits.json
     std::string train_list, test_list;  // --train-list, --test-list: one image name per line
     std::string views;     // --views I,J,K: indices into the sorted views, training only
-    std::string held_out;  // a training view that tests instead
-    int num_views = 0;     // --num-views: that many training views, evenly chosen; 0: all
+    std::string held_out;  // a training view used as a test view
+    int num_views = 0;     // --num-views: number of training views, evenly spaced; 0: all
     bool eval = false;     // --eval: every test_every-th view is a test view
     int test_every = 8;
     std::string masks;     // --masks: folder; empty: mask/, masks/ or the alpha channel
     std::string init_ply;  // --init-ply: initial cloud instead of the model's points
-    bool center_principal_point = false;  // parity with the official codes
-    bool need_points = true;              // false: no initial cloud is read (meshing, evaluation)
-    bool points_required = true;          // false: an empty initial cloud is no error
-    bool given_cameras = false;           // of a run that refined its cameras: those it was given
+    bool center_principal_point = false;  // for comparison with the official codes
+    bool need_points = true;              // false: read no initial cloud (meshing, evaluation)
+    bool points_required = true;          // false: an empty initial cloud is not an error
+    bool given_cameras = false;           // of a run with refined cameras: use the given ones
     int min_train_views = 2;
     PhotoPlace photos = PhotoPlace::automatic;
-    std::string photo_folder;       // for that file; empty: scratch, or here
-    std::string scratch;            // where the command writes
-    std::int64_t photo_memory = 0;  // bytes that `automatic` leaves in memory; 0: by what is free
+    std::string photo_folder;       // for that file; empty: scratch, or the current folder
+    std::string scratch;            // output folder of the command
+    std::int64_t photo_memory = 0;  // bytes kept in memory by `automatic`; 0: by free memory
 
-    /// What belongs to a run's configuration.
+    /// The fields that belong to a run's configuration.
     template <class Visitor>
     void fields(Visitor& field) {
         field("path", path, "folder of the scene");

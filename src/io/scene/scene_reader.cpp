@@ -31,8 +31,8 @@ bool is_file(const fs::path& path) {
     return fs::is_regular_file(path, error);
 }
 
-/// The file of an image: as listed, else with another extension, else by its base name where that
-/// is unique.
+/// Finds the file of an image: the listed name, else another extension, else the base name if
+/// unique.
 class ImageFinder {
 public:
     ImageFinder(const fs::path& folder, const ColmapModel& model) : folder_(folder) {
@@ -58,14 +58,14 @@ private:
                 const fs::path other = fs::path(path).replace_extension(extension);
                 if (is_file(other)) return other.string();
             }
-        // A TIFF, say: reading it says what to do.
+        // Keeps unsupported formats such as TIFF: reading them reports what to do.
         return listed ? std::optional(path.string()) : std::nullopt;
     }
     fs::path folder_;
     std::map<std::string, int> uses_;
 };
 
-/// The mask of an image, by the same name, else by the number in it (DTU: 000.png belongs to
+/// Finds the mask of an image: same name, else the same number (DTU: 000.png belongs to
 /// 000000.jpg).
 class MaskFinder {
 public:
@@ -161,7 +161,7 @@ std::size_t drop_unusable(PointCloud& cloud, const std::string& source) {
 
 namespace {
 
-/// Also says of the views what the points do.
+/// Reads the initial points. Also sets View::pose_error_px.
 PointCloud initial_points(const SceneOptions& options,
                           const SceneLayout& layout,
                           const std::vector<ViewSource>& train,
@@ -181,8 +181,8 @@ PointCloud initial_points(const SceneOptions& options,
         return cloud;
     }
 
-    // Clouds beside the model do not say which images they come from, so a subset cannot use them:
-    // test views would leak in.
+    // A cloud beside the model does not tell which images it comes from. A subset cannot use it,
+    // because information from test views would leak in.
     const bool subset = train.size() < model.images.size();
     const bool colmap = layout.format == "colmap";
     const std::string fused = (fs::path(options.path) / "dense/fused.ply").string();
@@ -195,7 +195,7 @@ PointCloud initial_points(const SceneOptions& options,
     PointCloud cloud;
     for (std::size_t i = 0; i < points.positions.size(); ++i) {
         if (subset) {
-            std::set<std::uint32_t> seen_by;  // an image may be listed twice in a track
+            std::set<std::uint32_t> seen_by;  // a track may list an image twice
             for (std::size_t j = points.track_begin[i]; j < points.track_begin[i + 1]; ++j)
                 if (train_ids.contains(points.track[j])) seen_by.insert(points.track[j]);
             if (seen_by.size() < 2) continue;
@@ -207,7 +207,7 @@ PointCloud initial_points(const SceneOptions& options,
         spdlog::info("{} of the model's {} points are seen by two training views",
                      cloud.positions.size(), points.positions.size());
     drop_unusable(cloud, model_folder);
-    // Blender scenes come with points that no photograph had a part in.
+    // The points of Blender scenes do not come from photographs.
     const bool may_use = !subset || layout.format == "blender";
     const std::string ply =
         colmap ? (fs::path(model_folder) / "points3D.ply").string() : layout.points;
@@ -222,7 +222,7 @@ PointCloud initial_points(const SceneOptions& options,
     return cloud;
 }
 
-/// All images of the model count, so that the frame does not depend on the split.
+/// Uses all images of the model, so that the frame does not depend on the split.
 Vec3d origin_of(const ColmapModel& model) {
     std::vector<Vec3d> centres;
     for (const ColmapImage& image : model.images)
@@ -271,7 +271,7 @@ PixelSize resized_size(int resolution, int width, int height) {
     if (resolution < 1 || resolution > 65535)
         throw Error(ExitCode::usage, str("--resolution ", resolution,
                                          ": expected -1, 1, 2, 4, 8 or a width in pixels"));
-    // The order of the operations is that of the official codes; it can lose a pixel.
+    // Same order of operations as in the official codes; it can lose a pixel.
     const double scale = w / resolution;
     return size(w / scale, h / scale);
 }
@@ -286,7 +286,7 @@ ChosenViews choose_views(const SceneOptions& options) {
         SceneLayout layout = read_layout(options);
         const ColmapModel& model = layout.model;
         resized_size(options.resolution, 1,
-                     1);  // a wrong value is an error before anything is loaded
+                     1);  // reports a wrong value before anything is loaded
 
         const fs::path image_folder = layout.images;
         const ImageFinder image_finder(image_folder, model);
@@ -315,7 +315,7 @@ ChosenViews choose_views(const SceneOptions& options) {
 
 PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& options) {
     constexpr std::int64_t kShareOfMemory = 4;
-    // Of a pixel: its colours, the mask where there may be one, the finer grey pixels.
+    // Bytes per pixel: colours, mask if any, and the finer grey pixels.
     const double finer = 1 / static_cast<double>(options.grey_scale),
                  per_pixel = 3 + 1 + (options.grey_scale < 1 ? finer * finer : 0);
     double bytes = 0;
@@ -348,7 +348,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
         const SceneLayout& layout = chosen.layout;
         const ColmapModel& model = layout.model;
 
-        // 1. The views.
+        // 1. Views.
         const MaskFinder mask_finder(options);
         const auto sources = [&](const std::vector<int>& indices) {
             std::vector<ViewSource> out;
@@ -399,7 +399,7 @@ Scene load_scene(const ChosenViews& chosen, const SceneOptions& options) {
                 "codes assume the centre)",
                 options.path, 100 * offset);
 
-        // 2. The initial cloud.
+        // 2. Initial cloud.
         if (options.need_points)
             scene.points = initial_points(options, layout, train, scene.origin, scene.train);
         scene.extent = scene_extent(scene);

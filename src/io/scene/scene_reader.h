@@ -1,4 +1,4 @@
-// From a folder of photographs with calibrated cameras to a Scene.  [docs/guide/input.md]
+// Reading of a Scene from a folder of photographs with calibrated cameras.  [docs/guide/input.md]
 #pragma once
 
 #include <optional>
@@ -12,18 +12,18 @@
 
 namespace tvsgs {
 
-/// Which views a scene is made of, before a photograph is read: what depends on their number can
-/// still be decided.
+/// The views of a scene before any photograph is read, so that decisions can depend on their
+/// number.
 struct ChosenViews {
     SceneLayout layout;
-    std::vector<std::optional<std::string>> files;  // of layout.model.images; empty: missing
+    std::vector<std::optional<std::string>> files;  // one per layout.model.images; empty: missing
     ViewSplit split;
 };
 
-/// Where the photographs of these views would be while they are in use.
+/// Where the photographs of the chosen views will be kept.
 struct PhotoStorage {
     bool in_file = false;
-    std::int64_t bytes = 0, limit = 0;  // of all of them, about; what may be in memory
+    std::int64_t bytes = 0, limit = 0;  // estimated size of all photographs; limit for memory
 
     /// "4.8 > 2.1 GB, a quarter of the memory that is free".
     std::string reason() const;
@@ -31,25 +31,25 @@ struct PhotoStorage {
 PhotoStorage photo_storage(const ChosenViews& chosen, const SceneOptions& options);
 
 /// Finds the layout, the cameras, the photographs' files and the split. Throws
-/// Error(ExitCode::input) that names the place, what was found and what to do.
+/// Error(ExitCode::input) with the place, the finding and advice.
 ChosenViews choose_views(const SceneOptions& options);
 
-/// Reads photographs (resized), masks and the initial cloud. For a subset of the views only points
-/// whose track holds at least two training images are kept. `options` may differ from those of
-/// choose_views() in how views are read, not in which. Throws as choose_views() does.
+/// Reads photographs (resized), masks and the initial cloud. For a subset of the views, keeps only
+/// points whose track contains at least two training images. `options` must select the same views
+/// as in choose_views(). Throws like choose_views().
 Scene load_scene(const ChosenViews& chosen, const SceneOptions& options);
 
-/// Both in a row.
+/// choose_views() followed by load_scene().
 Scene read_scene(const SceneOptions& options);
 
-/// Its Scene::origin alone, without the photographs.
+/// Scene::origin of the scene, without reading photographs.
 Vec3d read_scene_origin(const SceneOptions& options);
 
-/// Drops points that are not finite, beyond 1e9, or at the place of an earlier one, which would
-/// have no distance to its neighbours; warns, naming `source`. Returns how many.
+/// Drops points that are not finite, farther than 1e9, or at the position of an earlier point (zero
+/// distance to a neighbour). Warns and names `source`. Returns the number of dropped points.
 std::size_t drop_unusable(PointCloud& cloud, const std::string& source);
 
-/// What Scene::extent is for these training views.
+/// Scene::extent of these training views.
 float scene_extent(const Scene& scene);
 
 /// Size of the training images for -r.  [docs/method/input.md#sizes-of-photographs]

@@ -10,7 +10,7 @@
 namespace tvsgs {
 namespace {
 
-/// Words of a file, with the line they stand in.
+/// Words of a file with their line numbers.
 class Words {
 public:
     Words(const std::string& path, const char* code)
@@ -59,7 +59,7 @@ private:
 
 /// One camera of a trajectory.
 struct Centre {
-    int index;  // of its image in the official log, for matching by index
+    int index;  // of its image in the official log, to match by index
     bool registered;
     Vec3d position;
 };

@@ -15,8 +15,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Finds a view by its full name, its name without extension, its base name, or its index, in this
-/// order.
+/// Finds a view by, in this order: its full name, its name without extension, its base name, its
+/// index.
 class NameFinder {
 public:
     explicit NameFinder(const std::vector<std::string>& names)
@@ -93,7 +93,7 @@ struct NamedLists {
 };
 
 NamedLists lists_of_split(const SceneOptions& options) {
-    // splits.json is ours; split.json is PGSR's, with the lists "train" and "test".
+    // splits.json is the format of tvsgs; split.json is PGSR's, with the lists "train" and "test".
     std::string path = (fs::path(options.path) / "splits.json").string();
     if (!fs::exists(path)) path = (fs::path(options.path) / "split.json").string();
     if (!fs::exists(path))
@@ -111,7 +111,7 @@ NamedLists lists_of_split(const SceneOptions& options) {
     if (train->second.empty())
         throw input_error("E_SPLIT: ", path, ": list '", options.split,
                           "' is empty; expected names of images");
-    // large_overlap_train_3 is tested on large_overlap_test, where there is one.
+    // large_overlap_train_3 uses the test list large_overlap_test, if there is one.
     std::string test_name = options.split.substr(0, options.split.find("train")) + "test";
     if (options.split.find("train") == std::string::npos || !lists.contains(test_name))
         test_name = "test";
@@ -138,7 +138,7 @@ ViewSplit split_views(const SceneOptions& options,
     if (!options.views.empty() && options.num_views > 0)
         throw Error(ExitCode::usage, "--views and --num-views exclude each other; give one");
 
-    // 1. The rule that gives both parts.
+    // 1. The rule that gives both lists.
     ViewSplit split;
     bool train_was_listed = false;
     if (has_lists || !options.split.empty()) {
@@ -179,7 +179,7 @@ ViewSplit split_views(const SceneOptions& options,
     if (overlap > 0)
         spdlog::warn("{} views are in both lists: they train and are not tested", overlap);
 
-    // 2. A choice of training views.
+    // 2. The chosen training views.
     if (!options.views.empty()) {
         const std::vector<int> chosen = parse_indices(options.views);
         for (const int i : chosen) {
@@ -196,7 +196,7 @@ ViewSplit split_views(const SceneOptions& options,
         train_was_listed = true;
     }
 
-    // 3. What is not on disk.
+    // 3. Missing images.
     const auto missing = [&](int i) { return !exists[static_cast<std::size_t>(i)]; };
     if (train_was_listed)
         for (const int i : split.train)
@@ -215,7 +215,7 @@ ViewSplit split_views(const SceneOptions& options,
             spdlog::warn("--num-views {}: only {} training views exist; all are used", wanted,
                          available);
         if (wanted < available) {
-            std::vector<int> chosen;  // evenly from the first to the last
+            std::vector<int> chosen;  // evenly spaced from first to last
             for (int i = 0; i < wanted; ++i) {
                 const double at =
                     wanted == 1 ? 0 : static_cast<double>(i) * (available - 1) / (wanted - 1);

@@ -1,4 +1,4 @@
-// Which views train and which test.  [docs/guide/input.md#training-and-test-views]
+// Choice of training and test views.  [docs/guide/input.md#training-and-test-views]
 #pragma once
 
 #include <string>
@@ -8,14 +8,14 @@
 
 namespace tvsgs {
 
+/// Training and test views.
 struct ViewSplit {
     std::vector<int> train, test;  // indices into the names, ascending, no index in both
 };
 
-/// `names`: all images of the model, sorted; `exists`: which of them are on disk. `own_train` and
-/// `own_test` are the split that the scene comes with, by name; it counts where no list was asked
-/// for, also with --eval. Images that are
-/// missing are left out, but one that the user asked to train on by name is an error. Throws
+/// `names`: all images of the model, sorted. `exists`: which of them are on disk. `own_train` and
+/// `own_test`: the scene's own split by name, used if the user gave no list, also with --eval.
+/// Skips missing images, except images that the user listed for training: these are errors. Throws
 /// Error(ExitCode::input or usage).
 ViewSplit split_views(const SceneOptions& options,
                       const std::vector<std::string>& names,

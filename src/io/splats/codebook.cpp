@@ -6,13 +6,14 @@
 namespace tvsgs {
 namespace {
 
-/// As dense as the cube root of the density of `values`, which are sorted: best for many codes, and
-/// near enough for Lloyd's steps to get there.  [Gersho and Gray, Vector Quantization, 5.6]
+/// Centres whose density follows the cube root of the density of `values` (sorted). This is optimal
+/// for many codes and a good start for Lloyd's algorithm.  [Gersho and Gray, Vector Quantization,
+/// 5.6]
 std::array<double, Codebook{}.size()> first_centres(const std::vector<float>& values) {
     std::array<double, Codebook{}.size()> centres;
     const std::size_t last = values.size() - 1, parts = std::min<std::size_t>(last, 4096);
     const auto edge = [&](std::size_t part) { return double{values[part * last / parts]}; };
-    std::vector<double> codes(parts + 1, 0);  // up to each edge, as yet without their sum
+    std::vector<double> codes(parts + 1, 0);  // cumulative, not normalised
     for (std::size_t i = 0; i < parts; ++i)
         codes[i + 1] = codes[i] + std::pow(edge(i + 1) - edge(i), 2.0 / 3);
     std::size_t part = 0;
@@ -49,7 +50,7 @@ Codebook make_codebook(std::vector<float> values) {
         return codes;
     }
     const std::size_t count = values.size();
-    std::vector<double> sums(count + 1, 0);  // of the first ones: a cell's mean is a difference
+    std::vector<double> sums(count + 1, 0);  // prefix sums: the sum of a cell is a difference
     for (std::size_t i = 0; i < count; ++i) sums[i + 1] = sums[i] + double{values[i]};
     std::array<double, kCodes> centres = first_centres(values);
     constexpr int kSteps = 100;  // a step takes microseconds

@@ -1,4 +1,4 @@
-// 256 numbers that stand for many: k-means along a line.
+// Quantisation of numbers to 256 codes by one-dimensional k-means.
 #pragma once
 
 #include <array>
@@ -7,15 +7,15 @@
 
 namespace tvsgs {
 
-/// Increasing.
+/// Increasing numbers.
 using Codebook = std::array<float, 256>;
 
-/// Codes that are near `values`, all of which are finite, in the mean square: by Lloyd's steps over
-/// at most 2^20 of them at fixed distances. Up to 256 different values are all
-/// codes. Does not depend on the number of threads.
+/// Codes with a small mean squared distance to `values`, which must be finite: Lloyd's algorithm on
+/// at most 2^20 evenly spaced values. Up to 256 distinct values all become codes. Does not depend
+/// on the number of threads.
 Codebook make_codebook(std::vector<float> values);
 
-/// The nearest code.
+/// Index of the nearest code.
 std::uint8_t nearest_code(const Codebook& codes, float value);
 
 }  // namespace tvsgs

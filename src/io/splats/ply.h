@@ -1,4 +1,4 @@
-// PLY files: splats (3DGS property set), point clouds and meshes.
+// Reading and writing of PLY files: splats (3DGS property set), point clouds and meshes.
 #pragma once
 
 #include <string>
@@ -10,48 +10,49 @@
 
 namespace tvsgs {
 
-/// Any PLY with x y z: ASCII or binary of either byte order, extra properties skipped. Faces, if
-/// any, are triangulated as fans. Colours (uchar 0-255 or float 0-1), normals and confidences
-/// (properties confidence or weight) are read where present. `origin`, here and below: where the
-/// frame of the result lies in that of the file; taken off, and added by writers, in double.
+/// Contents of any PLY with x y z: ASCII or binary of either byte order, with extra properties.
+/// Polygons become fans of triangles. Colours (uchar 0-255 or float 0-1), normals and confidences
+/// (properties confidence or weight) are read if present. `origin`, here and below: origin of the
+/// result's frame in the file's frame. Readers subtract it and writers add it, in double.
 struct PlyContents {
     PointCloud points;
     std::vector<Vec3i> faces;
-    bool is_splats = false;  // it holds opacity, scale_* and rot_*: positions are splat centres
+    bool is_splats = false;  // it has opacity, scale_* and rot_*; positions are splat centres
 };
 PlyContents read_ply(const std::string& path, Vec3d origin = {});
 
-/// Positions in full precision and faces, for measuring.
+/// Positions in full precision, and faces, for measurements.
 struct PlyGeometry {
     std::vector<Vec3d> positions;
     std::vector<Vec3i> faces;
-    std::vector<float> opacity_logits;  // of splats only
+    std::vector<float> opacity_logits;  // only of splats
     bool is_splats = false;
 };
 PlyGeometry read_ply_geometry(const std::string& path);
 
-/// Scales of a splat in a file. Two are those of a disc, as 2DGS writes them; its third, along the
-/// normal, is read as a millionth of the larger.
+/// Number of scales per splat in a file. Two: discs, as in 2DGS; the third scale, along the normal,
+/// becomes a millionth of the larger one.
 enum class PlyScales { three, two };
 
-/// 3DGS splats, properties by name in any order, SH degree from the number of f_rest_*. Non-finite
-/// splats are dropped with a warning. A smoothing filter (filter_3D) goes into scales and
-/// opacities, so that every rasteriser draws the same; Gaussians::filter is empty. `scales`: what
-/// the file has.
+/// Reads 3DGS splats: properties by name in any order, SH degree from the number of f_rest_*. Drops
+/// splats that are not finite with a warning. Applies a smoothing filter (filter_3D) to scales and
+/// opacities, so that every rasteriser renders the same; Gaussians::filter is empty. `scales`
+/// returns the number of scales in the file.
 Gaussians<Cpu> read_splat_ply(const std::string& path,
                               Vec3d origin = {},
                               PlyScales* scales = nullptr);
 
-/// Writers go through a temporary file, flushed and renamed. write_splat_ply throws
-/// Error(ExitCode::numerical) naming the first non-finite value instead of writing it. Positions
-/// are floats, or doubles where there is an origin to add. A filter is written as it is, beside
-/// the scales and opacities that it has not touched. `signature`: its fourth line says who wrote
-/// it, so that it may be replaced where no list of our files is; else it is exactly that of 3DGS.
+/// All writers write atomic files. write_splat_ply() throws Error(ExitCode::numerical) with the
+/// first value that is not finite. Positions are floats, or doubles if there is an origin to add. A
+/// filter is written unchanged beside the unfiltered scales and opacities. `signature`: adds a
+/// fourth line that identifies tvsgs, so that a later run may replace the file without a manifest;
+/// otherwise the header is exactly that of 3DGS.
 void write_splat_ply(const std::string& path,
                      const Gaussians<Cpu>& gaussians,
                      Vec3d origin = {},
                      PlyScales scales = PlyScales::three,
                      bool signature = false);
+/// Write a mesh with its colours and numbers of views, or a cloud with its attributes.
 void write_mesh_ply(const std::string& path, const TriangleMesh& mesh, Vec3d origin = {});
 void write_cloud_ply(const std::string& path, const PointCloud& points, Vec3d origin = {});
 

@@ -1,4 +1,4 @@
-// Takes PLY files apart; what the readers of clouds, meshes and splats share.
+// PLY parser shared by the readers of clouds, meshes and splats.
 #pragma once
 
 #include <algorithm>
@@ -37,7 +37,7 @@ struct Element {
             if (properties[i].name == wanted) return static_cast<int>(i);
         return -1;
     }
-    /// The first of several spellings.
+    /// Index of the first of several spellings; -1 if none exists.
     int find(std::initializer_list<const char*> spellings) const {
         for (const char* spelling : spellings)
             if (const int i = find(spelling); i >= 0) return i;
@@ -49,7 +49,7 @@ struct Element {
     }
 };
 
-/// Takes a PLY file apart. The elements must be read or skipped in the order of the file.
+/// Parses a PLY file. Read or skip the elements in the order of the file.
 class PlyReader {
 public:
     explicit PlyReader(const std::string& path) : path_(path), bytes_(read_bytes(path)) {
@@ -58,8 +58,8 @@ public:
 
     const std::vector<Element>& elements() const { return elements_; }
 
-    /// action(i, row) for each row of an element without lists that check_count() has passed; a row
-    /// has one number per property. Of a binary file several threads do so at once.
+    /// Calls action(i, row) for each row of an element without lists. Call check_count() first. A
+    /// row has one number per property. Several threads read a binary file.
     template <class Action>
     void for_rows(const Element& element, const Action& action) {
         const auto read = [&](std::size_t& at, std::vector<double>& row) {
@@ -81,7 +81,7 @@ public:
         offset_ += element.count * bytes;
     }
 
-    /// Calls on_list(property index, values) for each list in a row; scalars are skipped.
+    /// Calls on_list(property index, values) for each list in a row. Skips scalars.
     template <class OnList>
     void read_lists(const Element& element, std::vector<double>& values, const OnList& on_list) {
         for (std::size_t i = 0; i < element.properties.size(); ++i) {
@@ -99,13 +99,13 @@ public:
         }
     }
 
-    /// Fails unless the element can be in what is left of the file, so that nothing is allocated
-    /// for a wrong count.
+    /// Throws unless the rest of the file can hold the element, so that a wrong count allocates no
+    /// memory.
     void check_count(const Element& element) const {
         std::uint64_t row = 0;
         for (const Property& p : element.properties)
             row += ascii_ ? 2 : kTypeBytes[static_cast<int>(p.is_list ? p.count_type : p.type)];
-        // The last number of a text file needs no separator after it.
+        // The last number of a text file needs no separator.
         if (row > 0 && element.count > (left() + (ascii_ ? 1 : 0)) / row)
             count_error(element, str(element.count, " rows of ", row, " or more bytes"));
     }
@@ -118,7 +118,7 @@ public:
             read_lists(element, values, [](int, auto&) {});
     }
 
-    /// After the last element: bytes that no count speaks of mean that a count is wrong.
+    /// Call it after the last element. Remaining bytes mean that a count is wrong.
     void finish() const {
         const auto rest = std::string_view(bytes_).substr(offset_);
         if (!(ascii_ ? trimmed(rest) : rest).empty())
@@ -224,7 +224,7 @@ private:
         return static_cast<double>(std::bit_cast<T>(raw));
     }
 
-    /// The number at byte `at`, which moves behind it.
+    /// Reads the number at byte `at` and moves `at` to the byte after it.
     double get(Type type, std::size_t& at) const {
         if (ascii_) {
             std::string_view rest = std::string_view(bytes_).substr(at);

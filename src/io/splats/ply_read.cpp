@@ -44,7 +44,7 @@ Vec3f pick(const std::vector<double>& row, const std::array<int, 3>& columns) {
     return v;
 }
 
-/// A position in the frame at `origin`.
+/// A position relative to `origin`.
 Vec3f pick_position(const std::vector<double>& row,
                     const std::array<int, 3>& columns,
                     Vec3d origin) {
@@ -86,7 +86,7 @@ void read_cloud(PlyReader& in, const Element& vertex, Vec3d origin, PlyContents&
     }
     const auto count = static_cast<std::size_t>(vertex.count);
     PointCloud& points = out.points;
-    // The normals of splat files are zeros that fill a column.
+    // Splat files fill the columns of normals with zeros.
     const bool has_normals = complete(normal) && !out.is_splats, has_colors = complete(color);
     points.positions.resize(count);
     if (has_normals) points.normals.resize(count);
@@ -126,7 +126,7 @@ void read_faces(PlyReader& in,
         });
 }
 
-/// Column numbers of the properties of a splat, in the vertex element.
+/// Columns of a splat's properties in the vertex element.
 struct SplatColumns {
     std::array<int, 3> mean, scale, dc;
     std::array<int, 4> rot;
@@ -235,20 +235,20 @@ Gaussians<Cpu> read_splat_ply(const std::string& path, Vec3d origin, PlyScales* 
             return static_cast<float>(row[static_cast<std::size_t>(column)]);
         };
         Vec3f log_scale{value(columns.scale[0]), value(columns.scale[1]), 0};
-        // Discs have no third scale; a scale of zero has no finite logarithm. Both become a
-        // millionth of the largest.
+        // Discs have no third scale, and a scale of zero has no finite logarithm. Both become a
+        // millionth of the largest scale.
         if (!flat) log_scale.z = value(columns.scale[2]);
         const float thin = std::max({log_scale.x, log_scale.y, flat ? log_scale.x : log_scale.z}) +
                            std::log(1e-6f);
         if (flat) log_scale.z = thin;
         for (int c = 0; c < 3; ++c)
             if (log_scale[c] == -std::numeric_limits<float>::infinity()) log_scale[c] = thin;
-        // Infinite logits are legal: fully opaque or transparent, which 30 is in float, too.
+        // Infinite logits are valid: fully opaque or transparent, as is 30 in float.
         float opacity = value(columns.opacity);
         if (std::isinf(opacity)) opacity = std::copysign(30.0f, opacity);
         activated[i] = opacity >= 0 && opacity <= 1 && log_scale.x > 0 && log_scale.y > 0;
         if (columns.filter >= 0) {
-            // mip-splatting's 3D filter, baked: wider scales, fainter in proportion.  [Yu24]
+            // Applies mip-splatting's 3D filter: larger scales, lower opacity.  [Yu24]
             const auto smooth = smoothed(vec_cast<double>(log_scale),
                                          row[static_cast<std::size_t>(columns.filter)]);
             for (int c = 0; c < 3; ++c)

@@ -21,7 +21,7 @@ const char* position_type(Vec3d origin) {
     return is_zero(origin) ? "float" : "double";
 }
 
-/// A file that is written in pieces of a MiB.
+/// Writes a file in pieces of one MiB.
 class PlyWriter {
 public:
     explicit PlyWriter(const std::string& path) : file_(path) {}
@@ -34,7 +34,7 @@ public:
     }
     void put(const std::string& text) { buffer_ += text; }
     void put(Vec3f v) { put(v.x), put(v.y), put(v.z); }
-    /// In the frame of the file; doubles where `origin` is not zero.
+    /// Position in the frame of the file; double if `origin` is not zero.
     void put_position(Vec3f v, Vec3d origin) {
         if (is_zero(origin)) return put(v);
         const Vec3d p = vec_cast<double>(v) + origin;
@@ -60,7 +60,7 @@ private:
 
 enum class Comment { before_count, after_count, none };
 
-/// Of splats viewers expect the count in the third line.
+/// Viewers expect the number of splats in the third line.
 std::string header(std::size_t count, Vec3d origin, Comment comment = Comment::before_count) {
     const std::string ours = str("comment ", kVersion, "\n");
     std::string text =

@@ -9,7 +9,7 @@ namespace tvsgs {
 namespace {
 
 constexpr int kMaxWidth = 256, kSteps = 10;
-constexpr std::size_t kSample = 65536;  // is enough to find the cells of many more
+constexpr std::size_t kSample = 65536;  // enough to find the cells of many more vectors
 
 struct Vectors {
     const float* values;
@@ -18,7 +18,8 @@ struct Vectors {
     const float* operator[](int i) const { return values + static_cast<std::size_t>(i) * numbers; }
 };
 
-/// Up to kMaxWidth centres, number by number, so that distances to all are made side by side.
+/// Up to kMaxWidth centres, stored component by component, so that distances to all centres
+/// vectorise.
 struct Centres {
     int count = 0;
     std::vector<float> values{};  // [numbers, count]
@@ -40,10 +41,10 @@ struct Centres {
     }
 };
 
-/// What a group of vectors is told apart by.
+/// Partition of a group of vectors by centres.
 struct Split {
     Centres centres;
-    std::vector<int> labels;       // of the members of the group
+    std::vector<int> labels;       // centre of each member
     std::vector<float> distances;  // squared
 };
 
@@ -56,7 +57,8 @@ void assign(const Vectors& vectors, const std::vector<int>& members, Split& spli
     });
 }
 
-/// To the means; a centre without members goes to the vector that is farthest from its own.
+/// Moves centres to the means of their members. A centre without members moves to the vector
+/// farthest from its centre.
 void move_centres(const Vectors& vectors, const std::vector<int>& members, Split& split) {
     const auto width = static_cast<std::size_t>(split.centres.count);
     std::vector<double> sums(width * vectors.numbers, 0);
@@ -105,7 +107,7 @@ Split split_group(const Vectors& vectors, const std::vector<int>& members, int w
 }
 
 struct Group {
-    std::vector<int> members, labels;  // of vectors, and for each its centre
+    std::vector<int> members, labels;  // indices of the vectors; index of the centre of each
     std::vector<float> centres;        // [count, numbers]
     int count = 0;
 };
@@ -113,7 +115,7 @@ struct Group {
 /// Finds up to `count` centres for a group.
 void find_centres(const Vectors& vectors, Group& group, int count, int depth) {
     const int size = static_cast<int>(group.members.size());
-    constexpr int kMaxDepth = 6;  // vectors that are nearly all alike could go on without an end
+    constexpr int kMaxDepth = 6;  // nearly equal vectors could recurse without end
     const bool leaf = count <= kMaxWidth || depth == kMaxDepth;
     const Split split = split_group(vectors, group.members, std::min({count, size, kMaxWidth}));
     std::vector<Group> parts(static_cast<std::size_t>(split.centres.count));

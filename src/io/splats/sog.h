@@ -1,4 +1,4 @@
-// SOG, splats as pictures in a ZIP archive, version 2.
+// Reading and writing of SOG version 2: splats as images in a ZIP archive.
 // https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/
 #pragma once
 
@@ -9,23 +9,24 @@
 
 namespace tvsgs {
 
+/// Options of sog_bytes().
 struct SogOptions {
-    SplatFrame frame = SplatFrame::rdf;  // of the numbers; PLY's, as its own tools have it
-    int palette = 0;  // at most so many kinds of harmonics, up to 65536; 0: as its own tools choose
-    bool antialiased = false;  // says that opacities are of a renderer that keeps a splat's mass
+    SplatFrame frame = SplatFrame::rdf;  // of the file; PLY's frame, as in PlayCanvas's tools
+    int palette = 0;  // maximum number of SH palette entries, up to 65536; 0: as PlayCanvas's tools
+    bool antialiased = false;  // marks opacities as of a renderer that keeps a splat's mass
 };
 
-/// The bytes of a file with all splats in their order, which should be one of space: pictures are
-/// smaller then. The same for any number of threads. Positions get 16 bits per axis, on a scale
-/// that is finer near zero; rotations are off by less than a degree; scales, colours and the
-/// harmonics' palette go by 256 values that suit them. Throws Error(ExitCode::numerical) for what
-/// is not finite, Error(ExitCode::input) for no splats, or more than the pictures hold.
+/// The bytes of a file with all splats in order. A spatial order makes the images smaller. Does not
+/// depend on the number of threads. Positions have 16 bits per axis on a scale that is finer near
+/// zero; rotations have errors below one degree; scales, colours and the SH palette use fitted
+/// codebooks of 256 values. Throws Error(ExitCode::numerical) for numbers that are not finite, and
+/// Error(ExitCode::input) for no splats or more than the images can hold.
 std::string sog_bytes(const std::string& path,
                       const Gaussians<Cpu>& gaussians,
                       const SogOptions& options = {});
 
-/// Version 2. Throws Error(ExitCode::input), before it takes memory that the file does not bear
-/// out. Opacities of 0 and 1 have logits of -30 and 30.
+/// Reads version 2. Throws Error(ExitCode::input) before it allocates more memory than the size of
+/// the file justifies. Opacities of 0 and 1 get logits of -30 and 30.
 Gaussians<Cpu> read_sog(const std::string& path, SplatFrame frame = SplatFrame::rdf);
 
 }  // namespace tvsgs

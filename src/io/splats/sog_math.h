@@ -1,4 +1,4 @@
-// How SOG rounds the numbers of one splat.
+// Quantisation of one splat's numbers in SOG.
 // https://developer.playcanvas.com/user-manual/gaussian-splatting/formats/sog/
 #pragma once
 
@@ -14,7 +14,7 @@ namespace tvsgs::sog {
 inline constexpr int kVersion = 2, kMaxPalette = 65536, kPaletteColumns = 64;
 inline constexpr const char* kMetaName = "meta.json";
 
-/// Positions on a scale that is finer near zero.
+/// Scale of positions, finer near zero.
 inline double to_log(double v) {
     return std::copysign(std::log1p(std::abs(v)), v);
 }
@@ -32,9 +32,9 @@ inline double unpack_position(int u, double low, double high) {
 }
 
 inline constexpr float kSqrt2 = 1.41421356f;
-inline constexpr int kFirstLargest = 252;  // alpha says which component is left out: w, x, y or z
+inline constexpr int kFirstLargest = 252;  // alpha tells the omitted component: w, x, y or z
 
-/// The three components that are not the largest, in the order w, x, y, z.
+/// The three components except the largest, in the order w, x, y, z.
 inline std::array<std::uint8_t, 4> pack_quat(Quatf q) {
     q = normalize(q);
     const float v[4] = {q.w, q.x, q.y, q.z};

@@ -16,15 +16,15 @@ namespace {
 using nlohmann::json;
 
 constexpr std::int64_t kMaxSplats = 50000000;
-// A picture of one colour takes next to nothing, and so do its bytes once they are deflated: what a
-// file may claim goes by its size on the disk.
+// Images of a single colour compress to almost nothing, also in the archive. So the size of the
+// file limits the number of splats and bytes that it may claim.
 constexpr std::int64_t kSplatsPerByte = 16;
-constexpr std::uint64_t kInflated = 16, kAtLeast = 1 << 20;  // bytes of the entries, times the size
+constexpr std::uint64_t kInflated = 16, kAtLeast = 1 << 20;  // per byte; at least
 
 class SogReader {
 public:
     explicit SogReader(const std::string& path) : path_(path) {
-        std::error_code no_file;  // which read_zip says
+        std::error_code no_file;  // read_zip() reports it
         const std::uintmax_t size = std::filesystem::file_size(path, no_file);
         const std::uint64_t bytes = no_file ? 0 : size;
         read_zip(path, "SOG", {.entries = 64, .total_bytes = kInflated * bytes + kAtLeast},
@@ -54,7 +54,7 @@ public:
         const std::int64_t bands = meta_.contains("shN") ? whole(rest, "bands", 0) : 0;
         if (bands < 0 || bands > 3 || (bands == 0 && !rest.is_null()))
             fail("shN: ", bands, " bands; expected 1 to 3");
-        // Memory for splats that there are pixels of only.
+        // Allocates only for splats that have pixels in all images.
         encoded(member(meta_, "means"), 1, count_);
         for (const char* part : {"means", "scales", "sh0", "quats"})
             encoded(member(meta_, part), 0, count_);
@@ -100,7 +100,7 @@ private:
         std::copy(values.begin(), values.end(), codes.begin());
         return codes;
     }
-    /// The file of picture number `at` of a part: of at least `least` pixels, by its first bytes.
+    /// The file of image `at` of a part. Its first bytes must show at least `least` pixels.
     const std::pair<const std::string, std::string>& encoded(const json& part,
                                                              std::size_t at,
                                                              std::int64_t least) const {

@@ -26,7 +26,7 @@ std::uint8_t* pixel(ImageU8& image, std::size_t i) {
     return &image.pixels[4 * i];
 }
 
-/// Two pictures, of the low and the high bytes.
+/// Two images with the low and the high bytes.
 struct Means {
     ImageU8 low, high;
     Vec3f mins, maxs;
@@ -54,11 +54,11 @@ Means means_of(const Gaussians<Cpu>& g, const HalfTurn& turn, const ImageU8& bla
     return out;
 }
 
-/// Beyond it a base colour is eighteen times as bright as white, or as dark: one such number among
-/// millions would take the codes of all others.
+/// Limit of base colours: eighteen times white or as far below black. One absurd value among
+/// millions would otherwise spoil the codebook.
 constexpr float kBrightest = 64;
 
-/// Of the values up to `most`, and of that for those beyond.
+/// Codebook of the values, clamped to [-most, most].
 Codebook codebook_of(const Vec3f* values, std::size_t count, float most = INFINITY) {
     std::vector<float> all;
     all.reserve(3 * count);
@@ -77,8 +77,8 @@ struct Harmonics {
     int count = 0;
 };
 
-/// 1,024 kinds for each doubling of the splats beyond as many, up to 2^16; what tools of PlayCanvas
-/// take.
+/// Palette size of PlayCanvas's tools: the largest power of two up to the number of splats, at most
+/// 2^16.
 int usual_palette(std::size_t splats) {
     return static_cast<int>(
         std::min<std::size_t>(std::bit_floor(splats), std::size_t{sog::kMaxPalette}));
@@ -111,7 +111,7 @@ Harmonics harmonics_of(const Gaussians<Cpu>& g,
     out.centroids = ImageU8(kColumns * static_cast<int>(rest),
                             (palette.count + kColumns - 1) / kColumns, 4, 255);
     for (std::size_t at = 0; at < static_cast<std::size_t>(palette.count) * rest; ++at)
-        for (std::size_t c = 0; c < 3; ++c)  // a row is one of centroids, number by number
+        for (std::size_t c = 0; c < 3; ++c)  // pixel: centroid at / rest, coefficient at % rest
             out.centroids.pixels[4 * at + c] = nearest_code(out.codes, palette.centres[3 * at + c]);
     return out;
 }
@@ -169,7 +169,7 @@ std::string sog_bytes(const std::string& path, const Gaussians<Cpu>& g, const So
         add(meta["shN"]["files"], "shN_centroids.webp", sh.centroids);
         add(meta["shN"]["files"], "shN_labels.webp", sh.labels);
     }
-    files[0].second = meta.dump();  // first, as it says who wrote the file
+    files[0].second = meta.dump();  // first, because it identifies the writer
     return zip_bytes(files);
 }
 

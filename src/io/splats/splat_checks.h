@@ -1,4 +1,4 @@
-// What all writers of splats ask for, and what all readers make sure of.
+// Checks shared by all writers and readers of splats.
 #pragma once
 
 #include <cmath>
@@ -10,15 +10,16 @@
 
 namespace tvsgs {
 
-/// Opacities of 0 and 1 have no finite logit; of this one and its opposite float makes them.
+/// Opacities of 0 and 1 have no finite logit. In float, this logit and its negative give 1 and 0.
 inline constexpr float kMaxLogit = 30;
 
+/// Logit of an opacity, limited to +-kMaxLogit.
 inline float logit(float alpha) {
     if (!(alpha > 0)) return -kMaxLogit;
     return alpha < 1 ? std::log(alpha / (1 - alpha)) : kMaxLogit;
 }
 
-/// `fail(what, i)` for the first number that is not finite, or a rotation that is zero.
+/// Calls fail(what, i) for numbers that are not finite and for zero rotations.
 template <class Fail>
 void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
     const std::size_t count = g.means.size();
@@ -34,8 +35,8 @@ void check_splats(const Gaussians<Cpu>& g, const Fail& fail) {
         if (!is_finite(g.sh[i])) fail("a colour", i % count);
 }
 
-/// Before writing. Throws Error(ExitCode::numerical), and Error(ExitCode::internal) where there is
-/// a filter, which no format but PLY has.
+/// Call it before writing. Throws Error(ExitCode::numerical), or Error(ExitCode::internal) if there
+/// is a filter, which only PLY can store.
 inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
     if (!g.filter.empty())
         throw Error(ExitCode::internal, str(path, ": not written: splats with filters"));
@@ -45,7 +46,7 @@ inline void require_writable(const Gaussians<Cpu>& g, const std::string& path) {
     });
 }
 
-/// After reading. Throws Error(ExitCode::input).
+/// Call it after reading. Throws Error(ExitCode::input).
 inline void require_sound(const Gaussians<Cpu>& g, const std::string& path) {
     check_splats(g, [&](const char* what, std::size_t i) {
         throw Error(ExitCode::input, str(path, ": ", what, " of splat ", i,

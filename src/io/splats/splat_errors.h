@@ -1,4 +1,4 @@
-// How far two sets of splats are apart, attribute by attribute.
+// Differences between two sets of splats, by attribute.
 #pragma once
 
 #include <algorithm>
@@ -11,21 +11,22 @@
 
 namespace tvsgs {
 
-/// Between what two quaternions, of any length and sign, turn to.
+/// Angle between the rotations of two quaternions of any length and sign.
 inline double angle_deg(Quatf a, Quatf b) {
     const auto p = normalize(quat_cast<double>(a)), q = normalize(quat_cast<double>(b));
     const double c = p.w * q.w + p.x * q.x + p.y * q.y + p.z * q.z;
     return 2 * std::acos(std::min(1.0, std::abs(c))) * 180 / std::numbers::pi;
 }
 
-/// The largest differences, but for one, of splats in the same order and of the same degree.
+/// Largest differences (one is a median) of splats with the same order and SH degree.
 struct SplatErrors {
-    double mean = 0, mean_log = 0;  // world units; the same over 1 + |coordinate|
-    double median_mean = 0;         // the median over splats of the first
+    double mean = 0, mean_log = 0;  // world units; the same / (1 + |coordinate|)
+    double median_mean = 0;         // median over the splats of the first
     double log_scale = 0, degrees = 0, opacity = 0;
-    double color = 0, sh_1 = 0, sh_rest = 0;  // coefficients of degree 0, 1, and above
+    double color = 0, sh_1 = 0, sh_rest = 0;  // SH coefficients of degree 0, 1, and above
 };
 
+/// Compares `b` with `a`.
 inline SplatErrors errors_of(const Gaussians<Cpu>& a, const Gaussians<Cpu>& b) {
     SplatErrors out;
     const auto widen = [](double& most, double by) { most = std::max(most, std::abs(by)); };

@@ -36,7 +36,7 @@ void write(const std::string& path, const void* bytes, std::size_t size) {
     file.commit();
 }
 
-/// In the scene's axes: what is added to a position, once it is turned back from the file's.
+/// Origin in the scene's axes: added to a position after its rotation from the file's frame.
 std::string origin_json(Vec3d origin, SplatFrame frame) {
     return json_text(JsonValue()
                          .add("generator", kVersion)
@@ -45,7 +45,7 @@ std::string origin_json(Vec3d origin, SplatFrame frame) {
            "\n";
 }
 
-/// What FILE.json says where it is ours; else nothing.
+/// Content of FILE.json if tvsgs wrote it, else nothing.
 std::optional<JsonValue> read_origin_file(const std::string& path) {
     const std::string file = origin_file(path);
     std::error_code code;
@@ -55,7 +55,7 @@ std::optional<JsonValue> read_origin_file(const std::string& path) {
     return json;
 }
 
-/// Before the splats are written: an older origin would move them.
+/// Call it before writing the splats: an older origin would move them.
 void put_origin_file(const std::string& path, Vec3d origin, SplatFrame frame) {
     require_replaceable(path);
     if (norm(origin) > 0)

@@ -12,7 +12,7 @@
 namespace tvsgs {
 namespace {
 
-/// Added to the projected covariance by 3DGS.
+/// 3DGS adds it to the projected covariance.
 constexpr double kLowPassPx2 = 0.3;
 
 using glb::list_of, glb::put;
@@ -25,7 +25,7 @@ std::string attribute(const std::string& name) {
     return str(kExtension, ":", name);
 }
 
-/// fn(name, coefficient) for all that a degree has.
+/// Calls fn(name, coefficient) for all coefficients of a degree.
 template <class Fn>
 void for_each_coefficient(int sh_degree, const Fn& fn) {
     int k = 0;
@@ -34,8 +34,8 @@ void for_each_coefficient(int sh_degree, const Fn& fn) {
             fn(attribute(str("SH_DEGREE_", l, "_COEF_", n)), static_cast<std::size_t>(k++));
 }
 
-/// What turns the numbers of the file upright: of what turns the scene, the part that its frame has
-/// not done yet.
+/// Rotation of the file's node: the scene's upright rotation without the part that the frame
+/// covers.
 Mat3<double> turn_of_node(const SplatGlbOptions& options) {
     Mat3<double> out = options.upright_from_scene;
     const HalfTurn turn = half_turn(options.frame);
@@ -90,7 +90,7 @@ public:
             g.means[i] = turn(vector(mean));
             g.quats[i] = turn(Quatf{q(3), q(0), q(1), q(2)});
             const Vec3f s = vector(scale);
-            // A scale of zero has no finite logarithm; a millionth of the largest will do.
+            // A scale of zero has no finite logarithm; uses a millionth of the largest instead.
             const float thin = 1e-6f * std::max({s.x, s.y, s.z});
             for (int c = 0; c < 3; ++c) g.log_scales[i][c] = std::log(s[c] > 0 ? s[c] : thin);
             const auto alpha = static_cast<float>(opacity.value(i, 0));
@@ -159,7 +159,7 @@ std::string splat_glb_bytes(const std::string& path,
         const float sign = turn.of_coefficient(static_cast<int>(k));
         add(name, "VEC3", [&](std::size_t i) { put(chunk.bytes, sign * g.sh[k * count + i]); });
     });
-    // For viewers that know no splats: points.
+    // Points for viewers that do not support splats.
     const std::size_t begin = chunk.bytes.size();
     for (std::size_t i = 0; i < count; ++i) {
         for (int c = 0; c < 3; ++c) put(chunk.bytes, glb::linear_u16(0.5f + kShC0 * g.sh[i][c]));

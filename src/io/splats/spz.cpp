@@ -23,23 +23,23 @@ static_assert(std::endian::native == std::endian::little, "SPZ is little-endian"
 struct Header {
     std::uint32_t magic = spz::kMagic, version = 0, count = 0;
     std::uint8_t degree = 0, fractional_bits = 0, flags = 0;
-    std::uint8_t streams = 0;  // of version 4; else 0
+    std::uint8_t streams = 0;  // version 4 only, else 0
 };
 static_assert(sizeof(Header) == spz::kHeaderBytes);
 constexpr std::uint8_t kAntialiased = 1;
 
-/// Of version 4: what follows the header, and a row of its table, one a stream.
+/// Version 4: the block after the header, and a row of the table, one per stream.
 struct Container {
-    std::uint32_t table = 0, zero[3] = {};  // `table`: where it begins
+    std::uint32_t table = 0, zero[3] = {};  // `table`: offset of the table
 };
 struct TableRow {
     std::uint64_t packed = 0, bytes = 0;
 };
 static_assert(sizeof(Container) == 16 && sizeof(TableRow) == 16);
 constexpr std::size_t kContainerEnd = sizeof(Header) + sizeof(Container);
-/// Where the arrays of a file begin, and its end: of version 4 as if they were not packed.
+/// Offsets of the arrays of a file and of its end. Version 4: as if not compressed.
 struct Layout {
-    std::size_t count, rest;  // `rest`: coefficients per channel beyond the first
+    std::size_t count, rest;  // `rest`: coefficients per channel after the first
     std::size_t rotation_bytes;
 
     explicit Layout(const Header& h)
@@ -53,7 +53,7 @@ struct Layout {
     std::size_t rotations() const { return scales() + 3 * count; }
     std::size_t sh() const { return rotations() + rotation_bytes * count; }
     std::size_t end() const { return sh() + 3 * rest * count; }
-    /// One array a stream of version 4; an empty one has none.
+    /// End of each array, which is one stream of version 4. An empty array has no stream.
     std::vector<std::size_t> stream_ends() const {
         std::vector<std::size_t> ends{opacities(), colors(), scales(), rotations(), sh()};
         if (rest > 0) ends.push_back(end());
@@ -61,7 +61,7 @@ struct Layout {
     }
 };
 
-/// zlib's two directions as one object that cleans up.
+/// Compression or decompression by zlib, with clean-up.
 struct Stream {
     z_stream z{};
     int (*end)(z_streamp);
@@ -71,7 +71,7 @@ struct Stream {
     Stream& operator=(const Stream&) = delete;
     ~Stream() { end(&z); }
 
-    /// zlib counts in 32 bits: at most a GiB at a time.
+    /// zlib counts in 32 bits: at most one GiB at a time.
     static uInt part(std::size_t bytes) {
         return static_cast<uInt>(std::min<std::size_t>(bytes, 1 << 30));
     }
@@ -84,8 +84,8 @@ std::vector<std::uint8_t> gzip(std::vector<std::uint8_t>& bytes) {
     constexpr int kLevel = 6, kMemory = 8;
     if (deflateInit2(&z, kLevel, Z_DEFLATED, kGzip, kMemory, Z_DEFAULT_STRATEGY) != Z_OK)
         throw std::bad_alloc();
-    std::string comment = kVersion;  // by which the file can be told from those of others
-    gz_header header{};              // no time and no name: the same splats make the same bytes
+    std::string comment = kVersion;  // signature of tvsgs
+    gz_header header{};              // no time and no name: equal splats give equal bytes
     header.os = 255;
     header.comment = reinterpret_cast<Bytef*>(comment.data());
     deflateSetHeader(&z, &header);
@@ -104,21 +104,21 @@ std::vector<std::uint8_t> gzip(std::vector<std::uint8_t>& bytes) {
     return out;
 }
 
-/// Takes a gzip file apart, piece by piece.
+/// Reads a gzip file in pieces.
 class Gunzip {
 public:
     Gunzip(std::span<const std::uint8_t> bytes, const std::string& name)
         : bytes_(bytes), name_(name), stream_(inflateEnd) {
         if (inflateInit2(&stream_.z, kGzip) != Z_OK) throw std::bad_alloc();
     }
-    /// Up to `bytes` more; fewer at the end of the file. Throws where it is damaged or cut off.
+    /// Reads up to `bytes`, fewer at the end of the file. Throws if the file is damaged or cut off.
     std::size_t read(std::uint8_t* out, std::size_t bytes) {
         z_stream& z = stream_.z;
         std::size_t written = 0;
         while (written < bytes && !ended_) {
             const uInt in = Stream::part(bytes_.size() - taken_),
                        room = Stream::part(bytes - written);
-            z.next_in = const_cast<Bytef*>(bytes_.data() + taken_), z.avail_in = in;  // reads only
+            z.next_in = const_cast<Bytef*>(bytes_.data() + taken_), z.avail_in = in;  // read only
             z.next_out = out + written, z.avail_out = room;
             const int status = inflate(&z, Z_NO_FLUSH);
             taken_ += in - z.avail_in, written += room - z.avail_out;
@@ -160,7 +160,7 @@ Header parse_header(const std::uint8_t* bytes, std::size_t size, const std::stri
     return h;
 }
 
-/// Reads what is left, to have the checksum looked at; trailing bytes are of no concern.
+/// Reads the rest, so that zlib verifies the checksum. Ignores trailing bytes up to `limit`.
 void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
     std::uint8_t scratch[1 << 14];
     for (std::size_t more = 0; const std::size_t n = gunzip.read(scratch, sizeof scratch);)
@@ -171,12 +171,12 @@ void finish(Gunzip& gunzip, std::size_t limit, const std::string& name) {
 constexpr const char* kStreamNames[] = {"positions", "opacities", "colours",
                                         "sizes",     "rotations", "harmonics"};
 
-/// `bytes` as Layout has them, of the header's version 4.
+/// Version 4 from `bytes` in the order of Layout.
 std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& bytes) {
     const Layout at(h);
     const std::vector<std::size_t> ends = at.stream_ends();
-    // Between header and table, which nobody reads there without the flag of extensions; as one,
-    // readers would warn of it. By it our files can be told.
+    // The signature of tvsgs lies between header and table. Readers ignore this space unless the
+    // flag of extensions is set; as an extension it would cause warnings.
     const std::string_view signature = kVersion;
     h.streams = static_cast<std::uint8_t>(ends.size());
     Container c;
@@ -199,7 +199,7 @@ std::vector<std::uint8_t> container(Header h, const std::vector<std::uint8_t>& b
     return out;
 }
 
-/// The arrays as Layout has them, the header in front.
+/// Unpacks version 4 to the order of Layout, with the header in front.
 std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
                                          const std::string& name) {
     const Header h = parse_header(file.data(), file.size(), name);
@@ -223,7 +223,7 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
     std::size_t from = c.table + table.size() * sizeof(TableRow);
     std::vector<std::span<const std::uint8_t>> frames;
     for (std::size_t i = 0, begin = at.means(); i < ends.size(); begin = ends[i++]) {
-        constexpr std::size_t kMostPacked = 1 << 15;  // 128 KiB of one byte are a block of four
+        constexpr std::size_t kMostPacked = 1 << 15;  // zstd: 128 KiB of equal bytes become 4
         const std::size_t bytes = ends[i] - begin;
         if (table[i].bytes != bytes)
             throw input_error(name, ": ", table[i].bytes, " bytes of ", kStreamNames[i],
@@ -247,7 +247,7 @@ std::vector<std::uint8_t> open_container(std::span<const std::uint8_t> file,
     return bytes;
 }
 
-/// The same of versions 2 and 3.
+/// The same for versions 2 and 3.
 std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const std::string& name) {
     Gunzip gunzip(file, name);
     std::uint8_t start[spz::kHeaderBytes] = {};
@@ -255,7 +255,7 @@ std::vector<std::uint8_t> open_gzip(std::span<const std::uint8_t> file, const st
     if (h.version == 4)
         throw input_error(name, ": SPZ version 4 inside gzip; expected version 2 or 3 there");
     const Layout at(h);
-    constexpr std::size_t kMostPacked = 1032;  // bytes of which deflate makes one
+    constexpr std::size_t kMostPacked = 1032;  // largest ratio of deflate
     if (at.end() / kMostPacked > file.size())
         throw input_error(name, ": claims ", h.count, " splats, more than its ", file.size(),
                           " bytes can hold");
@@ -374,7 +374,7 @@ SpzContents parse_spz(std::span<const std::uint8_t> file,
         for (std::size_t c = 0; c < 3; ++c) {
             std::uint32_t fixed = 0;
             std::memcpy(&fixed, &bytes[at.means() + 9 * i + 3 * c], 3);
-            const int value = static_cast<int>(fixed << 8) >> 8;  // the sign is in bit 23
+            const int value = static_cast<int>(fixed << 8) >> 8;  // bit 23 is the sign
             p[static_cast<int>(c)] = std::ldexp(static_cast<float>(value), -out.fractional_bits);
         }
         g.means[i] = turn(p);

@@ -1,4 +1,5 @@
-// SPZ, packed splats of 20 to 65 bytes before gzip. https://github.com/nianticlabs/spz
+// Reading and writing of SPZ: splats packed to 20 to 65 bytes before compression.
+// https://github.com/nianticlabs/spz
 #pragma once
 
 #include <cstdint>
@@ -11,42 +12,45 @@
 
 namespace tvsgs {
 
+/// Options of spz_bytes().
 struct SpzOptions {
-    /// 2: rotations of three bytes, off by up to 12 degrees; 3: of four, by up to 0.27; 4: the same
-    /// numbers, packed by zstd instead of gzip.
+    /// 2: rotations of 3 bytes, error up to 12 degrees. 3: rotations of 4 bytes, error up to 0.27
+    /// degrees. 4: the same numbers, compressed by zstd instead of gzip.
     int version = 3;
-    SplatFrame frame = SplatFrame::rub;  // of the file; RUB by its specification
-    /// 1 to 8: of coefficients of degree 1, of 2 and 3. These are small; 8 are good.
+    SplatFrame frame = SplatFrame::rub;  // of the file; RUB by the specification
+    /// Bits of SH coefficients, 1 to 8: of degree 1, and of degrees 2 and 3. 5 and 4 make small
+    /// files; 8 is accurate.
     int sh_bits_1 = 5, sh_bits_rest = 4;
-    bool antialiased = false;  // says that opacities are of a renderer that keeps a splat's mass
+    bool antialiased = false;  // marks opacities as of a renderer that keeps a splat's mass
 };
 
-/// The bytes of a file with all splats, in their order and our frame before `options` turns it. The
-/// same bytes for any number of threads. Positions get as many fractional bits, at most 20, as the
-/// farthest one leaves of 24. What bounds the errors is in docs/guide/exporting.md; scales outside
-/// of [exp(-10), exp(5.9375)] and colours outside of [-0.44, 1.44] come to these limits. Opacities
-/// below 1/510 become 0. Throws Error(ExitCode::numerical) for what is not finite,
-/// Error(ExitCode::input) when there is no splat, or one farther than 2^23 from zero.
-/// `name` is for messages; Gaussians::filter has to be empty.
+/// The bytes of a file with all splats in order; `options` rotates them from our frame. Does not
+/// depend on the number of threads. Positions use 24 bits; the farthest one decides how many of
+/// them are fractional, at most 20. docs/guide/exporting.md lists the errors. Clamps scales to
+/// [exp(-10), exp(5.9375)] and colours to [-0.44, 1.44]; opacities below 1/510 become 0. Throws
+/// Error(ExitCode::numerical) for numbers that are not finite, and Error(ExitCode::input) for no
+/// splats or a splat farther than 2^23 from zero. Messages contain `name`. Gaussians::filter must
+/// be empty.
 std::vector<std::uint8_t> spz_bytes(const Gaussians<Cpu>& gaussians,
                                     const SpzOptions& options = {},
                                     const std::string& name = "SPZ");
 
-/// The same to a temporary file, flushed and renamed.
+/// Writes these bytes to an atomic file.
 void write_spz(const std::string& path,
                const Gaussians<Cpu>& gaussians,
                const SpzOptions& options = {});
 
+/// Splats and header of a file.
 struct SpzContents {
     Gaussians<Cpu> splats;  // in our frame; opacities of 0 and 1 have logits of -30 and 30
     int version = 0;
-    int fractional_bits = 0;  // of positions: they are off by at most 2^-(this + 1)
+    int fractional_bits = 0;  // of positions, with errors up to 2^-(fractional_bits + 1)
     bool antialiased = false;
 };
 
-/// Versions 2 to 4; of degree 4 what is above 3 is left out with a warning. `frame`: the file's,
-/// which it does not say. Throws Error(ExitCode::input) for anything else, before it takes memory
-/// that the bytes do not bear out; at most 50 million splats.
+/// Parses versions 2 to 4. Drops coefficients of degree 4 with a warning. `frame`: frame of the
+/// file, which it does not store. Throws Error(ExitCode::input) for anything else, before it
+/// allocates more memory than the size of the file justifies, and for more than 50 million splats.
 SpzContents parse_spz(std::span<const std::uint8_t> bytes,
                       const std::string& name,
                       SplatFrame frame = SplatFrame::rub);

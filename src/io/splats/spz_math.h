@@ -1,4 +1,4 @@
-// How SPZ rounds the numbers of one splat. Single precision, as its library has it, so that bytes
+// Quantisation of one splat's numbers in SPZ. Single precision, like SPZ's library, so that bytes
 // agree. https://github.com/nianticlabs/spz
 #pragma once
 
@@ -15,15 +15,15 @@ namespace tvsgs::spz {
 inline constexpr std::uint32_t kMagic = 0x5053474e;  // "NGSP"
 inline constexpr std::uint32_t kMaxSplats = 50000000;
 inline constexpr int kHeaderBytes = 16, kMaxFractionalBits = 20, kMaxDegree = 4;
-inline constexpr int kMaxFixed = (1 << 23) - 1;  // positions have 24 bits with their sign
+inline constexpr int kMaxFixed = (1 << 23) - 1;  // 24 bits with sign
 inline constexpr float kScaleSteps = 16, kMinLogScale = -10;
-inline constexpr float kColorRange = 0.15f;  // coefficients of degree 0 within +-0.5 / this
+inline constexpr float kColorRange = 0.15f;  // range of coefficients of degree 0: +-0.5 / this
 
 inline std::uint8_t to_byte(float value) {
     return static_cast<std::uint8_t>(std::clamp(std::round(value), 0.0f, 255.0f));
 }
 
-/// As many as leave the largest coordinate in 24 bits; -1: it does not fit.
+/// Largest number of fractional bits with which the largest coordinate fits into 24 bits; -1: none.
 inline int fractional_bits(float largest) {
     int bits = kMaxFractionalBits;
     while (bits >= 0 && !(std::ldexp(double{largest}, bits) <= kMaxFixed)) --bits;
@@ -51,7 +51,7 @@ inline float unpack_color(std::uint8_t b) {
     return (static_cast<float>(b) / 255 - 0.5f) / kColorRange;
 }
 
-/// `bits` 1 to 8: fewer are smaller once packed.
+/// `bits` 1 to 8. Fewer bits compress better.
 inline std::uint8_t pack_sh(float f, int bits) {
     const float bucket = static_cast<float>(1 << (8 - bits));
     const float q = std::round(128 * f) + 128;
@@ -61,7 +61,7 @@ inline float unpack_sh(std::uint8_t b) {
     return (static_cast<float>(b) - 128) / 128;
 }
 
-/// x, y and z of a unit quaternion whose w is not negative.
+/// x, y and z of a unit quaternion, with the sign that makes w positive.
 inline std::array<std::uint8_t, 3> pack_first_three(Quatf q) {
     q = normalize(q);
     const float scale = q.w < 0 ? -127.5f : 127.5f;
@@ -76,8 +76,8 @@ inline Quatf unpack_first_three(const std::uint8_t* b) {
 
 inline constexpr float kSqrtHalf = 0.70710678f;
 
-/// From the top: 2 bits say which of x, y, z, w is the largest; the others follow with a sign and 9
-/// bits each, up to sqrt(1/2).
+/// From the top: 2 bits for the index of the largest of x, y, z, w; then for each other component a
+/// sign and 9 bits, up to sqrt(1/2).
 inline std::uint32_t pack_smallest_three(Quatf q) {
     q = normalize(q);
     const float v[4] = {q.x, q.y, q.z, q.w};
