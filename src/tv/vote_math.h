@@ -1,4 +1,4 @@
-// One vote between two splats in closed form.  [docs/method/voting.md#one-vote]
+// Closed form of one vote between two splats.  [docs/method/voting.md#one-vote]
 #pragma once
 
 #include <cmath>
@@ -12,34 +12,36 @@ inline constexpr double kLn10 = 2.302585092994046;
 inline constexpr double kPi = 3.141592653589793;
 inline constexpr double kWhitenNoise = 1e-4;  // of the (mean) trace: "0.01% of their average trace"
 inline constexpr double kCoincident =
-    1e-12;  // squares of the 1e-6 below which no direction is defined
-// Arc >= chord bounds a vote by exp(-chord^2 / tau^2 - the curvature's part): past this exponent it
-// is defined as zero, where float still has normal numbers. A covariant vote grows with the voter's
-// variance, so that of a giant counts where it is far below those of small splats.
+    1e-12;  // square of 1e-6: no direction is defined below this distance
+// A vote is at most exp(-chord^2 / tau^2 - curvature term), because the arc is at least as long as
+// the chord. Beyond this exponent the vote is defined as zero; float still has normal numbers
+// there. The limit is this large because a covariant vote grows with the voter's variance: the vote
+// of a giant splat counts even at a tiny decay.
 inline constexpr double kMaxExponent = 80;
-inline constexpr double kMinEigenvalue =
-    1e-30;  // a tensor below this carries no information in float
+inline constexpr double kMinEigenvalue = 1e-30;  // smaller tensors carry no information in float
 inline constexpr double kMinNormalGap =
-    1e-3;  // (lambda_2 - lambda_3) / lambda_1 of an unambiguous normal
-// Below this rounding of the sums in float has made the gap, and with it the normal: no vote.
+    1e-3;  // minimum of (lambda_2 - lambda_3) / lambda_1 for an unambiguous normal
+// Below this gap float rounding of the sums decides the normal, so the splat does not vote.
 inline constexpr double kMinVotingGap = 1e-5;
-inline constexpr double kStrongVote = 1e-3;  // what tv.min_votes counts
-// Of lambda_1: ten times the rounding of float, by which one saliency is more than another.
+inline constexpr double kStrongVote = 1e-3;  // decay above which tv.min_votes counts a vote
+// Share of lambda_1, ten times the rounding of float: a saliency must be larger by this margin.
 inline constexpr float kRoundingMargin = 1e-5f;
 
+/// Options of the whitening; see TvOptions.
 struct WhitenRule {
     bool whiten = true;
     bool per_splat_noise = false;
     float flatness_limit = 0;
 };
 
+/// Options of the votes; see TvOptions.
 struct VoteRule {
     bool unit_length = false;  // tv.vote_map = unit
     float max_sin2 =
-        2;  // sine squared of the largest vote angle; 2: no limit, free of rounding at 90 degrees
+        2;  // sin^2 of the largest vote angle; 2: no limit, even with rounding at 90 degrees
 };
 
-/// No scale counts as thinner than `limit` times the middle one.
+/// Raises scales below `limit` times the middle scale to that value.
 template <class Real>
 TVSGS_HD Vec3<Real> limit_flatness(Vec3<Real> s, Real limit) {
     const Real low = s.x < s.y ? s.x : s.y, high = s.x < s.y ? s.y : s.x;
@@ -48,14 +50,14 @@ TVSGS_HD Vec3<Real> limit_flatness(Vec3<Real> s, Real limit) {
     return {s.x < least ? least : s.x, s.y < least ? least : s.y, s.z < least ? least : s.z};
 }
 
-/// The space in which the voter is a unit ball.
+/// The space in which the voter is a unit sphere.
 template <class Real>
 struct Whitening {
     Mat3<Real> R;           // world_from_gaussian
     Vec3<Real> deviations;  // S': sqrt(s^2 + noise)
 };
 
-/// `noise`: the global regulariser, world units squared; not read where the rule says per splat.
+/// `noise`: global regulariser, world units squared; not read if the rule is per splat.
 template <class Real>
 TVSGS_HD Whitening<Real> whitening(Quat<Real> quat,
                                    Vec3<Real> scales,
@@ -71,7 +73,7 @@ TVSGS_HD Whitening<Real> whitening(Quat<Real> quat,
              std::sqrt(variances.z + noise)}};
 }
 
-/// S'^-1 R^T: the symmetric M of the page up to a rotation, so lengths and angles are the same.
+/// S'^-1 R^T: equals the symmetric M of the page up to a rotation, so lengths and angles agree.
 /// [docs/method/voting.md#one-vote]
 template <class Real>
 TVSGS_HD Mat3<Real> whitened_from_world(const Whitening<Real>& w) {
@@ -81,7 +83,7 @@ TVSGS_HD Mat3<Real> whitened_from_world(const Whitening<Real>& w) {
     return W;
 }
 
-/// Two unit vectors at right angles to the unit vector `n` and to each other, without a branch.
+/// Two unit vectors that are orthogonal to the unit vector `n` and to each other, without a branch.
 template <class Real>
 TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
     const Real sign = n.z < 0 ? Real(-1) : Real(1), c = -1 / (sign + n.z), xy = n.x * n.y * c;
@@ -89,29 +91,29 @@ TVSGS_HD void orthonormal_basis(Vec3<Real> n, Vec3<Real>& a, Vec3<Real>& b) {
     b = {xy, sign + n.y * n.y * c, -n.y};
 }
 
-/// The factor of (sin theta / L)^2 in a vote's exponent, L being the whitened distance:
-/// c kappa^2 / tau^2. Scale-free, a vote at 45 degrees has a tenth of a straight one's strength at
-/// any median distance, tau / tau_per_median; with the paper's constant only where that distance
-/// is 2.
+/// The factor c kappa^2 / tau^2 of (sin theta / L)^2 in a vote's exponent; L is the whitened
+/// distance. Scale-free: a vote at 45 degrees has a tenth of the strength of a straight vote at the
+/// median distance tau / tau_per_median. The paper's constant has this property only for a median
+/// distance of 2.
 template <class Real>
 TVSGS_HD Real curvature_factor(bool scale_free, Real tau, Real tau_per_median) {
     const Real median = scale_free ? tau / tau_per_median : Real(2);
     return Real(16 * kLn10 / (kPi * kPi)) * median * median;
 }
 
-/// All that the votes of one splat depend on. Silent voters have inverse_tau2 = 0, ball voters
-/// normal_world = 0.
+/// Everything that the votes of one splat depend on. inverse_tau2 = 0: the voter is silent.
+/// normal_world = 0: it votes as a ball.
 template <class Real>
 struct alignas(16) VoterRecord {
     Vec3<Real> mean;
     Real inverse_tau2;
-    Mat3<Real> W;             // to the whitened space; a plate's normal is its third axis
-    Vec3<Real> normal_world;  // where the inverse whitening takes that axis
+    Mat3<Real> W;             // to the whitened space; the third axis is a plate's normal
+    Vec3<Real> normal_world;  // the third axis mapped back by the inverse whitening
     Real strength;
     Real curvature;  // curvature_factor()
 };
 
-/// False for tau that is zero, not finite, or whose square leaves the range.
+/// False if tau is zero or not finite, or if its square overflows.
 template <class Real>
 TVSGS_HD bool can_vote(const VoterRecord<Real>& voter) {
     return voter.inverse_tau2 > 0;
@@ -122,8 +124,8 @@ TVSGS_HD Real inverse_square_or_zero(Real tau) {
     return tau > 0 && inverse > 0 && inverse * 0 == 0 ? inverse : Real(0);
 }
 
-/// The record, or one of zeros if any of its numbers is not finite: even multiplied by a decay of
-/// zero such a number would make its receivers' sums NaN.
+/// Returns the record, or zeros if any number is not finite: such a number would make the sums of
+/// the receivers NaN, even multiplied by a decay of zero.
 template <class Real>
 TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) {
     const Vec3<Real> m = voter.mean, n = voter.normal_world;
@@ -134,11 +136,10 @@ TVSGS_HD VoterRecord<Real> silent_unless_finite(const VoterRecord<Real>& voter) 
     return zero == 0 ? voter : VoterRecord<Real>{};
 }
 
-/// `normal`: unit, world; zero for a ball voter. Whitened axes are S'^-1 R^T up to a rotation,
-/// which changes no length and no angle: a plate turns them so that its normal is the third. That
-/// axis of the world is then normal / |S' R^T normal|, with none of the rounding of R and S' in its
-/// direction. A record that is not finite cannot vote: one such vote would spoil the sums of all
-/// its receivers.
+/// Record of a voter. `normal`: unit, world; zero for a ball. The whitened axes are S'^-1 R^T up to
+/// a rotation, which changes no length and no angle. A plate uses the rotation that makes its
+/// normal the third axis. This axis in the world is normal / |S' R^T normal|, so its direction has
+/// no rounding from R and S'. A record that is not finite becomes silent.
 template <class Real>
 TVSGS_HD VoterRecord<Real> voter_record(Vec3<Real> mean,
                                         const Whitening<Real>& w,
@@ -170,17 +171,18 @@ TVSGS_HD VoterRecord<To> record_cast(const VoterRecord<double>& r) {
         vec_cast<To>(r.normal_world), static_cast<To>(r.strength), static_cast<To>(r.curvature)});
 }
 
+/// The vote of one voter for one receiver.
 template <class Real>
 struct Vote {
     decltype(Real{} > Real{}) cast{};  // false: degenerate geometry or a silent voter, not counted
     Real decay{};                      // V, in [0, 1]
-    Vec3<Real> v{};           // the vote is strength * decay * v v^T / |v|^2 or without the divisor
-    Real inverse_length2{1};  // 1 / |v|^2 where votes have length 1, else 1
+    Vec3<Real> v{};  // the vote is strength * decay * v v^T, divided by |v|^2 for unit votes
+    Real inverse_length2{1};  // 1 / |v|^2 for unit votes, else 1
 };
 
-/// The square of arc / chord of a vote whose angle to the voter's plane has these sine and cosine.
-/// arccos(c)^2 / (1 - c^2) is smooth on [0, 1]: least squares at Chebyshev points, relative error
-/// 2e-7 with rounding.
+/// Square of arc / chord of a vote with this sine and cosine of its angle to the voter's plane.
+/// arccos(c)^2 / (1 - c^2) is smooth on [0, 1]: least-squares polynomial at Chebyshev points,
+/// relative error 2e-7 including rounding.
 template <class Real>
 TVSGS_HD Real arc_factor2(Real sine, Real cosine) {
     if constexpr (kIsDouble<Real>) {
@@ -205,12 +207,12 @@ TVSGS_HD Real arc_factor2(Real sine, Real cosine) {
 
 template <class Math, class Real, class Condition>
 TVSGS_HD Vote<Real> scaled_vote(Condition cast, Real decay, Vec3<Real> v, const VoteRule& rule) {
-    const Real least(1e-37f);  // its inverse is finite
+    const Real least(1e-37f);  // with a finite inverse
     return {cast, decay, v, rule.unit_length ? Math::inverse(maximum(dot(v, v), least)) : Real(1)};
 }
 
-// Votes branch by selects only, so that a Pack of them can be computed at a time: where there is no
-// vote the quotients may be anything, and are dropped at the end.
+// Votes branch only by select(), so that a Pack of votes can be computed at once. Without a vote
+// the quotients have any value, and the final select drops them.
 
 /// `d`: receiver - voter.mean in the world; `dw` = W d.
 template <class Math, class Real>
@@ -225,6 +227,7 @@ TVSGS_HD Vote<Real> ball_vote(const VoterRecord<Real>& voter,
                              select(reaches, Math::inverse_sqrt(l2), none) * d, rule);
 }
 
+/// The same arguments as ball_vote(), for a voter with a normal.
 template <class Math, class Real>
 TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
                                Vec3<Real> d,
@@ -250,13 +253,13 @@ TVSGS_HD Vote<Real> plate_vote(const VoterRecord<Real>& voter,
         select(reaches, a, none) * d + select(reaches, b, none) * voter.normal_world, rule);
 }
 
-/// The sums of one receiver. A vote of strength 0 is none.
+/// The sums of one receiver. A vote of strength 0 does not count.
 template <class Real>
 struct VoteSums {
     Sym3<Real> tensor{};
     Real squares{};  // of strength * decay
     Real votes{};
-    Real strong{};  // votes with a decay over kStrongVote
+    Real strong{};  // votes with a decay above kStrongVote
 };
 
 template <class Real>

@@ -1,5 +1,4 @@
-// Tensor voting: splats vote for each other's tangent planes.
-// [docs/method/voting.md]
+// Tensor voting: splats vote for each other's tangent planes. [docs/method/voting.md]
 #pragma once
 
 #include <cstdint>
@@ -21,6 +20,7 @@ enum class Curvature { literal, scale_free };
 enum class Targets { votes, anchor };
 enum class VotePrecision { single_precision, double_precision };
 
+/// Options of tensor voting; fields() has their meaning.
 struct TvOptions {
     bool enabled = true;
     int k = 100;
@@ -102,58 +102,59 @@ struct TvOptions {
 
 /// Bits of TensorField::flags.
 enum TensorFlag : std::uint8_t {
-    kHasTensor = 1,      // at least one valid voting round has reached the splat
-    kNormalValid = 2,    // take part in the normal loss
-    kPositionValid = 4,  // take part in the position loss
+    kHasTensor = 1,      // a valid voting round has reached the splat at least once
+    kNormalValid = 2,    // takes part in the normal loss
+    kPositionValid = 4,  // takes part in the position loss
 };
 
-/// Results of the last voting event, one entry per splat; constants of the losses until the next
-/// one.
+/// Results of the last voting event, one entry per splat. The losses use them as constants until
+/// the next event.
 template <class Device>
 struct TensorField {
     Buffer<Sym3f, Device> tensors;      // [N] accumulated votes, world frame
     Buffer<Vec3f, Device> eigenvalues;  // [N] descending
     Buffer<Vec3f, Device>
         normals;  // [N] unit; direction of the smallest eigenvalue, sign arbitrary
-    Buffer<Vec3f, Device> targets;  // [N] world point of largest surface saliency along the normal
+    Buffer<Vec3f, Device> targets;       // [N] world point of largest saliency along the normal
     Buffer<std::uint8_t, Device> flags;  // [N] TensorFlag bits
 };
 
-/// Intermediate results of the last event, on the host; for tests and reports.
+/// Intermediate results of the last event on the host, for tests and reports.
 struct VotingDetails {
     int k = 0;                             // receivers per voter
-    std::vector<std::uint32_t> receivers;  // [N, k] zeros for voters that take no part
-    std::vector<std::int64_t> begin;       // [N + 1] where receiver i's voters begin
-    std::vector<std::uint32_t> voters;     // ascending; a fixed voter counts from N on
+    std::vector<std::uint32_t> receivers;  // [N, k] zeros for splats that do not vote
+    std::vector<std::int64_t> begin;       // [N + 1] index of the first voter of receiver i
+    std::vector<std::uint32_t> voters;     // ascending; fixed voters are numbered from N on
     std::vector<float> tau;                // [N] scale of voting; 0: silent
-    std::vector<float> variability;        // [N] radians; infinite where the normal is ambiguous
-    std::vector<float> strength;           // [N] RMS of the votes received; infinite likewise
-    std::vector<std::uint8_t> left_out;    // [N] in the top 5% of both
+    std::vector<float> variability;        // [N] radians; infinite if the normal is ambiguous
+    std::vector<float> strength;           // [N] RMS of the received votes; infinite if ambiguous
+    std::vector<std::uint8_t> left_out;    // [N] in the top 5% of variability and strength
 };
 
-/// Measured points that vote, never move, are never rendered and have no loss.
+/// Measured points that vote and never move. They are not rendered and have no loss.
 struct FixedVoters {
     std::vector<Vec3f> means;
     std::vector<Vec3f> normals;  // unit
-    std::vector<float> scales;   // world units; the radius of the surface a point stands for
-    std::vector<float> weights;  // strength of the votes: 1 is the most a splat can have
+    std::vector<float> scales;   // world units; radius of the surface patch that a point represents
+    std::vector<float> weights;  // strength of the votes; a splat has at most 1
 
     int size() const { return static_cast<int>(means.size()); }
 };
 
+/// Time of one stage of an event.
 struct VotingStage {
     std::string name;
     double ms;
 };
 
-/// Work and cost of the last event; filled on request only.
+/// Work and time of the last event. Filled only while profiling is on.
 struct VotingProfile {
     std::vector<VotingStage> stages;  // "keys", "tree", "search", "reverse" if lists were rebuilt;
                                       // "records", "centres", "eigen", "masks", "virtual"
-    std::size_t bytes = 0;            // of lists and scratch, on the device
+    std::size_t bytes = 0;            // of lists and scratch memory, on the device
     std::int64_t candidates = 0, leaves = 0;  // of the last search
     std::int64_t silent_voters = 0;
-    std::int64_t votes = 0, culled_votes = 0;  // of plates at the centres; culled: of decay 0
+    std::int64_t votes = 0, culled_votes = 0;  // of plates at the centres; culled: with decay 0
 };
 
 struct SplatSpans;
@@ -162,7 +163,7 @@ template <class Device>
 struct VotingState;
 }
 
-/// Votes when they are due; keeps the neighbour lists and all scratch memory of the votes.
+/// Runs the voting events. Keeps the neighbour lists and all scratch memory between events.
 template <class Device>
 class TensorVoter {
 public:
@@ -173,39 +174,39 @@ public:
     /// after structure_changed().
     bool due(int step) const;
 
-    /// One voting event on the current splats; searches neighbours when a refresh is due.
-    /// With fewer than two splats nothing is valid and the field is cleared. Without `targets`
-    /// there are no virtual receivers, and the targets are the centres.
+    /// Runs one voting event on the current splats; searches neighbours if a refresh is due. With
+    /// fewer than two splats it clears the field: nothing is valid. Without `targets` it skips the
+    /// virtual receivers, and the targets are the centres.
     /// [docs/method/voting.md#one-event]
     void vote(int step,
               const Gaussians<Device>& gaussians,
               TensorField<Device>& field,
               bool targets = true);
 
-    /// After splats were added, removed or re-ordered: `parents[i]` is the old index of new splat
-    /// i. Tensors are inherited, and the next vote() searches neighbours anew.
+    /// Call it after splats were added, removed or reordered: `parents[i]` is the old index of new
+    /// splat i. Splats inherit tensors, and the next vote() searches neighbours again.
     void structure_changed(Span<const int> parents, TensorField<Device>& field);
 
-    /// Replaces the fixed voters; the next vote() searches neighbours anew.
+    /// Replaces the fixed voters. The next vote() searches neighbours again.
     void set_fixed_voters(const FixedVoters& voters);
 
-    /// Decides about the next vote(), together with the splats and the field.
+    /// State that, with the splats and the field, determines the next vote().
     struct Progress {
-        int searched_at = -1;  // iteration of the lists that still hold; -1: the next vote searches
+        int searched_at = -1;  // iteration of the current lists; -1: the next vote searches
         bool changed = false;  // structure_changed() since the last vote
     };
     Progress progress() const;
 
-    /// Continues from a progress(); `searched` are the splats at its `searched_at`.
+    /// Continues from a progress(). `searched`: the splats at iteration `searched_at`.
     void restore(const Progress& progress, const Gaussians<Device>& searched);
 
-    /// With profiling on, vote() waits for the device around each stage.
+    /// With profiling on, vote() waits for the device after each stage.
     void set_profiling(bool on);
     VotingProfile profile() const;
 
     VotingDetails details() const;
 
-    /// For tests: uses these lists [N, k] as if searched at `step`, until the next refresh.
+    /// For tests: uses these lists [N, k] until the next refresh, as if searched at `step`.
     void set_receivers(int step, int k, const std::vector<std::uint32_t>& receivers);
 
 private:

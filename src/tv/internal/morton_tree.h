@@ -1,5 +1,5 @@
-// Exact nearest neighbours by a flat hierarchy of boxes: points in Morton order, 32 to a leaf, 32
-// nodes to a node. [docs/method/voting.md#the-search]
+// Exact nearest-neighbour search in a flat hierarchy of boxes: points in Morton order, 32 per leaf,
+// 32 children per node. [docs/method/voting.md#the-search]
 #pragma once
 
 #include <bit>
@@ -10,11 +10,13 @@
 
 namespace tvsgs {
 
+/// A point with the index of its splat.
 struct alignas(16) TreePoint {
     Vec3f position;
     std::uint32_t index;  // of the splat
 };
 
+/// Bounding box of a node.
 struct alignas(16) TreeNode {
     Vec3f low, high;
 };
@@ -22,16 +24,16 @@ struct alignas(16) TreeNode {
 inline constexpr int kTreeFanout = 32;
 inline constexpr int kMaxTreeLevels = 6;  // 2^31 points
 
-/// Node j of a level covers nodes (level 0: points) 32 j ... 32 j + 31 below it.
+/// Node j of a level covers nodes 32 j ... 32 j + 31 of the level below (level 0: points).
 struct MortonTree {
     Span<const TreePoint> points;
     Span<TreeNode> nodes;  // all levels, leaves first
     int level_begin[kMaxTreeLevels] = {};
     int level_size[kMaxTreeLevels] = {};
-    int levels = 0;  // the top one has at most 32 nodes
+    int levels = 0;  // the top level has at most 32 nodes
 };
 
-/// The shape of a tree over `count` > 0 points; returns the number of nodes.
+/// Sets the levels of a tree over `count` > 0 points. Returns the number of nodes.
 inline int set_tree_shape(MortonTree& tree, int count) {
     int total = 0;
     tree.levels = 0;
@@ -44,7 +46,7 @@ inline int set_tree_shape(MortonTree& tree, int count) {
     return total;
 }
 
-/// Box of node j of one level, from the points or the nodes below.
+/// Computes the box of node j of one level from the points or nodes below.
 struct TreeNodeBody {
     MortonTree tree;
     int level;
@@ -76,7 +78,7 @@ private:
     }
 };
 
-/// Orders like (distance squared, rank), distances that are not finite last.
+/// Key that orders by (squared distance, rank). Distances that are not finite come last.
 TVSGS_HD inline std::uint64_t distance_key(float squared, std::uint32_t rank) {
     const float ordered =
         squared >= 0 ? squared : std::numeric_limits<float>::infinity();  // NaN fails
@@ -87,7 +89,7 @@ TVSGS_HD inline std::uint32_t key_rank(std::uint64_t key) {
     return static_cast<std::uint32_t>(key);
 }
 
-/// A bound on the keys of all points in a node whose first point has `rank`.
+/// Lower bound of the keys of all points in a node whose first point has `rank`.
 TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint32_t rank) {
     Vec3f d;
     for (int axis = 0; axis < 3; ++axis) {
@@ -95,49 +97,49 @@ TVSGS_HD inline std::uint64_t node_key(const TreeNode& node, Vec3f q, std::uint3
         const float outside = below > above ? below : above;
         d[axis] = outside > 0 ? outside : 0;
     }
-    // Differences round monotonically; the factor covers the few roundings of the sum of squares.
+    // Differences round monotonically. The factor covers the roundings of the sum of squares.
     return distance_key(dot(d, d) * 0.999999f, rank);
 }
 
-/// Size in keys of the buffer that nearest() works in.
+/// Number of keys of NearestSearch's buffer.
 inline int search_capacity(int wanted) {
     return (2 * wanted + 64 + 31) / 32 * 32;
 }
 
-/// Points and leaves that a query visited.
+/// Numbers of points and leaves that a query visited.
 struct SearchCounts {
     int candidates = 0, leaves = 0;
 };
 
-/// One query by one warp.
+/// One query, run by one warp.
 template <class Warp>
 class NearestSearch {
 public:
-    /// `keys` has room for `capacity` = search_capacity(wanted) keys.
+    /// `keys` must hold `capacity` = search_capacity(wanted) keys.
     TVSGS_HD NearestSearch(
         const Warp& warp, const MortonTree& tree, std::uint64_t* keys, int capacity, int wanted)
         : warp_(warp), tree_(tree), keys_(keys), capacity_(capacity), wanted_(wanted) {}
 
-    /// The `wanted` points nearest to `position`, ties by rank. `self`: a rank to leave out, or -1;
-    /// `near`: a rank to begin at. Keys come first in the buffer, in no defined order; returns how
-    /// many there are (fewer if the tree holds fewer).
+    /// Finds the `wanted` points nearest to `position`, ties by rank. `self`: rank to exclude, or
+    /// -1. `near`: rank at which the search begins. Writes the keys to the front of the buffer in
+    /// no defined order and returns their number, which is smaller if the tree has fewer points.
     TVSGS_HD int run(Vec3f position, int self, int near) {
         position_ = position;
         self_ = self;
-        // 1. Neighbours in Morton order, enough of them to bound the distance of the wanted-th.
+        // 1. Neighbours in Morton order, enough to bound the distance of the wanted-th.
         const int leaves = tree_.level_size[0];
         const int window = min_of(leaves, (wanted_ + 64) / kTreeFanout + 1);
         window_begin_ = max_of(0, min_of(near / kTreeFanout - window / 2, leaves - window));
         window_end_ = window_begin_ + window;
         for (int leaf = window_begin_; leaf < window_end_; ++leaf) scan_leaf(leaf);
         shrink();
-        // 2. All other nodes that may hold a nearer point.
+        // 2. All other nodes that may contain a nearer point.
         descend<kMaxTreeLevels - 1>(0);
         shrink();
         return count_;
     }
     TVSGS_HD const SearchCounts& counts() const { return counts_; }
-    /// Side of the leaves that the search began with: negative below, 0 inside, positive above.
+    /// Side of the first leaves searched: -1 below, 0 inside, 1 above.
     TVSGS_HD int side_of_window(std::uint32_t rank) const {
         const int leaf = static_cast<int>(rank) / kTreeFanout;
         return leaf < window_begin_ ? -1 : leaf < window_end_ ? 0 : 1;
@@ -163,7 +165,7 @@ private:
         counts_.leaves += 1;
     }
 
-    /// Keeps the wanted smallest keys; only keys below the largest of them may enter from now on.
+    /// Keeps the `wanted` smallest keys. From now on only keys below the largest of them enter.
     TVSGS_HD void shrink() {
         if (count_ < wanted_ || count_ == 0) return;
         counts_.candidates += count_;
@@ -181,7 +183,7 @@ private:
         });
     }
 
-    /// Depth first below the node whose first child is `first`, children in Morton order.
+    /// Visits the nodes below, depth first in Morton order. `first`: the first child.
     template <int kLevel>
     TVSGS_HD void descend(int first) {
         if (kLevel >= tree_.levels) {
@@ -197,7 +199,7 @@ private:
                 descend<kLevel - 1>(node * kTreeFanout);
             else if (node < window_begin_ || node >= window_end_)
                 scan_leaf(node);
-            if (bound_ != tested) {  // shrunk: fewer may be in reach
+            if (bound_ != tested) {  // the bound shrank, so fewer nodes may be in reach
                 tested = bound_;
                 open &= children_in_reach(kLevel, first);
             }

@@ -1,5 +1,5 @@
-// The two forms of the lists of neighbours, and how warps read them. Both hold the same edges in
-// the same order and give them to the same lanes: sums over them agree bit for bit.
+// Two storage forms of the neighbour lists and their readers. Both forms hold the same edges in the
+// same order and give them to the same lanes, so sums agree bit for bit.
 #pragma once
 
 #include <bit>
@@ -9,26 +9,26 @@
 
 namespace tvsgs {
 
-/// full: one number per edge and direction. compact: about a byte per edge for both directions.
+/// full: one number per edge and direction. compact: about one byte per edge for both directions.
 enum class ListStorage { full, compact };
 
-/// Plain lists.
+/// The full form.
 struct FullLists {
     int k;                                // receivers of each voter
     Span<const std::uint32_t> receivers;  // [voters, k] ascending for each voter
-    Span<const std::int64_t> begin;       // [usable + 1] where receiver i's voters begin
+    Span<const std::int64_t> begin;       // [usable + 1] index of the first voter of receiver i
     Span<const std::uint32_t> voters;     // ascending for each receiver
 
-    /// Of one warp, for receivers_of().
+    /// Scratch memory per warp for receivers_of().
     static std::size_t scratch_bytes(int /*k*/) { return 0; }
 
-    /// The voter's k receivers.
+    /// The k receivers of the voter.
     template <class Warp>
     TVSGS_HD const std::uint32_t* receivers_of(const Warp&, int voter, void* /*scratch*/) const {
         return receivers.data + std::size_t(voter) * k;
     }
-    /// action(voter) for this lane's share of the voters of the splat at `rank`: number e goes to
-    /// the lanes of number e modulo kStride.
+    /// Calls action(voter) for the voters of the splat at `rank`. Voter number e goes to the lanes
+    /// whose number equals e modulo kStride.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
         const std::int64_t end = begin[rank + 1];
@@ -37,16 +37,16 @@ struct FullLists {
     }
 };
 
-/// The votes of 32 voters for 8 receivers, a bit each. Both sides are neighbours in Morton order,
-/// hence in space, so that few tiles hold all edges: on surfaces 75 for 32 voters of 100 votes
-/// each. One sector of memory.  [docs/method/voting.md#lists-of-voters]
+/// Votes of 32 voters for 8 receivers, one bit each. Ranks follow the Morton order, so voters and
+/// receivers are near in space and few tiles hold all edges: on surfaces about 75 tiles for 32
+/// voters with 100 votes each. One sector of memory.  [docs/method/voting.md#lists-of-voters]
 struct alignas(32) EdgeTile {
     static constexpr int kVoters = 32, kReceivers = 8;
     std::uint32_t voters[kReceivers];  // bit v of word r: voter v votes for receiver r
 };
 
-/// Writes first + i to `out` for each bit i of the mask, after the numbers of the lower lanes;
-/// returns how many all lanes write.
+/// Writes first + i to `out` for each bit i of the mask, after the numbers of the lower lanes.
+/// Returns the total number over all lanes.
 template <class Warp>
 TVSGS_HD int write_members(const Warp& warp,
                            std::uint32_t mask,
@@ -59,7 +59,7 @@ TVSGS_HD int write_members(const Warp& warp,
     return warp.from_lane(before + mine, Warp::kLanes - 1);
 }
 
-/// Place of the set bit number n, counted from 0.
+/// Position of the n-th set bit, counted from 0.
 TVSGS_HD inline int place_of_bit(std::uint32_t mask, int n) {
     int place = 0;
     for (int half = 16; half > 0; half /= 2) {
@@ -72,13 +72,13 @@ TVSGS_HD inline int place_of_bit(std::uint32_t mask, int n) {
     return place;
 }
 
-/// Lists as tiles.
+/// The compact form.
 struct CompactLists {
-    Span<const EdgeTile> tiles;                // ordered by block of voters, then of receivers
+    Span<const EdgeTile> tiles;  // ordered by block of voters, then by block of receivers
     Span<const std::uint32_t> receiver_block;  // of each tile
     Span<const std::int64_t> voter_begin;      // [blocks of voters + 1]
-    // The same tiles ordered by block of receivers, then of voters.
-    Span<const std::uint32_t> place;  // in `tiles`
+    // The same tiles ordered by block of receivers, then by block of voters.
+    Span<const std::uint32_t> place;  // index into `tiles`
     Span<const std::uint32_t> voter_block;
     Span<const std::int64_t> receiver_begin;  // [blocks of receivers + 1]
 
@@ -114,8 +114,9 @@ struct CompactLists {
                 for (std::uint32_t mask = voters_in(first, rank); mask != 0; mask &= mask - 1)
                     action(first_voter(first) + static_cast<std::uint32_t>(Warp::lowest_bit(mask)));
         } else {
-            // Reads 32 tiles at a time, one in each lane, then gives voter number e in them to lane
-            // e % 32. The last voters, if fewer than 32, stay in their lanes until the next tiles.
+            // Each lane reads one tile; the voters in these 32 tiles are then numbered, and lane e
+            // % 32 gets voter e. If fewer than 32 remain, they stay in their lanes until the next
+            // 32 tiles.
             std::uint32_t mine = 0;
             int found = 0;
             for (bool last = false; !last;) {
@@ -143,7 +144,7 @@ struct CompactLists {
         }
     }
 
-    /// Writes the voters of the splat at `rank` to `out`; takes a whole warp.
+    /// Writes the voters of the splat at `rank` to `out`. The whole warp must call it.
     template <class Warp>
     TVSGS_HD void write_voters(const Warp& warp, int rank, std::uint32_t* out) const {
         const std::int64_t end = receiver_begin[rank / EdgeTile::kReceivers + 1];
@@ -163,11 +164,11 @@ private:
     TVSGS_HD std::uint32_t first_voter(std::int64_t t) const {
         return voter_block[t] * EdgeTile::kVoters;
     }
-    /// Number e of the members of the lanes' sets, `before` of which are in lower lanes.
+    /// Voter number e of all lanes' masks; `before` of them are in lower lanes.
     template <class Warp>
     TVSGS_HD static std::uint32_t member(
         const Warp& warp, std::uint32_t mask, std::uint32_t base, int before, int e) {
-        int lane = 0;  // the last one with before <= e; empty sets come before the one after them
+        int lane = 0;  // last lane with before <= e; an empty mask precedes the mask after it
         for (int step = Warp::kLanes / 2; step > 0; step /= 2)
             if (warp.from_lane(before, lane + step) <= e) lane += step;
         const int n = e - warp.from_lane(before, lane);
@@ -176,7 +177,7 @@ private:
     }
 };
 
-/// Owns tiles. The buffers may be longer than `count`, which is known when all tiles are made.
+/// Owner of the tiles. The buffers may be longer than `count`, which is final when all tiles exist.
 template <class Device>
 struct EdgeTiles {
     std::size_t count = 0;

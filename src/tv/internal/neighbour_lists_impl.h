@@ -1,6 +1,6 @@
-// Makes tiles from the voters' ascending lists, then, for full lists, the receivers' lists from the
-// tiles. The cost is linear in the edges, however many voters one receiver has, and every list is
-// ascending without a sort.
+// Construction of the neighbour lists. First it builds tiles from the voters' ascending lists; for
+// full lists it then builds the receivers' lists from the tiles. The cost is linear in the number
+// of edges, even if one receiver has very many voters. All lists are ascending without a sort.
 #pragma once
 
 #include <algorithm>
@@ -10,15 +10,16 @@
 
 namespace tvsgs::detail {
 
-/// Merges the ascending lists of 32 voters into tiles; counts the tiles, or writes them.
+/// Merges the ascending lists of 32 voters into tiles. Counts the tiles if `counts` is given,
+/// otherwise writes them.
 struct TileBody {
-    static constexpr std::uint32_t kNone = ~0u;  // no rank is so large
+    static constexpr std::uint32_t kNone = ~0u;  // larger than any rank
     static constexpr std::size_t kScratch = 3 * EdgeTile::kVoters * sizeof(std::uint32_t);
 
     int voters, k;
     Span<const std::uint32_t> receivers;  // [voters, k]
     Span<int> counts;                     // [blocks]; empty: write
-    Span<const std::int64_t> begin;       // [blocks + 1] first tile of each block, from `used` on
+    Span<const std::int64_t> begin;  // [blocks + 1] first tile of each block, relative to `used`
     std::int64_t used;
     Span<EdgeTile> tiles;
     Span<std::uint32_t> receiver_block;
@@ -26,7 +27,7 @@ struct TileBody {
 
     template <class Warp>
     TVSGS_HD void operator()(const Warp& warp, int block, void* scratch) const {
-        auto* heads = static_cast<std::uint32_t*>(scratch);  // of the 32 lists
+        auto* heads = static_cast<std::uint32_t*>(scratch);  // next receivers of the 32 lists
         auto* taken = heads + EdgeTile::kVoters;
         auto* masks = taken + EdgeTile::kVoters;
         warp.for_lanes([&](int v) { taken[v] = 0, heads[v] = head(block, v, 0); });
@@ -73,7 +74,7 @@ private:
     }
 };
 
-/// Counts for a scan, with a zero after them, so that the scan ends with the total.
+/// Counts followed by a zero, so that the exclusive scan ends with the total.
 struct CountTerm {
     Span<const int> counts;
     TVSGS_HD std::int64_t operator()(std::int64_t i) const {
@@ -81,7 +82,7 @@ struct CountTerm {
     }
 };
 
-/// receiver_begin[b]: the first of the sorted tiles whose block is b or later.
+/// receiver_begin[b]: the first sorted tile whose block is at least b.
 struct ReceiverBeginBody {
     Span<const std::uint32_t> sorted_blocks;
     Span<std::int64_t> receiver_begin;
@@ -98,7 +99,7 @@ struct ReceiverBeginBody {
     }
 };
 
-/// Finds the block of voters of each tile: the last block that begins at or before the tile.
+/// Finds the voters' block of each tile: the last block that begins at or before the tile.
 struct VoterBlockBody {
     Span<const std::uint32_t> place;
     Span<const std::int64_t> voter_begin;
@@ -142,7 +143,7 @@ struct WriteVotersBody {
     }
 };
 
-/// The lists on the host, as full lists.
+/// The neighbour lists on the host, in full form.
 struct HostLists {
     std::vector<std::uint32_t> receivers, voters;
     std::vector<std::int64_t> begin;
@@ -180,7 +181,7 @@ inline int blocks_of(int count, int size) {
     return (count + size - 1) / size;
 }
 
-/// Grows or shrinks without losing the first `used` elements.
+/// Resizes a buffer and keeps its first `used` elements.
 template <class T, class Device>
 void resize_keeping(Buffer<T, Device>& buffer, std::size_t used, std::size_t size) {
     Buffer<T, Device> other(size);
@@ -193,7 +194,7 @@ void resize_tiles(EdgeTiles<Device>& tiles, std::size_t size) {
     resize_keeping(tiles.receiver_block, tiles.count, size);
 }
 
-/// Makes room for `size` elements and no more: the memory reported is the memory held.
+/// Allocates exactly `size` elements, so that the memory reported is the memory held.
 template <class T, class Device>
 void reserve(Buffer<T, Device>& buffer, std::size_t size) {
     if (size <= buffer.size()) return;
@@ -208,8 +209,8 @@ void begin_tiles(EdgeTiles<Device>& tiles, int voters) {
     tiles.voter_begin.fill_zero();
 }
 
-/// Appends the tiles of the voters from `first` on, a multiple of 32. Waits for the device, as the
-/// memory needed depends on the lists.
+/// Appends the tiles of the voters from `first` (a multiple of 32) on. Waits for the device,
+/// because the required memory depends on the lists.
 template <class Device>
 void add_tiles(NeighbourScratch<Device>& s,
                const Buffer<std::uint32_t, Device>& receivers,
@@ -231,7 +232,7 @@ void add_tiles(NeighbourScratch<Device>& s,
 
     const std::size_t needed = tiles.count + static_cast<std::size_t>(added);
     if (needed > tiles.tiles.size()) {
-        // The remaining voters will need about as many.
+        // The remaining voters will need about as many tiles per voter.
         const double all = static_cast<double>(tiles.voter_begin.size() - 1);
         const double guess = 1.02 * static_cast<double>(needed) * all / (done + blocks);
         resize_tiles(tiles, done + blocks < all ? static_cast<std::size_t>(guess) : needed);
@@ -277,8 +278,8 @@ void write_full_lists(NeighbourScratch<Device>& s, Neighbours<Device>& out) {
                   WriteVotersBody{lists, out.begin.span(), out.voters.span()});
 }
 
-/// Calls search(first, count, rows) for consecutive voters, which writes their ascending lists, and
-/// stores them in the form out.storage.
+/// Calls search(first, count, rows) for consecutive chunks of voters; it must write their ascending
+/// lists to `rows`. Stores the lists in the form out.storage.
 template <class Device, class Search>
 void store_lists(NeighbourScratch<Device>& s,
                  Neighbours<Device>& out,

@@ -1,4 +1,4 @@
-// The search for the neighbours that each voter votes for.  [docs/method/voting.md#neighbours]
+// Search for the neighbours that each voter votes for.  [docs/method/voting.md#neighbours]
 #pragma once
 
 #include <cstdint>
@@ -12,24 +12,24 @@
 
 namespace tvsgs {
 
-/// Lists of one search; they hold until the number or the order of the splats changes. They name
-/// usable splats by rank, their place in Morton order: near in space is near in memory. Voters
-/// below `usable` are ranks; the fixed voters follow.
+/// Lists of one search. They are valid until the number or the order of the splats changes. They
+/// name usable splats by rank: the place in Morton order, so that neighbours in space are
+/// neighbours in memory. Voters below `usable` are splats; the fixed voters follow.
 template <class Device>
 struct Neighbours {
-    int k = 0;       // receivers of each voter: min(the query's k, usable splats - 1)
+    int k = 0;       // receivers per voter: min(k of the query, usable splats - 1)
     int usable = 0;  // splats that take part
     int voters_count = 0;
     ListStorage storage = ListStorage::full;
-    Buffer<TreePoint, Device> points;  // [usable] the splats by rank, as searched
-    EdgeTiles<Device> tiles;           // the compact lists; full lists are made from them
-    // The full lists.
+    Buffer<TreePoint, Device> points;  // [usable] the splats by rank, at the time of the search
+    EdgeTiles<Device> tiles;           // the compact form; the full lists are built from it
+    // The full form.
     Buffer<std::uint32_t, Device> receivers;  // [voters_count, k] ranks, ascending for each voter
-    Buffer<std::int64_t, Device> begin;       // [usable + 1] where receiver i's voters begin
+    Buffer<std::int64_t, Device> begin;       // [usable + 1] index of the first voter of receiver i
     Buffer<std::uint32_t, Device> voters;     // [voters_count * k] ascending for each receiver
     float median_trace = 0;                   // of the usable splats' covariances
-    double noise = 0;                         // the query's *noise, 0 without one
-    std::int64_t candidates = 0, leaves = 0;  // visited; only counted on request
+    double noise = 0;                         // value of the query's noise; 0 without one
+    std::int64_t candidates = 0, leaves = 0;  // visited; counted only on request
 
     FullLists full_lists() const { return {k, receivers.span(), begin.span(), voters.span()}; }
     CompactLists compact_lists() const {
@@ -52,10 +52,11 @@ struct NeighbourScratch {
     Buffer<TreeNode, Device> nodes;
     Buffer<int, Device> cursors;
     Buffer<std::int64_t, Device> begin;
-    Buffer<std::uint32_t, Device> rows;  // receivers of some voters, then scratch of index_tiles()
+    Buffer<std::uint32_t, Device> rows;  // receivers of a chunk; scratch of index_tiles()
     Buffer<SearchCounts, Device> counts;
 };
 
+/// Arguments of find_neighbours().
 struct NeighbourQuery {
     SplatSpans splats;
     FixedVoterSpans fixed;
@@ -66,12 +67,12 @@ struct NeighbourQuery {
     ListStorage storage = ListStorage::full;
 };
 
-/// Gets the name of each stage when it is done: "keys", "tree", "search", "reverse".
+/// Called with the name of each finished stage: "keys", "tree", "search", "reverse".
 using StageDone = std::function<void(const char*)>;
 
-/// Finds for each voter the 2k nearest usable splats except itself, and among them the k nearest in
-/// its whitened space; ties go by rank. Exact for all inputs; leaves out splats with values that
-/// are not finite. With fewer than two usable splats k is 0.
+/// For each voter, finds the 2k nearest usable splats except itself, and keeps the k of them that
+/// are nearest in its whitened space; ties by rank. Exact for all inputs. Excludes splats with
+/// values that are not finite. With fewer than two usable splats k is 0.
 void find_neighbours(const NeighbourQuery& query,
                      NeighbourScratch<Cpu>& scratch,
                      Neighbours<Cpu>& out,

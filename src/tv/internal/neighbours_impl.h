@@ -1,4 +1,4 @@
-// find_neighbours() for both devices: only the sorts and the loops differ.
+// Implementation of find_neighbours() for both devices. Only the sorts and the loops differ.
 #pragma once
 
 #include <limits>
@@ -35,7 +35,7 @@ struct CoordinateBody {
     }
 };
 
-/// Copies two of the sorted values; parallel_for over one element.
+/// Copies two of the sorted values. For parallel_for over one element.
 struct PickBody {
     Span<const float> sorted;
     int low, high;
@@ -43,7 +43,7 @@ struct PickBody {
     TVSGS_HD void operator()(int) const { out[0] = sorted[low], out[1] = sorted[high]; }
 };
 
-/// The middle trace and the regulariser, for the host.
+/// Copies the median trace and the regulariser for the host.
 struct SizesBody {
     Span<const float> sorted_traces;
     int middle;
@@ -55,7 +55,7 @@ struct SizesBody {
     }
 };
 
-/// `quantiles`: low and high of each axis.
+/// `quantiles`: low and high value of each axis.
 TVSGS_HD inline MortonCode code_in_box(Vec3f p, const float* quantiles) {
     double extent = 0;
     for (int axis = 0; axis < 3; ++axis) {
@@ -88,7 +88,7 @@ struct TreePointBody {
     }
 };
 
-/// Finds the rank at which a point that is not in the tree begins its search.
+/// Finds the rank at which the search for a point outside the tree begins.
 struct CodeSearch {
     Span<const std::uint64_t> codes;  // high words, ascending
     const float* quantiles;
@@ -108,7 +108,7 @@ struct CodeSearch {
 };
 
 struct QueryBody {
-    static constexpr int kMinBlocks = 4;  // 48 ms for 1.5 million splats without, 31 ms with (H200)
+    static constexpr int kMinBlocks = 4;  // 1.5 million splats on an H200: 31 ms, 48 ms without it
 
     SplatSpans splats;
     FixedVoterSpans fixed;
@@ -147,8 +147,9 @@ struct QueryBody {
     }
 
 private:
-    /// A search meets ranks in ascending order except for the window it begins with, and selections
-    /// of up to 512 keep the order: the ranks in the window, below it and above it are each sorted.
+    /// Writes the ranks in ascending order. A search meets ranks in ascending order except for its
+    /// first leaves, and selections of up to 512 keys keep the order. So the ranks inside, below
+    /// and above the first leaves are each sorted.
     template <class Warp>
     TVSGS_HD void write_ascending(const Warp& warp,
                                   const NearestSearch<Warp>& search,
@@ -181,7 +182,7 @@ struct LeavesTerm {
     TVSGS_HD double operator()(int i) const { return counts[i].leaves; }
 };
 
-/// *the sum of the terms; waits for the device.
+/// Sum of the terms on the host. Waits for the device.
 template <class Device, class Term>
 double sum_now(NeighbourScratch<Device>& s, int count, const Term& term) {
     s.sums.resize(kSumBlocks + 1);
@@ -198,19 +199,20 @@ void count_usable(const NeighbourQuery& query,
     const int count = query.splats.size();
     s.values.resize(count);
     parallel_for(Device{}, count, TraceBody{query.splats, s.values.span()});
-    // A wait: the shape of everything that follows depends on this number.
+    // Waits for the device: the size of all later steps depends on this number.
     out.usable = static_cast<int>(sum_now(s, count, UsableTerm{s.values.span()}));
     if (out.usable < 2) return;
     sort(s.values, s.sort);
     s.stats.resize(8);
-    s.stats.fill_zero();  // read back whole, before the quantiles are known
+    s.stats.fill_zero();  // read back as a whole before the quantiles are known
     parallel_for(Device{}, 1,
                  SizesBody{s.values.span(), out.usable / 2, query.noise, s.stats.data()});
     const std::vector<float> stats = to_host(s.stats);
     out.median_trace = stats[0], out.noise = static_cast<double>(stats[1]);
 }
 
-/// Morton order of the usable splats, outliers clamped to the box of the 0.1% and 99.9% quantiles.
+/// Sorts the usable splats in Morton order. Clamps outliers to the box of the 0.1% and 99.9%
+/// quantiles.
 template <class Device>
 void sort_points(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbours<Device>& out) {
     const int count = splats.size(), usable = out.usable;
@@ -224,7 +226,7 @@ void sort_points(const SplatSpans& splats, NeighbourScratch<Device>& s, Neighbou
     s.codes.resize(count);
     s.order.resize(count);
     parallel_for(Device{}, count, IotaBody{s.order.span()});
-    for (const bool high_word : {false, true}) {  // least significant first: the sort is stable
+    for (const bool high_word : {false, true}) {  // low word first: the sort is stable
         parallel_for(Device{}, count,
                      CodeBody{splats, quantiles, high_word, s.order.span(), s.codes.span()});
         sort_by_key(s.codes, s.order, s.sort);
@@ -276,7 +278,7 @@ void find_neighbours(const NeighbourQuery& query,
         out.leaves =
             static_cast<std::int64_t>(sum_now(s, out.voters_count, LeavesTerm{s.counts.span()}));
     }
-    if (out.storage == ListStorage::compact)  // the event needs none of it
+    if (out.storage == ListStorage::compact)  // the event does not need them
         free_memory(s.values, s.codes, s.order, s.nodes, s.rows, s.sort.keys, s.sort.values);
 }
 

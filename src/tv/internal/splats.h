@@ -1,4 +1,4 @@
-// The part of the Gaussians that tensor voting reads.
+// The parameters of the Gaussians and fixed voters that tensor voting reads.
 #pragma once
 
 #include "core/scene/gaussians.h"
@@ -6,6 +6,7 @@
 
 namespace tvsgs {
 
+/// Geometry of the splats.
 struct SplatSpans {
     Span<const Vec3f> means, log_scales;
     Span<const Quatf> quats;
@@ -15,7 +16,7 @@ struct SplatSpans {
     TVSGS_HD Vec3<Real> scales(int i) const {
         return exp(vec_cast<Real>(log_scales[i]));
     }
-    /// Splats that are not usable neither vote nor receive.
+    /// Unusable splats neither vote nor receive votes.
     TVSGS_HD bool usable(int i) const {
         const Quatf q = quats[i];
         const Vec3f s = scales<float>(i);
@@ -28,11 +29,11 @@ struct SplatSpans {
     }
 };
 
-/// Measured points that vote and do nothing else.
+/// Measured points that only vote.
 struct FixedVoterSpans {
     Span<const Vec3f> means, normals;  // normals: unit
-    Span<const float> scales;          // world units; the radius of the surface a point stands for
-    Span<const float> weights;         // strength of its votes
+    Span<const float> scales;   // world units; radius of the surface patch that a point represents
+    Span<const float> weights;  // strength of its votes
 
     TVSGS_HD int size() const { return means.size(); }
     template <class Real>

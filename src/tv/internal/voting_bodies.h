@@ -1,4 +1,4 @@
-// The kernels of one voting event; both devices run them.  [docs/method/voting.md#one-event]
+// Kernels of one voting event, for both devices.  [docs/method/voting.md#one-event]
 #pragma once
 
 #include "core/math/eigen.h"
@@ -6,17 +6,17 @@
 
 namespace tvsgs::detail {
 
-/// Sums the votes that one receiver gets at its centre, of balls or of plates.
+/// Sums the votes that one receiver gets at its centre, from balls or from plates.
 template <class Real, class Lists>
 struct CentreRoundBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    bool ball_round;  // only splats without a tensor cast and receive
+    bool ball_round;  // only splats without a tensor vote and receive
     Ranks ranks;
     Span<const std::uint8_t> flags;
-    Span<Sym3f> sums;  // by rank, as the next two
+    Span<Sym3f> sums;  // these three by rank
     Span<float> strengths, strong_votes;
 
     template <class Warp>
@@ -43,7 +43,7 @@ struct CentreRoundBody {
     }
 };
 
-/// For reports: counts the votes of plates at the centres, and how many of them are zero.
+/// For reports: counts the votes of plates at the centres, and the zero votes among them.
 template <class Real, class Lists>
 struct VoteCountBody {
     static constexpr bool kPacks = true;
@@ -78,11 +78,11 @@ struct SilentTerm {
 };
 
 inline constexpr std::uint8_t kValidNow =
-    128;  // this round reached the splat; cleared at the end of the event
+    128;  // this round has reached the splat; cleared at the end of the event
 
-/// Makes valid sums the new tensors. The other splats keep their tensors, and take no part in the
-/// losses. In double on both devices: a flat voter magnifies the error of its normal a hundredfold
-/// in the next round.
+/// Turns valid sums into the new tensors. The other splats keep their tensors and take no part in
+/// the losses. Uses double on both devices, because a flat voter magnifies the error of its normal
+/// a hundredfold in the next round.
 struct EigenBody {
     bool ball_round;
     Ranks ranks;
@@ -90,7 +90,7 @@ struct EigenBody {
     Span<Sym3f> tensors;
     Span<Vec3f> eigenvalues, normals;
     Span<std::uint8_t> flags;
-    Span<RankVector> rank_normals;  // zero where this round left no unambiguous one
+    Span<RankVector> rank_normals;  // zero if this round gave no unambiguous normal
 
     TVSGS_HD void operator()(int rank) const {
         const int i = ranks.splat(rank);
@@ -112,9 +112,9 @@ struct EigenBody {
     }
 };
 
-/// Root mean square angle between a splat's normal and its receivers' normals; ambiguous normals
-/// are noise and do not count. Where the splat's own normal is ambiguous, variability and strength
-/// become infinite: both sort the splat to the end.
+/// Root mean square angle between a splat's normal and its receivers' normals, without ambiguous
+/// normals. If the splat's own normal is ambiguous, variability and strength become infinite, so
+/// that both sorts put the splat at the end.
 template <class Lists>
 struct VariabilityBody {
     int k;
@@ -136,7 +136,7 @@ struct VariabilityBody {
         float sum = 0, count = 0;
         for (int r = warp.lane(); r < k; r += Warp::kLanes) {
             const Vec3f m = rank_normals[list[r]].v;
-            // The angle from sine and cosine: arccos alone loses the small ones in float.
+            // Angle from sine and cosine, because arccos loses small angles in float.
             const float angle = angle_of(norm(cross(n, m)), std::abs(dot(n, m)));
             const bool counts = dot(m, m) > 0;
             sum += counts ? angle * angle : 0;
@@ -147,7 +147,7 @@ struct VariabilityBody {
     }
 };
 
-/// Linear interpolation between the order statistics of the first `count` sorted values.
+/// 95th percentile of the first `count` sorted values, by linear interpolation.
 TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
     const double position = 0.95 * (count - 1);
     const auto low = static_cast<int>(position), high = low + 1 < count ? low + 1 : low;
@@ -155,7 +155,7 @@ TVSGS_HD inline float percentile95(Span<const float> sorted, double count) {
                               (double(sorted[high]) - double(sorted[low])) * (position - low));
 }
 
-/// Chooses the splats that take part in the position loss.
+/// Selects the splats that take part in the position loss.
 struct MaskBody {
     Ranks ranks;
     float min_votes;
@@ -177,7 +177,7 @@ struct MaskBody {
     }
 };
 
-/// Begins an event: no splat is valid yet, and each target is the centre.
+/// Begins an event: no splat is valid, and each target is the centre.
 struct BeginBody {
     Span<const Vec3f> means;
     Span<std::uint8_t> flags;
@@ -196,7 +196,7 @@ struct AnchorBody {
     }
 };
 
-/// Copies the entries of new splats from their parents; zero where the parent is negative.
+/// Copies the entries of new splats from their parents; zero if the parent is negative.
 template <class T>
 struct InheritBody {
     Span<const int> parents;
@@ -205,8 +205,8 @@ struct InheritBody {
     TVSGS_HD void operator()(int i) const { to[i] = parents[i] < 0 ? T{} : from[parents[i]]; }
 };
 
-/// Takes all splats out of the position loss until the next event: after an event without targets,
-/// and after structure_changed(), when children may have moved.
+/// Excludes all splats from the position loss until the next event: after an event without targets,
+/// and after structure_changed(), because children may have moved.
 struct ClearPositionBody {
     Span<std::uint8_t> flags;
     TVSGS_HD void operator()(int i) const { flags[i] &= kHasTensor | kNormalValid; }

@@ -8,7 +8,7 @@
 namespace tvsgs {
 namespace detail {
 
-/// Lists of ranks as lists of splats, on the host.
+/// Converts lists of ranks to lists of splat indices, on the host.
 template <class Device>
 VotingDetails lists_by_splat(const Neighbours<Device>& near,
                              int count,
@@ -51,7 +51,7 @@ void TensorVoter<Device>::set_receivers(int step,
     auto& s = *state_;
     Neighbours<Device>& near = s.neighbours;
     const int count = static_cast<int>(receivers.size()) / k;
-    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are splats
+    std::vector<TreePoint> points(static_cast<std::size_t>(count));  // ranks are indices
     for (int i = 0; i < count; ++i) points[i] = {{}, static_cast<std::uint32_t>(i)};
     std::vector<std::uint32_t> sorted = receivers;
     for (auto row = sorted.begin(); row != sorted.end(); row += k) std::sort(row, row + k);

@@ -1,4 +1,4 @@
-// One voting event, step by step, on lists that fit the splats; both devices run it.
+// One voting event, step by step, for both devices. The lists must fit the splats.
 // [docs/method/voting.md#one-event]
 #pragma once
 
@@ -20,7 +20,7 @@ inline VoteRule vote_rule(const TvOptions& o) {
             o.max_vote_angle_deg < 90 ? static_cast<float>(sine * sine) : 2.0f};
 }
 
-/// A whitening of all voters, and their scales of voting in it.
+/// A whitening rule with the scales of voting that belong to it.
 template <class Device>
 struct Whitened {
     WhitenRule rule;
@@ -28,7 +28,7 @@ struct Whitened {
     Buffer<float, Device>& tau;
 };
 
-/// Real: the precision of votes. Lists: FullLists or CompactLists.
+/// Real: precision of the votes. Lists: FullLists or CompactLists.
 template <class Real, class Lists, class Device>
 struct VotingEvent {
     const TvOptions& options;
@@ -59,7 +59,7 @@ struct VotingEvent {
         vote_at_virtual_receivers();
     }
 
-    /// Centres and scales of voting, which all rounds share.
+    /// Computes the centres and scales of voting, which all rounds share.
     void begin() {
         records.resize(voters), s.tau.resize(voters);
         s.voter_strengths.resize(voters), s.voter_normals.resize(voters);
@@ -83,7 +83,7 @@ struct VotingEvent {
         vote_at_centres(false);
     }
 
-    /// Sums of the votes at the centres, and from them tensors and normals.
+    /// Sums the votes at the centres and derives tensors and normals.
     void vote_at_centres(bool ball_round) {
         parallel_for(Device{}, voters,
                      OrientationBody{ranks, options.strength == VoteStrength::literal,
@@ -104,7 +104,7 @@ struct VotingEvent {
         s.times.done("eigen");
     }
 
-    /// Chooses the splats that take part in the position loss.
+    /// Selects the splats that take part in the position loss.
     void mask_positions() {
         s.variability.resize(usable), s.left_out.resize(usable);
         for_each_warp(Device{}, usable, Lists::scratch_bytes(k),
@@ -122,7 +122,7 @@ struct VotingEvent {
         s.times.done("masks");
     }
 
-    /// Sets the targets, by the voters of the plate round.
+    /// Sets the targets from the votes of the plate round's voters.
     void vote_at_virtual_receivers() {
         const bool same_voters = options.flatness_limit_position == options.flatness_limit;
         if (!same_voters) {
@@ -170,15 +170,15 @@ struct VotingEvent {
         return {records.span(), s.means.span(), lists, vote_rule(options)};
     }
 
-    /// Copies without another allocation per call, then sorts.
+    /// Copies into a reused buffer, then sorts.
     void sort_copy(const Buffer<float, Device>& from, Buffer<float, Device>& to) {
         tvsgs::copy(from, to);
         sort(to, s.scratch.sort);
     }
 
-    /// Counters of the round just done, for the profile.
+    /// Counts the votes of the last round, for the profile.
     void count_votes() {
-        auto& votes = s.sorted_strengths;  // free until mask_positions(), as the next one
+        auto& votes = s.sorted_strengths;  // unused until mask_positions(), like the next one
         auto& culled = s.sorted_variability;
         votes.resize(usable), culled.resize(usable);
         for_each_warp(Device{}, usable, 0, VoteCountBody{ballot(), votes.span(), culled.span()});

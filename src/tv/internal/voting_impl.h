@@ -1,5 +1,5 @@
-// TensorVoter: when it searches and votes, and how growth changes the field. One event is in
-// voting_event.h. voting.cpp and voting.cu instantiate it for their device.
+// Implementation of TensorVoter: when it searches and votes, and how growth changes the field.
+// voting_event.h holds one event. voting.cpp and voting.cu instantiate it for their device.
 #pragma once
 
 #include <algorithm>
@@ -11,7 +11,7 @@
 namespace tvsgs {
 
 namespace detail {
-// Defined in voting.cpp: CUDA sources do not see the log.
+// Defined in voting.cpp, because CUDA sources do not include the log.
 void warn_too_few(int usable, int count);
 void warn_noise(double share);
 
@@ -76,7 +76,7 @@ void TensorVoter<Device>::vote(int step,
         vote_on(s.neighbours.compact_lists());
 }
 
-/// The regulariser of the whitening: 1e-4 of the mean trace.
+/// Computes the regulariser of the whitening: 1e-4 of the mean trace.
 template <class Device>
 void TensorVoter<Device>::measure_noise(const SplatSpans& splats) {
     using namespace detail;
@@ -94,7 +94,7 @@ void TensorVoter<Device>::measure_noise(const SplatSpans& splats) {
 template <class Device>
 void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
     auto& s = *state_;
-    // Compact lists are for large scenes: the search may use the memory of the event's records.
+    // Compact lists serve large scenes, so the search reuses the memory of the event's records.
     if (options_.lists == ListStorage::compact) detail::free_memory(s.records, s.double_records);
     find_neighbours(
         {splats, s.fixed(), options_.k, detail::whiten_rule(options_, options_.flatness_limit),
@@ -106,8 +106,8 @@ void TensorVoter<Device>::search(int step, const SplatSpans& splats) {
     const Neighbours<Device>& found = s.neighbours;
     if (found.k == 0 && !std::exchange(s.warned_few, true))
         detail::warn_too_few(found.usable, splats.size());
-    // In sizes of the middle splat. A few giants raise the mean, and with it the regulariser, which
-    // then rounds the small splats.
+    // Regulariser relative to the median splat. A few giant splats raise the mean trace and with it
+    // the regulariser, which then makes the small splats rounder.
     constexpr double kCoarse = 0.1;
     const double size = std::sqrt(std::max(double(found.median_trace), 1e-300) / 3),
                  share = std::sqrt(found.noise) / size;
@@ -139,7 +139,7 @@ void TensorVoter<Device>::structure_changed(Span<const int> parents, TensorField
 template <class Device>
 void TensorVoter<Device>::set_fixed_voters(const FixedVoters& voters) {
     auto& s = *state_;
-    Buffer<int, Cpu> order;  // Morton order, as the splats': near in space, near in memory
+    Buffer<int, Cpu> order;  // Morton order: near in space, near in memory
     morton_order(Span<const Vec3f>{voters.means.data(), voters.means.size()}, order);
     s.fixed_order = to_host(order);
     const auto in_order = [&](auto values) {
@@ -178,7 +178,7 @@ template <class Device>
 VotingProfile TensorVoter<Device>::profile() const {
     const auto& s = *state_;
     VotingProfile result = s.profile;
-    for (const VotingStage& stage : s.times.stages) {  // one entry for each name
+    for (const VotingStage& stage : s.times.stages) {  // adds up stages of one name
         const auto same = std::find_if(result.stages.begin(), result.stages.end(),
                                        [&](const auto& other) { return other.name == stage.name; });
         if (same == result.stages.end())

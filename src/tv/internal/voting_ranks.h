@@ -1,4 +1,4 @@
-// Splats and fixed voters in the order of the lists, and the records they vote with; for both
+// Access to splats and fixed voters in the order of the lists, and the records of voters, for both
 // devices.  [docs/method/voting.md#one-vote]
 #pragma once
 
@@ -13,7 +13,7 @@
 
 namespace tvsgs::detail {
 
-struct NoiseTerm {  // trace of a usable splat's covariance, thin scales raised
+struct NoiseTerm {  // trace of a usable splat's covariance, with thin scales raised
     SplatSpans splats;
     float flatness_limit;
     TVSGS_HD double operator()(int i) const {
@@ -36,7 +36,7 @@ struct NoiseBody {
     }
 };
 
-/// The current splats by their ranks in the last search, and the fixed voters after them.
+/// The current splats by their ranks in the last search, followed by the fixed voters.
 struct Ranks {
     Span<const TreePoint> points;
     SplatSpans splats;
@@ -45,7 +45,7 @@ struct Ranks {
     TVSGS_HD int usable() const { return points.size(); }
     TVSGS_HD int size() const { return points.size() + fixed.size(); }
     TVSGS_HD int splat(int rank) const { return static_cast<int>(points[rank].index); }
-    /// Splats change between searches: one may have left the finite numbers.
+    /// Splats change between searches, so a splat may have become non-finite.
     TVSGS_HD bool usable(int voter) const {
         return voter >= usable() || splats.usable(splat(voter));
     }
@@ -61,7 +61,7 @@ struct Ranks {
     }
 };
 
-/// Vectors by rank: near in space is near in memory. One 16-byte load each.
+/// Vectors by rank: neighbours in space are neighbours in memory. Each is one 16-byte load.
 struct alignas(16) RankVector {
     Vec3f v;
 };
@@ -79,8 +79,8 @@ struct RecordWords {
 };
 #endif
 
-/// Whole records in the widest loads and stores there are: entry by entry they cost four times the
-/// traffic.
+/// Load and store whole records with the widest instructions. Entry by entry they would cost four
+/// times the memory traffic.
 template <class Real>
 TVSGS_HD VoterRecord<Real> load(const VoterRecord<Real>& from) {
 #if defined(__CUDA_ARCH__)
@@ -105,8 +105,8 @@ TVSGS_HD void store(const VoterRecord<Real>& record, VoterRecord<Real>& to) {
 #endif
 }
 
-/// Fills the entries of the records that TauBody reads: mean, W, and inverse_tau2, 0 where the
-/// voter cannot vote.
+/// Fills the entries of the records that TauBody reads: mean, W, and inverse_tau2 (0 if the voter
+/// cannot vote).
 template <class Real>
 struct WhiteningBody {
     Ranks ranks;
@@ -125,7 +125,7 @@ struct WhiteningBody {
     }
 };
 
-/// Scales of voting, from the current splats.
+/// Computes the scales of voting from the current splats.
 template <class Real, class Lists>
 struct TauBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
@@ -141,7 +141,7 @@ struct TauBody {
     TVSGS_HD void operator()(const Warp& warp, int voter, void* scratch) const {
         const VoterRecord<Real> record = load(records[voter]);
         float scale = 0;
-        if (can_vote(record)) {  // the same answer in all lanes
+        if (can_vote(record)) {  // equal in all lanes
             auto* values = static_cast<float*>(scratch);
             const auto* list = lists.receivers_of(warp, voter, values + Warp::median_scratch(k));
             scale = tau_per_median * warp.median(k, values, [&](int r) {
@@ -153,7 +153,7 @@ struct TauBody {
     }
 };
 
-/// Saliency of the splats that have a tensor; its mean rescales literal strengths.
+/// Sum of the saliencies of splats with a tensor. Their mean scales literal strengths.
 struct SaliencyTerm {
     Span<const Vec3f> eigenvalues;
     Span<const std::uint8_t> flags;
@@ -175,13 +175,13 @@ struct FlagTerm {
     TVSGS_HD double operator()(int i) const { return (flags[i] & flag) != 0 ? 1 : 0; }
 };
 
-/// A voter with a tensor votes as the tensor's plate, others as a ball (strength 1, normal 0). A
-/// splat whose normal comes from rounding errors is silent: where no other splat votes, its vote
-/// would decide.
+/// Sets normal and strength of each voter. A splat with a tensor votes as the tensor's plate,
+/// another splat as a ball (strength 1, normal 0). A splat whose normal comes from rounding errors
+/// is silent: where no other splat votes, its vote would decide.
 struct OrientationBody {
     Ranks ranks;
     bool literal;
-    const double* saliency_sum;  // and the number of terms after it
+    const double* saliency_sum;  // followed by the number of terms
     Span<const Vec3f> eigenvalues, normals;
     Span<const std::uint8_t> flags;
     Span<Vec3f> voter_normals;
@@ -208,8 +208,8 @@ struct OrientationBody {
     }
 };
 
-/// Computed in double for both kinds of record: a thin splat magnifies the rounding of its axes.
-/// Plates are silent in a ball round, and balls in a plate round.
+/// Computes the records, in double for both precisions, because a thin splat magnifies the rounding
+/// of its axes. Plates are silent in a ball round and balls in a plate round.
 template <class Real>
 struct RecordBody {
     bool ball_round;
@@ -246,9 +246,9 @@ struct Ballot {
     Lists lists;
     VoteRule rule;
 
-    /// Calls action(record) for each voter of the splat at `rank`: number e in the lanes e, e +
-    /// kStride, ... A CPU thread gets a Pack of records at a time, the last one filled up with
-    /// silent voters.
+    /// Calls action(record) for each voter of the splat at `rank`. Voter number e goes to the lanes
+    /// e, e + kStride, ... A CPU thread gets a Pack of records at a time; silent voters fill up the
+    /// last one.
     template <int kStride, class Warp, class Action>
     TVSGS_HD void for_each_voter(const Warp& warp, int rank, const Action& action) const {
         if constexpr (Warp::kLanes == 1) {
@@ -272,7 +272,7 @@ private:
     template <class Lane>
     static void set_lane(VoterRecord<Lane>& pack, int lane, const VoterRecord<Real>& record) {
         constexpr int kEntries = sizeof(VoterRecord<Lane>) / sizeof(Lane);
-        Real entries[kEntries];  // a record is a row of numbers
+        Real entries[kEntries];  // a record is an array of numbers
         std::memcpy(entries, &record, sizeof entries);
         auto* const lanes = reinterpret_cast<Lane*>(&pack);
         for (int i = 0; i < kEntries; ++i) lanes[i].set(lane, entries[i]);

@@ -1,4 +1,4 @@
-// State of a TensorVoter: lists, scratch memory and timings, kept from event to event.
+// State of a TensorVoter between events: lists, scratch memory and timings.
 #pragma once
 
 #include <chrono>
@@ -9,10 +9,10 @@
 
 namespace tvsgs::detail {
 
-/// Sums over all splats; they stay on the device.
+/// Sums over all splats, kept on the device.
 enum Sum { kNoise, kPositionNoise, kUsable, kSaliency, kTensorCount, kValidCount, kSums };
 
-/// Waits for the device and notes the time of each stage; does nothing unless `on`.
+/// Waits for the device and records the time of each stage; does nothing unless `on`.
 template <class Device>
 class StageTimes {
 public:
@@ -47,16 +47,16 @@ struct VotingState {
     bool changed = false;           // structure_changed() since the last event
     int searched_at = 0;            // iteration
     int listed = -1;                // number of splats at the last search
-    bool all_have_tensors = false;  // all splats in the lists have one: no ball round
+    bool all_have_tensors = false;  // all splats in the lists have one, so there is no ball round
     bool warned_few = false, warned_noise = false;
     StageTimes<Device> times;
     VotingProfile profile;
 
     Neighbours<Device> neighbours;
     NeighbourScratch<Device> scratch;
-    Buffer<Vec3f, Device> fixed_means, fixed_normals;  // in Morton order, as the next two
+    Buffer<Vec3f, Device> fixed_means, fixed_normals;  // in Morton order, like the next two
     Buffer<float, Device> fixed_scales, fixed_weights;
-    std::vector<int> fixed_order;  // index of each in the FixedVoters given
+    std::vector<int> fixed_order;  // index of each in the given FixedVoters
 
     // [voters] splats by rank, then fixed voters.
     Buffer<VoterRecord<float>, Device> records;
@@ -96,7 +96,7 @@ struct VotingState {
     void total(Sum which, int count, const Term& term) {
         add_sum(Device{}, count, term, 1, partial.span(), totals.data() + which);
     }
-    /// The sum on the host; waits for the device.
+    /// The sum on the host. Waits for the device.
     template <class Term>
     std::int64_t total_now(int count, const Term& term) {
         return static_cast<std::int64_t>(sum_now(scratch, count, term));

@@ -1,4 +1,4 @@
-// The pass over virtual receivers: finds where along its normal a splat's surface is most salient.
+// Votes at virtual receivers: finds the most salient point along each splat's normal.
 // [docs/method/voting.md#one-event]
 #pragma once
 
@@ -8,16 +8,17 @@
 
 namespace tvsgs::detail {
 
-/// Position loss targets: the centre or the virtual receiver of largest surface saliency.
+/// Sets the targets of the position loss: the centre or the virtual receiver with the largest
+/// surface saliency.
 template <class Real, class Lists, bool kUnitVotes>
 struct VirtualBody {
     static constexpr int kMinBlocks = sizeof(Real) == sizeof(float) ? 3 : 1;
     static constexpr bool kPacks = true;
 
     Ballot<Real, Lists> ballot;
-    bool centre_known;  // the centre's tensor comes from the same voters: no vote there again
+    bool centre_known;  // the centre's tensor comes from the same voters and needs no new votes
     float range;        // reach, in largest scales
-    float margin;       // of lambda_1, by which a receiver must beat the centre
+    float margin;       // share of lambda_1 by which a receiver must exceed the centre
     Ranks ranks;
     Span<const Vec3f> eigenvalues, normals;
     Span<Vec3f> targets;
@@ -27,7 +28,7 @@ struct VirtualBody {
     TVSGS_HD void operator()(const Warp& warp, int rank, void*) const {
         const int i = ranks.splat(rank);
         const std::uint8_t flag = flags[i];
-        warp.sync();  // all lanes have read the flag before it changes
+        warp.sync();  // all lanes read the flag before it changes
         if (warp.lane() == 0) flags[i] = flag & (kHasTensor | kNormalValid | kPositionValid);
         if ((flag & kValidNow) == 0) return;
         const Vec3<Real> mean = vec_cast<Real>(ballot.means[rank].v);
@@ -36,14 +37,15 @@ struct VirtualBody {
         const Vec3<Real> step = Real(range) * Real(largest) / kSide * vec_cast<Real>(normals[i]);
         const Vec3<Real> l =
             centre_known ? vec_cast<Real>(eigenvalues[i]) : centre_eigenvalues(warp, rank, mean);
-        // A receiver wins by more than rounding; a tie keeps the nearer, then the negative one.
+        // A receiver must win by more than rounding. On a tie the nearer one wins, then the
+        // negative one.
         const Real rounding = Real(kRoundingMargin) * l.x;
         Best best{l.y - l.z + Real(margin) * l.x - rounding, rounding, 0};
         if constexpr (Warp::kLanes == 1) {
             using Lane = typename Warp::template Lane<Real>;
             Lane T[6][2 * kSide] = {};
             add_votes<1>(warp, rank, mean, step, T);
-            using Few = Pairwise<Lane, 2>;  // of positions, now
+            using Few = Pairwise<Lane, 2>;  // several positions at once
             for (int first = 0; first < 2 * kSide; first += Few::kSize) {
                 const int count = std::min<int>(Few::kSize, 2 * kSide - first);
                 Few entries[6];
@@ -63,7 +65,7 @@ struct VirtualBody {
             for (int t = 0; t < kSide; ++t)
                 for (int c = 0; c < 6; ++c) values[6 * t + c] = T[c][t];
             warp.sums_to_half_lanes(values, sums);
-            Real entries[6];  // lane t of a half decomposes tensor t
+            Real entries[6];  // lane t of each half decomposes tensor t
             for (int c = 0; c < 6; ++c)
                 entries[c] = warp.from_lane(sums[c % 2], half * kHalf + (3 * lane + c / 2) % kHalf);
             const Real saliency = surface_saliency(entries);
@@ -83,18 +85,18 @@ private:
         int m;
     };
 
-    /// Position t in steps from the centre: 1, 2, ... for one side; -1, 1, -2, 2, ... for both.
+    /// Position t in steps from the centre. One side: 1, 2, ...; both sides: -1, 1, -2, 2, ...
     template <int kCount>
     TVSGS_HD static constexpr int position(int t) {
         return kCount <= kSide ? t + 1 : t % 2 == 0 ? -t / 2 - 1 : t / 2 + 1;
     }
 
-    /// Adds the votes at mean + position(t) step to the six entries of each position's tensor.
+    /// Adds the votes at mean + position(t) * step to the six entries of each position's tensor.
     template <int kStride, class Warp, class Lane, int kCount>
     TVSGS_HD void add_votes(
         const Warp& warp, int rank, Vec3<Real> mean, Vec3<Real> step, Lane (&T)[6][kCount]) const {
         VoteRule rule = ballot.rule;
-        rule.unit_length = kUnitVotes;  // a constant
+        rule.unit_length = kUnitVotes;  // compile-time constant
         using Few = Pairwise<Lane, kCount>;
         constexpr int kFew = sizeof(Few) / sizeof(Lane);
         const Vec3<Lane> from = vec_cast<Lane>(mean), by = vec_cast<Lane>(step);
@@ -118,7 +120,7 @@ private:
         });
     }
 
-    /// The entries of a record that a vote reads when d and dw are known.
+    /// The entries of a record that a vote needs besides d and dw.
     template <class Few, class Lane>
     TVSGS_HD static decltype(auto) pairwise(const VoterRecord<Lane>& voter) {
         if constexpr (std::is_same_v<Few, Lane>)

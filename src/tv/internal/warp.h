@@ -1,5 +1,5 @@
-// Warps: 32 threads that work on one splat together. Searches and votes are written once for a Warp
-// type: CudaWarp (warp_cuda.h) is a real warp, SerialWarp is one CPU thread in its place.
+// Warps: 32 threads that work on one splat together. Searches and votes are templates over the Warp
+// type: CudaWarp (warp_cuda.h) is a real warp, SerialWarp replaces it by one CPU thread.
 #pragma once
 
 #include <algorithm>
@@ -16,14 +16,15 @@
 
 namespace tvsgs {
 
+/// A warp of one lane: one CPU thread.
 struct SerialWarp {
     static constexpr int kLanes = 1;
-    /// The numbers of one lane. As wide as WideWarp's: the same sums, slower.
+    /// The numbers of one lane. As wide as in WideWarp: the same sums, but slower.
     template <class Real>
     using Lane = Abreast<Pack<Real>, 2>;
 
     int lane() const { return 0; }
-    void sync() const {}  // also orders the lanes' accesses to memory
+    void sync() const {}  // also orders the lanes' memory accesses
     template <class T>
     T sum(T x) const {
         return x;
@@ -40,9 +41,9 @@ struct SerialWarp {
     T from_lane(T x, int /*lane*/) const {
         return x;
     }
-    /// The sum over the lanes before this one.
+    /// Sum over the preceding lanes.
     int sum_before(int /*x*/) const { return 0; }
-    /// action(0), ..., action(31), each in a lane of its own if there are as many.
+    /// Calls action(0), ..., action(31), each in its own lane on a GPU.
     template <class Action>
     void for_lanes(const Action& action) const {
         for (int i = 0; i < 32; ++i) action(i);
@@ -55,14 +56,14 @@ struct SerialWarp {
         return smallest;
     }
     static void sort(std::uint32_t* keys, int count) { std::sort(keys, keys + count); }
-    /// Bit i: predicate(i), i in [0, 32).
+    /// Bit i is predicate(i), for i in [0, 32).
     template <class Predicate>
     std::uint32_t ballot32(const Predicate& predicate) const {
         std::uint32_t mask = 0;
         for (int i = 0; i < 32; ++i) mask |= predicate(i) ? 1u << i : 0u;
         return mask;
     }
-    /// Appends the accepted ones of key(0), ..., key(31) to `out`; returns how many.
+    /// Appends the accepted keys of key(0), ..., key(31) to `out`; returns their number.
     template <class Key, class Accept>
     int append32(std::uint64_t* out, const Key& key, const Accept& accept) const {
         int count = 0;
@@ -74,17 +75,17 @@ struct SerialWarp {
     }
     static int lowest_bit(std::uint32_t mask) { return __builtin_ctz(mask); }
 
-    /// Afterwards the `wanted` smallest of `count` different keys come first, 0 < wanted <= count;
+    /// Moves the `wanted` smallest of `count` different keys to the front, 0 < wanted <= count;
     /// returns the largest of them.
     static std::uint64_t smallest_first(std::uint64_t* keys, int count, int wanted) {
         std::nth_element(keys, keys + wanted - 1, keys + count);
         return keys[wanted - 1];
     }
 
-    /// Numbers that median() needs room for.
+    /// Numbers of scratch memory for median().
     TVSGS_HD static int median_scratch(int count) { return count; }
-    /// Of value(0), ..., value(count - 1) >= 0, NaN last; the mean of the two middle ones for an
-    /// even count. `scratch` has room for them.
+    /// Median of value(0), ..., value(count - 1) >= 0, NaN last; for an even count the mean of the
+    /// two middle values. `scratch` holds median_scratch(count) numbers.
     template <class Value>
     float median(int count, float* scratch, const Value& value) const {
         for (int i = 0; i < count; ++i) {
@@ -105,15 +106,15 @@ private:
     }
 };
 
-/// Where has_wide_packs().
+/// For CPUs with has_wide_packs().
 struct WideWarp : SerialWarp {
     template <class Real>
     using Lane = Pack<Real, 32>;
 };
 
-/// In place, ascending, any count: Batcher's bitonic network in the form whose comparators all put
-/// the smaller key first, so that the missing keys up to the next power of two stay, unwritten,
-/// past the end.
+/// Sorts any number of keys in place, ascending. Batcher's bitonic network in the form whose
+/// comparators all put the smaller key first; then the missing keys up to the next power of two
+/// need not exist.
 template <class Warp, class Key>
 TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     const auto compare_exchange = [keys, count](int i, int j) {
@@ -140,13 +141,14 @@ TVSGS_HD void bitonic_sort(const Warp& warp, Key* keys, int count) {
     }
 }
 
-/// As Warp::median_scratch(): only a CPU thread needs memory to select in; a warp has registers.
+/// Like Warp::median_scratch(). Only a CPU thread needs memory; a warp uses registers.
 template <class Device>
 int median_scratch(int count) {
     return std::is_same_v<Device, Cpu> ? SerialWarp::median_scratch(count) : 0;
 }
 
-/// action(0), ..., action(kCount - 1): unrolled on a GPU, so that small arrays stay in registers.
+/// Calls action(0), ..., action(kCount - 1); unrolled on a GPU, so that small arrays stay in
+/// registers.
 template <int kCount, class Action>
 TVSGS_HD void for_constants(const Action& action) {
 #if defined(__CUDA_ARCH__)
@@ -163,8 +165,8 @@ TVSGS_WIDE void call_wide(const Body& body, int i, void* scratch) {
 }
 }  // namespace detail
 
-/// Calls body(warp, i, scratch) for i in [0, count); `scratch` is memory of one warp,
-/// `scratch_bytes` large. Bodies that compute with packs say so by a kPacks.
+/// Calls body(warp, i, scratch) for i in [0, count). `scratch` has `scratch_bytes` per warp. A body
+/// that computes with packs declares kPacks.
 template <class Body>
 void for_each_warp(Cpu, int count, std::size_t scratch_bytes, const Body& body) {
     [[maybe_unused]] const bool wide = has_wide_packs();
@@ -195,12 +197,12 @@ struct SortScratch {
     Buffer<float, Device> floats;
 };
 
-/// Ascending; no NaN.
+/// Sorts in ascending order. The keys contain no NaN.
 inline void sort(Buffer<float, Cpu>& keys, SortScratch<Cpu>&) {
     std::sort(keys.span().begin(), keys.span().end());
 }
 
-/// Ascending and stable.
+/// Sorts by key, ascending and stable.
 inline void sort_by_key(Buffer<std::uint64_t, Cpu>& keys,
                         Buffer<std::uint32_t, Cpu>& values,
                         SortScratch<Cpu>&) {
@@ -219,8 +221,8 @@ struct IotaBody {
 };
 }  // namespace detail
 
-/// The places of the keys, stably sorted by them, in `order`, and the keys in that order; keys are
-/// below `limit`. `spare` grows to two numbers per key.
+/// Stable sort of keys below `limit`: `order` gets the places of the keys in ascending order,
+/// `sorted` the keys. `spare` grows to two numbers per key.
 inline void stable_order(Span<const std::uint32_t> keys,
                          int limit,
                          Span<std::uint32_t> sorted,

@@ -1,4 +1,4 @@
-// Warps, loops and sorts of warp.h on a GPU. For .cu files only.
+// GPU versions of the warps, loops and sorts of warp.h. For .cu files only.
 #pragma once
 
 #include <thrust/iterator/counting_iterator.h>
@@ -15,8 +15,8 @@
 
 namespace tvsgs {
 
-/// One warp, all lanes taking part in every call. The methods compile for the host too, as the
-/// templates that use them do, but do nothing there.
+/// One warp. All lanes must take part in every call. The methods also compile for the host, because
+/// templates use them there, but do nothing.
 struct CudaWarp {
     static constexpr int kLanes = 32;
     static constexpr unsigned kAll = 0xffffffffu;
@@ -76,9 +76,9 @@ struct CudaWarp {
         const bool accepted = accept(mine);
         return append(out, mine, accepted);
     }
-    /// Sums over each half of the warp: lane i of a half gets those of values 2i and 2i + 1. Four
-    /// rounds in which each lane keeps the half of the values that its number asks for and gives
-    /// the other half away.
+    /// Sums over each half of the warp: lane i of a half gets the sums of values 2i and 2i + 1. In
+    /// each of four rounds a lane keeps the half of the values that its number selects and sends
+    /// the other half.
     template <class T>
     __host__ __device__ static void sums_to_half_lanes(T (&values)[32], T (&mine)[2]) {
         halve<8>(values);
@@ -103,14 +103,14 @@ struct CudaWarp {
 private:
     template <int kPerLane, class Value>
     __device__ float median_of(int count, const Value& value) const {
-        std::uint32_t words[kPerLane];  // numbers that are not negative order like their bits
+        std::uint32_t words[kPerLane];  // bits order like non-negative numbers
 #pragma unroll
         for (int r = 0; r < kPerLane; ++r) {
             const int i = r * 32 + lane();
             const float v = i < count ? value(i) : 0.0f;
             words[r] = i >= count ? 0xffffffffu : __float_as_uint(v >= 0 ? v + 0.0f : INFINITY);
         }
-        // Bounds that hold count / 2 of them, not more, need not be one of them.
+        // If exactly `lower` words lie at or below the bound, the bound may lie between two words.
         const int lower = count % 2 == 1 ? count / 2 + 1 : count / 2;
         const std::uint32_t bound = kth_word(words, lower);
         std::uint32_t below = 0, above = 0xffffffffu;
@@ -124,7 +124,7 @@ private:
         }
         below = ~warp_min(~below), above = warp_min(above);
         if (count % 2 == 1) return __uint_as_float(below);
-        // More than half at or below the bound: both middle ones equal it.
+        // More than half of the words lie at or below the bound: both middle words equal it.
         if (held > lower) above = below;
         return (__uint_as_float(below) + __uint_as_float(above)) / 2;
     }
@@ -133,7 +133,8 @@ private:
         if (accepted) out[__popc(mask & ((1u << (threadIdx.x % 32)) - 1))] = key;
         return __popc(mask);
     }
-    /// Exchanges with the lane kDistance away, and so on: 4 kDistance values become 2.
+    /// Exchanges values with the lane kDistance away, then with nearer lanes: 4 kDistance values
+    /// become 2.
     template <int kDistance, class T>
     __device__ __forceinline__ static void halve(T* values) {
         const bool upper = (threadIdx.x & kDistance) != 0;
@@ -146,8 +147,8 @@ private:
         if constexpr (kDistance > 1) halve<kDistance / 2>(values);
     }
 
-    /// The wanted-th smallest of the words in the lanes, by bisection of the range they span: about
-    /// ten rounds for words that differ.
+    /// The wanted-th smallest word of the lanes, by bisection of their range: about ten rounds for
+    /// different words.
     template <int kPerLane>
     __device__ std::uint32_t kth_word(const std::uint32_t (&words)[kPerLane], int wanted) const {
         std::uint32_t low = 0xffffffffu, high = 0;
@@ -172,7 +173,7 @@ private:
         }
         return high;
     }
-    /// smallest_first() for keys that fit the lanes' registers.
+    /// smallest_first() for keys that fit into the registers of the lanes.
     template <int kPerLane>
     __device__ std::uint64_t select(std::uint64_t* keys, int count, int wanted) const {
         std::uint32_t high[kPerLane], low[kPerLane];
@@ -263,7 +264,7 @@ public:
 };
 
 namespace detail {
-/// Blocks that should fit a multiprocessor at a time. A body with long waits for memory sets
+/// Number of blocks that should fit on a multiprocessor. A body with long memory latency sets
 /// kMinBlocks, at the cost of registers.
 template <class Body>
 constexpr int min_blocks() {
@@ -287,9 +288,9 @@ __global__ void __launch_bounds__(256, min_blocks<Body>())
 template <class Body>
 void for_each_warp(Cuda, int count, std::size_t scratch_bytes, const Body& body) {
     if (count <= 0) return;
-    constexpr std::size_t kBlockBytes = 32 << 10;  // below the 48 KiB that need no opting in
+    constexpr std::size_t kBlockBytes = 32 << 10;  // below 48 KiB, which need no opt-in
     const std::size_t bytes = (scratch_bytes + 15) / 16 * 16;
-    int warps = 8;  // neighbours in space, which read the same memory from the cache
+    int warps = 8;  // near in space: they share cached memory
     while (warps > 1 && bytes * warps > kBlockBytes) warps /= 2;
     detail::warp_kernel<<<(count + warps - 1) / warps, 32 * warps, bytes * warps>>>(
         count, static_cast<int>(bytes), body);
